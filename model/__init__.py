@@ -1,0 +1,1 @@
+"""Where and when: scenes, the Mesa models that step them, the solvers and their results."""

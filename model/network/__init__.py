@@ -1,0 +1,1 @@
+"""Springs between the nodes of a graph."""

@@ -1,0 +1,1 @@
+"""Load transfer from cell to cell, generation by generation."""

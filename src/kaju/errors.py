@@ -1,0 +1,48 @@
+"""What can go wrong, by name.
+
+Every error of kaju is a `KajuError` and also the builtin exception that a reader would
+expect, so both ``except KajuError`` and ``except ValueError`` work. The message names the
+key, the rule it breaks, the value that was given, the place, and what to do about it.
+"""
+
+from __future__ import annotations
+
+
+class KajuError(Exception):
+    """Base class of everything that kaju raises on purpose."""
+
+
+class ParameterError(KajuError, ValueError):
+    """An argument is outside its rule (a negative size, a share above 1, a NaN)."""
+
+
+class SceneError(KajuError, ValueError):
+    """A scene breaks a rule: an unknown key, a load outside the body, an empty body."""
+
+
+class SceneFileError(SceneError, OSError):
+    """A scene, image or array file cannot be read or written."""
+
+
+class SupportError(SceneError):
+    """A body, or a part of it, is held by nothing and would float away."""
+
+
+class StabilityError(KajuError, ArithmeticError):
+    """The rule would let loads grow without end."""
+
+
+class ConvergenceError(KajuError, RuntimeError):
+    """An iteration ended before it reached its tolerance."""
+
+
+class ResultError(KajuError, ValueError):
+    """A result cannot answer what is asked of it."""
+
+
+class ResultFileError(ResultError, OSError):
+    """A result file cannot be read or written."""
+
+
+class MissingExtraError(KajuError, ImportError):
+    """An optional package is needed; the message says how to install it."""

@@ -1,0 +1,132 @@
+"""By which rule an agent passes load on.
+
+A rule answers one question: of a load that an agent takes, *what shares does it keep and
+pass on?* The agent's own code is the same for every rule; only the source of the numbers
+differs. `PrescribedRule` takes them from the user.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import ClassVar, Literal
+
+from kaju.agents.materials import Material
+from kaju.errors import ParameterError
+
+
+@dataclass(frozen=True)
+class Shares:
+    """What becomes of a load of 1 N that an agent takes.
+
+    Attributes
+    ----------
+    own : float
+        Share that deforms the agent itself.
+    forward, backward : float
+        Share handed to the neighbour ahead, and to the one behind.
+    friction : float
+        Share handed to each neighbour beside, along the load's own direction.
+    poisson : float
+        Share pressed into each neighbour beside, outwards, by the blocked expansion.
+    """
+
+    own: float
+    forward: float
+    backward: float
+    friction: float
+    poisson: float
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """The four numbers of the prescribed rule for one material.
+
+    Parameters
+    ----------
+    alpha : tuple of three floats, optional
+        Shares kept, passed ahead and passed beside by friction: α₁, α₂, α₃. None takes
+        (0.5, 0.5, 0.25) in two dimensions and (0.5, 0.5, 0.125) in three, for which
+        α₂ + 2 (dimension - 1) α₃ = 1.
+    beta : float
+        Part of the Poisson expansion that happens freely, in [0, 1]; the rest pushes the
+        neighbours beside.
+
+    Raises
+    ------
+    ParameterError
+        If a share is negative or not a number, or beta lies outside [0, 1].
+    """
+
+    alpha: tuple[float, float, float] | None = None
+    beta: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.alpha is not None:
+            if len(self.alpha) != 3:
+                raise ParameterError(
+                    f"alpha: three shares (kept, ahead, beside) are needed, got {self.alpha}"
+                )
+            for name, share in zip(("α₁", "α₂", "α₃"), self.alpha, strict=True):
+                if not (isfinite(share) and share >= 0.0):
+                    raise ParameterError(
+                        f"alpha: {name} must be a number from 0 upwards, got {share}"
+                    )
+        if not 0.0 <= self.beta <= 1.0:
+            raise ParameterError(f"beta: must lie between 0 and 1, got {self.beta}")
+
+    def shares(self, material: Material, dimension: int) -> Shares:
+        """Return what an agent of `material` keeps and passes on."""
+        own, forward, friction = self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
+        poisson = (1.0 - self.beta) * material.poissons_ratio * own
+        if poisson < 0.0:
+            raise ParameterError(
+                f"poissons_ratio of {material.name!r}: {material.poissons_ratio} would pull the "
+                "neighbours beside, which the prescribed rule has no load for; take beta = 1 "
+                "or the elastic rule"
+            )
+        return Shares(own, forward, 0.0, friction, poisson)
+
+
+@dataclass(frozen=True)
+class PrescribedRule(Coefficients):
+    """Load transfer by coefficients that the user chooses.
+
+    Parameters
+    ----------
+    alpha, beta
+        As in `Coefficients`; they hold for every material not named in `materials`.
+    threshold : float
+        γ (N): an agent spawns only for a load above it, an emission up to it is dropped.
+    accumulate : bool
+        False: each load is judged against γ by itself. True: loads that meet in one agent
+        in one generation are added per direction before they are judged.
+    materials : mapping of str to Coefficients
+        Coefficients of single materials, by name.
+
+    Raises
+    ------
+    ParameterError
+        If a coefficient is out of range or the threshold is not above 0.
+    """
+
+    threshold: float = 0.01
+    accumulate: bool = False
+    materials: Mapping[str, Coefficients] = field(default_factory=dict)
+    kind: ClassVar[Literal["prescribed"]] = "prescribed"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (isfinite(self.threshold) and self.threshold > 0.0):
+            raise ParameterError(
+                f"threshold: must be a load above 0 N, got {self.threshold}; without a "
+                "threshold loads would be halved for ever"
+            )
+
+    def shares(self, material: Material, dimension: int) -> Shares:
+        """Return what an agent of `material` keeps and passes on."""
+        own_coefficients = self.materials.get(material.name)
+        if own_coefficients is not None:
+            return own_coefficients.shares(material, dimension)
+        return super().shares(material, dimension)

@@ -1,0 +1,141 @@
+"""How a load or a displacement changes in time: ramps, holds, releases and cycles in a row.
+
+A `History` is a chain of straight pieces, built by chaining words::
+
+    bite = History().ramp(1.0, duration=0.2).hold(5.0).release(duration=0.1).hold(20.0)
+
+Its value is a factor without unit: whatever it drives (the forces of a network, the loads of
+a scene, the elongation of one element) is multiplied by it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kaju.errors import ParameterError
+
+
+class Corner(NamedTuple):
+    """A moment at which a history jumps or changes its slope."""
+
+    time: float
+    jump: float
+    bend: float
+
+
+@dataclass(frozen=True)
+class History:
+    """A factor over time, straight between its corners.
+
+    It is 0 up to and at time 0 (a first factor other than 0 is a jump there) and keeps its
+    last factor for ever. Two corners at the same time are a jump; exactly there the history
+    has the value *before* the jump, so that a run that stops at a jump can be resumed and
+    meets the jump afterwards.
+
+    Parameters
+    ----------
+    times : tuple of float
+        Times of the corners (s), not falling, the first 0.
+    factors : tuple of float
+        Factor at each corner.
+
+    Raises
+    ------
+    ParameterError
+        If the times fall, do not start at 0, or a number is not finite.
+    """
+
+    times: tuple[float, ...] = (0.0,)
+    factors: tuple[float, ...] = (0.0,)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", tuple(float(time) for time in self.times))
+        object.__setattr__(self, "factors", tuple(float(factor) for factor in self.factors))
+        if len(self.times) != len(self.factors) or not self.times:
+            raise ParameterError(
+                f"history: {len(self.times)} times need as many factors (at least one), "
+                f"got {len(self.factors)}"
+            )
+        if not all(isfinite(number) for number in (*self.times, *self.factors)):
+            raise ParameterError("history: every time and factor must be a finite number")
+        if self.times[0] != 0.0 or any(np.diff(self.times) < 0.0):
+            raise ParameterError(
+                f"history: times must start at 0 and never fall, got {self.times}; "
+                "a jump is written as the same time twice"
+            )
+
+    @classmethod
+    def step(cls, factor: float = 1.0) -> History:
+        """Jump to `factor` at time 0 and stay there."""
+        return cls((0.0, 0.0), (0.0, factor))
+
+    @property
+    def duration(self) -> float:
+        """Time of the last corner (s)."""
+        return self.times[-1]
+
+    def ramp(self, to: float, duration: float) -> History:
+        """Go on in a straight line to the factor `to`; duration 0 is a jump."""
+        if not (isfinite(duration) and duration >= 0.0):
+            raise ParameterError(f"duration: must be a time from 0 s upwards, got {duration}")
+        return History((*self.times, self.duration + duration), (*self.factors, float(to)))
+
+    def hold(self, duration: float) -> History:
+        """Keep the last factor."""
+        return self.ramp(self.factors[-1], duration)
+
+    def release(self, duration: float = 0.0) -> History:
+        """Go back to 0, at once by default."""
+        return self.ramp(0.0, duration)
+
+    def cycles(self, count: int, period: float, high: float = 1.0, low: float = 0.0) -> History:
+        """Rise to `high` and fall to `low`, `count` times, half a period each way."""
+        if count < 1:
+            raise ParameterError(f"count: at least one cycle is needed, got {count}")
+        history = self
+        for _ in range(count):
+            history = history.ramp(high, 0.5 * period).ramp(low, 0.5 * period)
+        return history
+
+    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Return the factor at each of `times`; at a jump, the one before it."""
+        return self._value(times, "left")
+
+    def after(self, times: ArrayLike) -> NDArray[np.float64]:
+        """Return the factor right after each of `times`; at a jump, the one it jumps to."""
+        return self._value(times, "right")
+
+    def _value(self, times: ArrayLike, side: Literal["left", "right"]) -> NDArray[np.float64]:
+        asked = np.asarray(times, dtype=np.float64)
+        corners = np.array((0.0, *self.times))
+        factors = np.array((0.0, *self.factors))
+        # The first corner that is not before the time asked for ends the piece it lies on.
+        end = np.searchsorted(corners, asked, side=side)
+        right = np.clip(end, 1, len(corners) - 1)
+        length = corners[right] - corners[right - 1]
+        share = np.divide(
+            asked - corners[right - 1], length, out=np.zeros_like(asked), where=length > 0.0
+        )
+        inside = factors[right - 1] + share * (factors[right] - factors[right - 1])
+        values = np.where(end == len(corners), factors[-1], inside)
+        return np.asarray(np.where(end == 0, 0.0, values))
+
+    def corners(self) -> tuple[Corner, ...]:
+        """Return the corners as jumps and changes of slope, which superpose to the history."""
+        jumps = {self.times[0]: self.factors[0]}
+        bends: dict[float, float] = {}
+        pieces = zip(self.times, self.times[1:], self.factors, self.factors[1:], strict=False)
+        for start, end, before, after in pieces:
+            if end == start:
+                jumps[end] = jumps.get(end, 0.0) + after - before
+            else:
+                slope = (after - before) / (end - start)
+                bends[start] = bends.get(start, 0.0) + slope
+                bends[end] = bends.get(end, 0.0) - slope
+        times = sorted({*jumps, *bends})
+        return tuple(Corner(time, jumps.get(time, 0.0), bends.get(time, 0.0)) for time in times)

@@ -1,0 +1,258 @@
+"""The three-element material: a spring and a damper side by side, a second damper in series.
+
+::
+
+            +--- spring K_f ---+
+       o----|                  |----[ damper D_d ]----o
+            +--- damper D_f ---+
+
+Under a lasting force the left (Voigt) part gives up to F/K_f and recovers when the force
+goes; the right damper flows on and what it flowed stays. The same element is the material of
+a spring (K in N/m, D in N s/m) and, tensor-wise, of a cell (K in Pa, D in Pa s).
+
+Sources: W. Flügge, *Viscoelasticity*, Springer 1975, chapter 1; R. M. Christensen, *Theory
+of Viscoelasticity*, Academic Press 1982, chapter 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite, isnan
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kaju.agents import rheology_steps as steps
+from kaju.agents.history import History
+from kaju.errors import ParameterError
+
+Floats = NDArray[np.float64]
+Answer = Callable[[ArrayLike], Floats]
+
+
+@dataclass(frozen=True)
+class ThreeElement:
+    """A Voigt element (K_f, D_f) in series with a damper D_d.
+
+    Parameters
+    ----------
+    K_f : float
+        Stiffness of the spring (N/m for a spring, Pa for a cell), 0 or more.
+    D_f : float
+        Damper beside the spring (N s/m or Pa s), 0 or more; not both may be 0.
+    D_d : float
+        Damper in series (N s/m or Pa s), above 0; infinite means that nothing flows.
+
+    Raises
+    ------
+    ParameterError
+        If a number is outside its range, or K_f and D_f are both 0.
+    """
+
+    K_f: float
+    D_f: float = 0.0
+    D_d: float = inf
+
+    def __post_init__(self) -> None:
+        for name, value in (("K_f", self.K_f), ("D_f", self.D_f)):
+            if not (isfinite(value) and value >= 0.0):
+                raise ParameterError(f"{name}: must be a finite number from 0 upwards, got {value}")
+        if isnan(self.D_d) or self.D_d <= 0.0:
+            raise ParameterError(
+                f"D_d: must be above 0 (infinite: nothing flows), got {self.D_d}; "
+                "a damper of 0 would carry no force at all"
+            )
+        if self.K_f == 0.0 and self.D_f == 0.0:
+            raise ParameterError(
+                "K_f and D_f: both are 0, so the element would carry no force at all; "
+                "give it a spring (K_f) or a damper (D_f)"
+            )
+
+    @classmethod
+    def spring(cls, stiffness: float) -> ThreeElement:
+        """Return an elastic spring: no damper acts."""
+        return cls(stiffness, 0.0, inf)
+
+    @classmethod
+    def dashpot(cls, damping: float) -> ThreeElement:
+        """Return a damper alone."""
+        return cls(0.0, damping, inf)
+
+    @classmethod
+    def maxwell(cls, stiffness: float, damping: float) -> ThreeElement:
+        """Return a spring and a damper in series."""
+        return cls(stiffness, 0.0, damping)
+
+    @classmethod
+    def kelvin_voigt(cls, stiffness: float, damping: float) -> ThreeElement:
+        """Return a spring and a damper side by side."""
+        return cls(stiffness, damping, inf)
+
+    @property
+    def retardation_time(self) -> float:
+        """D_f/K_f (s): how long the element takes to give under a held force."""
+        return self.D_f / self.K_f if self.K_f else inf
+
+    @property
+    def relaxation_time(self) -> float:
+        """(D_d + D_f)/K_f (s): how long the force takes to fade at a held displacement."""
+        return (self.D_d + self.D_f) / self.K_f if self.K_f else inf
+
+    def creep_compliance(self, times: ArrayLike) -> Floats:
+        """Return J(t): displacement per force held since time 0 (m/N or 1/Pa)."""
+        t = _since(times)
+        voigt = self.K_f * t
+        if self.D_f == 0.0:
+            given = np.where(t > 0.0, 1.0 / self.K_f, 0.0)
+        else:
+            given = t / self.D_f * _decay_mean(voigt / self.D_f)
+        return np.asarray(given + t / self.D_d)
+
+    def ramp_compliance(self, times: ArrayLike) -> Floats:
+        """Return ∫₀ᵗJ: displacement per rate of a force that has grown since time 0."""
+        t = _since(times)
+        if self.D_f == 0.0:
+            given = t / self.K_f
+        else:
+            given = t**2 / self.D_f * _decay_mean_twice(self.K_f * t / self.D_f)
+        return np.asarray(given + 0.5 * t * (t / self.D_d))
+
+    def relaxation_modulus(self, times: ArrayLike) -> Floats:
+        """Return G(t): force per displacement held since time 0, after its first impulse."""
+        t = _since(times)
+        fading = self._series_share**2 * self.K_f * np.exp(-t / self.relaxation_time)
+        return np.asarray(np.where(t > 0.0, fading, 0.0))
+
+    def ramp_force(self, times: ArrayLike) -> Floats:
+        """Return force per speed of a displacement that has grown since time 0 (N s/m)."""
+        t = _since(times)
+        share, pace = self._series_share, t / self.relaxation_time
+        spring = share * self.K_f * t * _decay_mean(pace)
+        return np.asarray(np.where(t > 0.0, spring + share * self.D_f * np.exp(-pace), 0.0))
+
+    @property
+    def _series_share(self) -> float:
+        """D_d/(D_d + D_f): share of a sudden rate that the Voigt part takes."""
+        return 1.0 / (1.0 + self.D_f / self.D_d)
+
+    def creep(
+        self, *, force: float | History, times: ArrayLike, scheme: str = "backward_euler"
+    ) -> Floats:
+        """Return the displacement under a force.
+
+        Parameters
+        ----------
+        force : float or History
+            A force held from time 0 (N or Pa), or a history whose factor is the force.
+        times : array_like, shape (n,)
+            Rising times (s), none negative. The scheme steps from 0 to the first of them and
+            on from each to the next, so equal distances are the scheme's own equal steps. A
+            corner of the history between two of them is stepped on as well.
+        scheme : {"backward_euler", "sdirk2", "exact"}
+            How time is stepped; "exact" evaluates the solution itself.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,)
+            Displacement at `times`; at time 0 it is 0, before anything could give.
+
+        Raises
+        ------
+        ParameterError
+            If the times fall or are negative, or the scheme is unknown.
+        """
+        t = _rising(times)
+        if scheme == "exact":
+            return _superpose(_history(force), t, self.creep_compliance, self.ramp_compliance)
+        method = steps.scheme(scheme)
+        if isinstance(force, History):
+            return steps.march(self, force, t, method, "force")
+        return self._held_force(_finite(force), t, method)
+
+    def _held_force(self, force: float, times: Floats, method: steps.Scheme) -> Floats:
+        """Step under a constant force: every step multiplies what is still to give."""
+        flow = times * (force / self.D_d)
+        if self.D_f == 0.0:
+            return np.asarray(np.where(times > 0.0, force / self.K_f, 0.0) + flow)
+        lengths = np.diff(times, prepend=0.0)
+        log_left = np.cumsum(method.log_factor(lengths * (self.K_f / self.D_f)))
+        given = -np.expm1(log_left)
+        pace = times * (self.K_f / self.D_f)
+        # Slow: F t/D_f times a mean near 1, which also holds for K_f = 0.
+        mean = np.divide(given, pace, out=np.ones_like(pace), where=pace > 0.0)
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+            voigt = np.where(pace < 1.0, force * times / self.D_f * mean, force * given / self.K_f)
+        return np.asarray(voigt + flow)
+
+    def relaxation(
+        self, *, displacement: float | History, times: ArrayLike, scheme: str = "backward_euler"
+    ) -> Floats:
+        """Return the force at a given displacement; arguments as in `creep`.
+
+        Raises
+        ------
+        ParameterError
+            If the displacement jumps while both dampers act: a jump would need an impulse.
+        """
+        t = _rising(times)
+        history = _history(displacement)
+        if self.D_f > 0.0 and any(corner.jump for corner in history.corners()):
+            raise ParameterError(
+                f"displacement: a jump would need an infinite force, because D_f = {self.D_f} "
+                "resists every rate; give a ramp, History().ramp(to, duration)"
+            )
+        if scheme == "exact":
+            return _superpose(history, t, self.relaxation_modulus, self.ramp_force)
+        return steps.march(self, history, t, steps.scheme(scheme), "displacement")
+
+
+def _finite(value: float) -> float:
+    if not isfinite(value):
+        raise ParameterError(f"force or displacement: must be a finite number, got {value}")
+    return float(value)
+
+
+def _history(driver: float | History) -> History:
+    return driver if isinstance(driver, History) else History.step(_finite(driver))
+
+
+def _since(times: ArrayLike) -> Floats:
+    return np.maximum(np.asarray(times, dtype=np.float64), 0.0)
+
+
+def _rising(times: ArrayLike) -> Floats:
+    t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    if t.ndim != 1 or not np.all(np.isfinite(t)) or np.any(t < 0.0) or np.any(np.diff(t) < 0.0):
+        raise ParameterError(
+            "times: must be one row of finite times from 0 upwards that do not fall"
+        )
+    return t
+
+
+def _decay_mean(x: Floats) -> Floats:
+    """Return (1 - e⁻ˣ)/x, the mean of e⁻ˣ from 0 to x; 1 at x = 0."""
+    return np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0)
+
+
+def _decay_mean_twice(x: Floats) -> Floats:
+    """Return (x - 1 + e⁻ˣ)/x²; the series where the difference would lose digits."""
+    near = np.minimum(x, 0.1)
+    term = np.full_like(near, 0.5)
+    total = term.copy()
+    for k in range(3, 12):
+        term = term * (-near / k)
+        total = total + term
+    far = np.maximum(x, 0.1)
+    return np.asarray(np.where(x < 0.1, total, (far + np.expm1(-far)) / far / far))
+
+
+def _superpose(history: History, times: Floats, to_jump: Answer, to_ramp: Answer) -> Floats:
+    """Add up the answers to every jump and every change of slope (Boltzmann)."""
+    answer = np.zeros_like(times)
+    for time, jump, bend in history.corners():
+        if jump:
+            answer += jump * to_jump(times - time)
+        if bend:
+            answer += bend * to_ramp(times - time)
+    return answer

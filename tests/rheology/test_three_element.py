@@ -1,0 +1,130 @@
+"""One element: its limits, its exact answers, and what is refused."""
+
+from math import exp, inf, nan
+
+import numpy as np
+import pytest
+
+from kaju.agents.history import History
+from kaju.agents.rheology import ThreeElement
+from kaju.errors import ParameterError
+
+ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "message"),
+    [
+        ((0.0, 0.0, 1.0), "K_f and D_f: both are 0"),
+        ((-1.0, 0.0, 1.0), "K_f: must be a finite number"),
+        ((inf, 0.0, 1.0), "K_f: must be a finite number"),
+        ((1.0, nan, 1.0), "D_f: must be a finite number"),
+        ((1.0, 1.0, 0.0), "D_d: must be above 0"),
+        ((1.0, 1.0, nan), "D_d: must be above 0"),
+    ],
+)
+def test_impossible_elements_are_refused(numbers, message):
+    with pytest.raises(ParameterError, match=message):
+        ThreeElement(*numbers)
+
+
+def test_limits_have_the_numbers_their_names_promise():
+    assert ThreeElement.spring(2.0) == ThreeElement(2.0, 0.0, inf)
+    assert ThreeElement.dashpot(3.0) == ThreeElement(0.0, 3.0, inf)
+    assert ThreeElement.maxwell(2.0, 5.0) == ThreeElement(2.0, 0.0, 5.0)
+    assert ThreeElement.kelvin_voigt(2.0, 3.0) == ThreeElement(2.0, 3.0, inf)
+    assert ELEMENT.retardation_time == 1.5
+    assert ELEMENT.relaxation_time == 4.0
+
+
+def test_creep_under_a_held_force():
+    t = np.array([0.0, 0.5, 4.0, 100.0])
+    expected = 7.0 / 2.0 * (1.0 - np.exp(-t * 2.0 / 3.0)) + 7.0 * t / 5.0
+    np.testing.assert_allclose(
+        ELEMENT.creep(force=7.0, times=t, scheme="exact"), expected, rtol=1e-14
+    )
+
+
+def test_after_unloading_what_flowed_stays():
+    history = History().ramp(7.0, 0.0).hold(4.0).release()
+    left = ELEMENT.creep(force=history, times=[4.0 + 60.0], scheme="exact")
+    assert left[0] == pytest.approx(7.0 * 4.0 / 5.0, rel=1e-13)
+
+
+def test_force_at_constant_speed_and_then_held():
+    speed, end, tau = 0.7, 3.0, 4.0
+    history = History().ramp(speed * end, end)
+    t = np.array([0.1, 2.0, 3.0])
+    growing = 5.0 * speed * (1.0 - 5.0 / 8.0 * np.exp(-t / tau))
+    np.testing.assert_allclose(
+        ELEMENT.relaxation(displacement=history, times=t, scheme="exact"), growing, rtol=1e-13
+    )
+    held = ELEMENT.relaxation(displacement=history, times=[3.0, 3.0 + 1e-9, 6.0], scheme="exact")
+    assert held[0] - held[1] == pytest.approx(5.0 * 3.0 * speed / 8.0, rel=1e-7)
+    expected = 25.0 * speed / 8.0 * (1.0 - exp(-end / tau)) * exp(-(6.0 - end) / tau)
+    assert held[2] == pytest.approx(expected, rel=1e-13)
+
+
+def test_short_times_keep_their_digits():
+    tiny = 1e-9
+    # Ramp compliance of the Voigt part starts as t²/(2 D_f), which 1 - e^-x would lose.
+    assert ELEMENT.ramp_compliance(tiny) == pytest.approx(
+        0.5 * tiny**2 * (1.0 / 3.0 + 1.0 / 5.0), rel=1e-8
+    )
+    assert ELEMENT.creep_compliance(tiny) == pytest.approx(tiny * (1 / 3 + 1 / 5), rel=1e-8)
+
+
+@pytest.mark.parametrize("x", [0.0999999, 0.1, 0.1000001])
+def test_ramp_compliance_has_no_seam_between_series_and_formula(x):
+    t = x * ELEMENT.retardation_time
+    voigt = t / 2.0 - 3.0 / 4.0 * (1.0 - exp(-2.0 / 3.0 * t))
+    assert ELEMENT.ramp_compliance(t) == pytest.approx(voigt + t**2 / 10.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2", "exact"])
+def test_each_limit_is_exact(scheme):
+    t = np.linspace(0.0, 6.0, 7)
+
+    def creep(element):
+        return element.creep(force=3.0, times=t, scheme=scheme)
+
+    np.testing.assert_allclose(creep(ThreeElement.spring(2.0))[1:], 1.5, rtol=1e-14)
+    np.testing.assert_allclose(creep(ThreeElement.dashpot(4.0)), 0.75 * t, rtol=1e-14)
+    np.testing.assert_allclose(
+        creep(ThreeElement.maxwell(2.0, 4.0))[1:], (1.5 + 0.75 * t)[1:], rtol=1e-14
+    )
+    np.testing.assert_allclose(creep(ThreeElement(0.0, 4.0, 12.0)), 0.75 * t + 0.25 * t, rtol=1e-14)
+
+
+def test_limits_are_approached_from_inside():
+    t = np.linspace(0.0, 6.0, 13)
+
+    def creep(*numbers):
+        return ThreeElement(*numbers).creep(force=3.0, times=t)[1:]
+
+    np.testing.assert_allclose(creep(2.0, 3.0, 1e15), creep(2.0, 3.0, inf), rtol=1e-13)
+    np.testing.assert_allclose(creep(2.0, 1e-15, 5.0), creep(2.0, 0.0, 5.0), rtol=1e-13)
+    np.testing.assert_allclose(creep(1e-15, 3.0, 5.0), creep(0.0, 3.0, 5.0), rtol=1e-13)
+    np.testing.assert_allclose(creep(1e-310, 3.0, 5.0), creep(0.0, 3.0, 5.0), rtol=1e-13)
+
+
+def test_a_held_stretch_of_a_maxwell_element_fades():
+    element = ThreeElement.maxwell(2.0, 4.0)
+    force = element.relaxation(displacement=0.5, times=[1.0, 4.0], scheme="exact")
+    np.testing.assert_allclose(force, np.exp([-0.5, -2.0]), rtol=1e-14)
+
+
+def test_a_jump_of_the_displacement_against_a_damper_is_refused():
+    with pytest.raises(ParameterError, match="infinite force"):
+        ELEMENT.relaxation(displacement=1.0, times=[1.0])
+
+
+def test_times_and_schemes_are_checked():
+    with pytest.raises(ParameterError, match="do not fall"):
+        ELEMENT.creep(force=1.0, times=[2.0, 1.0])
+    with pytest.raises(ParameterError, match="do not fall"):
+        ELEMENT.creep(force=1.0, times=[-1.0, 1.0])
+    with pytest.raises(ParameterError, match="backward_euler, sdirk2"):
+        ELEMENT.creep(force=1.0, times=[1.0], scheme="euler")
+    with pytest.raises(ParameterError, match="finite number"):
+        ELEMENT.creep(force=nan, times=[1.0])

@@ -30,12 +30,9 @@ _AXIS_SIDES = {
 }
 
 # Steps to the neighbour in direction k * 60 degrees, for even and for odd rows.
-_HEXAGON_STEPS = np.array(
-    [
-        [[1, 0], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1]],
-        [[1, 0], [1, 1], [0, 1], [-1, 0], [0, -1], [1, -1]],
-    ],
-    dtype=np.int64,
+_HEXAGON_STEPS = (
+    ((1, 0), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1)),
+    ((1, 0), (1, 1), (0, 1), (-1, 0), (0, -1), (1, -1)),
 )
 
 
@@ -110,6 +107,30 @@ class Lattice:
         return np.arange(self.directions) ^ 1
 
     @cached_property
+    def mirrored(self) -> NDArray[np.int64]:
+        """Directions mirrored at a wall: `mirrored[n, d]` is d seen in a wall with normal n."""
+        cosine = self.normals @ self.normals.T
+        image = self.normals[None] - 2.0 * cosine[:, :, None] * self.normals[:, None]
+        return np.argmax(image @ self.normals.T, axis=2)
+
+    @cached_property
+    def steps(self) -> NDArray[np.int64]:
+        """Coordinate steps over each arm, shape (2, directions, dimension).
+
+        The first index is the parity of the row, which counts for hexagons only.
+        """
+        if self.kind == "hexagon":
+            return np.array(_HEXAGON_STEPS, dtype=np.int64)
+        return np.stack([self.normals, self.normals]).astype(np.int64)
+
+    @cached_property
+    def key_steps(self) -> NDArray[np.int64]:
+        """What a step over each arm adds to a cell's key, shape (2, directions)."""
+        origin = np.zeros((1, self.dimension), dtype=np.int64)
+        steps = self.steps.reshape(-1, self.dimension)
+        return (self.key(steps) - self.key(origin)).reshape(2, self.directions)
+
+    @cached_property
     def axes(self) -> NDArray[np.int64]:
         """One direction of each opposite pair: the positive sense of the cell's axes."""
         if self.kind == "hexagon":
@@ -156,9 +177,7 @@ class Lattice:
 
     def neighbours(self, cells: Cells, arm: int) -> Cells:
         """Return the cells reached from `cells` over one arm (they may lie outside)."""
-        if self.kind == "hexagon":
-            return cells + _HEXAGON_STEPS[cells[:, 1] & 1, arm]
-        return cells + self.normals[arm].astype(np.int64)
+        return cells + self.steps[cells[:, 1] & 1, arm]
 
     def contains(self, cells: Cells) -> NDArray[np.bool_]:
         """Tell which cells lie inside the array."""
@@ -193,6 +212,33 @@ class Lattice:
         columns.append(key - 1)
         return np.stack(columns[::-1], axis=1)
 
+    def line(self, cells: Cells, axis: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the line along an axis that each cell lies on, and its position there.
+
+        Lines are numbered; positions count cells along the axis' positive sense.
+        """
+        if self.kind == "hexagon":
+            column, row = cells[:, 0], cells[:, 1]
+            if axis == 0:
+                return row.copy(), column.copy()
+            slanted = column - (row - (row & 1)) // 2
+            return (slanted if axis == 1 else slanted + row), row.copy()
+        foot = cells.copy()
+        foot[:, axis] = 0
+        return self.key(foot), cells[:, axis].copy()
+
+    def on_line(self, line: NDArray[np.int64], position: NDArray[np.int64], axis: int) -> Cells:
+        """Return the cells at positions on lines: the inverse of `line`."""
+        if self.kind == "hexagon":
+            if axis == 0:
+                return np.stack([position, line], axis=1)
+            slanted = line if axis == 1 else line - position
+            column = slanted + (position - (position & 1)) // 2
+            return np.stack([column, position], axis=1)
+        cells = self.cells(line)
+        cells[:, axis] = position
+        return cells
+
     def centres(self, cells: Cells) -> NDArray[np.float64]:
         """Return the middle points of cells (m), shape (n, dimension)."""
         if self.kind == "hexagon":
@@ -223,6 +269,13 @@ class Lattice:
             height = (self.shape[1] - 1) * sqrt(3.0) / 2.0 + 2.0 / sqrt(3.0)
             return (self.cell_size * width, self.cell_size * height)
         return tuple(self.cell_size * count for count in self.shape)
+
+    def face_area(self, thickness: float = 1.0) -> float:
+        """Return the area of a cell's face (m²); `thickness` (m) counts in two dimensions."""
+        if self.kind == "cube":
+            return self.cell_size**2
+        edge = self.cell_size / (sqrt(3.0) if self.kind == "hexagon" else 1.0)
+        return edge * thickness
 
     def cell_volume(self, thickness: float = 1.0) -> float:
         """Return the volume of a cell (m³); `thickness` (m) counts in two dimensions."""

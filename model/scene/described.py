@@ -1,0 +1,149 @@
+"""Strict descriptions: one validator for files and for Python, one voice for its errors.
+
+Every part of a scene is a frozen pydantic model derived from `Described`. Whatever it
+refuses is told as a `SceneError` with key path, rule, value and meaning of the key,
+whether the part came from a file or from Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, get_args
+
+import numpy as np
+from pydantic import (
+    AllowInfNan,
+    BaseModel,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import ErrorDetails
+
+from kaju.agents.materials import suggestion
+from kaju.errors import KajuError, ParameterError, SceneError
+
+Number = Annotated[float, Strict(), AllowInfNan(False)]
+Positive = Annotated[Number, Field(gt=0.0)]
+Count = Annotated[int, Strict(), Field(gt=0)]
+Index = Annotated[int, Strict()]
+Text = Annotated[str, Strict()]
+Flag = Annotated[bool, Strict()]
+
+_PHRASES = {
+    "missing": "is needed",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "string_type": "must be a text",
+    "bool_type": "must be true or false",
+    "finite_number": "must be finite",
+    "greater_than": "must be above {gt:g}",
+    "greater_than_equal": "must be {ge:g} or more",
+    "literal_error": "must be {expected}",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "too_long": "must have at most {max_length} entries",
+    "too_short": "must have at least {min_length} entries",
+}
+
+
+class Described(BaseModel):
+    """Base of every part of a scene's description: frozen, strict, with kaju's errors."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+    if not TYPE_CHECKING:  # type checkers shall see the fields, not **values
+
+        def __init__(self, **values: Any) -> None:
+            try:
+                super().__init__(**values)
+            except ValidationError as error:
+                raise translated(type(self), error) from None
+
+        # pydantic's own mark: parts within parts are validated in one go, and the outermost
+        # tells what was wrong with all of them.
+        __init__.__pydantic_base_init__ = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_numbers(cls, values: Any) -> Any:
+        """Take NumPy's scalars and short arrays for the numbers and lists they stand for."""
+        if not isinstance(values, Mapping):
+            return values
+        return {key: _plain(value) for key, value in values.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray) and value.size <= 16:
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value
+
+
+def translated(description: type[BaseModel], error: ValidationError) -> SceneError:
+    """Return a pydantic error in kaju's words, of the narrowest kaju class that fits."""
+    problems = error.errors()
+    causes = [problem.get("ctx", {}).get("error") for problem in problems]
+    lines = [
+        _line(description, problem, cause) for problem, cause in zip(problems, causes, strict=True)
+    ]
+    kind = type(causes[0]) if len(causes) == 1 and isinstance(causes[0], SceneError) else SceneError
+    if len(lines) == 1:
+        return kind(lines[0])
+    return kind("\n".join([f"{len(lines)} problems:", *(f"  {line}" for line in lines)]))
+
+
+def _line(description: type[BaseModel], problem: ErrorDetails, cause: object) -> str:
+    path = [str(part) for part in problem["loc"]]
+    trail = list(_trail(description, problem["loc"]))
+    if isinstance(cause, KajuError):
+        joint = "." if isinstance(cause, ParameterError) else ": "
+        return joint.join([".".join(path), str(cause)]) if path else str(cause)
+    key = ".".join(path)
+    if problem["type"] == "extra_forbidden":
+        known = list(trail[-1].model_fields) if trail else []
+        return f"{key}: unknown key{suggestion(path[-1], known)}; known are {', '.join(known)}"
+    context = problem.get("ctx", {})
+    phrase = _PHRASES.get(problem["type"])
+    rule = phrase.format(**context) if phrase else problem["msg"]
+    given = "" if problem["type"] == "missing" else f", got {_short(problem['input'])}"
+    meaning = _meaning(trail, problem["loc"])
+    return f"{key}: {rule}{given}{meaning}"
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _trail(description: type[BaseModel], path: tuple[int | str, ...]) -> Iterator[type[BaseModel]]:
+    """Yield the descriptions that a key path passes through."""
+    yield description
+    for key in path[:-1]:
+        field = description.model_fields.get(str(key))
+        inner = _description_in(field.annotation) if field else None
+        if inner is not None:
+            description = inner
+            yield description
+
+
+def _description_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_description_in(part) for part in get_args(annotation))
+    return next((part for part in found if part is not None), None)
+
+
+def _meaning(trail: list[type[BaseModel]], path: tuple[int | str, ...]) -> str:
+    for key in reversed(path):
+        field = trail[-1].model_fields.get(str(key))
+        if field is not None and field.description:
+            return f"; {key} is {field.description}"
+    return ""

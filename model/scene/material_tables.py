@@ -1,0 +1,53 @@
+"""Materials as scenes write them: ``[materials.NAME]`` with numbers or a base."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from pydantic import Field
+
+from kaju.agents.materials import LIBRARY, Material, suggestion
+from kaju.errors import ParameterError
+
+from .described import Described, Number, Text
+
+
+class MaterialTable(Described):
+    """``[materials.NAME]``: numbers, or a material of the library with some of its own.
+
+    Parameters
+    ----------
+    base : str, optional
+        A material of the library, from which what is not given is taken.
+    youngs_modulus, poissons_ratio, density, source
+        As in `Material`.
+    """
+
+    base: Text | None = Field(default=None, description="the name of a material of the library")
+    youngs_modulus: Number | None = Field(default=None, description="E (Pa)")
+    poissons_ratio: Number | None = Field(default=None, description="ν")
+    density: Number | None = Field(default=None, description="mass per volume (kg/m³)")
+    source: Text | None = Field(default=None, description="where the numbers come from")
+
+    def build(self) -> Material:
+        """Return the material; whoever keeps it by name gives it that name."""
+        given = self.model_dump(exclude={"base"}, exclude_none=True)
+        if self.base is not None:
+            if self.base not in LIBRARY:
+                raise ParameterError(
+                    f"base: the library has no {self.base!r}{suggestion(self.base, LIBRARY)}; "
+                    f"it has {', '.join(LIBRARY)}"
+                )
+            return replace(LIBRARY[self.base], **given)
+        for key in ("youngs_modulus", "poissons_ratio"):
+            if key not in given:
+                raise ParameterError(f"{key}: is needed, or a base from the library")
+        return Material(name="", **given)
+
+
+def material_from(value: Any) -> Any:
+    """Return the material that a table describes; a material is returned as it is."""
+    if isinstance(value, Material):
+        return value
+    return MaterialTable.model_validate(value).build()

@@ -1,0 +1,147 @@
+"""Conjugate gradients and minimal residuals, with the history that a result reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Operator = Callable[[Vector], Vector]
+
+
+@dataclass
+class Iteration:
+    """How an iteration went.
+
+    Attributes
+    ----------
+    solution : array
+        The last iterate.
+    residuals : list of float
+        Norm of the residual, relative to the right-hand side, before every iteration.
+    errors : list of float
+        Estimated energy norm of the error that is left, relative to the solution's.
+    converged : bool
+    """
+
+    solution: Vector
+    residuals: list[float] = field(default_factory=list)
+    errors: list[float] = field(default_factory=list)
+    converged: bool = False
+
+    @property
+    def iterations(self) -> int:
+        """Number of preconditioner applications after the start."""
+        return max(len(self.residuals) - 1, 0)
+
+    @property
+    def rate(self) -> float:
+        """Mean factor per iteration over the last five."""
+        recent = self.residuals[-6:]
+        if len(recent) < 2 or recent[0] <= 0:
+            return 0.0
+        return float((recent[-1] / recent[0]) ** (1 / (len(recent) - 1)))
+
+
+def conjugate_gradients(
+    apply: Operator,
+    precondition: Operator,
+    load: Vector,
+    start: Vector | None,
+    done: Callable[[Iteration], bool],
+    most: int = 200,
+) -> Iteration:
+    """Solve a symmetric positive definite system (Hestenes & Stiefel 1952).
+
+    `done` sees the history after every step and decides. The error estimate is √(r·Br) for
+    a preconditioner B that is spectrally close to the inverse, over √(load·solution).
+    """
+    x = np.zeros_like(load) if start is None else start
+    r = load.copy() if start is None else load - apply(x)
+    scale = float(np.sqrt(load @ load)) or 1.0
+    run = Iteration(x)
+    p = q = np.empty(0)
+    previous = 0.0
+    for step in range(most + 1):
+        run.residuals.append(float(np.sqrt(r @ r)) / scale)
+        if run.residuals[-1] == 0.0 or not np.isfinite(run.residuals[-1]):
+            run.errors.append(0.0)
+            run.converged = run.residuals[-1] == 0.0
+            return run
+        z = precondition(r)
+        product = float(r @ z)
+        energy = abs(float(load @ x))
+        run.errors.append(float(np.sqrt(max(product, 0.0) / energy)) if energy else np.inf)
+        if done(run):
+            run.converged = True
+            return run
+        if step == most or product <= 0.0:
+            return run
+        p = z.copy() if step == 0 else _advance(p, z, product / previous)
+        previous = product
+        q = apply(p)
+        length = product / float(p @ q)
+        x += length * p
+        r -= length * q
+    return run
+
+
+def _advance(p: Vector, z: Vector, share: float) -> Vector:
+    p *= share
+    p += z
+    return p
+
+
+def minimal_residuals(
+    apply: Operator,
+    precondition: Operator,
+    load: Vector,
+    tolerance: float,
+    most: int = 300,
+) -> Iteration:
+    """Solve a symmetric indefinite system with a positive definite preconditioner.
+
+    Preconditioned MINRES (Paige & Saunders 1975) in the form of Elman, Silvester & Wathen,
+    Finite Elements and Fast Iterative Solvers, algorithm 4.1. The residual is measured in
+    the preconditioner's norm.
+    """
+    x = np.zeros_like(load)
+    v_old, v = np.zeros_like(load), load.copy()
+    w_old, w = np.zeros_like(load), np.zeros_like(load)
+    z = precondition(v)
+    gamma_old, gamma = 1.0, float(np.sqrt(v @ z))
+    eta = start = gamma
+    s_old = s = 0.0
+    c_old = c = 1.0
+    run = Iteration(x, [1.0], [1.0])
+    if start == 0.0:
+        run.converged = True
+        return run
+    for _ in range(most):
+        z /= gamma
+        az = apply(z)
+        delta = float(az @ z)
+        v_new = az - (delta / gamma) * v - (gamma / gamma_old) * v_old
+        z_new = precondition(v_new)
+        gamma_new = float(np.sqrt(max(v_new @ z_new, 0.0)))
+        a0 = c * delta - c_old * s * gamma
+        a1 = float(np.hypot(a0, gamma_new))
+        a2 = s * delta + c_old * c * gamma
+        a3 = s_old * gamma
+        c_old, c, s_old, s = c, a0 / a1, s, gamma_new / a1
+        w_old, w = w, (z - a3 * w_old - a2 * w) / a1
+        x += c * eta * w
+        eta = -s * eta
+        run.residuals.append(abs(eta) / start)
+        run.errors.append(run.residuals[-1])
+        if run.residuals[-1] <= tolerance:
+            run.converged = True
+            return run
+        if gamma_new == 0.0:
+            return run
+        v_old, v, z = v, v_new, z_new
+        gamma_old, gamma = gamma, gamma_new
+    return run

@@ -1,0 +1,260 @@
+"""What is to be solved, as plain arrays in scaled units.
+
+The solver works with numbers near one whatever the scene's units are: moduli are divided
+by the largest Young's modulus, forces by the largest force, lengths by the cell's edge. In
+two dimensions a force per displacement has the unit E·t (t: thickness), in three E·h, so
+the scaled displacement is u·E·t/F and u·E·h/F. `Scales` turns the answers back into SI.
+
+The arrays carry one layer of cells around the body, the *rim*, which says what lies beyond
+each side: air, rigid ground, a roller or an elastic foundation. So a side needs no rule of
+its own: it is a cell like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ParameterError, SceneError
+
+from .moduli import Moduli, moduli_of
+
+Floats = NDArray[np.float64]
+FaceFields = tuple[Floats, ...]
+"""One array per axis: values on the faces normal to it."""
+
+AIR, RIGID, ROLLER, FOUNDATION = -1, -2, -3, -4
+ABSENT, FIXED, ACTIVE = 0, 1, 2
+"""States of a face: no body beside it; its displacement is given; it is free to move."""
+
+SIDES = {2: ("left", "right", "bottom", "top"), 3: ("left", "right", "front", "back", "bottom", "top")}
+
+
+class Scales(NamedTuple):
+    """Units of the scaled problem in SI: modulus (Pa), force (N), length and displacement (m)."""
+
+    modulus: float
+    force: float
+    length: float
+    displacement: float
+
+
+@dataclass(frozen=True)
+class ElasticProblem:
+    """A body on the staggered grid with its supports and loads, in scaled units.
+
+    Attributes
+    ----------
+    kinds : int array, shape ``n + 2`` along every axis
+        Per cell the index of its material, or AIR, RIGID, ROLLER, FOUNDATION; rim included.
+    moduli : Moduli
+        Scaled moduli, one entry per material.
+    force : tuple of arrays
+        External force on every face, scaled; shape of `kinds` plus one along the normal.
+    fixed : tuple of arrays
+        Displacement of the fixed faces, scaled (zero elsewhere).
+    spring : tuple of arrays
+        Stiffness of the foundation beneath each face, scaled.
+    scales : Scales
+        What one scaled unit is in SI.
+    plane : {"stress", "strain", None}
+        Two-dimensional assumption; None in three dimensions.
+    thickness : float
+        Thickness (m); 1 in three dimensions.
+    support_names : mapping from side index to name
+        The supported sides; rigid cells inside the body are called "rigid".
+    """
+
+    kinds: NDArray[np.int32]
+    moduli: Moduli
+    force: FaceFields
+    fixed: FaceFields
+    spring: FaceFields
+    scales: Scales
+    plane: Literal["stress", "strain"] | None
+    thickness: float = 1.0
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.kinds.ndim
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of cells along each axis, without the rim."""
+        return tuple(n - 2 for n in self.kinds.shape)
+
+    @property
+    def inner(self) -> tuple[slice, ...]:
+        """Index of the cells without the rim."""
+        return (slice(1, -1),) * self.dimension
+
+    def face_shape(self, axis: int) -> tuple[int, ...]:
+        """Return the shape of the faces normal to `axis`, rim included."""
+        return tuple(n + (a == axis) for a, n in enumerate(self.kinds.shape))
+
+    def face_states(self) -> tuple[NDArray[np.int8], ...]:
+        """Return per axis which faces are ABSENT, FIXED or ACTIVE."""
+        return tuple(_states(self.kinds, axis) for axis in range(self.dimension))
+
+    @property
+    def needs_mixed_form(self) -> bool:
+        """Whether a material is so nearly incompressible that pressure needs its own unknown."""
+        used = np.unique(self.kinds[self.kinds >= 0])
+        ratio = self.moduli.lateral[used] / self.moduli.shear[used]
+        return self.plane != "stress" and bool(np.any(ratio > 9.0))
+
+
+def _states(kinds: NDArray[np.int32], axis: int) -> NDArray[np.int8]:
+    low = np.moveaxis(kinds, axis, 0)[:-1]
+    high = np.moveaxis(kinds, axis, 0)[1:]
+    body = (low >= 0) | (high >= 0)
+    rigid = (low == RIGID) | (high == RIGID)
+    roller = (low == ROLLER) | (high == ROLLER)
+    state = np.where(rigid | (roller & body), FIXED, np.where(body, ACTIVE, ABSENT))
+    padded = np.full((len(state) + 2, *state.shape[1:]), ABSENT, dtype=np.int8)
+    padded[1:-1] = state
+    return np.ascontiguousarray(np.moveaxis(padded, 0, axis))
+
+
+Side = str | tuple[str, float | Sequence[float]]
+""""free", "rigid", "roller", ("foundation", N/m³) or ("displacement", (x, y[, z]) in m)."""
+
+
+class CellLoads(NamedTuple):
+    """Forces and where they enter; see `kaju.model.scene` for the meaning of the columns."""
+
+    cells: NDArray[np.int64]
+    direction: NDArray[np.int64]
+    force: Floats
+
+
+def make_problem(
+    kinds: NDArray[np.int_],
+    materials: Sequence[tuple[float, float]],
+    cell_size: float,
+    *,
+    plane: Literal["stress", "strain"] | None = None,
+    thickness: float = 1.0,
+    sides: Mapping[str, Side] | None = None,
+    loads: CellLoads | None = None,
+) -> ElasticProblem:
+    """Build a problem from an array of cells.
+
+    Parameters
+    ----------
+    kinds : int array, one entry per cell
+        Index into `materials`, or AIR, RIGID.
+    materials : sequence of (Young's modulus in Pa, Poisson's ratio)
+    cell_size, thickness : float
+        In metres; the thickness counts in two dimensions only.
+    plane : {"stress", "strain"}
+        Assumption in two dimensions ("stress" by default).
+    sides : mapping from side name to what lies beyond; "free" where nothing is said.
+    loads : CellLoads
+        Cells, face by which the force enters (-1: the middle of the cell), force (N).
+    """
+    dimension = kinds.ndim
+    if dimension == 2 and plane is None:
+        plane = "stress"
+    rim = np.pad(np.asarray(kinds, dtype=np.int32), 1, constant_values=AIR)
+    described = dict(sides or {})
+    unknown = set(described) - set(SIDES[dimension])
+    if unknown:
+        raise ParameterError(f"sides: {sorted(unknown)} are not among {SIDES[dimension]}")
+    for name, side in described.items():
+        _lay_rim(rim, SIDES[dimension].index(name), side)
+    if not np.any(rim >= 0):
+        raise SceneError("body: no cell is of a material, so there is nothing to solve")
+    return _scaled(rim, materials, cell_size, plane, thickness, described, loads)
+
+
+def _lay_rim(rim: NDArray[np.int32], index: int, side: Side) -> None:
+    what = side if isinstance(side, str) else side[0]
+    kind = {
+        "free": AIR,
+        "rigid": RIGID,
+        "roller": ROLLER,
+        "foundation": FOUNDATION,
+        "displacement": RIGID,
+    }.get(what)
+    if kind is None:
+        raise ParameterError(
+            f"sides: {what!r} is none of free, rigid, roller, foundation, displacement"
+        )
+    rim[_rim_layer(rim.ndim, index)] = kind
+
+
+def _rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
+    """Return the index of the rim's cells beyond one side, without the rim's own corners."""
+    layer: list[slice | int] = [slice(1, -1)] * dimension
+    layer[index // 2] = -1 if index % 2 else 0
+    return tuple(layer)
+
+
+def _scaled(
+    rim: NDArray[np.int32],
+    materials: Sequence[tuple[float, float]],
+    cell_size: float,
+    plane: Literal["stress", "strain"] | None,
+    thickness: float,
+    sides: Mapping[str, Side],
+    loads: CellLoads | None,
+) -> ElasticProblem:
+    from .loads import face_forces
+
+    dimension = rim.ndim
+    table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
+    modulus = float(np.max(table[np.unique(rim[rim >= 0]), 0]))
+    stretch = modulus * (thickness if dimension == 2 else cell_size)
+    given = {
+        name: np.asarray(side[1], dtype=np.float64)
+        for name, side in sides.items()
+        if not isinstance(side, str) and side[0] == "displacement"
+    }
+    largest = max((float(np.abs(v).max()) for v in given.values()), default=0.0)
+    peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
+    force = max(peak, largest * stretch)
+    force = force if force > 0 else stretch * cell_size
+    scales = Scales(modulus, force, cell_size, force / stretch)
+    shapes = [tuple(n + (a == axis) for a, n in enumerate(rim.shape)) for axis in range(dimension)]
+    fixed = tuple(np.zeros(shape) for shape in shapes)
+    spring = tuple(np.zeros(shape) for shape in shapes)
+    for name, side in sides.items():
+        index = SIDES[dimension].index(name)
+        if name in given:
+            _prescribe(fixed, index, given[name] / scales.displacement)
+        elif not isinstance(side, str) and side[0] == "foundation":
+            stiffness = float(np.asarray(side[1])) * cell_size / modulus
+            layer = list(_rim_layer(dimension, index))
+            layer[index // 2] = -2 if index % 2 else 1
+            spring[index // 2][tuple(layer)] = stiffness
+    problem = ElasticProblem(
+        kinds=rim,
+        moduli=moduli_of(table[:, 0] / modulus, table[:, 1], plane),
+        force=tuple(np.zeros(shape) for shape in shapes),
+        fixed=fixed,
+        spring=spring,
+        scales=scales,
+        plane=plane,
+        thickness=thickness if dimension == 2 else 1.0,
+    )
+    if loads is not None and len(loads.force):
+        face_forces(problem, loads.cells, loads.direction, loads.force / force)
+    return problem
+
+
+def _prescribe(fixed: FaceFields, index: int, displacement: Floats) -> None:
+    """Give the faces of a rigid side, and the ghost faces within it, their displacement."""
+    axis, upper = divmod(index, 2)
+    for component, values in enumerate(fixed):
+        layer: list[slice | int] = [slice(None)] * values.ndim
+        if component == axis:
+            layer[axis] = -2 if upper else 1
+        else:
+            layer[axis] = -1 if upper else 0
+        values[tuple(layer)] = displacement[component]

@@ -1,0 +1,240 @@
+"""The staggered-grid law of elasticity, in the fewest lines of NumPy, and as a matrix.
+
+Unknown is the normal displacement of every face (Harlow & Welch 1965; Virieux 1986). With
+lengths in cell edges a cell's strain ε_aa is the difference of its two faces normal to a,
+and the shear strain γ_ab at an edge is ∂u_a/∂b + ∂u_b/∂a from the four faces round it. The
+energy ½Σ(C₁₁ε² + 2C₁₂εε') over the cells plus ½ΣK_ab γ_ab² over the edges is quadratic; its
+gradient is the force that holds every face in place.
+
+An edge's modulus K is the harmonic mean of the four cells round it: zero beside air (a
+free surface carries no shear), and with rigid cells counted as infinitely stiff it becomes
+twice μ at a wall, which is the one-sided gradient over half a cell.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .moduli import REENTRANT_WEIGHT
+from .problem import ACTIVE, AIR, RIGID, ElasticProblem, FaceFields, Floats
+
+Pair = tuple[int, int]
+
+
+class Strains(NamedTuple):
+    """Stretch of cells per axis, and shear of edges per pair of axes."""
+
+    cells: FaceFields
+    edges: dict[Pair, Floats]
+
+
+def axis_pairs(dimension: int) -> list[Pair]:
+    """Return the pairs of axes (a, b), a < b, that have a shear strain."""
+    return list(combinations(range(dimension), 2))
+
+
+def cut(dimension: int, axis: int, part: slice) -> tuple[slice, ...]:
+    """Return an index that takes `part` along one axis and everything along the others."""
+    index = [slice(None)] * dimension
+    index[axis] = part
+    return tuple(index)
+
+
+def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
+    """Spread a modulus over the cells, zero where there is no material."""
+    kinds = problem.kinds
+    return np.where(kinds >= 0, np.append(per_material, 0.0)[np.maximum(kinds, -1)], 0.0)
+
+
+def edge_modulus(problem: ElasticProblem, pair: Pair, reentrant: float = REENTRANT_WEIGHT) -> Floats:
+    """Return the shear modulus of the edges between the axes of a pair.
+
+    Shape: one more than the cells (rim included) along both axes of the pair.
+    """
+    kinds = problem.kinds
+    compliance = np.append(1.0 / problem.moduli.shear, np.inf)[np.maximum(kinds, -1)]
+    compliance[kinds == RIGID] = 0.0
+    compliance[(kinds < 0) & (kinds != RIGID)] = np.inf
+    width = [(1, 1) if axis in pair else (0, 0) for axis in range(kinds.ndim)]
+    around = _four(np.pad(compliance, width, constant_values=np.inf), pair)
+    filled = [np.isfinite(c) for c in around]
+    total = np.add.reduce([np.where(f, c, 0.0) for f, c in zip(filled, around, strict=True)])
+    count = np.add.reduce([f.astype(np.int8) for f in filled])
+    with np.errstate(divide="ignore"):
+        modulus = np.where((count == 4) & (total > 0), 4.0 / total, 0.0)
+        corner = (count == 3) & ~np.any([c == 0 for c in around], axis=0)
+        air = _four(np.pad(kinds == AIR, width, constant_values=True), pair)
+        corner &= np.add.reduce([a.astype(np.int8) for a in air]) == 1
+        return np.where(corner, reentrant * 3.0 / np.where(corner, total, 1.0), modulus)
+
+
+def _four(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:
+    """Return the four cells round every edge."""
+    low, high = slice(None, -1), slice(1, None)
+    d = padded.ndim
+    return [
+        padded[cut(d, pair[0], first)][cut(d, pair[1], second)]
+        for first in (low, high)
+        for second in (low, high)
+    ]
+
+
+def strains(u: FaceFields) -> Strains:
+    """Return the strains of face displacements (rim included, lengths in cell edges)."""
+    d = len(u)
+    cells = tuple(np.diff(values, axis=axis) for axis, values in enumerate(u))
+    edges = {}
+    for a, b in axis_pairs(d):
+        edges[a, b] = _gradient(u[a], b) + _gradient(u[b], a)
+    return Strains(cells, edges)
+
+
+def _gradient(values: Floats, axis: int) -> Floats:
+    width = [(1, 1) if a == axis else (0, 0) for a in range(values.ndim)]
+    return np.diff(np.pad(values, width, mode="edge"), axis=axis)
+
+
+def stresses(problem: ElasticProblem, strain: Strains) -> Strains:
+    """Return normal stresses of the cells and shear stresses of the edges (scaled)."""
+    stretch = cell_modulus(problem, problem.moduli.stretch)
+    lateral = cell_modulus(problem, problem.moduli.lateral)
+    volume = np.add.reduce(strain.cells)
+    cells = tuple(lateral * volume + (stretch - lateral) * e for e in strain.cells)
+    edges = {p: edge_modulus(problem, p) * gamma for p, gamma in strain.edges.items()}
+    return Strains(cells, edges)
+
+
+def internal_force(problem: ElasticProblem, u: FaceFields) -> FaceFields:
+    """Return the force that holds every face at the displacement `u`: the plain twin.
+
+    It is the gradient of the strain energy with respect to the face displacements, plus
+    the force of the foundation.
+    """
+    stress = stresses(problem, strains(u))
+    forces = []
+    for axis, values in enumerate(u):
+        force = problem.spring[axis] * values
+        low, high = (cut(values.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
+        force[high] += stress.cells[axis]
+        force[low] -= stress.cells[axis]
+        for pair, tau in stress.edges.items():
+            if axis in pair:
+                across = pair[0] + pair[1] - axis
+                inner = tau[cut(values.ndim, across, slice(None))]
+                force += inner[cut(values.ndim, across, slice(None, -1))]
+                force -= inner[cut(values.ndim, across, slice(1, None))]
+        forces.append(force)
+    return tuple(forces)
+
+
+def strain_energy(problem: ElasticProblem, u: FaceFields) -> float:
+    """Return the energy stored in body and foundation (scaled)."""
+    return 0.5 * float(sum(np.vdot(f, v) for f, v in zip(internal_force(problem, u), u, strict=True)))
+
+
+class Numbering:
+    """Numbers for the faces that are free to move, axis after axis.
+
+    Attributes
+    ----------
+    states : tuple of int8 arrays
+        Per axis the state of every face, rim included.
+    number : tuple of int64 arrays
+        Per axis the number of every active face, -1 elsewhere.
+    size : int
+        How many faces are active.
+    """
+
+    def __init__(self, states: tuple[NDArray[np.int8], ...]) -> None:
+        self.states = states
+        self.number = []
+        self.size = 0
+        for state in states:
+            active = state == ACTIVE
+            count = int(np.count_nonzero(active))
+            number = np.full(state.shape, -1, dtype=np.int64)
+            number[active] = np.arange(self.size, self.size + count)
+            self.number.append(number)
+            self.size += count
+
+    def gather(self, fields: FaceFields) -> Floats:
+        """Pick the active faces' values into one vector."""
+        return np.concatenate([v[s == ACTIVE] for v, s in zip(fields, self.states, strict=True)])
+
+    def scatter(self, vector: Floats, fields: FaceFields) -> None:
+        """Write a vector of active faces back into face arrays."""
+        start = 0
+        for values, state in zip(fields, self.states, strict=True):
+            active = state == ACTIVE
+            count = int(np.count_nonzero(active))
+            values[active] = vector[start : start + count]
+            start += count
+
+
+def stiffness_matrix(
+    problem: ElasticProblem, numbering: Numbering, *, lateral: bool = True
+) -> sp.csr_array:
+    """Assemble the stiffness matrix of the active faces.
+
+    With ``lateral=False`` the matrix is that of 2μ ε:ε alone, the displacement block of the
+    mixed form.
+    """
+    rows, moduli = strain_matrix(problem, numbering), _law(problem, lateral)
+    springs = numbering.gather(problem.spring)
+    matrix = rows.T.tocsr() @ (moduli @ rows)
+    if springs.any():
+        matrix = matrix + sp.diags_array(springs)
+    return sp.csr_array(matrix)
+
+
+def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array:
+    """Return the matrix from active faces to the stretches of cells and shears of edges."""
+    d = problem.dimension
+    blocks = []
+    solid = problem.kinds >= 0
+    for axis in range(d):
+        number = numbering.number[axis]
+        low = number[cut(d, axis, slice(None, -1))][solid]
+        high = number[cut(d, axis, slice(1, None))][solid]
+        blocks.append(_differences(numbering.size, [(low, -1.0), (high, 1.0)]))
+    for pair in axis_pairs(d):
+        stiff = edge_modulus(problem, pair) > 0
+        terms = []
+        for axis, across in (pair, pair[::-1]):
+            width = [(1, 1) if a == across else (0, 0) for a in range(d)]
+            number = np.pad(numbering.number[axis], width, constant_values=-1)
+            terms.append((number[cut(d, across, slice(None, -1))][stiff], -1.0))
+            terms.append((number[cut(d, across, slice(1, None))][stiff], 1.0))
+        blocks.append(_differences(numbering.size, terms))
+    return sp.csr_array(sp.vstack(blocks, format="csr"))
+
+
+def _law(problem: ElasticProblem, lateral: bool) -> sp.csr_array:
+    """Return the matrix from strains to stresses, in the order of `strain_matrix`."""
+    d = problem.dimension
+    kinds = problem.kinds[problem.kinds >= 0]
+    twice = 2.0 * problem.moduli.shear[kinds]
+    cross = problem.moduli.lateral[kinds] if lateral else np.zeros(len(kinds))
+    along = problem.moduli.stretch[kinds] if lateral else twice
+    blocks: list[list[sp.dia_array | None]] = [
+        [sp.diags_array(along if a == b else cross) for b in range(d)] for a in range(d)
+    ]
+    if not lateral:
+        blocks = [[block if a == b else None for b, block in enumerate(row)] for a, row in enumerate(blocks)]
+    edges = [edge_modulus(problem, pair) for pair in axis_pairs(d)]
+    shear = sp.diags_array(np.concatenate([k[k > 0] for k in edges]))
+    return sp.csr_array(sp.block_diag([sp.block_array(blocks), shear], format="csr"))
+
+
+def _differences(columns: int, terms: list[tuple[NDArray[np.int64], float]]) -> sp.csr_array:
+    """Return a matrix with one row per entry of the terms, given as (columns, weight)."""
+    count = len(terms[0][0])
+    row = np.concatenate([np.flatnonzero(index >= 0) for index, _ in terms])
+    column = np.concatenate([index[index >= 0] for index, _ in terms])
+    value = np.concatenate([np.full(np.count_nonzero(i >= 0), w) for i, w in terms])
+    return sp.csr_array((value, (row, column)), shape=(count, columns))

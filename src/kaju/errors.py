@@ -46,3 +46,28 @@ class ResultFileError(ResultError, OSError):
 
 class MissingExtraError(KajuError, ImportError):
     """An optional package is needed; the message says how to install it."""
+
+
+class TangentError(KajuError, ArithmeticError):
+    """Some nodes of a spring network give way: no unique small answer to a small load.
+
+    Attributes
+    ----------
+    nodes : tuple
+        Names of the nodes that move most when the network gives way, largest first.
+    result : object or None
+        What was computed up to the last state that still held.
+    """
+
+    def __init__(self, message: str, nodes: tuple[object, ...] = (), result: object = None):
+        super().__init__(message)
+        self.nodes = nodes
+        self.result = result
+
+
+class MechanismError(TangentError):
+    """Nodes can move without any spring changing its length: springs or supports are missing."""
+
+
+class BucklingError(TangentError):
+    """The pressed springs let nodes slip sideways: the network buckles or turns inside out."""

@@ -1,0 +1,174 @@
+"""Find the displacement at which springs and loads are in balance (Newton's method).
+
+The springs come in as a *law*: a function from their elongations to their tensions and
+stiffnesses. So the same iteration serves springs that are elastic, and springs whose answer
+over one time step depends on what they went through before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from kaju.errors import ConvergenceError
+
+from .assembler import Assembler, Geometry
+from .linear import TangentSolver
+from .springs import Floats, SpringNetwork
+from .weakness import GivesWayError
+
+SpringLaw = Callable[[Floats], tuple[Floats, Floats]]
+"""From elongations (m), shape (m,), to tensions (N) and their growth with length (N/m)."""
+
+
+class Balance(NamedTuple):
+    """A state in which every free node is in balance."""
+
+    displacement: Floats
+    """Shape (n, dimension), m."""
+    tension: Floats
+    """Shape (m,), N."""
+    residual: float
+    """Largest unbalanced force as a share of the largest force met."""
+    corrections: int
+    """Number of linear systems solved."""
+
+
+def elastic_law(network: SpringNetwork) -> SpringLaw:
+    """Return the law T = K (L − λ)."""
+
+    def law(elongation: Floats) -> tuple[Floats, Floats]:
+        return network.stiffness * (elongation + network.prestretch), network.stiffness
+
+    return law
+
+
+def find_balance(
+    assembler: Assembler,
+    solver: TangentSolver,
+    law: SpringLaw,
+    displacement: Floats,
+    force: Floats,
+    *,
+    given: Floats | None = None,
+    force_scale: float = 0.0,
+    tolerance: float = 1e-12,
+    limit: int = 25,
+) -> Balance:
+    """Correct a displacement until the springs carry the force.
+
+    Parameters
+    ----------
+    assembler, solver
+        Of the network.
+    law : callable
+        What the springs answer to their elongations.
+    displacement : (n, dimension) floats
+        Where to start (m), near the answer and on its side of any instability.
+    force : (n, dimension) floats
+        External force (N).
+    given : (n, dimension) floats, optional
+        Displacement that the held coordinates shall reach (m); None: where they are.
+    force_scale : float
+        Force (N) to compare the residual with, if larger than those met here; useful when
+        a network is unloaded to nothing.
+    tolerance : float
+        Largest unbalanced force, as a share of the largest force.
+    limit : int
+        Number of corrections after which to give up.
+
+    Raises
+    ------
+    GivesWayError
+        If a tangent on the way is singular or indefinite.
+    ConvergenceError
+        If the limit is reached.
+    """
+    jump = np.zeros_like(displacement)
+    if given is not None:
+        jump = np.where(assembler.network.held, given - displacement, 0.0)
+    geometry = assembler.geometry(displacement)
+    tension, stiffness = law(geometry.elongation)
+    for corrections in range(limit + 1):
+        unbalanced = assembler.restrict(force + assembler.internal_force(geometry, tension))
+        force_scale = max(force_scale, np.abs(force).max(), np.abs(tension).max())
+        residual = float(np.abs(unbalanced).max(initial=0.0))
+        if residual <= tolerance * force_scale and not jump.any():
+            return Balance(displacement, tension, residual / (force_scale or 1.0), corrections)
+        if corrections == limit:
+            break
+        if jump.any():
+            change = assembler.force_change(geometry, tension, stiffness, jump)
+            unbalanced = unbalanced + assembler.restrict(change)
+        step = jump + solve_tangent(assembler, solver, geometry, tension, stiffness, unbalanced)
+        share = 1.0 if jump.any() else _line_search(assembler, law, displacement, step, force)
+        displacement = displacement + share * step
+        jump = np.zeros_like(jump)
+        geometry = assembler.geometry(displacement)
+        tension, stiffness = law(geometry.elongation)
+    raise ConvergenceError(
+        f"after {limit} corrections {residual:.3g} N are still unbalanced, of "
+        f"{force_scale:.3g} N at most; load in smaller increments"
+    )
+
+
+def solve_tangent(
+    assembler: Assembler,
+    solver: TangentSolver,
+    geometry: Geometry,
+    tension: Floats,
+    stiffness: Floats,
+    load: Floats,
+) -> Floats:
+    """Return the displacement (n, dimension) by which the tangent answers a load (f,)."""
+    if not len(assembler.free):
+        return assembler.expand(load)
+    if not np.isfinite(geometry.direction).all():
+        raise ConvergenceError("a spring shrank to nothing; load in smaller increments")
+    solver.factorise(assembler.tangent(geometry, tension, stiffness))
+    return assembler.expand(solver.solve(load))
+
+
+def is_stable(
+    assembler: Assembler,
+    solver: TangentSolver,
+    geometry: Geometry,
+    tension: Floats,
+    stiffness: Floats,
+) -> GivesWayError | None:
+    """Factorise the tangent of a state and return what gives way, None if nothing does."""
+    try:
+        solve_tangent(
+            assembler, solver, geometry, tension, stiffness, np.zeros(len(assembler.free))
+        )
+    except GivesWayError as weakness:
+        return weakness
+    return None
+
+
+def _line_search(
+    assembler: Assembler, law: SpringLaw, displacement: Floats, step: Floats, force: Floats
+) -> float:
+    """Return the share of a Newton step after which less work is left along it.
+
+    The work that the unbalanced force still does along the step is the slope of the energy;
+    a full step is right when this slope has fallen, else halves of it are tried.
+    """
+    share, first = 1.0, _slope(assembler, law, displacement, step, force)
+    for _ in range(12):
+        slope = _slope(assembler, law, displacement + share * step, step, force)
+        if np.isfinite(slope) and abs(slope) <= 0.9 * abs(first):
+            return share
+        share /= 2.0
+    return 1.0  # at the end of the digits no share lowers the slope
+
+
+def _slope(
+    assembler: Assembler, law: SpringLaw, displacement: Floats, step: Floats, force: Floats
+) -> float:
+    geometry = assembler.geometry(displacement)
+    tension, _ = law(geometry.elongation)
+    unbalanced = force + assembler.internal_force(geometry, tension)
+    return float(np.vdot(assembler.restrict(unbalanced), assembler.restrict(step)))

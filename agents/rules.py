@@ -7,13 +7,21 @@ differs. `PrescribedRule` takes them from the user.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 from kaju.agents.materials import Material
 from kaju.errors import ParameterError
+
+
+class Emission(NamedTuple):
+    """One share on its way: over which arm it leaves, along which direction it points."""
+
+    arm: int
+    direction: int
+    share: float
 
 
 @dataclass(frozen=True)
@@ -37,6 +45,27 @@ class Shares:
     backward: float
     friction: float
     poisson: float
+
+    def emissions(
+        self, direction: int, behind: int, beside: Iterable[tuple[int, float, float]]
+    ) -> tuple[Emission, ...]:
+        """Return what leaves the agent for each newton that it takes along `direction`.
+
+        Parameters
+        ----------
+        direction, behind : int
+            Where the load points, and the opposite direction.
+        beside : iterable of (arm, friction weight, Poisson weight)
+            The neighbours beside, as the lattice has them.
+        """
+        passed = [
+            Emission(direction, direction, self.forward),
+            Emission(behind, direction, self.backward),
+        ]
+        for arm, friction, poisson in beside:
+            passed.append(Emission(arm, direction, self.friction * friction))
+            passed.append(Emission(arm, arm, self.poisson * poisson))
+        return tuple(emission for emission in passed if emission.share > 0.0)
 
 
 @dataclass(frozen=True)
@@ -124,9 +153,13 @@ class PrescribedRule(Coefficients):
                 "threshold loads would be halved for ever"
             )
 
+    def coefficients(self, material: Material) -> Coefficients:
+        """Return the coefficients that hold for a material."""
+        return self.materials.get(material.name, self)
+
     def shares(self, material: Material, dimension: int) -> Shares:
         """Return what an agent of `material` keeps and passes on."""
-        own_coefficients = self.materials.get(material.name)
-        if own_coefficients is not None:
-            return own_coefficients.shares(material, dimension)
-        return super().shares(material, dimension)
+        coefficients = self.coefficients(material)
+        if coefficients is self:
+            return super().shares(material, dimension)
+        return coefficients.shares(material, dimension)

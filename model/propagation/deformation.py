@@ -1,0 +1,243 @@
+"""How the agents deform: strain, stress and displacement from the loads they took.
+
+Along each axis a cell is squeezed by its own share of all loads it took along that axis, in
+both senses, and widened by the free part of the expansion that the other axes cause:
+
+    ε = Σₖ eₖ (-nₖnₖᵀ + βν (1 - nₖnₖᵀ)),   σ = -Σₖ E eₖ nₖnₖᵀ,   eₖ = α₁ΣPₖ / (A E)
+
+Displacements are summed along every line of cells from its rigid end. A line without one is
+summed from its middle; with two, the misfit is spread evenly. Cells that no load reached keep
+their shape. Pulling loads squeeze as pushing ones do: the rule knows no tension.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kaju.agents.rules import PrescribedRule
+from kaju.model.scene.kinds import RIGID, ROLLER
+
+from .stage import FloatArray, IntArray, Stage
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+    from kaju.model.scene.lattice import Lattice
+
+_MOST_AT_ONCE = 2**20
+
+
+def strain_and_stress(scene: Scene, stage: Stage) -> tuple[FloatArray, FloatArray]:
+    """Return the strain (1) and stress (Pa) of every agent, each (agents, dim, dim)."""
+    lattice, rule = scene.lattice, scene.rule
+    assert isinstance(rule, PrescribedRule)
+    materials = scene.cell_materials
+    own = np.array([rule.shares(m, lattice.dimension).own for m in materials])
+    modulus = np.array([m.youngs_modulus for m in materials])
+    free = np.array([rule.coefficients(m).beta * m.poissons_ratio for m in materials])
+    area = lattice.cell_volume(scene.thickness) / lattice.cell_size
+    loads = stage.taken[:, lattice.axes] + stage.taken[:, lattice.opposite[lattice.axes]]
+    pressure = own[stage.material, None] * loads / area
+    along = np.einsum("ki,kj->kij", lattice.normals[lattice.axes], lattice.normals[lattice.axes])
+    across = np.eye(lattice.dimension) - along
+    stress = -np.einsum("nk,kij->nij", pressure, along)
+    squeeze = pressure / modulus[stage.material, None]
+    widened = np.einsum("nk,n,kij->nij", squeeze, free[stage.material], across)
+    return widened - np.einsum("nk,kij->nij", squeeze, along), stress
+
+
+@dataclass(frozen=True)
+class LineDisplacement:
+    """Displacement along one axis, on all lines of cells that agents lie on.
+
+    Agents are sorted by line and position. A *run* is an unbroken row of body cells.
+
+    Attributes
+    ----------
+    lines : array of int, shape (lines,)
+        Numbers of the lines, ascending.
+    code : array of int, shape (agents,)
+        Index of the line times `stride`, plus position: ascending.
+    elongation, before : arrays of float, shape (agents,)
+        Elongation of each agent's cell (m), and the sum of those before it on its line.
+    run : array of int, shape (agents,)
+        Run that each agent belongs to.
+    start, stop : arrays of int, shape (runs,)
+        First position of a run, and the one after its last.
+    offset, slope : arrays of float, shape (runs,)
+        What is added at the run's start (m), and what is taken away per cell (m).
+    """
+
+    lines: IntArray
+    stride: int
+    code: IntArray
+    elongation: FloatArray
+    before: FloatArray
+    run: IntArray
+    start: IntArray
+    stop: IntArray
+    offset: FloatArray
+    slope: FloatArray
+
+    def at(self, line: IntArray, position: IntArray, fraction: FloatArray) -> FloatArray:
+        """Return the displacement (m) at a fraction (0 to 1) of the way through cells."""
+        value = np.zeros(len(line))
+        index = np.minimum(np.searchsorted(self.lines, line), len(self.lines) - 1)
+        known = self.lines[index] == line if len(self.lines) else np.zeros(len(line), np.bool_)
+        code = index * self.stride + position + 1
+        place = np.searchsorted(self.code, code, side="right")
+        # The run is that of the agent before, or else of the agent after, on the same line.
+        for neighbour in (place - 1, place):
+            near = np.clip(neighbour, 0, len(self.code) - 1)
+            run = self.run[near] if len(self.run) else near
+            inside = known & (self.code[near] // self.stride == index)
+            inside &= (position >= self.start[run]) & (position < self.stop[run])
+            exact = self.code[near] == code
+            passed = np.where(
+                self.code[near] < code, self.before[near] + self.elongation[near], self.before[near]
+            )
+            passed = passed + np.where(exact, fraction * self.elongation[near], 0.0)
+            cells = position + fraction - self.start[run]
+            candidate = passed + self.offset[run] - self.slope[run] * cells
+            value = np.where(inside, candidate, value)
+            known = known & ~inside
+        return value
+
+
+class DisplacementField:
+    """Displacement of a load-transfer stage, anywhere in the body.
+
+    Parameters
+    ----------
+    scene : Scene
+        The body.
+    stage : Stage
+        The agents and what they took.
+    strain : array, shape (agents, dim, dim)
+        Their strains.
+    """
+
+    def __init__(self, scene: Scene, stage: Stage, strain: FloatArray) -> None:
+        self.lattice: Lattice = scene.lattice
+        self.axes = [
+            _displacement_along(scene, stage.cells, strain, axis)
+            for axis in range(len(self.lattice.axes))
+        ]
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Return displacements (m) at points (m), both (n, dim); 0 where no load is near."""
+        lattice = self.lattice
+        cells = lattice.locate(points)
+        inside_cell = (points - lattice.centres(cells)) / lattice.cell_size
+        normals = lattice.normals[lattice.axes]
+        total = np.zeros_like(points)
+        for axis, (normal, displacement) in enumerate(zip(normals, self.axes, strict=True)):
+            line, position = lattice.line(cells, axis)
+            along = displacement.at(line, position, inside_cell @ normal + 0.5)
+            total += along[:, None] * normal
+        # Hexagons have three axes for two dimensions.
+        return total * (lattice.dimension / len(normals))
+
+
+def _displacement_along(
+    scene: Scene, cells: IntArray, strain: FloatArray, axis: int
+) -> LineDisplacement:
+    lattice = scene.lattice
+    normal = lattice.normals[lattice.axes[axis]]
+    line, position = lattice.line(cells, axis)
+    order = np.lexsort((position, line))
+    line, position = line[order], position[order]
+    elongation = lattice.cell_size * np.einsum("nij,i,j->n", strain[order], normal, normal)
+    lines, index = np.unique(line, return_inverse=True)
+    stride = int(max(lattice.shape)) + 4
+    code = index * stride + position + 1
+    run, start, stop, held = _runs(scene, line, position, axis)
+
+    summed = np.cumsum(elongation) - elongation
+    first_of_line = np.searchsorted(line, line)
+    before = summed - summed[first_of_line]
+    first, last = _first_and_last(run)
+    total = before[last] + elongation[last] - before[first]
+    count = stop - start
+    offset = -before[first]
+    offset -= np.where(~held[:, 0] & held[:, 1], total, 0.0)
+    slope = np.where(held.all(axis=1), total / np.maximum(count, 1), 0.0)
+    raw = LineDisplacement(
+        lines, stride, code, elongation, before, run, start, stop, offset, np.zeros(len(start))
+    )
+    floating = ~held.any(axis=1)
+    middle = 0.5 * (start + stop)[floating]
+    cell = np.floor(middle).astype(np.int64)
+    at_middle = raw.at(line[first[floating]], cell, middle - cell)
+    offset[floating] -= at_middle
+    return LineDisplacement(
+        lines, stride, code, elongation, before, run, start, stop, offset, slope
+    )
+
+
+def _first_and_last(run: IntArray) -> tuple[IntArray, IntArray]:
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    return first, np.append(first[1:], len(run))[: len(first)] - 1
+
+
+def _runs(
+    scene: Scene, line: IntArray, position: IntArray, axis: int
+) -> tuple[IntArray, IntArray, IntArray, np.ndarray]:
+    """Find the unbroken rows of body cells that sorted agents lie in.
+
+    Returns
+    -------
+    run : array, shape (agents,)
+        Number of each agent's run.
+    start, stop : arrays, shape (runs,)
+        First position, and the one after the last.
+    held : array of bool, shape (runs, 2)
+        Whether the lower and the upper end meets something rigid.
+    """
+    adjacent = np.zeros(len(line), dtype=np.bool_)
+    adjacent[1:] = (line[1:] == line[:-1]) & (position[1:] == position[:-1] + 1)
+    first = np.flatnonzero(~adjacent)
+    last = np.append(first[1:], len(line))[: len(first)] - 1
+    stop, held_above = _end_of_body(scene, line[last], position[last], axis, +1)
+    # Two blocks of agents are one run if the lower one's body reaches the upper one.
+    joined = np.zeros(len(first), dtype=np.bool_)
+    joined[1:] = (line[first[1:]] == line[first[:-1]]) & (stop[:-1] > position[first[1:]])
+    lowest = np.flatnonzero(~joined)
+    highest = np.append(lowest[1:], len(first))[: len(lowest)] - 1
+    below, held_below = _end_of_body(scene, line[first[lowest]], position[first[lowest]], axis, -1)
+    block = np.cumsum(~adjacent) - 1
+    run = (np.cumsum(~joined) - 1)[block] if len(block) else block
+    return run, below + 1, stop[highest], np.stack([held_below, held_above[highest]], axis=1)
+
+
+def _end_of_body(
+    scene: Scene, line: IntArray, position: IntArray, axis: int, sense: int
+) -> tuple[IntArray, np.ndarray]:
+    """Walk along lines until the body ends; return where, and whether something rigid is there.
+
+    The stride of the walk doubles, so long lines cost few calls.
+    """
+    end = position.copy()
+    kind = np.zeros(len(line), dtype=np.int64)
+    walking = np.arange(len(line))
+    reach = 1
+    while len(walking):
+        batch = max(1, _MOST_AT_ONCE // reach)
+        still = []
+        for part in np.split(walking, range(batch, len(walking), batch)):
+            steps = end[part, None] + sense * np.arange(1, reach + 1)
+            lines = np.repeat(line[part], reach)
+            cells = scene.lattice.on_line(lines, steps.ravel(), axis)
+            kinds = scene.kinds(cells).reshape(steps.shape)
+            outside = kinds < 0
+            found = outside.any(axis=1)
+            nearest = np.argmax(outside, axis=1)
+            rows = np.arange(len(part))
+            end[part] = np.where(found, steps[rows, nearest], steps[:, -1])
+            kind[part[found]] = kinds[rows, nearest][found]
+            still.append(part[~found])
+        walking = np.concatenate(still)
+        reach = min(2 * reach, 4096)
+    return end, (kind == RIGID) | (kind == ROLLER)

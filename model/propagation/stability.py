@@ -1,0 +1,209 @@
+"""Will the loads end? A certificate that is stated before a run.
+
+The transfer operator T takes the loads of one generation, one number per cell and direction,
+to those of the next. All its entries are shares, hence not negative, and boundaries give
+back all they get; so every column of T sums up to what an agent of that cell's material
+emits per newton. Where all agents emit the same, that sum *is* the spectral radius, because
+1ᵀT = c 1ᵀ; where materials differ it lies between the smallest and the largest sum, and
+power iteration narrows it down (bounds of Collatz and Wielandt).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor, log
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .transfer import Transfer, split_force
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+    from kaju.model.scene import Scene
+
+MOST_CELLS_FOR_OPERATOR = 200_000
+"""Above this many cells the operator is bounded but not iterated on."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is known of a run before it starts.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Bounds of the spectral radius of the transfer operator, boundaries included.
+    spectral_radius : float or None
+        Growth of the loads' sum per generation when all are added; None if only the bounds
+        are known.
+    largest_share : float
+        Largest share of a load that is passed on in one piece.
+    generations : int or None
+        After how many generations every load has ended, at the latest; None if unknown.
+    stable : bool
+        Whether the run is sure to end.
+    verdict : str
+        The same in words, with a remedy if the run is unstable.
+    """
+
+    lower: float
+    upper: float
+    spectral_radius: float | None
+    largest_share: float
+    generations: int | None
+    stable: bool
+    verdict: str
+
+
+def stability(scene: Scene) -> Certificate:
+    """State whether the loads of a scene will end under its prescribed rule.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene with a `PrescribedRule`.
+
+    Returns
+    -------
+    Certificate
+        Bounds, spectral radius, the number of generations at most, and a verdict.
+    """
+    return certify(scene, Transfer(scene))
+
+
+def certify(scene: Scene, transfer: Transfer) -> Certificate:
+    """Do the work of `stability` for a rule that is already in tables."""
+    emitted = transfer.emitted
+    lower, upper = float(emitted.min()), float(emitted.max())
+    if lower < upper and scene.lattice.size <= MOST_CELLS_FOR_OPERATOR:
+        lower, upper = bound_spectral_radius(transfer_operator(scene, transfer))
+    known = upper - lower <= 1e-6 * upper
+    radius = 0.5 * (lower + upper) if known else None
+    largest_share = float(transfer.tables[2].max(initial=0.0))
+    applied = split_force(scene.lattice, scene.applied().force)[2]
+    if transfer.rule.accumulate:
+        generations = _generations(float(applied.sum()), upper, transfer.rule.threshold)
+    else:
+        largest = float(applied.max(initial=0.0))
+        generations = _generations(largest, largest_share, transfer.rule.threshold)
+    stable = generations is not None
+    verdict = _ends(generations) if generations is not None else _grows(transfer, lower, upper)
+    return Certificate(lower, upper, radius, largest_share, generations, stable, verdict)
+
+
+def _generations(load: float, decay: float, threshold: float) -> int | None:
+    """Return how often `load` can be multiplied by `decay` and still exceed the threshold."""
+    if load <= threshold:
+        return 0
+    if decay >= 1.0:
+        return None
+    if decay == 0.0:
+        return 1
+    return floor(log(threshold / load) / log(decay) * (1.0 + 1e-12)) + 1
+
+
+def _ends(generations: int) -> str:
+    if generations == 0:
+        return "no load exceeds the threshold: nothing happens"
+    unit = "generation" if generations == 1 else "generations"
+    return f"every load ends within {generations} {unit}"
+
+
+def _grows(transfer: Transfer, lower: float, upper: float) -> str:
+    """Say why the run is refused, and which share to lower below what."""
+    worst = int(np.argmax(transfer.emitted))
+    shares, name = transfer.shares[worst], transfer.materials[worst].name
+    if not transfer.rule.accumulate:
+        return (
+            f"a load that an agent of {name!r} passes on in one piece is not smaller than the "
+            "load it took, so it never ends: lower forward (α₂), friction (α₃) and α₁ below 1"
+        )
+    dimension = transfer.lattice.dimension
+    beside = 2 * (dimension - 1)
+    if transfer.lattice.kind == "hexagon":
+        sideways = 2.0 * shares.friction + 3.0 * shares.poisson
+    else:
+        sideways = beside * (shares.friction + shares.poisson)
+    percent = 100.0 * (upper - 1.0)
+    if lower < 1.0:
+        growth = f"loads may grow by up to {percent:.3g} % a generation in {name!r}"
+    else:
+        growth = f"loads grow by {100.0 * (lower - 1.0):.3g} % a generation"
+    forward = 1.0 - sideways
+    friction = (1.0 - shares.forward - (sideways - beside * shares.friction)) / beside
+    remedies = [
+        f"{word} below {limit:.4g}"
+        for word, limit in (("forward (α₂)", forward), ("friction (α₃)", friction))
+        if limit > 0.0
+    ]
+    remedy = f"lower {' or '.join(remedies)}" if remedies else "lower all shares of it"
+    return f"{growth}: {remedy}, or judge each load by itself (accumulate = false)"
+
+
+def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
+    """Assemble T over all cells of the body: unknowns are cell times direction.
+
+    Returns
+    -------
+    csr_array, shape (cells * directions, cells * directions)
+        Column: a load taken; row: a load that it sends, after boundaries gave it back.
+    """
+    from scipy.sparse import coo_array
+
+    lattice = scene.lattice
+    everywhere = np.indices(lattice.shape).reshape(lattice.dimension, -1).T
+    kinds = scene.kinds(everywhere)
+    cells, material = everywhere[kinds >= 0], kinds[kinds >= 0]
+    number = np.full(int(np.prod(np.asarray(lattice.shape) + 2)), -1, dtype=np.int64)
+    number[lattice.key(cells)] = np.arange(len(cells))
+    arms, directions, shares = transfer.tables
+    rows, columns, values = [], [], []
+    for arm in range(lattice.directions):
+        target = lattice.neighbours(cells, arm)
+        beyond = scene.kinds(target)
+        reached = np.where(beyond >= 0, number[lattice.key(target)], np.arange(len(cells)))
+        for direction, emission in np.ndindex(arms.shape[1:]):
+            sends = (arms[material, direction, emission] == arm) & (
+                shares[material, direction, emission] > 0.0
+            )
+            out = directions[material, direction, emission]
+            for kind, turned in transfer.turned.items():
+                out = np.where(beyond == kind, turned[arm, out], out)
+            rows.append((reached * lattice.directions + out)[sends])
+            columns.append((np.arange(len(cells)) * lattice.directions + direction)[sends])
+            values.append(shares[material, direction, emission][sends])
+    size = len(cells) * lattice.directions
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return coo_array(entries, shape=(size, size)).tocsr()
+
+
+def bound_spectral_radius(
+    operator: csr_array, iterations: int = 2000, tolerance: float = 1e-9
+) -> tuple[float, float]:
+    """Bound the spectral radius of a matrix without negative entries.
+
+    For every positive x the radius of A lies between the smallest and the largest of
+    (Aᵀx)ᵢ/xᵢ (Collatz, Wielandt). Adding half of the identity keeps the iteration from
+    swinging between loads that run to and fro.
+
+    Returns
+    -------
+    lower, upper : float
+        Rigorous bounds, closer than `tolerance` if the iteration got that far.
+    """
+    transposed = operator.T.tocsr()
+    x: NDArray[np.float64] = np.ones(operator.shape[0])
+    lower, upper = 0.0, float(np.inf)
+    for _ in range(iterations):
+        image = transposed @ x
+        ratio = image / x
+        lower, upper = max(lower, float(ratio.min())), min(upper, float(ratio.max()))
+        if upper - lower <= tolerance * upper:
+            break
+        x = image + 0.5 * upper * x
+        x /= x.max()
+        x = np.maximum(x, 1e-200)
+    return lower, upper

@@ -1,0 +1,171 @@
+"""What one stage of loading leaves behind: the agents it woke, and its ledger."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """An account of every newton of a stage (N).
+
+    Loads enter a cell from outside (`applied`) or from an agent (`emitted`); each of them is
+    taken by an agent, dropped because it is too small, or still pending when the run stops.
+
+    Attributes
+    ----------
+    applied : float
+        Sum of the loads put on the body, split along the lattice's directions.
+    taken : float
+        Sum of the loads that material agents took.
+    kept : float
+        Part of the taken loads that deforms the agents.
+    emitted : float
+        Sum of what the taken loads sent out, whatever became of it.
+    passed, returned : float
+        Emissions that reached another material agent, and those that a boundary gave back.
+    dropped : float
+        Loads up to the threshold, which ended.
+    pending : float
+        Loads handed over but not yet taken; 0 when the stage has come to rest.
+    """
+
+    applied: float
+    taken: float
+    kept: float
+    emitted: float
+    passed: float
+    returned: float
+    dropped: float
+    pending: float
+
+    @property
+    def imbalance(self) -> float:
+        """What the books do not account for, as a share of all loads; 0 but for rounding."""
+        entered = self.applied + self.emitted
+        left = self.taken + self.dropped + self.pending
+        handed = self.applied + self.passed + self.returned
+        return max(abs(entered - left), handed - entered, 0.0) / entered if entered else 0.0
+
+
+@dataclass(frozen=True)
+class History:
+    """Loads taken, generation by generation: one row per agent, direction and generation.
+
+    Attributes
+    ----------
+    generation, agent, direction : arrays of int, shape (rows,)
+        When, by which agent (a row of `Stage.cells`) and along which direction.
+    load : array of float, shape (rows,)
+        Sum of the loads taken then (N).
+    """
+
+    generation: IntArray
+    agent: IntArray
+    direction: IntArray
+    load: FloatArray
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The agents of one stage of loading, in the order in which they spawned.
+
+    Attributes
+    ----------
+    factor : float
+        Share of the full loads that was applied.
+    outcome : str
+        How the stage ended, in words.
+    generations : int
+        Number of steps in which loads were taken.
+    cells : array of int, shape (agents, dimension)
+        Where the material agents are.
+    material : array of int, shape (agents,)
+        What they are made of: index into the scene's `cell_materials`.
+    spawn_step : array of int, shape (agents,)
+        Generation in which each took its first load, counted from 1.
+    woken_by : array of int, shape (agents,)
+        Bit a is set if a load that woke the agent came over its arm a; 0 for applied loads.
+    taken : array of float, shape (agents, directions)
+        Loads taken by direction (N).
+    passed : array of float, shape (agents, directions)
+        Loads handed over by arm (N), to neighbours and to boundaries.
+    dropped : array of float, shape (agents,)
+        Emissions that were too small (N).
+    boundary_cells, boundary_kind, boundary_spawn_step : arrays of int
+        Where the boundary agents are, what they are (`AIR`, `RIGID`, `ROLLER`), and the
+        generation in which each first gave a load back.
+    returned : array of float, shape (boundary agents,)
+        Loads given back (N).
+    history : History
+        The loads taken, generation by generation.
+    ledger : Ledger
+        The account of every newton.
+    """
+
+    factor: float
+    outcome: str
+    generations: int
+    cells: IntArray
+    material: IntArray
+    spawn_step: IntArray
+    woken_by: IntArray
+    taken: FloatArray
+    passed: FloatArray
+    dropped: FloatArray
+    boundary_cells: IntArray
+    boundary_kind: IntArray
+    boundary_spawn_step: IntArray
+    returned: FloatArray
+    history: History
+    ledger: Ledger
+
+
+def collect_boundary(
+    handed: list[tuple[IntArray, FloatArray]],
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Gather what boundary agents gave back, from (cell keys, loads) of each generation.
+
+    Returns
+    -------
+    key, spawn_step, returned : arrays
+        One entry per boundary agent, ordered by spawn step and key.
+    """
+    if not handed:
+        nothing = np.empty(0, dtype=np.int64)
+        return nothing, nothing, np.empty(0)
+    every = np.concatenate([key for key, _ in handed])
+    # A load handed over in generation g (counted from 1) is taken again in g + 1.
+    step = np.concatenate([np.full(len(key), g + 2) for g, (key, _) in enumerate(handed)])
+    load = np.concatenate([amount for _, amount in handed])
+    key, first, number = np.unique(every, return_index=True, return_inverse=True)
+    returned = np.bincount(number, weights=load, minlength=len(key))
+    order = np.lexsort((key, step[first]))
+    return key[order], step[first][order], returned[order]
+
+
+def collect_history(
+    record: list[tuple[IntArray, IntArray, FloatArray]], order: IntArray
+) -> History:
+    """Gather the loads taken, from (agent, direction, load) of each generation.
+
+    `order` lists the agents in the order of the stage; loads that one agent takes along one
+    direction in one generation are added.
+    """
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    rows = []
+    for generation, (agent, direction, load) in enumerate(record, start=1):
+        code, number = np.unique(rank[agent] * 8 + direction, return_inverse=True)
+        total = np.bincount(number, weights=load, minlength=len(code))
+        rows.append((np.full(len(code), generation), code // 8, code % 8, total))
+    if not rows:
+        nothing = np.empty(0, dtype=np.int64)
+        return History(nothing, nothing, nothing, np.empty(0))
+    return History(*(np.concatenate(column) for column in zip(*rows, strict=True)))

@@ -1,0 +1,247 @@
+"""The result of load transfer by a prescribed rule."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju import __version__
+from kaju.errors import ResultError, ResultFileError
+from kaju.model.result import Result, read_archive, write_archive
+from kaju.model.scene import Scene
+from kaju.model.scene.kinds import AIR, RIGID
+
+from .deformation import DisplacementField, strain_and_stress
+from .load_path import load_path
+from .stability import Certificate
+from .stage import FloatArray, History, Ledger, Stage
+
+if TYPE_CHECKING:
+    import networkx
+    import pandas
+
+
+@dataclass(frozen=True)
+class TransferResult(Result):
+    """What the agents of a load-transfer run have taken, kept and passed on.
+
+    Strain, stress, displacement and the agents themselves are those of the last stage of
+    loading; `at_stage` gives the same result as of an earlier one.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    stages : tuple of Stage
+        The agents of every stage of loading.
+    certificate : Certificate
+        What was known about the stability before the run.
+    seconds : float
+        Time that the run took (s).
+    """
+
+    scene: Scene
+    stages: tuple[Stage, ...]
+    certificate: Certificate
+    seconds: float
+
+    @property
+    def last(self) -> Stage:
+        """The last stage of loading."""
+        return self.stages[-1]
+
+    def at_stage(self, stage: int) -> TransferResult:
+        """Return the result as it was after a stage, counted from 1.
+
+        Raises
+        ------
+        ResultError
+            If there is no such stage.
+        """
+        if not 1 <= stage <= len(self.stages):
+            raise ResultError(
+                f"stage: this result has the stages 1 to {len(self.stages)}, got {stage}"
+            )
+        return TransferResult(self.scene, self.stages[:stage], self.certificate, self.seconds)
+
+    @cached_property
+    def _strain_and_stress(self) -> tuple[FloatArray, FloatArray]:
+        return strain_and_stress(self.scene, self.last)
+
+    @property
+    def strain(self) -> FloatArray:
+        """Strain of every agent, shape (agents, dim, dim)."""
+        return self._strain_and_stress[0]
+
+    @property
+    def stress(self) -> FloatArray:
+        """Stress of every agent (Pa), shape (agents, dim, dim)."""
+        return self._strain_and_stress[1]
+
+    @cached_property
+    def von_mises(self) -> FloatArray:
+        """Von Mises stress of every agent (Pa); in the plane, of plane stress."""
+        stress = np.zeros((len(self.stress), 3, 3))
+        dimension = self.scene.lattice.dimension
+        stress[:, :dimension, :dimension] = self.stress
+        mean = np.trace(stress, axis1=1, axis2=2) / 3.0
+        deviator = stress - mean[:, None, None] * np.eye(3)
+        result: FloatArray = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+        return result
+
+    @cached_property
+    def displacement_field(self) -> DisplacementField:
+        """Displacement as a function of the place."""
+        return DisplacementField(self.scene, self.last, self.strain)
+
+    @cached_property
+    def displacement(self) -> FloatArray:
+        """Displacement of the middle of every agent's cell (m), shape (agents, dim)."""
+        return self.displacement_field.at(self.scene.lattice.centres(self.last.cells))
+
+    def displacement_at(self, points: NDArray[np.float64]) -> FloatArray:
+        """Return the displacement (m) at points (m), both of shape (n, dimension).
+
+        Raises
+        ------
+        ResultError
+            If the points have another dimension or lie outside the body.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        dimension = self.scene.lattice.dimension
+        if points.ndim != 2 or points.shape[1] != dimension:
+            raise ResultError(
+                f"points: an array of shape (n, {dimension}) in metres is needed, "
+                f"got shape {points.shape}"
+            )
+        outside = self.scene.kinds(self.scene.lattice.locate(points)) < 0
+        if outside.any():
+            first = points[np.argmax(outside)].tolist()
+            raise ResultError(f"points: {first} m lies outside the body")
+        return self.displacement_field.at(points)
+
+    def load_path(self) -> networkx.DiGraph:
+        """Return who loaded whom, with the loads as edge weights (N)."""
+        return load_path(self.scene, self.last)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures of the last stage."""
+        stage = self.last
+        size = np.linalg.norm(self.displacement, axis=1)
+        return {
+            "rule": "prescribed",
+            "generations": stage.generations,
+            "material_agents": len(stage.cells),
+            "boundary_agents": len(stage.boundary_cells),
+            "free_boundary_agents": int((stage.boundary_kind == AIR).sum()),
+            "rigid_boundary_agents": int((stage.boundary_kind == RIGID).sum()),
+            "load_taken": stage.ledger.taken,
+            "load_dropped": stage.ledger.dropped,
+            "max_displacement": float(size.max(initial=0.0)),
+            "spectral_radius": self.certificate.spectral_radius,
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        }
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per material agent of the last stage.
+
+        Columns: the cell's coordinates, its material, the spawn step, the loads taken by
+        direction (N), kept and dropped loads (N), displacement (m), strain and stress (Pa).
+        """
+        import pandas
+
+        stage, lattice = self.last, self.scene.lattice
+        names = "xyz"[: lattice.dimension]
+        columns: dict[str, Any] = {f"cell_{a}": stage.cells[:, i] for i, a in enumerate(names)}
+        materials = np.array([material.name for material in self.scene.cell_materials])
+        columns["material"] = materials[stage.material]
+        columns["spawn_step"] = stage.spawn_step
+        for direction, name in enumerate(lattice.direction_names):
+            columns[f"taken_{name}"] = stage.taken[:, direction]
+        columns["dropped"] = stage.dropped
+        for i, a in enumerate(names):
+            columns[f"displacement_{a}"] = self.displacement[:, i]
+        for i, a in enumerate(names):
+            for j, b in enumerate(names[i:], start=i):
+                columns[f"strain_{a}{b}"] = self.strain[:, i, j]
+                columns[f"stress_{a}{b}"] = self.stress[:, i, j]
+        return pandas.DataFrame(columns)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to one ``.npz`` file, whole or not at all.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        arrays: dict[str, NDArray[Any]] = {}
+        described = []
+        for number, stage in enumerate(self.stages):
+            for name, column in _columns(stage).items():
+                arrays[f"{number}.{name}"] = column
+            for name, column in _columns(stage.history).items():
+                arrays[f"{number}.history.{name}"] = column
+            described.append(
+                {
+                    "factor": stage.factor,
+                    "outcome": stage.outcome,
+                    "generations": stage.generations,
+                    "ledger": asdict(stage.ledger),
+                }
+            )
+        text, scene_arrays = self.scene.to_archive()
+        arrays |= {f"scene.{name}": array for name, array in scene_arrays.items()}
+        about = {
+            "kind": "transfer",
+            "scene": text,
+            "stages": described,
+            "certificate": asdict(self.certificate),
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        }
+        return write_archive(path, arrays, about)
+
+    @classmethod
+    def load(cls, path: str | Path) -> TransferResult:
+        """Read a result that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, or holds something else.
+        """
+        arrays, about = read_archive(path)
+        if about.get("kind") != "transfer":
+            raise ResultFileError(
+                f"{path}: holds a result of kind {about.get('kind')!r}, not of load transfer"
+            )
+        scene_arrays = {
+            name.removeprefix("scene."): array
+            for name, array in arrays.items()
+            if name.startswith("scene.")
+        }
+        stages = []
+        for number, described in enumerate(about["stages"]):
+            history = {f.name: arrays[f"{number}.history.{f.name}"] for f in fields(History)}
+            columns = {
+                f.name: arrays[f"{number}.{f.name}"]
+                for f in fields(Stage)
+                if f"{number}.{f.name}" in arrays
+            }
+            described["ledger"] = Ledger(**described["ledger"])
+            stages.append(Stage(**described, **columns, history=History(**history)))
+        scene = Scene.from_archive(about["scene"], scene_arrays)
+        certificate = Certificate(**about["certificate"])
+        return cls(scene, tuple(stages), certificate, about["seconds"])
+
+
+def _columns(record: Stage | History) -> dict[str, NDArray[Any]]:
+    every = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}

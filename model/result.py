@@ -1,0 +1,112 @@
+"""What every engine returns: the same questions, whatever the answer was computed with."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ResultFileError
+
+if TYPE_CHECKING:
+    import pandas
+
+    from kaju.model.scene import Scene
+
+
+class Result(ABC):
+    """The answer to a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    seconds : float
+        Time that the computation took (s).
+    """
+
+    scene: Scene
+    seconds: float
+
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+
+    @abstractmethod
+    def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+
+    @abstractmethod
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per agent."""
+
+    @abstractmethod
+    def save(self, path: str | Path) -> Path:
+        """Write the result to one file, from which `load` reads it again."""
+
+    @classmethod
+    @abstractmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a result that `save` wrote."""
+
+
+def write_archive(path: str | Path, arrays: dict[str, NDArray[Any]], text: dict[str, Any]) -> Path:
+    """Write arrays and plain values to one ``.npz`` file, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        The file; the ending ``.npz`` is added if it is missing.
+    arrays : dict of str to array
+        Numbers; no objects, so that reading needs no pickle.
+    text : dict
+        Anything that JSON can hold.
+
+    Raises
+    ------
+    ResultFileError
+        If the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix != ".npz":
+        target = target.with_name(target.name + ".npz")
+    described = np.frombuffer(json.dumps(text).encode(), dtype=np.uint8)
+    try:
+        handle, scratch = tempfile.mkstemp(dir=target.parent, suffix=".part")
+    except OSError as error:
+        raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez_compressed(file, json=described, **arrays)
+        Path(scratch).replace(target)
+    except BaseException as error:
+        Path(scratch).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
+        raise
+    return target
+
+
+def read_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Read what `write_archive` wrote.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is missing or is no archive of kaju's.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files if name != "json"}
+            text = json.loads(archive["json"].tobytes().decode())
+    except FileNotFoundError as error:
+        raise ResultFileError(f"{path}: there is no such file") from error
+    except Exception as error:
+        raise ResultFileError(f"{path}: is not a result that kaju has saved ({error})") from error
+    return arrays, text

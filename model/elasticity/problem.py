@@ -186,10 +186,10 @@ def _lay_rim(rim: NDArray[np.int32], index: int, side: Side) -> None:
         raise ParameterError(
             f"sides: {what!r} is none of free, rigid, roller, foundation, displacement"
         )
-    rim[_rim_layer(rim.ndim, index)] = kind
+    rim[rim_layer(rim.ndim, index)] = kind
 
 
-def _rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
+def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
     """Return the index of the rim's cells beyond one side, without the rim's own corners."""
     layer: list[slice | int] = [slice(1, -1)] * dimension
     layer[index // 2] = -1 if index % 2 else 0
@@ -230,7 +230,7 @@ def _scaled(
             _prescribe(fixed, index, given[name] / scales.displacement)
         elif not isinstance(side, str) and side[0] == "foundation":
             stiffness = float(np.asarray(side[1])) * cell_size / modulus
-            layer = list(_rim_layer(dimension, index))
+            layer = list(rim_layer(dimension, index))
             layer[index // 2] = -2 if index % 2 else 1
             spring[index // 2][tuple(layer)] = stiffness
     problem = ElasticProblem(

@@ -1,0 +1,267 @@
+"""Multigrid for a full box of one material: no matrix is stored.
+
+Parents obey the same law as their children, on cells twice as large. Below the finest
+grid that can still be halved, `SparseMultigrid` takes over; it also copes with odd numbers
+of cells. The V-cycle is symmetric, so it may precondition conjugate gradients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .moduli import Moduli
+from .problem import (
+    ABSENT,
+    ACTIVE,
+    AIR,
+    FIXED,
+    FOUNDATION,
+    RIGID,
+    ElasticProblem,
+    FaceFields,
+    Floats,
+    rim_layer,
+)
+from .sparse_multigrid import SparseMultigrid
+from .staggered import Numbering, stiffness_matrix
+
+Vector = NDArray[np.float64]
+SMALLEST = 4
+
+
+@dataclass
+class BoxLevel:
+    """One grid of the box.
+
+    Attributes
+    ----------
+    problem : ElasticProblem
+        The law on this grid, without loads; only its description is used.
+    law : array
+        C₁₁, C₁₂ and μ times the grid's scale.
+    spring : array
+        Stiffness of the foundation per face of each side.
+    u, load : arrays
+        Work space: displacement and load of all faces in one vector.
+    """
+
+    shape: tuple[int, ...]
+    law: Floats
+    spring: Floats
+    u: Vector
+    load: Vector
+
+    def views(self, vector: Vector) -> FaceFields:
+        """Return a vector of all faces as one array per axis."""
+        return face_views(vector, self.shape)
+
+
+def face_views(vector: Vector, shape: tuple[int, ...]) -> FaceFields:
+    """Return a vector of all faces of a box as one array per axis, without copying."""
+    views, start = [], 0
+    for axis in range(len(shape)):
+        faces = tuple(n + (a == axis) for a, n in enumerate(shape))
+        size = int(np.prod(faces))
+        views.append(vector[start : start + size].reshape(faces))
+        start += size
+    return tuple(views)
+
+
+def face_count(shape: tuple[int, ...]) -> int:
+    """Return the number of faces of a box of cells."""
+    return sum(int(np.prod([n + (a == axis) for a, n in enumerate(shape)])) for axis in range(len(shape)))
+
+
+def is_box(problem: ElasticProblem) -> bool:
+    """Tell whether a problem is a full box of one material whose sides are of one kind each."""
+    kinds = problem.kinds
+    inside = kinds[problem.inner]
+    if not np.all(inside == inside.flat[0]) or inside.flat[0] < 0:
+        return False
+    for index in range(2 * problem.dimension):
+        layer = kinds[rim_layer(problem.dimension, index)]
+        if not np.all(layer == layer.flat[0]):
+            return False
+    return all(n % 2 == 0 and n >= 2 * SMALLEST for n in problem.shape)
+
+
+class BoxMultigrid:
+    """Multigrid on a full box.
+
+    Parameters
+    ----------
+    problem : ElasticProblem
+        A problem for which `is_box` holds.
+    sweeps : int
+        Gauss-Seidel sweeps before and after the visit to the parents.
+    """
+
+    def __init__(self, problem: ElasticProblem, sweeps: int = 2) -> None:
+        self.sweeps = sweeps
+        d = problem.dimension
+        self._kernels = _kernels(d)
+        sides = [int(problem.kinds[rim_layer(d, s)].flat[0]) for s in range(2 * d)]
+        self.wall = np.array([2.0 * (kind == RIGID) for kind in sides])
+        self.held = np.array([kind not in (AIR, FOUNDATION) for kind in sides])
+        rigid = np.array([kind == RIGID for kind in sides])
+        self.own, self.far = np.where(rigid, 0.5, 1.25), np.where(rigid, 0.0, -0.25)
+        material = int(problem.kinds[problem.inner].flat[0])
+        law = np.array([m[material] for m in problem.moduli])
+        self.levels = [_level(problem.shape, law, _springs(problem), work=False)]
+        while all(n % 2 == 0 and n >= 2 * SMALLEST for n in self.levels[-1].shape):
+            fine = self.levels[-1]
+            half = tuple(n // 2 for n in fine.shape)
+            scale = 2.0 ** (d - 2)
+            self.levels.append(_level(half, scale * fine.law, 2.0 ** (d - 1) * fine.spring))
+        self._coarsest = _Coarsest(self.levels[-1], sides, problem.plane)
+        self._side = (self.wall, self.held)
+
+    @property
+    def depth(self) -> int:
+        """Number of levels, those of the sparse hierarchy beneath included."""
+        return len(self.levels) + self._coarsest.depth - 1
+
+    def apply(self, x: Vector) -> Vector:
+        """Return the stiffness times x."""
+        out = np.empty_like(x)
+        self._apply(x, out)
+        return out
+
+    def precondition(self, load: Vector) -> Vector:
+        """Return one V-cycle's answer to a load."""
+        out = np.empty_like(load)
+        self._cycle(0, load, out)
+        return out
+
+    def full_multigrid(self, load: Vector) -> tuple[Vector, Vector]:
+        """Start from the coarsest answer and improve it level by level.
+
+        Returns
+        -------
+        start, coarser : arrays
+            The finest grid's first answer, and the parents' answer interpolated to it.
+        """
+        loads = [load]
+        for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
+            vector = np.empty(face_count(coarse.shape))
+            self._kernels.restrict(
+                fine.views(loads[-1]), coarse.views(vector), self.own, self.far
+            )
+            loads.append(vector)
+        x = coarser = self._coarsest.solve(loads[-1])
+        for at in range(len(self.levels) - 2, -1, -1):
+            level, below = self.levels[at], self.levels[at + 1]
+            coarser = np.zeros_like(loads[at])
+            self._kernels.prolong(level.views(coarser), below.views(x), self.own, self.far)
+            left = self.apply_at(at, coarser)
+            np.subtract(loads[at], left, out=left)
+            self.clear_fixed(at, left)
+            x = np.empty_like(left)
+            self._cycle(at, left, x)
+            x += coarser
+        return x, coarser
+
+    def clear_fixed(self, at: int, vector: Vector) -> None:
+        """Set the entries of fixed faces to zero."""
+        for axis, field in enumerate(self.levels[at].views(vector)):
+            lines = np.moveaxis(field, axis, 0)
+            if self.held[2 * axis]:
+                lines[0] = 0.0
+            if self.held[2 * axis + 1]:
+                lines[-1] = 0.0
+
+    def apply_at(self, at: int, x: Vector) -> Vector:
+        """Return a level's stiffness times x."""
+        level, out = self.levels[at], np.empty_like(x)
+        self._kernels.apply(
+            level.views(x), level.views(out), level.law, *self._side, level.spring
+        )
+        return out
+
+    def _apply(self, x: Vector, out: Vector) -> float:
+        level = self.levels[0]
+        return float(
+            self._kernels.apply(
+                level.views(x), level.views(out), level.law, *self._side, level.spring
+            )
+        )
+
+    def _cycle(self, at: int, load: Vector, u: Vector) -> None:
+        level = self.levels[at]
+        if at == len(self.levels) - 1:
+            u[:] = self._coarsest.solve(load)
+            return
+        below = self.levels[at + 1]
+        fields, forces = level.views(u), level.views(load)
+        sides = (level.law, *self._side, level.spring, self.own, self.far, self.sweeps)
+        self._kernels.descend(fields, forces, below.views(below.load), *sides)
+        self._cycle(at + 1, below.load, below.u)
+        self._kernels.ascend(fields, forces, below.views(below.u), *sides)
+
+
+class _Coarsest:
+    """The last box, handed to the sparse hierarchy."""
+
+    def __init__(
+        self, level: BoxLevel, sides: list[int], plane: Literal["stress", "strain"] | None
+    ) -> None:
+        problem = _describe(level, sides, plane)
+        states = problem.face_states()
+        active = [s[problem.inner] == ACTIVE for s in states]
+        self._active = np.flatnonzero(np.concatenate([a.ravel() for a in active]))
+        numbering = Numbering(states)
+        self._solver = SparseMultigrid(stiffness_matrix(problem, numbering), numbering, coarsest=2500)
+        self.depth = len(self._solver.levels)
+
+    def solve(self, load: Vector) -> Vector:
+        out = np.zeros_like(load)
+        out[self._active] = self._solver.precondition(load[self._active])
+        return out
+
+
+def _describe(
+    level: BoxLevel, sides: list[int], plane: Literal["stress", "strain"] | None
+) -> ElasticProblem:
+    from .problem import Scales
+
+    kinds = np.full([n + 2 for n in level.shape], AIR, dtype=np.int32)
+    kinds[(slice(1, -1),) * kinds.ndim] = 0
+    for index, kind in enumerate(sides):
+        kinds[rim_layer(kinds.ndim, index)] = kind
+    shapes = [tuple(n + (a == axis) for a, n in enumerate(kinds.shape)) for axis in range(kinds.ndim)]
+    spring = tuple(np.zeros(shape) for shape in shapes)
+    for index, stiffness in enumerate(level.spring):
+        layer = list(rim_layer(kinds.ndim, index))
+        layer[index // 2] = -2 if index % 2 else 1
+        spring[index // 2][tuple(layer)] = stiffness
+    zeros = tuple(np.zeros(shape) for shape in shapes)
+    moduli = Moduli(*(np.array([value]) for value in level.law))
+    return ElasticProblem(kinds, moduli, zeros, zeros, spring, Scales(1, 1, 1, 1), plane)
+
+
+def _level(shape: tuple[int, ...], law: Floats, spring: Floats, *, work: bool = True) -> BoxLevel:
+    size = face_count(shape) if work else 0
+    return BoxLevel(shape, law, spring, np.empty(size), np.empty(size))
+
+
+def _springs(problem: ElasticProblem) -> Floats:
+    values = []
+    for index in range(2 * problem.dimension):
+        layer = list(rim_layer(problem.dimension, index))
+        layer[index // 2] = -2 if index % 2 else 1
+        values.append(float(problem.spring[index // 2][tuple(layer)].flat[0]))
+    return np.array(values)
+
+
+def _kernels(dimension: int) -> Any:
+    if dimension == 2:
+        from . import kernels_2d
+
+        return kernels_2d
+    from . import kernels_3d
+
+    return kernels_3d

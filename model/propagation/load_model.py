@@ -11,6 +11,7 @@ import numpy as np
 from kaju.agents.material_agent import MaterialAgent
 from kaju.errors import ParameterError, StabilityError
 
+from ..progress import progress_line
 from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from kaju.agents.rules import Emission, Shares
     from kaju.model.scene import Scene
     from kaju.model.scene.lattice import Lattice
-
-    from ..result import Provenance
 
 EngineName = Literal["auto", "agents", "arrays"]
 
@@ -197,10 +196,21 @@ class LoadModel(mesa.Model):  # type: ignore[misc]
             return f"stopped after max_generations = {generation} with loads on their way"
         return ""
 
-    def run(self) -> TransferResult:
-        """Step until the last stage is at rest, and return the result."""
-        while self.running:
-            self.step()
+    def run(self, progress: bool | None = None) -> TransferResult:
+        """Step until the last stage is at rest, and return the result.
+
+        Parameters
+        ----------
+        progress : bool, optional
+            Show a progress line; None: on a terminal, when the run takes over two seconds.
+        """
+        with progress_line(progress) as report:
+            while self.running:
+                self.step()
+                report(
+                    f"stage {self.stage} of {self.scene.stages}, generation {self.generation}, "
+                    f"{self.engine.pending:.3g} N on the way"
+                )
         return self.result()
 
     def result(self) -> TransferResult:

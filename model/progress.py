@@ -1,0 +1,46 @@
+"""A progress line for runs that take long enough to wonder about."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import monotonic
+
+_PATIENCE = 2.0  # s before the line appears
+
+
+@contextmanager
+def progress_line(shown: bool | None = None) -> Iterator[Callable[[str], None]]:
+    """Show what a run is doing on one line of the terminal, once it takes over two seconds.
+
+    Parameters
+    ----------
+    shown : bool, optional
+        None shows the line only if the standard error stream is a terminal.
+
+    Yields
+    ------
+    callable
+        Takes the text of the line.
+    """
+    began = monotonic()
+    status = None
+
+    def report(text: str) -> None:
+        nonlocal status
+        if not visible or monotonic() - began < _PATIENCE:
+            return
+        if status is None:
+            from rich.console import Console
+
+            status = Console(stderr=True).status(text)
+            status.start()
+        status.update(text)
+
+    visible = sys.stderr.isatty() if shown is None else shown
+    try:
+        yield report
+    finally:
+        if status is not None:
+            status.stop()

@@ -1,0 +1,213 @@
+"""The command: `kaju demo`, `run`, `animate`, `check`, `materials`, `new`."""
+
+from __future__ import annotations
+
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kaju import __version__
+from kaju.errors import KajuError, ParameterError
+
+if TYPE_CHECKING:
+    from kaju.model.result import Result
+    from kaju.model.scene import Scene
+
+app = typer.Typer(
+    help="Agents that carry load through a body.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Out = Annotated[
+    Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. rule.threshold=0.001."),
+]
+Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
+AllowUnstable = Annotated[
+    bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
+]
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+) -> None:
+    if version:
+        typer.echo(f"kaju {__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def demo(out: Out = None, pictures: Pictures = True, force: Force = False) -> None:
+    """Run the worked example: a steel plate pressed at one cell of its top edge."""
+    from kaju.model.scene import Scene
+
+    folder = out or Path("kaju-demo")
+    result = _run_into(folder, Scene.from_toml(_worked_plate()), pictures, force)
+    if pictures:
+        from kaju.view import animate
+
+        animation = animate(result, folder / "spawning.gif")
+        typer.echo(f"animation: {animation}")
+
+
+@app.command()
+def run(
+    scene: SceneFile,
+    out: Out = None,
+    settings: Settings = None,
+    pictures: Pictures = True,
+    force: Force = False,
+    allow_unstable: AllowUnstable = False,
+) -> None:
+    """Run a scene and write summary.json, result.npz and pictures."""
+    described = _scene(scene, settings)
+    folder = out or Path(f"{scene.stem}-result")
+    _run_into(folder, described, pictures, force, allow_unstable)
+
+
+@app.command(name="animate")
+def animate_result(
+    stored: Annotated[Path, typer.Argument(metavar="RESULT", help="A result, or its folder.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="A .gif or .mp4 file.")
+    ] = None,
+    what: Annotated[str, typer.Option(help="generations or stages.")] = "generations",
+    frames_per_second: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 2.0,
+    force: Force = False,
+) -> None:
+    """Animate a stored run; nothing is computed again."""
+    from kaju.model.propagation.transfer_result import TransferResult
+    from kaju.view import animate
+
+    source = stored / "result.npz" if stored.is_dir() else stored
+    if source.suffix == ".toml":
+        raise ParameterError(
+            f"{source}: is a scene; run it first (kaju run {source}), then animate its folder"
+        )
+    target = out or source.with_name(f"{what}.gif")
+    _refuse_to_replace(target, force)
+    typer.echo(animate(TransferResult.load(source), target, what=what, fps=frames_per_second))
+
+
+@app.command()
+def check(scene: SceneFile, settings: Settings = None) -> None:
+    """Say whether the loads of a scene will end; exit code 1 if they may not."""
+    from kaju.model.propagation.stability import stability
+
+    certificate = stability(_scene(scene, settings))
+    radius = certificate.spectral_radius
+    known = f"{radius:.6g}" if radius is not None else "not computed"
+    typer.echo(f"verdict          {certificate.verdict}")
+    typer.echo(f"spectral radius  {known} (loads added up, boundaries included)")
+    typer.echo(f"  bounds         {certificate.lower:.6g} to {certificate.upper:.6g}")
+    typer.echo(f"largest share    {certificate.largest_share:.6g} (of one load, passed on at once)")
+    raise typer.Exit(0 if certificate.stable else 1)
+
+
+@app.command()
+def materials() -> None:
+    """List the materials that scenes can use by name."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from kaju.agents.materials import LIBRARY
+
+    table = Table("name", "E (Pa)", "ν", "density (kg/m³)", "source")
+    for material in LIBRARY.values():
+        table.add_row(
+            material.name,
+            f"{material.youngs_modulus:.4g}",
+            f"{material.poissons_ratio:.3g}",
+            "" if material.density is None else f"{material.density:.4g}",
+            material.source,
+        )
+    Console().print(table)
+
+
+@app.command()
+def new(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="The file to write.")],
+    force: Force = False,
+) -> None:
+    """Write a commented scene to start from."""
+    _refuse_to_replace(scene, force)
+    try:
+        scene.write_text(_worked_plate(), encoding="utf-8")
+    except OSError as error:
+        raise ParameterError(f"{scene}: cannot be written: {error.strerror}") from error
+    typer.echo(f"{scene}: edit it, then: kaju run {scene}")
+
+
+def _worked_plate() -> str:
+    return files("kaju").joinpath("plate.toml").read_text(encoding="utf-8")
+
+
+def _scene(path: Path, settings: list[str] | None) -> Scene:
+    from kaju.model.scene import load_scene
+
+    described = load_scene(path)
+    if not settings:
+        return described
+    changes = {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        if not (key and equals):
+            raise ParameterError(f"--set: KEY=VALUE is needed, got {setting!r}")
+        changes[key.strip()] = value.strip()
+    return described.with_overrides(changes)
+
+
+def _refuse_to_replace(path: Path, force: bool) -> None:
+    if path.exists() and not force:
+        raise ParameterError(f"{path}: exists already; take another name, or --force to replace it")
+
+
+def _run_into(
+    folder: Path, scene: Scene, pictures: bool, force: bool, allow_unstable: bool = False
+) -> Result:
+    """Run a scene, print its key figures and write the folder."""
+    from kaju.model.propagation.load_model import LoadModel
+
+    from .output import Folder
+
+    target = Folder(folder, force)
+    model = LoadModel(scene, allow_unstable=allow_unstable)
+    interrupted = False
+    try:
+        result = model.run()
+    except KeyboardInterrupt:
+        interrupted = True
+        result = model.result()
+    typer.echo(result.last.outcome)
+    for key, value in result.summary().items():
+        typer.echo(f"  {key:22} {value}")
+    for path in target.write(result, pictures and not interrupted):
+        typer.echo(path)
+    if interrupted:
+        typer.echo("interrupted: what was computed until then has been kept", err=True)
+        raise typer.Exit(130)
+    return result
+
+
+def main() -> None:
+    """Run the command; an error of kaju's is one line and exit code 2."""
+    try:
+        app()
+    except KajuError as error:
+        typer.echo(f"error: {error}", err=True)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,19 +1,34 @@
-"""Springs between nodes."""
+"""Springs between nodes: any graph, loaded in increments, in large deformation."""
 
-from .assembler import Assembler, Geometry
+from .assembler import Assembler
 from .equilibrium import Balance, SpringLaw, elastic_law, find_balance
+from .geometry import Geometry
+from .hexagon_body import hexagon_body
+from .increments import IncrementalLoading, load_in_increments, solve
+from .lattices import face_centred, square_braced, triangular
 from .linear import Method, tangent_solver
+from .network_result import NetworkResult
+from .random_geometric import random_geometric
 from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [
     "Assembler",
     "Balance",
     "Geometry",
+    "IncrementalLoading",
     "Method",
+    "NetworkResult",
     "SpringLaw",
     "SpringNetwork",
     "elastic_law",
+    "face_centred",
     "find_balance",
+    "hexagon_body",
+    "load_in_increments",
+    "random_geometric",
+    "solve",
     "spring_lengths_and_directions",
+    "square_braced",
     "tangent_solver",
+    "triangular",
 ]

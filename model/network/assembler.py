@@ -7,25 +7,13 @@ are assembled by the same code with other numbers.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array
 
 from .dissection import elimination_order
+from .geometry import Geometry, along_springs, nodal_forces, spring_forces, spring_geometry
 from .springs import Floats, SpringNetwork
-
-
-class Geometry(NamedTuple):
-    """Where the springs are in one state of the network."""
-
-    length: Floats
-    """Lengths (m), shape (m,)."""
-    direction: Floats
-    """Unit vectors from the second node to the first, shape (m, dimension)."""
-    elongation: Floats
-    """Length minus the length before any load (m), shape (m,), exact for tiny displacements."""
 
 
 class Assembler:
@@ -49,23 +37,15 @@ class Assembler:
         order = elimination_order(network.positions, network.springs)
         coordinates = (dimension * order[:, None] + np.arange(dimension)).ravel()
         self.free: NDArray[np.int64] = coordinates[~network.held.ravel()[coordinates]]
-        self._initial_ends = self._ends(network.positions)
         self._pattern, self._places = self._index_map()
 
     def geometry(self, displacement: Floats) -> Geometry:
         """Return lengths, directions and elongations under a displacement (n, dimension)."""
-        moved = self._ends(displacement)
-        ends = self._initial_ends + moved
-        length = np.sqrt(np.einsum("ij,ij->i", ends, ends))
-        # L² − L₀² = (2 e₀ + Δ)·Δ: the plain difference L − L₀ would lose the digits of Δ.
-        gain = np.einsum("ij,ij->i", ends + self._initial_ends, moved)
-        elongation = gain / (length + self.network.initial_length)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return Geometry(length, ends / length[:, None], elongation)
+        return spring_geometry(self.network, displacement)
 
     def internal_force(self, geometry: Geometry, tension: Floats) -> Floats:
         """Return the force of the springs on the nodes (N), shape (n, dimension)."""
-        return self._gather(-tension[:, None] * geometry.direction)
+        return spring_forces(self.network, geometry, tension)
 
     def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
         """Return how the free nodes resist small displacements (N/m), shape (f, f).
@@ -94,9 +74,9 @@ class Assembler:
 
         The same as minus the tangent times the displacement, but for held nodes too.
         """
-        moved = self._ends(displacement)
+        moved = along_springs(self.network, displacement)
         blocks = self._blocks(geometry, tension, stiffness)
-        return self._gather(-np.einsum("iab,ib->ia", blocks, moved))
+        return nodal_forces(self.network, -np.einsum("iab,ib->ia", blocks, moved))
 
     def restrict(self, field: Floats) -> Floats:
         """Pick the free coordinates of a field over the nodes, in the tangent's order."""
@@ -107,20 +87,6 @@ class Assembler:
         field = np.zeros(self.network.positions.size)
         field[self.free] = values
         return field.reshape(self.network.positions.shape)
-
-    def _ends(self, field: Floats) -> Floats:
-        """Difference of a field over the nodes along every spring."""
-        return field[self.network.springs[:, 0]] - field[self.network.springs[:, 1]]
-
-    def _gather(self, pull: Floats) -> Floats:
-        """Add what every spring does to its first node, and the opposite to its second."""
-        first, second = self.network.springs.T
-        nodes = len(self.network.positions)
-        columns = [
-            np.bincount(first, along, minlength=nodes) - np.bincount(second, along, minlength=nodes)
-            for along in pull.T
-        ]
-        return np.stack(columns, axis=1)
 
     def _blocks(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> Floats:
         """B = k d dᵀ + (T/L)(1 − d dᵀ) for every spring, shape (m, dimension, dimension)."""

@@ -14,7 +14,8 @@ import numpy as np
 
 from kaju.errors import ConvergenceError
 
-from .assembler import Assembler, Geometry
+from .assembler import Assembler
+from .geometry import Geometry
 from .linear import TangentSolver
 from .springs import Floats, SpringNetwork
 from .weakness import GivesWayError

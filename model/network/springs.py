@@ -19,6 +19,8 @@ from .validation import as_stages, check_network
 if TYPE_CHECKING:
     import networkx as nx
 
+    from kaju.model.scene import Scene
+
     from .linear import Method
     from .network_result import NetworkResult
 
@@ -56,7 +58,8 @@ class SpringNetwork:
         Which coordinates of which nodes do not answer to forces.
     forces : (stages, n, dimension) floats
         External force on every node (N) at the end of each stage. Within a stage it grows
-        evenly from that of the stage before; the first stage starts from no force.
+        evenly from that of the stage before; the first stage starts from no force. On a held
+        coordinate it goes straight into the support.
     displacements : (stages, n, dimension) floats
         Displacement (m) given to the held coordinates at the end of each stage.
     names : tuple of hashable
@@ -68,7 +71,7 @@ class SpringNetwork:
     ------
     SceneError
         If arrays disagree in shape, a spring joins a node to itself or two nodes in one
-        place, or a force acts on a coordinate that is held.
+        place, a free coordinate is given a displacement, or all forces act on held ones.
     ParameterError
         If a number is NaN, infinite or outside its rule.
     SupportError
@@ -152,6 +155,13 @@ class SpringNetwork:
         from .graphs import network_from_graph
 
         return network_from_graph(graph, **attributes)
+
+    @classmethod
+    def from_scene(cls, scene: Scene) -> SpringNetwork:
+        """Return the network of a hexagon-celled body; see `kaju.model.network.hexagon_body`."""
+        from .hexagon_body import hexagon_body
+
+        return hexagon_body(scene)
 
     def to_graph(self) -> nx.Graph:
         """Return a networkx graph that `from_graph` reads back as this network."""

@@ -128,17 +128,21 @@ def _check_springs(network: SpringNetwork) -> None:
 
 
 def _check_loads(network: SpringNetwork) -> None:
-    for key, where, remedy in (
-        ("forces", network.held, "is held: leave the force out or set the node free"),
-        ("displacements", ~network.held, "is not held: hold it or leave the displacement out"),
-    ):
-        wrong = np.argwhere((getattr(network, key) != 0.0) & where)
-        if len(wrong):
-            stage, node, axis = (int(index) for index in wrong[0])
-            raise SceneError(
-                f"{key}, stage {stage + 1}: {getattr(network, key)[stage, node, axis]} along "
-                f"{'xyz'[axis]} at node {network.names[node]!r}, which {remedy}"
-            )
+    wrong = np.argwhere((network.displacements != 0.0) & ~network.held)
+    if len(wrong):
+        stage, node, axis = (int(index) for index in wrong[0])
+        raise SceneError(
+            f"displacements, stage {stage + 1}: {network.displacements[stage, node, axis]} m along "
+            f"{'xyz'[axis]} at node {network.names[node]!r}, which is not held there: hold it or "
+            "leave the displacement out"
+        )
+    loaded = (network.forces != 0.0).any(axis=0)
+    if loaded.any() and not (loaded & ~network.held).any():
+        node = int(np.flatnonzero(loaded.any(axis=1))[0])
+        raise SceneError(
+            f"forces: all act on held coordinates (the first on node {network.names[node]!r}), so "
+            "they go straight into the supports; press on a node that is free"
+        )
 
 
 def _check_supports(network: SpringNetwork) -> None:

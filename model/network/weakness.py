@@ -6,7 +6,8 @@ import numpy as np
 
 from kaju.errors import BucklingError, MechanismError, TangentError
 
-from .assembler import Assembler, Geometry
+from .assembler import Assembler
+from .geometry import Geometry, along_springs
 from .springs import Floats
 
 _NAMED = 8
@@ -51,8 +52,8 @@ def tangent_error(
     where = f"the nodes {shown} (the first lies at {place} before any load)"
     if _stretches_springs(assembler, geometry, stiffness, mode):
         return BucklingError(
-            f"at stage {stage:.6g} the network buckles: under the pressed springs {where} slip "
-            "aside without resistance; press less, hold these nodes, or brace them by springs",
+            f"at stage {stage:.6g} the network buckles: under its pressed springs {where} give "
+            "way without resistance; press less, hold these nodes, or brace them by springs",
             names,
         )
     return MechanismError(
@@ -66,7 +67,7 @@ def _stretches_springs(
     assembler: Assembler, geometry: Geometry, stiffness: Floats, mode: Floats
 ) -> bool:
     """Tell whether a direction changes any spring's length to first order."""
-    ends = mode[assembler.network.springs[:, 0]] - mode[assembler.network.springs[:, 1]]
+    ends = along_springs(assembler.network, mode)
     along = np.einsum("ij,ij->i", ends, geometry.direction)
     stretched = float(stiffness @ along**2)
     return stretched > 1e-10 * float(stiffness @ np.einsum("ij,ij->i", ends, ends))

@@ -1,0 +1,304 @@
+"""Load a network step by step: forward Euler in the load, or in equilibrium at every step.
+
+*Euler* (the linearised method): solve A(xⁿ) a = ΔF with the tangent A of the present state,
+then xⁿ⁺¹ = xⁿ + a. What it misses grows in proportion to the size of the increments.
+*Newton*: the same step, then corrections until springs and loads are in balance, so the
+state does not depend on how it was reached. Increments that are too large for this are cut
+in halves without a word: the states at the ends of the increments stay the same.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from kaju.errors import ConvergenceError, ParameterError, TangentError
+
+from .assembler import Assembler
+from .equilibrium import Balance, elastic_law, find_balance, is_stable, solve_tangent
+from .geometry import Geometry
+from .linear import Method, tangent_solver
+from .network_result import NetworkResult, Scheme
+from .springs import Floats, SpringNetwork
+from .weakness import GivesWayError, tangent_error
+
+_FINEST = 2.0**-10
+"""Smallest part of an increment that is tried before the network is said to give way."""
+
+_LARGEST_TURN = np.cos(np.pi / 4.0)
+"""Cosine of the angle by which a spring may turn in one increment."""
+
+
+class Record(NamedTuple):
+    """State of a network at one point of the load path."""
+
+    stage: float
+    displacement: Floats
+    tension: Floats
+    residual: float
+    corrections: int
+
+
+class IncrementalLoading:
+    """A network on its way along its load path; `step` takes one increment.
+
+    Parameters
+    ----------
+    network : SpringNetwork
+        What is loaded.
+    increments : int
+        Number of increments in every stage.
+    scheme : {"newton", "euler"}
+        With or without corrections.
+    method : {"auto", "direct", "multigrid"}
+        How the linear systems are solved; "auto" goes by size.
+    tolerance : float
+        Largest unbalanced force of the Newton scheme, as a share of the largest force.
+
+    Raises
+    ------
+    ParameterError
+        If a number or a name is outside its rule.
+    MechanismError, BucklingError
+        If the network gives way, at once or in a step; `result` holds what was computed.
+    """
+
+    def __init__(
+        self,
+        network: SpringNetwork,
+        increments: int,
+        *,
+        scheme: Scheme = "newton",
+        method: Method = "auto",
+        tolerance: float = 1e-12,
+    ) -> None:
+        if increments < 1:
+            raise ParameterError(f"increments: at least 1 is needed, got {increments}")
+        if scheme not in ("newton", "euler"):
+            raise ParameterError(f"scheme: must be 'newton' or 'euler', got {scheme!r}")
+        if not tolerance > 0.0:
+            raise ParameterError(f"tolerance: must be above 0, got {tolerance}")
+        self._started = time.perf_counter()
+        self.network = network
+        self.increments = increments
+        self.scheme: Scheme = scheme
+        self.tolerance = tolerance
+        self.assembler = Assembler(network)
+        self.solver = tangent_solver(self.assembler, method)
+        self.law = elastic_law(network)
+        self._force_scale = float(np.abs(network.forces).max())
+        self.records: list[Record] = []
+        self._settle()
+
+    @property
+    def steps(self) -> int:
+        """Number of steps taken."""
+        return len(self.records) - 1
+
+    @property
+    def finished(self) -> bool:
+        """Whether all stages are done."""
+        return self.steps >= self.increments * self.network.stages
+
+    def step(self) -> None:
+        """Take one increment of the load.
+
+        Raises
+        ------
+        MechanismError, BucklingError
+            If the network gives way.
+        ConvergenceError
+            If the increment is too large to follow the springs.
+        """
+        last = self.records[-1]
+        goal = (self.steps + 1) / self.increments
+        take = self._newton_step if self.scheme == "newton" else self._euler_step
+        record = take(last, goal)
+        if self.steps + 1 == self.increments * self.network.stages:
+            self._check_stability(record)
+        self.records.append(record)
+
+    def run(self) -> NetworkResult:
+        """Take all the steps that are left and return the result."""
+        while not self.finished:
+            self.step()
+        return self.result()
+
+    def result(self) -> NetworkResult:
+        """Return what has been computed so far."""
+        return NetworkResult(
+            network=self.network,
+            stage=np.array([record.stage for record in self.records]),
+            displacement=np.stack([record.displacement for record in self.records]),
+            tension=np.stack([record.tension for record in self.records]),
+            residual=np.array([record.residual for record in self.records]),
+            corrections=np.array([record.corrections for record in self.records]),
+            scheme=self.scheme,
+            method=self.solver.name,
+            seconds=time.perf_counter() - self._started,
+        )
+
+    def _settle(self) -> None:
+        """Let springs that are stretched or pressed from the start come into balance."""
+        rest = np.zeros_like(self.network.positions)
+        start = Record(0.0, rest, self.network.stiffness * self.network.prestretch, 0.0, 0)
+        self.records.append(start)
+        try:
+            balance = self._balance(start, 0.0)
+        except GivesWayError as weakness:
+            raise self._gives_way(start, weakness) from None
+        self.records[0] = Record(0.0, *balance)
+
+    def _euler_step(self, last: Record, goal: float) -> Record:
+        geometry = self.assembler.geometry(last.displacement)
+        tension, stiffness = self.law(geometry.elongation)
+        jump = self.network.displacement_at(goal) - self.network.displacement_at(last.stage)
+        load = self.network.force_at(goal) - self.network.force_at(last.stage)
+        load += self.assembler.force_change(geometry, tension, stiffness, jump)
+        answer = self.assembler.restrict(load)
+        try:
+            step = solve_tangent(self.assembler, self.solver, geometry, tension, stiffness, answer)
+        except GivesWayError as weakness:
+            raise self._gives_way(last, weakness) from None
+        record = self._record(goal, last.displacement + jump + step)
+        if not self._follows(geometry, record.displacement):
+            raise ConvergenceError(
+                f"between stage {last.stage:.6g} and {goal:.6g} a spring turns by more than "
+                f"45° or changes its length by half: take more than {self.increments} "
+                "increments, or correct them (solve)"
+            )
+        return record
+
+    def _record(self, stage: float, displacement: Floats) -> Record:
+        geometry = self.assembler.geometry(displacement)
+        tension, _ = self.law(geometry.elongation)
+        force = self.network.force_at(stage)
+        unbalanced = self.assembler.restrict(
+            force + self.assembler.internal_force(geometry, tension)
+        )
+        scale = max(self._force_scale, float(np.abs(tension).max())) or 1.0
+        return Record(stage, displacement, tension, np.abs(unbalanced).max(initial=0.0) / scale, 1)
+
+    def _newton_step(self, last: Record, goal: float) -> Record:
+        start, size, corrections = last.stage, goal - last.stage, 0
+        finest = _FINEST * size
+        while last.stage < goal:
+            target = goal if last.stage + 1.001 * size >= goal else last.stage + size
+            try:
+                balance = self._balance(last, target)
+            except (GivesWayError, ConvergenceError) as trouble:
+                size /= 2.0
+                if size >= finest:
+                    continue
+                if isinstance(trouble, GivesWayError):
+                    raise self._gives_way(last, trouble) from None
+                raise ConvergenceError(
+                    f"no balance was found beyond stage {last.stage:.6g} (between {start:.6g} "
+                    f"and {goal:.6g}): {trouble}"
+                ) from trouble
+            corrections += balance.corrections
+            last = Record(target, *balance)
+            size *= 2.0
+        return last._replace(corrections=corrections)
+
+    def _balance(self, last: Record, target: float) -> Balance:
+        balance = find_balance(
+            self.assembler,
+            self.solver,
+            self.law,
+            last.displacement,
+            self.network.force_at(target),
+            given=self.network.displacement_at(target),
+            force_scale=self._force_scale,
+            tolerance=self.tolerance,
+        )
+        before = self.assembler.geometry(last.displacement)
+        if not self._follows(before, balance.displacement):
+            raise ConvergenceError("a spring turns by more than 45° or loses half its length")
+        self._force_scale = max(self._force_scale, float(np.abs(balance.tension).max()))
+        return balance
+
+    def _follows(self, before: Geometry, displacement: Floats) -> bool:
+        """Tell whether the springs have turned and stretched little enough to be followed."""
+        after = self.assembler.geometry(displacement)
+        turn = np.einsum("ij,ij->i", before.direction, after.direction)
+        ratio = after.length / before.length
+        return bool((turn > _LARGEST_TURN).all() and (ratio > 0.5).all() and (ratio < 2.0).all())
+
+    def _check_stability(self, record: Record) -> None:
+        geometry = self.assembler.geometry(record.displacement)
+        _, stiffness = self.law(geometry.elongation)
+        weakness = is_stable(self.assembler, self.solver, geometry, record.tension, stiffness)
+        if weakness is not None:
+            raise self._gives_way(record, weakness)
+
+    def _gives_way(self, last: Record, weakness: GivesWayError) -> TangentError:
+        """Name the nodes that move, and attach what was computed up to here."""
+        geometry = self.assembler.geometry(last.displacement)
+        _, stiffness = self.law(geometry.elongation)
+        error = tangent_error(self.assembler, geometry, stiffness, weakness.direction, last.stage)
+        if last.stage > self.records[-1].stage:
+            self.records.append(last)
+        error.result = self.result()
+        return error
+
+
+def load_in_increments(
+    network: SpringNetwork, increments: int = 20, *, method: Method = "auto"
+) -> NetworkResult:
+    """Load a network by forward Euler: one linear system for every increment.
+
+    The error falls in proportion to the size of the increments. `solve` has none of it.
+
+    Parameters
+    ----------
+    network : SpringNetwork
+        What is loaded.
+    increments : int
+        Number of increments in every stage.
+    method : {"auto", "direct", "multigrid"}
+        How the linear systems are solved.
+
+    Raises
+    ------
+    MechanismError, BucklingError
+        If the network gives way; the error's `result` holds what was computed.
+    ConvergenceError
+        If the increments are too large to follow the springs.
+    """
+    return IncrementalLoading(network, increments, scheme="euler", method=method).run()
+
+
+def solve(
+    network: SpringNetwork,
+    increments: int = 10,
+    *,
+    method: Method = "auto",
+    tolerance: float = 1e-12,
+) -> NetworkResult:
+    """Load a network with every increment in equilibrium.
+
+    Parameters
+    ----------
+    network : SpringNetwork
+        What is loaded.
+    increments : int
+        Number of increments in every stage; each of them is recorded.
+    method : {"auto", "direct", "multigrid"}
+        How the linear systems are solved.
+    tolerance : float
+        Largest unbalanced force, as a share of the largest force.
+
+    Raises
+    ------
+    MechanismError, BucklingError
+        If the network gives way; the error's `result` holds what was computed.
+    ConvergenceError
+        If no balance is found.
+    """
+    loading = IncrementalLoading(
+        network, increments, scheme="newton", method=method, tolerance=tolerance
+    )
+    return loading.run()

@@ -1,0 +1,239 @@
+"""Regular networks, held and pressed, ready to load.
+
+Positions are in m, stiffnesses in N/m, forces in N; the defaults of 1 make a model whose
+forces are shares of stiffness times spacing. Every spring starts at its rest length.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ParameterError
+
+from .springs import Floats, SpringNetwork, Springs
+
+Numbers = NDArray[np.int64]
+
+
+def triangular(
+    width: int,
+    rows: int | None = None,
+    *,
+    spacing: float = 1.0,
+    stiffness: float = 1.0,
+    force: float = 0.1,
+) -> SpringNetwork:
+    """Return the triangular lattice pressed between two points.
+
+    Rows of `width` and `width - 1` nodes in turn, joined along and across. The ends of the
+    long rows stick out on both sides and are held; a force presses on the middle of the top
+    row from above, and as strongly on the middle of the bottom row from below. Where a row
+    has two middle nodes they share the force. A node is named by its row, counted from the
+    bottom, and its place in it.
+
+    Parameters
+    ----------
+    width : int
+        Nodes in a long row, at least 2; 3 rows of width 3 have 3 + 2 + 3 nodes.
+    rows : int, optional
+        Number of rows, at least 2; None: as many as `width`.
+    spacing : float
+        Distance between neighbours (m).
+    stiffness : float
+        K of every spring (N/m).
+    force : float
+        Force from above, and from below (N).
+
+    Raises
+    ------
+    ParameterError
+        If there are too few nodes or a number is outside its rule.
+    """
+    rows = width if rows is None else rows
+    at_least(width, 2, "width")
+    at_least(rows, 2, "rows")
+    positive(spacing, "spacing")
+    row, place = _places(width, rows)
+    positions = spacing * np.stack([place + 0.5 * (row % 2), row * (np.sqrt(3.0) / 2.0)], axis=1)
+    length = width - row % 2
+    held = (row % 2 == 0) & ((place == 0) | (place == length - 1))
+    forces = np.zeros_like(positions)
+    for pressed, sense in ((row == rows - 1, -1.0), (row == 0, 1.0)):
+        middle = pressed & (np.abs(2 * place - (length - 1)) <= 1)
+        forces[middle, 1] = sense * force / middle.sum()
+    forces[held] = 0.0
+    if force and not forces.any():
+        raise ParameterError(f"width: at {width} only held nodes are pressed; take 3 or more")
+    return SpringNetwork.build(
+        positions,
+        _triangular_springs(width, rows),
+        stiffness,
+        held=held,
+        forces=forces,
+        names=list(zip(row.tolist(), place.tolist(), strict=True)),
+    )
+
+
+def square_braced(
+    columns: int,
+    rows: int,
+    *,
+    spacing: float = 1.0,
+    stiffness: float = 1.0,
+    brace_stiffness: float | None = None,
+    force: float = 0.1,
+) -> SpringNetwork:
+    """Return squares with both diagonals, standing on their bottom row, pressed from above.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Number of nodes along x and y, at least 2. A node is named by column and row.
+    spacing : float
+        Side of a square (m).
+    stiffness : float
+        K of the sides (N/m).
+    brace_stiffness : float, optional
+        K of the diagonals (N/m); None: half of `stiffness`, for which the network is as stiff
+        in all directions.
+    force : float
+        Total force on the top row (N), spread evenly along it.
+
+    Raises
+    ------
+    ParameterError
+        If there are too few nodes or a number is outside its rule.
+    """
+    at_least(columns, 2, "columns")
+    at_least(rows, 2, "rows")
+    positive(spacing, "spacing")
+    brace = 0.5 * stiffness if brace_stiffness is None else brace_stiffness
+    row, column = (index.ravel() for index in np.indices((rows, columns)))
+    number = np.arange(rows * columns).reshape(rows, columns)
+    sides = [_pairs(number[:, :-1], number[:, 1:]), _pairs(number[:-1], number[1:])]
+    braces = [
+        _pairs(number[:-1, :-1], number[1:, 1:]),
+        _pairs(number[:-1, 1:], number[1:, :-1]),
+    ]
+    springs = np.concatenate(sides + braces)
+    count = sum(len(pairs) for pairs in sides)
+    share = np.where((column == 0) | (column == columns - 1), 0.5, 1.0)
+    positions = spacing * np.stack([column, row], axis=1).astype(np.float64)
+    return _pressed(
+        positions,
+        springs,
+        np.where(np.arange(len(springs)) < count, stiffness, brace),
+        force,
+        share,
+        list(zip(column.tolist(), row.tolist(), strict=True)),
+    )
+
+
+def face_centred(
+    columns: int,
+    depth: int,
+    rows: int,
+    *,
+    edge: float = 1.0,
+    stiffness: float = 1.0,
+    force: float = 0.1,
+) -> SpringNetwork:
+    """Return a block of face-centred cubes, standing on its bottom, pressed from above.
+
+    Nodes at the corners and face centres of cubes, each joined to its nearest neighbours
+    (12 of them inside the block).
+
+    Parameters
+    ----------
+    columns, depth, rows : int
+        Number of cubes along x, y and z, at least 1. A node is named by its coordinates in
+        half edges.
+    edge : float
+        Edge of a cube (m).
+    stiffness : float
+        K of every spring (N/m).
+    force : float
+        Total force on the top layer (N), shared evenly by its nodes.
+
+    Raises
+    ------
+    ParameterError
+        If there are too few cubes or a number is outside its rule.
+    """
+    for value, name in ((columns, "columns"), (depth, "depth"), (rows, "rows")):
+        at_least(value, 1, name)
+    positive(edge, "edge")
+    shape = (2 * columns + 1, 2 * depth + 1, 2 * rows + 1)
+    grid = np.indices(shape).reshape(3, -1).T
+    grid = grid[grid.sum(axis=1) % 2 == 0]
+    number = np.full(shape, -1, dtype=np.int64)
+    number[tuple(grid.T)] = np.arange(len(grid))
+    springs = []
+    for step in ((1, 1, 0), (1, -1, 0), (1, 0, 1), (1, 0, -1), (0, 1, 1), (0, 1, -1)):
+        beside = grid + np.array(step)
+        inside = ((beside >= 0) & (beside < shape)).all(axis=1)
+        springs.append(_pairs(np.flatnonzero(inside), number[tuple(beside[inside].T)]))
+    return _pressed(
+        0.5 * edge * grid,
+        np.concatenate(springs),
+        np.full(sum(len(pairs) for pairs in springs), stiffness),
+        force,
+        np.ones(len(grid)),
+        [tuple(place) for place in grid.tolist()],
+    )
+
+
+def _places(width: int, rows: int) -> tuple[Numbers, Numbers]:
+    """Row, and place in its row, of every node of a triangular lattice."""
+    row, place = (index.ravel() for index in np.indices((rows, width)))
+    exists = place < width - row % 2
+    return row[exists], place[exists]
+
+
+def _triangular_springs(width: int, rows: int) -> Springs:
+    row, place = _places(width, rows)
+    number = np.full((rows + 1, width + 1), -1, dtype=np.int64)  # -1: beyond the lattice
+    number[row, place] = np.arange(len(row))
+    left = place - 1 + row % 2  # place of the upper left neighbour in the next row
+    ends = [number[row, place + 1], number[row + 1, left], number[row + 1, left + 1]]
+    ends[1] = np.where(left >= 0, ends[1], -1)
+    springs = [_pairs(np.arange(len(row)), end) for end in ends]
+    every = np.concatenate(springs)
+    return every[every[:, 1] >= 0]
+
+
+def _pressed(
+    positions: Floats,
+    springs: Springs,
+    stiffness: Floats,
+    force: float,
+    share: Floats,
+    names: list[tuple[int, ...]],
+) -> SpringNetwork:
+    """Hold the lowest nodes and press on the highest, each by its share."""
+    height = positions[:, -1]
+    top = height == height.max()
+    forces = np.zeros_like(positions)
+    forces[top, -1] = -force * share[top] / share[top].sum()
+    return SpringNetwork.build(
+        positions, springs, stiffness, held=height == height.min(), forces=forces, names=names
+    )
+
+
+def _pairs(first: Numbers, second: Numbers) -> Springs:
+    return np.stack([first.ravel(), second.ravel()], axis=1)
+
+
+def at_least(value: int, least: int, name: str) -> None:
+    """Refuse a number of things that is too small."""
+    if value < least:
+        raise ParameterError(f"{name}: must be at least {least}, got {value}")
+
+
+def positive(value: float, name: str) -> None:
+    """Refuse a length that is none."""
+    if not (isfinite(value) and value > 0.0):
+        raise ParameterError(f"{name}: must be a length above 0 m, got {value}")

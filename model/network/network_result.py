@@ -1,0 +1,285 @@
+"""What the loading of a spring network returns."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import LinearNDInterpolator, make_interp_spline
+
+from kaju import __version__
+from kaju.errors import ResultError, ResultFileError
+from kaju.model.result import Result, read_archive, write_archive
+
+from .geometry import spring_forces, spring_geometry
+from .graphs import decoded, encoded, graph_from_network
+from .springs import Floats, SpringNetwork
+
+if TYPE_CHECKING:
+    import networkx as nx
+    import pandas as pd
+
+Scheme = Literal["newton", "euler"]
+
+_ARRAYS = ("stage", "displacement", "tension", "residual", "corrections")
+_NETWORK_ARRAYS = (
+    "positions",
+    "springs",
+    "stiffness",
+    "rest_length",
+    "held",
+    "forces",
+    "displacements",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkResult(Result):
+    """States of a spring network along its load path.
+
+    Record 0 is the network before any load, record k the end of increment k. Where a record
+    can be chosen, the default -1 is the last.
+
+    Attributes
+    ----------
+    network : SpringNetwork
+        What was loaded.
+    stage : (r,) floats
+        Point of the load path of every record: 1 is the end of the first stage.
+    displacement : (r, n, dimension) floats
+        Displacement of the nodes (m).
+    tension : (r, m) floats
+        Force in the springs (N), positive when they pull.
+    residual : (r,) floats
+        Largest unbalanced force as a share of the largest force.
+    corrections : (r,) ints
+        Number of linear systems solved for every record.
+    scheme : {"newton", "euler"}
+        With or without corrections.
+    method : str
+        How the linear systems were solved.
+    seconds : float
+        Time taken (s).
+    """
+
+    network: SpringNetwork
+    stage: Floats
+    displacement: Floats
+    tension: Floats
+    residual: Floats
+    corrections: NDArray[np.int64]
+    scheme: Scheme
+    method: str
+    seconds: float
+
+    @property
+    def increments(self) -> int:
+        """Number of increments recorded."""
+        return len(self.stage) - 1
+
+    def positions(self, record: int = -1) -> Floats:
+        """Return where the nodes lie (m), shape (n, dimension)."""
+        places: Floats = self.network.positions + self.displacement[record]
+        return places
+
+    def strain(self, record: int = -1) -> Floats:
+        """Return the elongation of every spring as a share of its initial length, (m,)."""
+        geometry = spring_geometry(self.network, self.displacement[record])
+        return geometry.elongation / self.network.initial_length
+
+    def reactions(self, record: int = -1) -> Floats:
+        """Return the force of the supports on the held coordinates (N), (n, dimension)."""
+        geometry = spring_geometry(self.network, self.displacement[record])
+        springs = spring_forces(self.network, geometry, self.tension[record])
+        force = self.network.force_at(float(self.stage[record]))
+        return np.where(self.network.held, -springs - force, 0.0)
+
+    def strain_energy(self, record: int = -1) -> float:
+        """Return the energy stored in elastic springs (J): Σ T²/2K."""
+        return float((self.tension[record] ** 2 / (2.0 * self.network.stiffness)).sum())
+
+    def work(self, stage: int | None = None) -> float:
+        """Return the work of forces and moved supports up to the end of a stage (J).
+
+        Within a stage all loads grow evenly, so the work is F·u at its end less ∫ u·dF, and
+        likewise for the supports; the integrals run over a spline through the records.
+        """
+        done = 0.0
+        for number in range(1, (self.network.stages if stage is None else stage) + 1):
+            records = np.flatnonzero((self.stage >= number - 1) & (self.stage <= number))
+            if len(records) < 2:
+                break
+            done += self._work_between(records)
+        return done
+
+    def _work_between(self, records: NDArray[np.int64]) -> float:
+        network, path = self.network, self.stage[records]
+        force = network.force_at(path[-1]) - network.force_at(path[0])
+        moved = network.displacement_at(path[-1]) - network.displacement_at(path[0])
+        yielded = [float(np.vdot(force, self.displacement[record])) for record in records]
+        ends = [
+            float(np.vdot(network.force_at(self.stage[record]), self.displacement[record]))
+            for record in records[[0, -1]]
+        ]
+        pushed = [float(np.vdot(self.reactions(record), moved)) for record in records]
+        share = (path - path[0]) / (path[-1] - path[0])
+        order = min(5, len(records) - 1)
+        integrand = np.array(pushed) - np.array(yielded)
+        curve = make_interp_spline(share, integrand, k=order if order % 2 else order - 1)
+        return ends[1] - ends[0] + float(curve.integrate(0.0, 1.0))
+
+    def largest_displacement(self, record: int = -1) -> tuple[Hashable, float]:
+        """Return the name of the node that moved farthest, and how far (m)."""
+        moved = np.linalg.norm(self.displacement[record], axis=1)
+        node = int(np.argmax(moved))
+        return self.network.names[node], float(moved[node])
+
+    def share_of_height(self, record: int = -1) -> float:
+        """Return the largest displacement as a share of the network's height.
+
+        The height is the extent along the last axis before any load.
+        """
+        height = float(np.ptp(self.network.positions[:, -1]))
+        if height == 0.0:
+            raise ResultError("share_of_height: all nodes lie at one height")
+        return self.largest_displacement(record)[1] / height
+
+    def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the last displacement (m) at points (m), linear between the nodes.
+
+        Raises
+        ------
+        ResultError
+            If a point lies outside the convex hull of the nodes.
+        """
+        linear = LinearNDInterpolator(self.network.positions, self.displacement[-1])
+        values = np.asarray(linear(np.atleast_2d(points)), dtype=np.float64)
+        outside = np.flatnonzero(np.isnan(values).any(axis=1))
+        if len(outside):
+            place = np.atleast_2d(points)[outside[0]].tolist()
+            raise ResultError(f"displacement_at: the point {place} lies outside the network")
+        return values
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        node, distance = self.largest_displacement()
+        stretched, pressed = float(self.tension[-1].max()), float(self.tension[-1].min())
+        return {
+            "model": "spring network",
+            "version": __version__,
+            "nodes": len(self.network.positions),
+            "springs": len(self.network.springs),
+            "dimension": self.network.dimension,
+            "scheme": self.scheme,
+            "method": self.method,
+            "stages": self.network.stages,
+            "increments": self.increments,
+            "stage_reached": float(self.stage[-1]),
+            "linear_systems_solved": int(self.corrections.sum()),
+            "residual": float(self.residual.max()),
+            "largest_displacement_m": distance,
+            "largest_displacement_node": str(node),
+            "largest_tension_N": max(stretched, 0.0),
+            "largest_compression_N": max(-pressed, 0.0),
+            "strain_energy_J": self.strain_energy(),
+            "work_J": self.work(),
+            "notes": list(self.network.notes),
+            "seconds": self.seconds,
+        }
+
+    def to_dataframe(self, record: int = -1) -> pd.DataFrame:
+        """Return one row per node: place, displacement, loads and reactions."""
+        import pandas as pd
+
+        axes = "xyz"[: self.network.dimension]
+        columns: dict[str, Any] = {"node": list(self.network.names)}
+        for name, field in (
+            ("{}_m", self.network.positions),
+            ("displacement_{}_m", self.displacement[record]),
+            ("force_{}_N", self.network.force_at(float(self.stage[record]))),
+            ("reaction_{}_N", self.reactions(record)),
+            ("held_{}", self.network.held),
+        ):
+            columns |= {name.format(a): field[:, k] for k, a in enumerate(axes)}
+        return pd.DataFrame(columns)
+
+    def springs_to_dataframe(self, record: int = -1) -> pd.DataFrame:
+        """Return one row per spring: ends, stiffness, lengths, strain and tension."""
+        import pandas as pd
+
+        geometry = spring_geometry(self.network, self.displacement[record])
+        names = self.network.names
+        return pd.DataFrame(
+            {
+                "first": [names[node] for node in self.network.springs[:, 0]],
+                "second": [names[node] for node in self.network.springs[:, 1]],
+                "stiffness_N_per_m": self.network.stiffness,
+                "rest_length_m": self.network.rest_length,
+                "length_m": geometry.length,
+                "strain": self.strain(record),
+                "tension_N": self.tension[record],
+            }
+        )
+
+    def to_graph(self, record: int = -1) -> nx.Graph:
+        """Return the network as a networkx graph that carries the answer as attributes.
+
+        Nodes gain `displacement`, `position` and `reaction`, edges `tension`, `strain` and
+        `length`; what `SpringNetwork.from_graph` reads is there too.
+        """
+        return graph_from_network(
+            self.network,
+            node_fields={
+                "displacement": self.displacement[record],
+                "position": self.positions(record),
+                "reaction": self.reactions(record),
+            },
+            spring_fields={
+                "tension": self.tension[record],
+                "strain": self.strain(record),
+                "length": spring_geometry(self.network, self.displacement[record]).length,
+            },
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write network and result to one ``.npz`` file, whole or not at all."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays |= {"network_" + name: getattr(self.network, name) for name in _NETWORK_ARRAYS}
+        text = {
+            "model": "spring network",
+            "version": __version__,
+            "names": [encoded(name) for name in self.network.names],
+            "notes": list(self.network.notes),
+            "scheme": self.scheme,
+            "method": self.method,
+            "seconds": self.seconds,
+        }
+        return write_archive(path, arrays, text)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a result that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, or is no result of a spring network.
+        """
+        arrays, text = read_archive(path)
+        if text.get("model") != "spring network":
+            raise ResultFileError(
+                f"{path}: holds a result of the model {text.get('model')!r}, not of a spring "
+                "network"
+            )
+        network = SpringNetwork(
+            **{name: arrays["network_" + name] for name in _NETWORK_ARRAYS},
+            names=tuple(decoded(name) for name in text["names"]),
+            notes=tuple(text["notes"]),
+        )
+        answer: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
+        answer |= {name: text[name] for name in ("scheme", "method", "seconds")}
+        return cls(network=network, **answer)

@@ -102,6 +102,10 @@ class History:
             history = history.ramp(high, 0.5 * period).ramp(low, 0.5 * period)
         return history
 
+    def scaled(self, factor: float) -> History:
+        """Multiply all factors."""
+        return History(self.times, tuple(factor * value for value in self.factors))
+
     def at(self, times: ArrayLike) -> NDArray[np.float64]:
         """Return the factor at each of `times`; at a jump, the one before it."""
         return self._value(times, "left")

@@ -20,7 +20,7 @@ see E. Hairer and G. Wanner, *Solving Ordinary Differential Equations II*, secti
 Energy. With weights b (a, a, γ; backward Euler: 1) a step does work Σ b h F ė, of which
 Σ b h (D_f q̇² + F²/D_d), never negative, goes into the dampers and K_f q²/2 is stored. What
 is left is the scheme's own, ½ Σ b (2γ - b) K_f (h q̇)²: never negative for backward Euler, of
-either sign and O(h²) over a fixed time for sdirk2. The balance holds to rounding.
+either sign for sdirk2, where it falls as h³ over a fixed time. The balance holds to rounding.
 """
 
 from __future__ import annotations

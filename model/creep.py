@@ -1,0 +1,184 @@
+"""Creep: what becomes of elements, networks and bodies when time is let in.
+
+One call for all of them::
+
+    bite = History().ramp(1.0, duration=0.2).hold(5.0).release(duration=0.1).hold(20.0)
+    result = creep(network, bite, rheology=ThreeElement(K_f, D_f, D_d), tolerance=1e-3)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kaju.agents import rheology_steps
+from kaju.agents.history import History
+from kaju.agents.rheology import ThreeElement
+from kaju.errors import ParameterError
+
+from .creep_elements import Elements
+from .creep_march import Drive, Pace, march
+from .creep_network import CreepingNetwork
+from .creep_state import CreepResult, CreepState
+from .network.springs import SpringNetwork
+
+Floats = NDArray[np.float64]
+
+
+Drives = Literal["both", "forces", "displacements"]
+
+
+def creep(
+    subject: ThreeElement | SpringNetwork,
+    history: History,
+    duration: float | None = None,
+    *,
+    step: float | None = None,
+    tolerance: float = 1e-3,
+    times: ArrayLike | None = None,
+    scheme: Literal["sdirk2", "backward_euler"] = "sdirk2",
+    rheology: ThreeElement | Sequence[ThreeElement] | None = None,
+    drive: Drives = "both",
+    mass: ArrayLike | None = None,
+    resume: CreepState | None = None,
+    most_steps: int = 100_000,
+) -> CreepResult:
+    """Let a body creep under a history of loads or displacements.
+
+    Parameters
+    ----------
+    subject : ThreeElement or SpringNetwork
+        An element takes the history as its force (N), or as its elongation (m) with
+        ``drive="displacements"``. A network has the forces and given displacements of its
+        last stage multiplied by the history.
+    history : History
+        Factor over time.
+    duration : float, optional
+        How long (s); by default as long as the history.
+    step : float, optional
+        Longest step (s): steps are equal between corners of the history and times asked for.
+        By default steps are chosen by `tolerance`.
+    tolerance : float
+        Error that may come up in an e-fold of time, as a share of the largest stretch, in
+        quarters; see `kaju.model.creep_march`. Ignored if `step` is given.
+    times : array_like, optional
+        Times at which the result is wanted (s), rising, up to `duration`; by default 101,
+        evenly spread, and the corners of the history.
+    scheme : {"sdirk2", "backward_euler"}
+        Time stepping, of second or first order.
+    rheology : ThreeElement or sequence of them
+        Networks: the material of the springs; one element is scaled to the stiffness of each
+        spring, a sequence is taken as it is.
+    drive : {"both", "forces", "displacements"}
+        What the history multiplies; what it does not multiply stays 0.
+    mass : float or array_like, optional
+        Mass at the end of the element, or of each node of the network (kg).
+    resume : CreepState, optional
+        Where an earlier run ended. If that end was among the times of an unbroken run, the
+        numbers that follow are the same.
+    most_steps : int
+        Steps after which a run that keeps a tolerance gives up.
+
+    Returns
+    -------
+    CreepResult
+
+    Raises
+    ------
+    ParameterError
+        If an argument is outside its rule.
+    ConvergenceError
+        If the tolerance cannot be kept or a time step finds no balance.
+    TangentError
+        If the network buckles or is a mechanism.
+    """
+    asked = _asked_times(history, duration, times, resume)
+    pace = _pace(step, tolerance, most_steps)
+    system = _system(subject, rheology, drive, mass)
+    method = rheology_steps.scheme(scheme)
+    still = History()
+    drives = Drive(
+        still if drive == "displacements" else history, still if drive == "forces" else history
+    )
+    state = resume or CreepState(system.start())
+    _check_fits(state, system)
+    log, state = march(system, method, drives, state, asked, pace)
+    records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
+    if isinstance(subject, ThreeElement):
+        records = [record[:, 0] for record in records]
+    work, stored, dissipated, numerical = np.array(log.energies).T
+    return CreepResult(
+        times=np.array(log.times),
+        displacement=records[0],
+        force=records[1],
+        work=work,
+        stored=stored - system.stored(system.start()),
+        dissipated=dissipated,
+        numerical=numerical,
+        state=state,
+    )
+
+
+def _system(
+    subject: ThreeElement | SpringNetwork,
+    rheology: ThreeElement | Sequence[ThreeElement] | None,
+    drive: Drives,
+    mass: ArrayLike | None,
+) -> Elements | CreepingNetwork:
+    """Make what is marched through time."""
+    if drive not in ("both", "forces", "displacements"):
+        raise ParameterError(f"drive: must be 'both', 'forces' or 'displacements', got {drive!r}")
+    if isinstance(subject, SpringNetwork):
+        if rheology is None:
+            raise ParameterError(
+                "rheology: a spring network says nothing about time; give a ThreeElement"
+            )
+        return CreepingNetwork(subject, rheology, mass=mass)
+    laws = rheology_steps.Laws.of([subject])
+    weight = None if mass is None else np.atleast_1d(np.asarray(mass, dtype=np.float64))
+    return Elements(laws, np.ones(1), stretched=drive == "displacements", mass=weight)
+
+
+def _asked_times(
+    history: History, duration: float | None, times: ArrayLike | None, resume: CreepState | None
+) -> Floats:
+    """Return the times at which the result is wanted."""
+    last = history.duration if duration is None else duration
+    start = 0.0 if resume is None else resume.time
+    if not (isfinite(last) and last > start):
+        raise ParameterError(
+            f"duration: must be later than the start at {start} s, got {last}; "
+            "a history that only jumps needs a duration"
+        )
+    if times is None:
+        corners = [time for time in history.times if start <= time <= last]
+        return np.union1d(np.linspace(start, last, 101), corners)
+    asked = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    fits = asked.ndim == 1 and asked.size and np.all(np.isfinite(asked))
+    if not (fits and asked[0] >= start and asked[-1] <= last and np.all(np.diff(asked) > 0.0)):
+        raise ParameterError(
+            f"times: must rise from {start} s or later to {last} s (the duration) at most"
+        )
+    return asked
+
+
+def _pace(step: float | None, tolerance: float, most_steps: int) -> Pace:
+    if step is not None and not (isfinite(step) and step > 0.0):
+        raise ParameterError(f"step: must be above 0 s, got {step}")
+    if not 0.0 < tolerance < 1.0:
+        raise ParameterError(f"tolerance: must lie between 0 and 1, got {tolerance}")
+    return Pace(step, tolerance, most_steps)
+
+
+def _check_fits(state: CreepState, system: Elements | CreepingNetwork) -> None:
+    expected = [part.shape for part in system.start()]
+    found = [part.shape for part in state.fields]
+    if found != expected:
+        raise ParameterError(
+            f"resume: the state is of something else: its arrays have shapes {found}, "
+            f"but {expected} are needed"
+        )

@@ -1,0 +1,283 @@
+"""A spring network whose springs creep, in true geometry at every time step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csc_array, diags_array
+
+from kaju.agents.rheology import ThreeElement
+from kaju.agents.rheology_steps import (
+    Energy,
+    Laws,
+    Stretch,
+    as_spring,
+    rates,
+    stage_energy,
+    stored_energy,
+)
+from kaju.errors import ConvergenceError, ParameterError
+
+from .creep_march import Fields, Push
+from .network.assembler import Assembler
+from .network.equilibrium import SpringLaw, find_balance
+from .network.geometry import Geometry, spring_forces, spring_geometry
+from .network.linear import Method, tangent_solver
+from .network.springs import SpringNetwork
+from .network.weakness import GivesWayError, tangent_error
+
+Floats = NDArray[np.float64]
+
+_SHARES = (1, 2, 4, 8, 16)
+"""Into how many shares a load is divided, one after the other, before Newton gives up."""
+
+
+def spring_laws(network: SpringNetwork, rheology: ThreeElement | Sequence[ThreeElement]) -> Laws:
+    """Return the law of every spring.
+
+    A single element stands for a spring of stiffness K_f; a spring of stiffness K is K/K_f
+    of them side by side, so that the times of the material are kept. A sequence gives every
+    spring its own element, as it is.
+    """
+    if isinstance(rheology, ThreeElement):
+        if rheology.K_f == 0.0:
+            raise ParameterError(
+                "rheology: an element without a spring (K_f = 0) cannot be scaled to the "
+                "stiffness of each spring; give a sequence with one element for each"
+            )
+        times = network.stiffness / rheology.K_f
+        return Laws(network.stiffness, rheology.D_f * times, rheology.D_d * times)
+    if len(rheology) != len(network.springs):
+        raise ParameterError(
+            f"rheology: {len(network.springs)} springs need as many elements, got {len(rheology)}"
+        )
+    return Laws.of(rheology)
+
+
+class CreepingNetwork:
+    """A network as something that creeps; every implicit step is one balance of forces.
+
+    Its state is the stretches of both parts of every spring, the tension of the springs, the
+    displacement of the nodes, and their velocity (which stays 0 without mass). At the start
+    a spring that is longer than its rest length has stretched its Voigt part, as one that has
+    long been so.
+
+    Parameters
+    ----------
+    network : SpringNetwork
+        Its last stage's forces and given displacements are those at a factor of 1.
+    rheology : ThreeElement or sequence of them
+        See `spring_laws`.
+    method : {"auto", "direct", "multigrid"}
+        How tangents are solved.
+    mass : float or (n,) floats, optional
+        Mass of each node (kg).
+    """
+
+    def __init__(
+        self,
+        network: SpringNetwork,
+        rheology: ThreeElement | Sequence[ThreeElement],
+        method: Method = "auto",
+        mass: ArrayLike | None = None,
+    ) -> None:
+        self.network = network
+        self.laws = spring_laws(network, rheology)
+        self.inertia = None if mass is None else HeavyAssembler(network, mass)
+        self.assembler = self.inertia or Assembler(network)
+        self.solver = tangent_solver(self.assembler, method)
+
+    def start(self) -> Fields:
+        """Return the state at time 0."""
+        none = np.zeros(len(self.network.springs))
+        still = np.zeros_like(self.network.positions)
+        stretched = self.network.prestretch.copy()
+        return (stretched, none, self.laws.K_f * stretched, still, still.copy())
+
+    def rates(self, fields: Fields, push: Push) -> tuple[Fields, Energy]:
+        """Return the rates in an implicit step, and what it adds to the balance."""
+        q, d, tension, displacement, velocity = fields
+        state, substep = Stretch(q, d), push.substep
+        if self.inertia is not None:
+            self.inertia.expect(displacement + substep * velocity, substep)
+        after, found = self._balance(state, displacement, push)
+        speed = (after - displacement) / substep
+        acceleration = np.zeros_like(speed)
+        if self.inertia is not None:
+            acceleration = (speed - velocity) / substep
+        rate = rates(self.laws, substep, state, found)
+        energy = stage_energy(self.laws, push.method, push.step, push.weight, found, rate)
+        energy = self._from_outside(energy, push, after, found, speed, acceleration)
+        return (rate.q, rate.d, (found - tension) / substep, speed, acceleration), energy
+
+    def _balance(self, state: Stretch, displacement: Floats, push: Push) -> tuple[Floats, Floats]:
+        """Return displacement and tensions at the end of an implicit step.
+
+        Where Newton's method does not get there at once, it is led there in shares.
+        """
+        stiffness, rest = as_spring(self.laws, push.substep, state)
+        shift = self.network.prestretch - rest
+
+        def law(elongation: Floats) -> tuple[Floats, Floats]:
+            return stiffness * (elongation + shift), stiffness
+
+        load = push.factor * self.network.forces[-1]
+        given = push.displacement_factor * self.network.displacements[-1]
+        reachable = self._reachable(stiffness, rest, displacement)
+        for parts in _SHARES:
+            try:
+                return self._led(law, displacement, load, given, reachable, parts)
+            except GivesWayError as weakness:
+                if parts == _SHARES[-1]:
+                    geometry = self.assembler.geometry(displacement)
+                    raise tangent_error(
+                        self.assembler, geometry, stiffness, weakness.direction, push.factor
+                    ) from weakness
+            except ConvergenceError:
+                if parts == _SHARES[-1]:
+                    raise
+        raise AssertionError("the last share returns or raises")
+
+    def _reachable(self, stiffness: Floats, rest: Floats, displacement: Floats) -> float:
+        """Return the force (N) of which 1e-12 is what rounding leaves unbalanced.
+
+        In a very short step dampers and inertia are stiff, and the digits of stretches and
+        displacements times this stiffness are all that a balance can reach.
+        """
+        force = np.max(stiffness, initial=0.0) * np.max(np.abs(rest), initial=0.0)
+        if self.inertia is not None:
+            force += np.max(self.inertia.pull) * np.max(np.abs(displacement))
+        return 1e-2 * float(force)
+
+    def _led(
+        self,
+        law: SpringLaw,
+        displacement: Floats,
+        load: Floats,
+        given: Floats,
+        reachable: float,
+        parts: int,
+    ) -> tuple[Floats, Floats]:
+        """Find the balance by moving load and supports over in `parts` equal shares."""
+        geometry = self.assembler.geometry(displacement)
+        carried = -self.assembler.internal_force(geometry, law(geometry.elongation)[0])
+        tension = np.empty(0)
+        first = displacement
+        for part in range(1, parts + 1):
+            share = part / parts
+            balance = find_balance(
+                self.assembler,
+                self.solver,
+                law,
+                displacement,
+                carried + share * (load - carried) if part < parts else load,
+                given=first + share * (given - first) if part < parts else given,
+                force_scale=reachable,
+            )
+            displacement, tension = balance.displacement, balance.tension
+        return displacement, tension
+
+    def _from_outside(
+        self,
+        energy: Energy,
+        push: Push,
+        displacement: Floats,
+        tension: Floats,
+        speed: Floats,
+        acceleration: Floats,
+    ) -> Energy:
+        """Count the work of loads and supports rather than that of the springs.
+
+        Springs turn within a step, so the two differ by what time stepping makes of geometry;
+        it is booked as the scheme's own, with what the scheme takes from moving masses.
+        """
+        geometry = spring_geometry(self.network, displacement)
+        outside = -spring_forces(self.network, geometry, tension)
+        lost = 0.0
+        if self.inertia is not None:
+            mass = self.inertia.mass
+            outside = outside + mass * acceleration
+            own = 0.5 * push.weight * (2.0 * push.method.gamma - push.weight)
+            lost = own * float(np.sum(mass * np.square(push.step * acceleration)))
+        work = push.weight * push.step * float(np.vdot(outside, speed))
+        kinetic = 0.0
+        if self.inertia is not None:
+            kinetic = (
+                push.weight * push.step * float(np.vdot(self.inertia.mass * acceleration, speed))
+            )
+        gap = work - kinetic - energy.work
+        return Energy(work, energy.dissipated, energy.numerical + gap + lost)
+
+    def gauge(self, fields: Fields) -> Floats:
+        """Return the stretches of both parts of all springs."""
+        return np.stack(fields[:2])
+
+    def stored(self, fields: Fields) -> float:
+        """Return the energy of the springs and of the moving masses (J)."""
+        energy = stored_energy(self.laws, Stretch(fields[0], fields[1]))
+        if self.inertia is not None:
+            energy += 0.5 * float(np.sum(self.inertia.mass * np.square(fields[4])))
+        return energy
+
+    def record(self, fields: Fields) -> tuple[Floats, ...]:
+        """Return displacement (n, dimension) of the nodes and tension (m,) of the springs."""
+        return fields[3], fields[2]
+
+
+class HeavyAssembler(Assembler):
+    """Sums up springs and, over one implicit step, the inertia of the nodes.
+
+    Inertia pulls every node to where it would get without forces, as a spring of stiffness
+    M/h² in every direction. `geometry` is always asked before `internal_force`, so it notes
+    where the nodes are.
+
+    Attributes
+    ----------
+    mass : (n, 1) floats
+        Mass of the nodes (kg).
+    pull : (n, dimension) floats
+        M/h² (N/m).
+    """
+
+    def __init__(self, network: SpringNetwork, mass: ArrayLike) -> None:
+        super().__init__(network)
+        self.mass = _node_masses(mass, len(network.positions))
+        self._aim = np.zeros_like(network.positions)
+        self._at = self._aim
+        self.pull = np.zeros_like(self._aim)
+
+    def expect(self, aim: Floats, substep: float) -> None:
+        """Set where the nodes would be (n, dimension) after a step of length `substep`."""
+        self._aim = aim
+        self.pull = np.broadcast_to(self.mass / substep**2, aim.shape)
+
+    def geometry(self, displacement: Floats) -> Geometry:
+        """Return the springs' geometry, and note where the nodes are."""
+        self._at = displacement
+        return super().geometry(displacement)
+
+    def internal_force(self, geometry: Geometry, tension: Floats) -> Floats:
+        """Return the force of springs and inertia on the nodes (N)."""
+        return super().internal_force(geometry, tension) - self.pull * (self._at - self._aim)
+
+    def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
+        """Return how the free nodes resist small displacements (N/m)."""
+        springs = super().tangent(geometry, tension, stiffness)
+        return csc_array(springs + diags_array(self.restrict(self.pull)))
+
+    def force_change(
+        self, geometry: Geometry, tension: Floats, stiffness: Floats, displacement: Floats
+    ) -> Floats:
+        """Return by how much the force on the nodes changes with a small displacement."""
+        change = super().force_change(geometry, tension, stiffness, displacement)
+        return change - self.pull * displacement
+
+
+def _node_masses(mass: ArrayLike, nodes: int) -> Floats:
+    """Return the masses as a column (n, 1)."""
+    masses = np.broadcast_to(np.asarray(mass, dtype=np.float64), (nodes,))
+    if not np.all(np.isfinite(masses) & (masses > 0.0)):
+        raise ParameterError("mass: every node needs a mass above 0 kg; leave it out for none")
+    return masses[:, None].copy()

@@ -1,0 +1,170 @@
+"""Networks of three-element springs in time."""
+
+import numpy as np
+import pytest
+
+from kaju.agents.history import History
+from kaju.agents.rheology import ThreeElement
+from kaju.errors import BucklingError, ParameterError
+from kaju.model.creep import creep
+from kaju.model.network.springs import SpringNetwork
+
+ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
+BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)
+TIMES = np.array([0.2, 1.0, 3.0, 5.2, 5.3, 6.0, 10.0, 25.3])
+
+
+def truss(force=(0.01, -0.3), stiffness=2.0):
+    """Two springs that lean on each other over a held base."""
+    return SpringNetwork.build(
+        [[0.0, 0.0], [1.0, 0.0], [0.5, 0.8]],
+        [[0, 2], [1, 2]],
+        stiffness,
+        held=[True, True, False],
+        forces=[[0.0, 0.0], [0.0, 0.0], force],
+    )
+
+
+def rod():
+    """Three springs of different stiffness in a row, pulled at the end."""
+    return SpringNetwork.build(
+        [[0.0, 0.0], [1.0, 0.0], [2.5, 0.0], [3.0, 0.0]],
+        [[0, 1], [1, 2], [2, 3]],
+        [2.0, 6.0, 1.0],
+        held=[[True, True], [False, True], [False, True], [False, True]],
+        forces=[[0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.5, 0.0]],
+    )
+
+
+def test_a_rod_creeps_as_its_springs_do():
+    times = np.linspace(0.5, 10.0, 20)
+    result = creep(
+        rod(), History.step(), 10.0, times=times, step=0.5, rheology=ELEMENT,
+        scheme="backward_euler",
+    )  # fmt: skip
+    alone = ELEMENT.creep(force=0.5, times=times)
+    gives = np.cumsum([1.0, 2.0 / 6.0, 2.0])
+    np.testing.assert_allclose(result.displacement[:, 1:, 0], np.outer(alone, gives), rtol=1e-11)
+    np.testing.assert_allclose(result.force, 0.5, rtol=1e-11)
+
+
+def test_each_spring_may_have_its_own_element():
+    elements = [ELEMENT, ThreeElement.spring(6.0), ThreeElement.dashpot(1.0)]
+    times = np.linspace(0.5, 10.0, 20)
+    result = creep(rod(), BITE, 10.0, times=times, step=0.1, rheology=elements)
+    stretch = np.diff(result.displacement[:, :, 0], axis=1)
+    for column, element in zip(stretch.T, elements, strict=True):
+        alone = element.creep(force=BITE.scaled(0.5), times=times, scheme="exact")
+        np.testing.assert_allclose(column, alone, atol=2e-4)
+
+
+def test_a_rod_under_given_displacement_relaxes():
+    network = SpringNetwork.build(
+        [[0.0, 0.0], [1.0, 0.0]], [[0, 1]], 2.0, held=[True, True],
+        displacements=[[0.0, 0.0], [0.1, 0.0]],
+    )  # fmt: skip
+    result = creep(network, BITE, times=TIMES, step=0.02, rheology=ELEMENT)
+    alone = ELEMENT.relaxation(displacement=BITE, times=TIMES, scheme="exact")
+    np.testing.assert_allclose(result.force[:, 0], 0.1 * alone, atol=1e-4)
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("backward_euler", 1.0), ("sdirk2", 2.0)])
+def test_measured_order_in_true_geometry(scheme, order):
+    history = History().ramp(1.0, 2.0).hold(2.0)
+
+    def run(step):
+        return creep(
+            truss(), history, times=[1.0, 2.0, 4.0], step=step, rheology=ELEMENT, scheme=scheme
+        ).displacement
+
+    fine, finer, finest = run(0.1), run(0.05), run(0.025)
+    slope = np.log2(np.abs(finer - fine).max() / np.abs(finest - finer).max())
+    assert slope == pytest.approx(order, abs=0.15)
+
+
+@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
+@pytest.mark.parametrize("mass", [None, 0.5])
+def test_work_is_stored_dissipated_or_the_schemes_own(scheme, mass):
+    result = creep(
+        truss(), BITE, times=TIMES, step=0.05, rheology=ELEMENT, scheme=scheme, mass=mass
+    )
+    left = result.work - result.stored - result.dissipated - result.numerical
+    np.testing.assert_allclose(left, 0.0, atol=1e-9 * np.abs(result.work).max())
+    assert np.all(np.diff(result.dissipated) >= 0.0)
+    assert np.abs(result.numerical[-1]) < 0.1 * result.work[-1]
+
+
+@pytest.mark.parametrize("pace", [1e-6, 1e-3, 1.0, 1e3, 1e12])
+def test_any_length_of_step_is_steady(pace):
+    step = 1.5 * pace
+    times = step * np.arange(1, 21)
+    voigt = ThreeElement.kelvin_voigt(2.0, 3.0)
+    for scheme in ("backward_euler", "sdirk2"):
+        result = creep(
+            truss(), History.step(), times[-1], times=times, step=step, rheology=voigt,
+            scheme=scheme,
+        )  # fmt: skip
+        sink = result.displacement[:, 2, 1]
+        assert np.all(np.isfinite(sink))
+        assert np.all(np.diff(sink, prepend=0.0) <= 1e-14)
+        assert sink[-1] >= -0.1118
+
+
+def test_small_loads_follow_the_correspondence_principle():
+    times = np.array([0.5, 2.0, 8.0])
+    small = truss(force=(1e-9, -3e-8))
+    elastic = creep(
+        small, History.step(), 1.0, times=[1.0], rheology=ThreeElement.spring(2.0)
+    ).displacement[0]
+    crept = creep(
+        small, History.step(), 8.0, times=times, rheology=ELEMENT, tolerance=1e-5
+    ).displacement
+    grown = ELEMENT.creep_compliance(times) * ELEMENT.K_f
+    np.testing.assert_allclose(crept, grown[:, None, None] * elastic, atol=1e-5 * 3e-8)
+
+
+def test_a_resumed_network_goes_on_as_if_unbroken():
+    unbroken = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
+    first = creep(truss(), BITE, 5.2, times=TIMES[:4], rheology=ELEMENT)
+    second = creep(truss(), BITE, times=TIMES[4:], rheology=ELEMENT, resume=first.state)
+    np.testing.assert_array_equal(second.displacement, unbroken.displacement[4:])
+    np.testing.assert_array_equal(second.force, unbroken.force[4:])
+
+
+def test_a_heavy_node_swings_at_its_own_frequency():
+    network = SpringNetwork.build(
+        [[0.0, 0.0], [1.0, 0.0]], [[0, 1]], 4.0, held=[[True, True], [False, True]],
+        forces=[[0.0, 0.0], [0.01, 0.0]],
+    )  # fmt: skip
+    times = np.linspace(0.1, 3.0, 30)
+    result = creep(
+        network, History.step(), 3.0, times=times, step=0.01, mass=1.0,
+        rheology=ThreeElement.spring(4.0),
+    )  # fmt: skip
+    swing = 0.0025 * (1.0 - np.cos(2.0 * times))
+    np.testing.assert_allclose(result.displacement[:, 1, 0], swing, atol=2e-6)
+
+
+def test_a_bent_truss_stays_bent_by_what_flowed():
+    result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
+    sunk = result.displacement[:, 2, 1]
+    assert sunk[0] > sunk[3]  # it creeps while held
+    assert sunk[3] < sunk[-1] < 0.0  # and recovers in part
+    voigt = creep(truss(), BITE, times=TIMES, rheology=ThreeElement.kelvin_voigt(2.0, 3.0))
+    assert abs(voigt.displacement[-1, 2, 1]) < 1e-4
+
+
+def test_a_truss_that_snaps_through_is_reported():
+    with pytest.raises(BucklingError, match="buckles"):
+        creep(truss(force=(0.0, -3.0)), BITE, times=TIMES, step=0.05, rheology=ELEMENT)
+
+
+def test_networks_need_a_rheology_that_fits():
+    with pytest.raises(ParameterError, match="says nothing about time"):
+        creep(truss(), BITE)
+    with pytest.raises(ParameterError, match="2 springs need as many"):
+        creep(truss(), BITE, rheology=[ELEMENT])
+    with pytest.raises(ParameterError, match="cannot be scaled"):
+        creep(truss(), BITE, rheology=ThreeElement.dashpot(1.0))
+    with pytest.raises(ParameterError, match="mass: every node"):
+        creep(truss(), BITE, rheology=ELEMENT, mass=-1.0)

@@ -18,290 +18,166 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .kernels_rows import (
+    add_row,
+    finish_row,
+    gather_across,
+    gather_normal,
+    parents_across,
+    parents_normal,
+    relax_row,
+    spread_across,
+    spread_normal,
+)
+
 LAG = 2
 
 
-@njit(cache=True, fastmath=True, inline="always")
-def corner_weight(i, j, nx, ny, wall):
-    weight = 1.0
-    if i == 0:
-        weight *= wall[0]
-    if i == nx:
-        weight *= wall[1]
-    if j == 0:
-        weight *= wall[2]
-    if j == ny:
-        weight *= wall[3]
-    return weight
-
-
 @njit(cache=True, fastmath=True)
-def corner_shear(ux, uy, i, j, nx, ny, wall):
-    weight = corner_weight(i, j, nx, ny, wall)
-    if weight == 0.0:
-        return 0.0
-    gradient = 0.0
-    if j < ny:
-        gradient += ux[i, j]
-    if j > 0:
-        gradient -= ux[i, j - 1]
-    if i < nx:
-        gradient += uy[i, j]
-    if i > 0:
-        gradient -= uy[i - 1, j]
-    return weight * gradient
+def balance_x(ux, uy, fx, i, law, wall, spring, share, out):
+    """Sum up what row i of the faces normal to x feels, but for the row itself.
 
-
-@njit(cache=True, fastmath=True)
-def inner_x(ux, uy, i, j, nx, ny, law, wall, spring):
-    """Return minus the internal force on a face normal to x, and its stiffness."""
-    left = law[2] * (
-        corner_shear(ux, uy, i, j + 1, nx, ny, wall) - corner_shear(ux, uy, i, j, nx, ny, wall)
-    )
-    stiffness = law[2] * (
-        corner_weight(i, j + 1, nx, ny, wall) + corner_weight(i, j, nx, ny, wall)
-    )
-    if i < nx:
-        left += law[0] * (ux[i + 1, j] - ux[i, j]) + law[1] * (uy[i, j + 1] - uy[i, j])
-        stiffness += law[0]
-    else:
-        left -= spring[1] * ux[i, j]
-        stiffness += spring[1]
-    if i > 0:
-        left -= law[0] * (ux[i, j] - ux[i - 1, j]) + law[1] * (uy[i - 1, j + 1] - uy[i - 1, j])
-        stiffness += law[0]
-    else:
-        left -= spring[0] * ux[i, j]
-        stiffness += spring[0]
-    return left, stiffness
-
-
-@njit(cache=True, fastmath=True)
-def inner_y(ux, uy, i, j, nx, ny, law, wall, spring):
-    """Return minus the internal force on a face normal to y, and its stiffness."""
-    left = law[2] * (
-        corner_shear(ux, uy, i + 1, j, nx, ny, wall) - corner_shear(ux, uy, i, j, nx, ny, wall)
-    )
-    stiffness = law[2] * (
-        corner_weight(i + 1, j, nx, ny, wall) + corner_weight(i, j, nx, ny, wall)
-    )
-    if j < ny:
-        left += law[0] * (uy[i, j + 1] - uy[i, j]) + law[1] * (ux[i + 1, j] - ux[i, j])
-        stiffness += law[0]
-    else:
-        left -= spring[3] * uy[i, j]
-        stiffness += spring[3]
-    if j > 0:
-        left -= law[0] * (uy[i, j] - uy[i, j - 1]) + law[1] * (ux[i + 1, j - 1] - ux[i, j - 1])
-        stiffness += law[0]
-    else:
-        left -= spring[2] * uy[i, j]
-        stiffness += spring[2]
-    return left, stiffness
-
-
-@njit(cache=True, fastmath=True)
-def relax_x(ux, uy, fx, i, law, wall, held, spring, buffer, backward):
-    """Let the faces normal to x of row i yield."""
+    `out` gets `share` of the load plus the pull of all faces in other rows or of the other
+    kind. Returned are the stiffness that couples neighbours in the row, and a face's own
+    stiffness at the row's lower end, inside and at its upper end.
+    """
     nx, ny = uy.shape[0], ux.shape[1]
-    if (i == 0 and held[0]) or (i == nx and held[1]):
-        return
-    edge = i == 0 or i == nx
-    ease = 1.0 / (2.0 * law[0] + 2.0 * law[2])
-    side = law[2] * ease
-    if not edge:
-        along, cross = law[0] * ease, (law[1] + law[2]) * ease
-        ahead, behind, v, w, f = ux[i + 1], ux[i - 1], uy[i], uy[i - 1], fx[i]
-        for j in range(1, ny - 1):
-            buffer[j] = (
-                f[j] * ease
-                + along * (ahead[j] + behind[j])
-                + cross * ((v[j + 1] - v[j]) - (w[j + 1] - w[j]))
-            )
-    row = ux[i]
-    for phase in range(2):
-        colour = 1 - phase if backward else phase
-        if edge:
-            for j in range(colour, ny, 2):
-                left, k = inner_x(ux, uy, i, j, nx, ny, law, wall, spring)
-                row[j] += (fx[i, j] + left) / k
-            continue
-        for j in range(2 - colour, ny - 1, 2):
-            row[j] = buffer[j] + side * (row[j - 1] + row[j + 1])
-        if colour == 0:
-            left, k = inner_x(ux, uy, i, 0, nx, ny, law, wall, spring)
-            row[0] += (fx[i, 0] + left) / k
-        if (ny - 1) % 2 == colour and ny > 1:
-            left, k = inner_x(ux, uy, i, ny - 1, nx, ny, law, wall, spring)
-            row[ny - 1] += (fx[i, ny - 1] + left) / k
-
-
-@njit(cache=True, fastmath=True)
-def relax_y(ux, uy, fy, i, law, wall, held, spring, buffer, backward):
-    """Let the faces normal to y of row i yield."""
-    nx, ny = uy.shape[0], ux.shape[1]
-    edge = i == 0 or i == nx - 1
-    ease = 1.0 / (2.0 * law[0] + 2.0 * law[2])
-    along = law[0] * ease
-    if not edge:
-        side, cross = law[2] * ease, (law[1] + law[2]) * ease
-        ahead, behind, v, w, f = uy[i + 1], uy[i - 1], ux[i + 1], ux[i], fy[i]
-        for j in range(1, ny):
-            buffer[j] = (
-                f[j] * ease
-                + side * (ahead[j] + behind[j])
-                + cross * ((v[j] - v[j - 1]) - (w[j] - w[j - 1]))
-            )
-    row = uy[i]
-    for phase in range(2):
-        colour = 1 - phase if backward else phase
-        if edge:
-            for j in range(2 - colour, ny, 2):
-                left, k = inner_y(ux, uy, i, j, nx, ny, law, wall, spring)
-                row[j] += (fy[i, j] + left) / k
-        else:
-            for j in range(2 - colour, ny, 2):
-                row[j] = buffer[j] + along * (row[j - 1] + row[j + 1])
-        if colour == 0 and not held[2]:
-            left, k = inner_y(ux, uy, i, 0, nx, ny, law, wall, spring)
-            row[0] += (fy[i, 0] + left) / k
-        if ny % 2 == colour and not held[3]:
-            left, k = inner_y(ux, uy, i, ny, nx, ny, law, wall, spring)
-            row[ny] += (fy[i, ny] + left) / k
-
-
-@njit(cache=True, fastmath=True)
-def force_x(ux, uy, i, law, wall, held, spring, out):
-    """Write minus the internal force on row i of the faces normal to x; fixed ones get 0."""
-    nx, ny = uy.shape[0], ux.shape[1]
-    if (i == 0 and held[0]) or (i == nx and held[1]):
-        out[:ny] = 0.0
-        return
+    c11, c12, mu = law
     if i == 0 or i == nx:
+        inward, sign, cell = (1, 1.0, 0) if i == 0 else (nx - 1, -1.0, nx - 1)
         for j in range(ny):
-            out[j] = inner_x(ux, uy, i, j, nx, ny, law, wall, spring)[0]
-        return
-    c11, mu, cross = law[0], law[2], law[1] + law[2]
-    own = 2.0 * (c11 + mu)
-    row, ahead, behind, v, w = ux[i], ux[i + 1], ux[i - 1], uy[i], uy[i - 1]
-    for j in range(1, ny - 1):
+            out[j] = (
+                share * fx[i, j]
+                + c11 * ux[inward, j]
+                + sign * c12 * (uy[cell, j + 1] - uy[cell, j])
+            )
+        own = c11 + (spring[0] if i == 0 else spring[1])
+        return 0.0, own, own, own
+    cross = c12 + mu
+    for j in range(ny):
         out[j] = (
-            c11 * (ahead[j] + behind[j])
-            + mu * (row[j - 1] + row[j + 1])
-            + cross * ((v[j + 1] - v[j]) - (w[j + 1] - w[j]))
-            - own * row[j]
+            share * fx[i, j]
+            + c11 * (ux[i + 1, j] + ux[i - 1, j])
+            + cross * ((uy[i, j + 1] - uy[i - 1, j + 1]) - (uy[i, j] - uy[i - 1, j]))
         )
-    out[0] = inner_x(ux, uy, i, 0, nx, ny, law, wall, spring)[0]
-    out[ny - 1] = inner_x(ux, uy, i, ny - 1, nx, ny, law, wall, spring)[0]
+    # The outermost faces have a wall, or nothing, instead of a neighbour.
+    low, high = mu * wall[2], mu * wall[3]
+    out[0] += (mu - low) * (uy[i, 0] - uy[i - 1, 0])
+    out[ny - 1] -= (mu - high) * (uy[i, ny] - uy[i - 1, ny])
+    own = 2.0 * c11 + mu
+    return mu, own + low, own + mu, own + high
 
 
 @njit(cache=True, fastmath=True)
-def force_y(ux, uy, i, law, wall, held, spring, out):
-    """Write minus the internal force on row i of the faces normal to y; fixed ones get 0."""
+def balance_y(ux, uy, fy, i, law, wall, spring, share, out):
+    """Sum up what row i of the faces normal to y feels, but for the row itself.
+
+    The answer is that of `balance_x`.
+    """
     nx, ny = uy.shape[0], ux.shape[1]
+    c11, c12, mu = law
+    left = mu * wall[0] if i == 0 else mu
+    right = mu * wall[1] if i == nx - 1 else mu
     if i == 0 or i == nx - 1:
-        for j in range(ny + 1):
-            out[j] = inner_y(ux, uy, i, j, nx, ny, law, wall, spring)[0]
-    else:
-        c11, mu, cross = law[0], law[2], law[1] + law[2]
-        own = 2.0 * (c11 + mu)
-        row, ahead, behind, v, w = uy[i], uy[i + 1], uy[i - 1], ux[i + 1], ux[i]
+        before, after = max(i - 1, 0), min(i + 1, nx - 1)
+        pull_before = left if i > 0 else 0.0
+        pull_after = right if i < nx - 1 else 0.0
         for j in range(1, ny):
             out[j] = (
-                c11 * (row[j - 1] + row[j + 1])
-                + mu * (ahead[j] + behind[j])
-                + cross * ((v[j] - v[j - 1]) - (w[j] - w[j - 1]))
-                - own * row[j]
+                share * fy[i, j]
+                + (c12 + right) * (ux[i + 1, j] - ux[i + 1, j - 1])
+                - (c12 + left) * (ux[i, j] - ux[i, j - 1])
+                + pull_before * uy[before, j]
+                + pull_after * uy[after, j]
             )
-        out[0] = inner_y(ux, uy, i, 0, nx, ny, law, wall, spring)[0]
-        out[ny] = inner_y(ux, uy, i, ny, nx, ny, law, wall, spring)[0]
-    if held[2]:
-        out[0] = 0.0
-    if held[3]:
-        out[ny] = 0.0
+    else:
+        cross = c12 + mu
+        for j in range(1, ny):
+            out[j] = (
+                share * fy[i, j]
+                + mu * (uy[i + 1, j] + uy[i - 1, j])
+                + cross * ((ux[i + 1, j] - ux[i + 1, j - 1]) - (ux[i, j] - ux[i, j - 1]))
+            )
+    out[0] = share * fy[i, 0] + c12 * (ux[i + 1, 0] - ux[i, 0])
+    out[ny] = share * fy[i, ny] - c12 * (ux[i + 1, ny - 1] - ux[i, ny - 1])
+    return c11, c11 + spring[2], 2.0 * c11 + left + right, c11 + spring[3]
+
+
+@njit(cache=True, fastmath=True)
+def relax_x(u, load, i, law, wall, held, spring, pull, backward):
+    """Let the faces normal to x of row i yield."""
+    nx = u[1].shape[0]
+    if (i == 0 and held[0]) or (i == nx and held[1]):
+        return
+    couple, low, own, high = balance_x(u[0], u[1], load[0], i, law, wall, spring, 1.0, pull)
+    relax_row(u[0][i], pull, couple, low, own, high, False, False, backward)
+
+
+@njit(cache=True, fastmath=True)
+def relax_y(u, load, i, law, wall, held, spring, pull, backward):
+    """Let the faces normal to y of row i yield."""
+    couple, low, own, high = balance_y(u[0], u[1], load[1], i, law, wall, spring, 1.0, pull)
+    relax_row(u[1][i], pull, couple, low, own, high, held[2], held[3], backward)
+
+
+@njit(cache=True, fastmath=True)
+def left_x(u, load, i, law, wall, held, spring, share, out):
+    """Write `share` of the load less the internal force on row i of the faces normal to x."""
+    nx, ny = u[1].shape[0], u[0].shape[1]
+    if (i == 0 and held[0]) or (i == nx and held[1]):
+        for j in range(ny):
+            out[j] = 0.0
+        return
+    couple, low, own, high = balance_x(u[0], u[1], load[0], i, law, wall, spring, share, out)
+    finish_row(u[0][i], out, couple, low, own, high, False, False)
+
+
+@njit(cache=True, fastmath=True)
+def left_y(u, load, i, law, wall, held, spring, share, out):
+    """Write `share` of the load less the internal force on row i of the faces normal to y."""
+    couple, low, own, high = balance_y(u[0], u[1], load[1], i, law, wall, spring, share, out)
+    finish_row(u[1][i], out, couple, low, own, high, held[2], held[3])
 
 
 @njit(cache=True, fastmath=True)
 def apply(u, out, law, wall, held, spring):
     """Write the stiffness times u; return u·out."""
-    ux, uy = u
-    nx, ny = uy.shape[0], ux.shape[1]
+    nx, ny = u[1].shape[0], u[0].shape[1]
     product = 0.0
+    row = np.empty(ny + 2)
     for i in range(nx + 1):
-        force_x(ux, uy, i, law, wall, held, spring, out[0][i])
-        row, value = ux[i], out[0][i]
+        left_x(u, u, i, law, wall, held, spring, 0.0, row)
         for j in range(ny):
-            value[j] = -value[j]
-            product += row[j] * value[j]
+            out[0][i, j] = -row[j]
+            product -= u[0][i, j] * row[j]
         if i < nx:
-            force_y(ux, uy, i, law, wall, held, spring, out[1][i])
-            row, value = uy[i], out[1][i]
+            left_y(u, u, i, law, wall, held, spring, 0.0, row)
             for j in range(ny + 1):
-                value[j] = -value[j]
-                product += row[j] * value[j]
+                out[1][i, j] = -row[j]
+                product -= u[1][i, j] * row[j]
     return product
-
-
-@njit(cache=True, fastmath=True)
-def gather_across(row, out, own, far, count):
-    """Restrict one row across the normal: the transpose of (3/4, 1/4)."""
-    for j in range(count):
-        out[j] = 0.75 * (row[2 * j] + row[2 * j + 1])
-    for j in range(count - 1):
-        out[j] += 0.25 * row[2 * j + 2]
-        out[j + 1] += 0.25 * row[2 * j + 1]
-    last = 2 * count - 1
-    out[0] += (own[0] - 0.75) * row[0]
-    out[1] += far[0] * row[0]
-    out[count - 1] += (own[1] - 0.75) * row[last]
-    out[count - 2] += far[1] * row[last]
-
-
-@njit(cache=True, fastmath=True)
-def gather_normal(row, out, count):
-    """Restrict one row along the normal: the transpose of (1; 1/2, 1/2)."""
-    for j in range(count + 1):
-        out[j] = row[2 * j]
-    for j in range(count):
-        half = 0.5 * row[2 * j + 1]
-        out[j] += half
-        out[j + 1] += half
-
-
-@njit(cache=True, fastmath=True)
-def add_row(out, row, weight, count):
-    for j in range(count):
-        out[j] += weight * row[j]
 
 
 @njit(cache=True, fastmath=True)
 def restrict_x(row, i, coarse, own, far, buffer):
     """Hand row i of loads on faces normal to x to the parents."""
-    count = coarse.shape[1]
-    gather_across(row, buffer, own[2:], far[2:], count)
-    parent = i // 2
-    if i % 2 == 0:
-        add_row(coarse[parent], buffer, 1.0, count)
-    else:
-        add_row(coarse[parent], buffer, 0.5, count)
-        add_row(coarse[parent + 1], buffer, 0.5, count)
+    gather_across(row, buffer, own[2], far[2], own[3], far[3])
+    first, weight, second, other = parents_normal(i)
+    add_row(coarse[first], buffer, weight)
+    if other != 0.0:
+        add_row(coarse[second], buffer, other)
 
 
 @njit(cache=True, fastmath=True)
 def restrict_y(row, i, coarse, own, far, buffer):
     """Hand row i of loads on faces normal to y to the parents."""
-    rows, count = coarse.shape
-    gather_normal(row, buffer, count - 1)
-    parent = i // 2
-    near = parent - 1 if i % 2 == 0 else parent + 1
-    if near < 0 or near == rows:
-        side = 0 if near < 0 else 1
-        away = 1 if near < 0 else rows - 2
-        add_row(coarse[parent], buffer, own[side], count)
-        add_row(coarse[away], buffer, far[side], count)
-    else:
-        add_row(coarse[parent], buffer, 0.75, count)
-        add_row(coarse[near], buffer, 0.25, count)
+    gather_normal(row, buffer)
+    first, weight, second, other = parents_across(
+        i, coarse.shape[0], own[0], far[0], own[1], far[1]
+    )
+    add_row(coarse[first], buffer, weight)
+    if other != 0.0:
+        add_row(coarse[second], buffer, other)
 
 
 @njit(cache=True, fastmath=True)
@@ -320,84 +196,46 @@ def restrict(load, coarse, own, far):
 @njit(cache=True, fastmath=True)
 def descend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
     """Sweep from zero and hand what is left unbalanced to the parents, in one pass."""
-    ux, uy = u
-    nx, ny = uy.shape[0], ux.shape[1]
+    nx, ny = u[1].shape[0], u[0].shape[1]
     buffer, left = np.empty(ny + 2), np.empty(ny + 2)
     coarse[0][:] = 0.0
     coarse[1][:] = 0.0
-    ux[0] = 0.0
-    uy[0] = 0.0
+    u[0][0] = 0.0
+    u[1][0] = 0.0
     for front in range(nx + 1 + LAG * sweeps):
         if front < nx:
-            ux[front + 1] = 0.0
+            u[0][front + 1] = 0.0
         if front < nx - 1:
-            uy[front + 1] = 0.0
+            u[1][front + 1] = 0.0
         for sweep in range(sweeps):
             i = front - LAG * sweep
             if 0 <= i <= nx:
-                relax_x(ux, uy, load[0], i, law, wall, held, spring, buffer, False)
+                relax_x(u, load, i, law, wall, held, spring, buffer, False)
             if 0 <= i < nx:
-                relax_y(ux, uy, load[1], i, law, wall, held, spring, buffer, False)
+                relax_y(u, load, i, law, wall, held, spring, buffer, False)
         i = front - LAG * sweeps
-        if 0 <= i <= nx and not ((i == 0 and held[0]) or (i == nx and held[1])):
-            force_x(ux, uy, i, law, wall, held, spring, left)
-            add_row(left, load[0][i], 1.0, ny)
-            restrict_x(left, i, coarse[0], own, far, buffer)
+        if 0 <= i <= nx:
+            left_x(u, load, i, law, wall, held, spring, 1.0, left)
+            restrict_x(left[:ny], i, coarse[0], own, far, buffer)
         if 0 <= i < nx:
-            force_y(ux, uy, i, law, wall, held, spring, left)
-            add_row(left, load[1][i], 1.0, ny + 1)
-            if held[2]:
-                left[0] = 0.0
-            if held[3]:
-                left[ny] = 0.0
-            restrict_y(left, i, coarse[1], own, far, buffer)
-
-
-@njit(cache=True, fastmath=True)
-def spread_across(row, out, own, far, count, weight):
-    """Add weight times a row of parents, interpolated across the normal."""
-    a, b = 0.75 * weight, 0.25 * weight
-    for j in range(1, count - 1):
-        out[2 * j] += a * row[j] + b * row[j - 1]
-        out[2 * j + 1] += a * row[j] + b * row[j + 1]
-    last = count - 1
-    out[0] += weight * (own[0] * row[0] + far[0] * row[1])
-    out[1] += a * row[0] + b * row[1]
-    out[2 * last] += a * row[last] + b * row[last - 1]
-    out[2 * last + 1] += weight * (own[1] * row[last] + far[1] * row[last - 1])
-
-
-@njit(cache=True, fastmath=True)
-def spread_normal(row, out, count, weight):
-    """Add weight times a row of parents, interpolated along the normal."""
-    for j in range(count):
-        out[2 * j] += weight * row[j]
-        out[2 * j + 1] += 0.5 * weight * (row[j] + row[j + 1])
-    out[2 * count] += weight * row[count]
+            left_y(u, load, i, law, wall, held, spring, 1.0, left)
+            restrict_y(left[: ny + 1], i, coarse[1], own, far, buffer)
 
 
 @njit(cache=True, fastmath=True)
 def prolong_row(u, coarse, i, own, far):
     """Add the parents' displacement to row i of both kinds of faces."""
-    parent = i // 2
-    count = coarse[0].shape[1]
-    if i % 2 == 0:
-        spread_across(coarse[0][parent], u[0][i], own[2:], far[2:], count, 1.0)
-    else:
-        spread_across(coarse[0][parent], u[0][i], own[2:], far[2:], count, 0.5)
-        spread_across(coarse[0][parent + 1], u[0][i], own[2:], far[2:], count, 0.5)
-    rows = coarse[1].shape[0]
-    if i == 2 * rows:
+    first, weight, second, other = parents_normal(i)
+    spread_across(coarse[0][first], u[0][i], own[2], far[2], own[3], far[3], weight)
+    if other != 0.0:
+        spread_across(coarse[0][second], u[0][i], own[2], far[2], own[3], far[3], other)
+    count = coarse[1].shape[0]
+    if i == 2 * count:
         return
-    near = parent - 1 if i % 2 == 0 else parent + 1
-    if near < 0 or near == rows:
-        side = 0 if near < 0 else 1
-        away = 1 if near < 0 else rows - 2
-        spread_normal(coarse[1][parent], u[1][i], count, own[side])
-        spread_normal(coarse[1][away], u[1][i], count, far[side])
-    else:
-        spread_normal(coarse[1][parent], u[1][i], count, 0.75)
-        spread_normal(coarse[1][near], u[1][i], count, 0.25)
+    first, weight, second, other = parents_across(i, count, own[0], far[0], own[1], far[1])
+    spread_normal(coarse[1][first], u[1][i], weight)
+    if other != 0.0:
+        spread_normal(coarse[1][second], u[1][i], other)
 
 
 @njit(cache=True, fastmath=True)
@@ -410,8 +248,7 @@ def prolong(u, coarse, own, far):
 @njit(cache=True, fastmath=True)
 def ascend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
     """Add the parents' displacement and sweep in the opposite order, in one pass."""
-    ux, uy = u
-    nx, ny = uy.shape[0], ux.shape[1]
+    nx, ny = u[1].shape[0], u[0].shape[1]
     buffer = np.empty(ny + 2)
     for front in range(nx + 1, -LAG * sweeps, -1):
         if front > 0:
@@ -419,23 +256,22 @@ def ascend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
         for sweep in range(sweeps):
             i = front + LAG * sweep
             if 0 <= i < nx:
-                relax_y(ux, uy, load[1], i, law, wall, held, spring, buffer, True)
+                relax_y(u, load, i, law, wall, held, spring, buffer, True)
             if 0 <= i <= nx:
-                relax_x(ux, uy, load[0], i, law, wall, held, spring, buffer, True)
+                relax_x(u, load, i, law, wall, held, spring, buffer, True)
 
 
 @njit(cache=True, fastmath=True)
 def smooth(u, load, law, wall, held, spring, sweeps, backward):
     """Sweep one after the other: the plain order that the fused passes must reproduce."""
-    ux, uy = u
-    nx, ny = uy.shape[0], ux.shape[1]
+    nx, ny = u[1].shape[0], u[0].shape[1]
     buffer = np.empty(ny + 2)
     for _ in range(sweeps):
         for k in range(nx + 1):
             i = nx - k if backward else k
             if not backward:
-                relax_x(ux, uy, load[0], i, law, wall, held, spring, buffer, False)
+                relax_x(u, load, i, law, wall, held, spring, buffer, False)
             if i < nx:
-                relax_y(ux, uy, load[1], i, law, wall, held, spring, buffer, backward)
+                relax_y(u, load, i, law, wall, held, spring, buffer, backward)
             if backward:
-                relax_x(ux, uy, load[0], i, law, wall, held, spring, buffer, True)
+                relax_x(u, load, i, law, wall, held, spring, buffer, True)

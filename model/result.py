@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import ResultFileError
+from kaju.errors import ResultError, ResultFileError
 
 if TYPE_CHECKING:
     import pandas
@@ -54,6 +54,40 @@ class Result(ABC):
     @abstractmethod
     def load(cls, path: str | Path) -> Self:
         """Read a result that `save` wrote."""
+
+
+def cells_of_points(
+    scene: Scene, points: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return points (m) as an array, and the body cell that each lies in or on.
+
+    Raises
+    ------
+    ResultError
+        If the points have another dimension than the body, or lie outside of it.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    lattice = scene.lattice
+    if points.ndim != 2 or points.shape[1] != lattice.dimension:
+        raise ResultError(
+            f"points: an array of shape (n, {lattice.dimension}) in metres is needed, "
+            f"got shape {points.shape}"
+        )
+    if not np.isfinite(points).all():
+        raise ResultError("points: must be finite numbers")
+    cells = lattice.locate(points)
+    outside = scene.kinds(cells) < 0
+    # A point on the surface belongs to the body, on whichever side rounding has put it.
+    for shift in lattice.normals * (1e-6 * lattice.cell_size):
+        moved = lattice.locate(points[outside] + shift)
+        inside = scene.kinds(moved) >= 0
+        place = np.flatnonzero(outside)[inside]
+        cells[place] = moved[inside]
+        outside[place] = False
+    if outside.any():
+        where = ", ".join(f"{value:g}" for value in points[np.argmax(outside)])
+        raise ResultError(f"points: ({where}) m lies outside the body")
+    return points, cells
 
 
 def write_archive(path: str | Path, arrays: dict[str, NDArray[Any]], text: dict[str, Any]) -> Path:

@@ -84,14 +84,16 @@ class LineDisplacement:
     def at(self, line: IntArray, position: IntArray, fraction: FloatArray) -> FloatArray:
         """Return the displacement (m) at a fraction (0 to 1) of the way through cells."""
         value = np.zeros(len(line))
+        if not len(self.code):
+            return value
         index = np.minimum(np.searchsorted(self.lines, line), len(self.lines) - 1)
-        known = self.lines[index] == line if len(self.lines) else np.zeros(len(line), np.bool_)
+        known = self.lines[index] == line
         code = index * self.stride + position + 1
         place = np.searchsorted(self.code, code, side="right")
         # The run is that of the agent before, or else of the agent after, on the same line.
         for neighbour in (place - 1, place):
             near = np.clip(neighbour, 0, len(self.code) - 1)
-            run = self.run[near] if len(self.run) else near
+            run = self.run[near]
             inside = known & (self.code[near] // self.stride == index)
             inside &= (position >= self.start[run]) & (position < self.stop[run])
             exact = self.code[near] == code
@@ -126,10 +128,9 @@ class DisplacementField:
             for axis in range(len(self.lattice.axes))
         ]
 
-    def at(self, points: FloatArray) -> FloatArray:
-        """Return displacements (m) at points (m), both (n, dim); 0 where no load is near."""
+    def at(self, points: FloatArray, cells: IntArray) -> FloatArray:
+        """Return displacements (m) at points (m) in cells, all (n, dim); 0 off the load."""
         lattice = self.lattice
-        cells = lattice.locate(points)
         inside_cell = (points - lattice.centres(cells)) / lattice.cell_size
         normals = lattice.normals[lattice.axes]
         total = np.zeros_like(points)

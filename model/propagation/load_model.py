@@ -124,6 +124,7 @@ class LoadModel(mesa.Model):  # type: ignore[misc]
 
     def _begin_stage(self, stage: int) -> None:
         self.stage = stage
+        self._stage_is_over = False
         applied = self.scene.applied(stage)
         row, direction, magnitude = split_force(self.lattice, applied.force)
         self.engine.start(applied.cells[row], direction, magnitude)
@@ -162,12 +163,14 @@ class LoadModel(mesa.Model):  # type: ignore[misc]
         if not self.running:
             return
         began = perf_counter()
-        if self.outcome:
+        if self._stage_is_over:
             self.finished.append(self.engine.stage(self._factor, self.outcome))
             self._begin_stage(self.stage + 1)
-        if self.engine.pending > 0.0:
+        if not self.at_rest:
             self.engine.step()
-        self.running = not self.outcome or (self.at_rest and self.stage < self.scene.stages)
+        self._stage_is_over = self.outcome != ""
+        more = self.at_rest and self.stage < self.scene.stages
+        self.running = more or not self._stage_is_over
         self.seconds += perf_counter() - began
 
     @property

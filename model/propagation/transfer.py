@@ -62,7 +62,7 @@ class Transfer:
         """
         directions = range(self.lattice.directions)
         rows = [[self.emissions(shares, d) for d in directions] for shares in self.shares]
-        most = max((len(row) for material in rows for row in material), default=0)
+        most = max(1, *(len(row) for material in rows for row in material))
         filler = Emission(0, 0, 0.0)
         full = np.array(
             [[[*row, *[filler] * (most - len(row))] for row in material] for material in rows]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
-from kaju.model.result import Result, read_archive, write_archive
+from kaju.model.result import Result, cells_of_points, read_archive, write_archive
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID
 
@@ -102,7 +102,8 @@ class TransferResult(Result):
     @cached_property
     def displacement(self) -> FloatArray:
         """Displacement of the middle of every agent's cell (m), shape (agents, dim)."""
-        return self.displacement_field.at(self.scene.lattice.centres(self.last.cells))
+        cells = self.last.cells
+        return self.displacement_field.at(self.scene.lattice.centres(cells), cells)
 
     def displacement_at(self, points: NDArray[np.float64]) -> FloatArray:
         """Return the displacement (m) at points (m), both of shape (n, dimension).
@@ -112,18 +113,8 @@ class TransferResult(Result):
         ResultError
             If the points have another dimension or lie outside the body.
         """
-        points = np.asarray(points, dtype=np.float64)
-        dimension = self.scene.lattice.dimension
-        if points.ndim != 2 or points.shape[1] != dimension:
-            raise ResultError(
-                f"points: an array of shape (n, {dimension}) in metres is needed, "
-                f"got shape {points.shape}"
-            )
-        outside = self.scene.kinds(self.scene.lattice.locate(points)) < 0
-        if outside.any():
-            first = points[np.argmax(outside)].tolist()
-            raise ResultError(f"points: {first} m lies outside the body")
-        return self.displacement_field.at(points)
+        points, cells = cells_of_points(self.scene, points)
+        return self.displacement_field.at(points, cells)
 
     def load_path(self) -> networkx.DiGraph:
         """Return who loaded whom, with the loads as edge weights (N)."""

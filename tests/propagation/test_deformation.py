@@ -1,0 +1,152 @@
+"""Strain, stress and displacement against sums done by hand."""
+
+import numpy as np
+import pytest
+
+from kaju import LoadModel, Material, PrescribedRule, Scene
+from kaju.errors import ResultError
+
+H, T, E, NU = 0.01, 0.002, 1e9, 0.25
+JELLY = Material("jelly", E, NU)
+ALONE = PrescribedRule(alpha=(0.5, 0.5, 0.0), beta=1.0, threshold=0.01)
+
+
+def column(sides, load_row=4, rows=5, force=(0.0, -2.0), rule=ALONE):
+    scene = Scene(
+        body={
+            "cell_size": H,
+            "cells": [1, rows],
+            "thickness": T,
+            "material": "jelly",
+            "allow_floating": True,
+        },
+        materials={"jelly": JELLY},
+        sides=sides,
+        loads=[{"cell": [0, load_row], "force": force}],
+        rule=rule,
+    )
+    return LoadModel(scene).run()
+
+
+def by_row(result):
+    order = np.argsort(result.last.cells[:, 1])
+    return result.displacement[order], result.strain[order], result.stress[order]
+
+
+def test_a_cell_is_squeezed_by_its_own_share():
+    result = column({"bottom": "rigid"}, rows=40, load_row=39)
+    _, strain, stress = by_row(result)
+    own = 0.5 * 2.0  # N, kept by the top cell
+    assert stress[-1, 1, 1] == pytest.approx(-own / (H * T))
+    assert strain[-1, 1, 1] == pytest.approx(-own / (H * T * E))
+    assert strain[-1, 0, 0] == pytest.approx(NU * own / (H * T * E))
+    assert stress[-1, 0, 0] == 0.0
+
+
+def test_both_senses_squeeze():
+    down = column({"bottom": "rigid"}, rows=40, load_row=20)
+    up = column({"bottom": "rigid"}, rows=40, load_row=20, force=(0.0, 2.0))
+    assert down.stress[0, 1, 1] == up.stress[0, 1, 1] < 0.0
+
+
+def test_displacements_are_summed_from_the_rigid_end():
+    result = column({"bottom": "rigid"})
+    displacement, strain, _ = by_row(result)
+    elongation = H * strain[:, 1, 1]
+    expected = np.cumsum(elongation) - 0.5 * elongation
+    np.testing.assert_allclose(displacement[:, 1], expected, rtol=1e-12)
+    top = result.displacement_at(np.array([[0.5 * H, 5 * H]]))
+    assert top[0, 1] == pytest.approx(elongation.sum())
+
+
+def test_a_rigid_top_is_the_other_end():
+    result = column({"top": "rigid"})
+    displacement, strain, _ = by_row(result)
+    elongation = H * strain[:, 1, 1]
+    expected = np.cumsum(elongation) - 0.5 * elongation - elongation.sum()
+    np.testing.assert_allclose(displacement[:, 1], expected, rtol=1e-12)
+
+
+def test_between_two_rigid_ends_the_misfit_is_spread():
+    result = column({"top": "rigid", "bottom": "rigid"})
+    ends = result.displacement_at(np.array([[0.5 * H, 0.0], [0.5 * H, 5 * H]]))
+    np.testing.assert_allclose(ends[:, 1], 0.0, atol=1e-18)
+    displacement, strain, _ = by_row(result)
+    elongation = H * (strain[:, 1, 1] - strain[:, 1, 1].mean())
+    np.testing.assert_allclose(
+        displacement[:, 1], np.cumsum(elongation) - 0.5 * elongation, atol=1e-18
+    )
+
+
+def test_a_floating_line_is_summed_from_its_middle():
+    displacement, strain, _ = by_row(column({}))
+    elongation = H * strain[:, 1, 1]
+    expected = np.cumsum(elongation) - 0.5 * elongation
+    np.testing.assert_allclose(displacement[:, 1], expected - expected[2], rtol=1e-12, atol=1e-22)
+
+
+def test_cells_no_load_reached_keep_their_shape():
+    """Above a pressed cell in mid-column everything rides down as one piece."""
+    result = column({"bottom": "rigid"}, rows=40, load_row=20)
+    at = np.array([[0.5 * H, (row + 0.5) * H] for row in (25, 39)])
+    moved = result.displacement_at(at)[:, 1]
+    assert moved[0] == moved[1] < 0.0
+    far_below = result.displacement_at(np.array([[0.5 * H, 0.5 * H]]))
+    assert far_below[0, 1] == 0.0
+
+
+def test_a_gap_in_a_line_separates_runs():
+    """Above the hole the line has no rigid end of its own, so its middle stays."""
+    scene = Scene(
+        body={"cell_size": H, "thickness": T, "drawing": "##\n##\n.#\n##\n##"},
+        materials={"jelly": JELLY},
+        legend={"#": "jelly", ".": "air"},
+        sides={"bottom": "rigid"},
+        loads=[
+            {"cell": [0, 4], "force": [0.0, -2.0]},
+            {"cell": [0, 1], "force": [0.0, -2.0]},
+        ],
+        rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=1.0),
+    )
+    result = LoadModel(scene).run()
+    moved = {
+        tuple(c): u for c, u in zip(result.last.cells.tolist(), result.displacement, strict=True)
+    }
+    squeeze = 0.5 * 2.0 / (H * T * E) * H
+    assert moved[0, 1][1] == pytest.approx(-0.5 * squeeze)
+    # Run of two cells: the upper one's middle lies half a squeezed cell above the middle.
+    assert moved[0, 4][1] == pytest.approx(-0.5 * squeeze)
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_a_hexagon_pressed_along_a_normal(engine):
+    scene = Scene(
+        body={
+            "cell_size": H,
+            "cells": [5, 1],
+            "thickness": T,
+            "material": "jelly",
+            "lattice": "hexagon",
+        },
+        materials={"jelly": JELLY},
+        sides={"left": "rigid"},
+        loads=[{"cell": [4, 0], "force": [-2.0, 0.0]}],
+        rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=1.0),
+    )
+    result = LoadModel(scene, engine=engine).run()
+    area = np.sqrt(3) / 2 * H * T  # volume over the distance of the faces
+    assert result.stress[0] == pytest.approx(np.diag([-1.0 / area, 0.0]))
+    assert result.strain[0] == pytest.approx(np.diag([-1.0, NU]) / (area * E))
+
+
+def test_points_outside_the_body_are_refused():
+    result = column({"bottom": "rigid"})
+    with pytest.raises(ResultError, match=r"\(0.5, 0.5\) m lies outside the body"):
+        result.displacement_at(np.array([[0.5, 0.5]]))
+    with pytest.raises(ResultError, match=r"shape \(n, 2\) in metres"):
+        result.displacement_at(np.array([0.5, 0.5]))
+
+
+def test_von_mises_of_uniaxial_stress_is_its_size():
+    result = column({"bottom": "rigid"})
+    np.testing.assert_allclose(result.von_mises, np.abs(result.stress[:, 1, 1]), rtol=1e-12)

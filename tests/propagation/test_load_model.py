@@ -1,0 +1,134 @@
+"""The Mesa model: steps, stages, ends."""
+
+import numpy as np
+import pytest
+
+from kaju import LoadModel, PrescribedRule, Scene
+
+ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
+
+
+def plate(steps=1, **rule):
+    return Scene(
+        body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [10, 19], "force": [0.0, -2.0], "steps": steps}],
+        rule=PrescribedRule(**rule),
+    )
+
+
+@ENGINES
+def test_a_step_is_one_generation(engine):
+    model = LoadModel(plate(), engine=engine)
+    reached = []
+    while model.running:
+        model.step()
+        reached.append(len(model.result().last.cells))
+    assert model.generation == model.steps == len(reached) == 8
+    assert reached[0] == 4, "the pressed cell, and those ahead and beside that it has woken"
+    assert reached == sorted(reached)
+    assert reached[-1] == 34
+
+
+@ENGINES
+def test_stages_repeat_the_run_with_more_load(engine):
+    result = LoadModel(plate(steps=20), engine=engine).run()
+    assert len(result.stages) == 20
+    np.testing.assert_allclose(
+        [stage.ledger.applied for stage in result.stages], np.linspace(0.1, 2.0, 20)
+    )
+    alone = LoadModel(plate(), engine=engine).run()
+    assert result.summary() | {"seconds": 0} == alone.summary() | {"seconds": 0}
+    reached = [len(stage.cells) for stage in result.stages]
+    assert reached == sorted(reached)
+    assert result.at_stage(20).last is result.last
+    taken = np.array([stage.ledger.taken for stage in result.stages])
+    assert not np.allclose(taken, np.linspace(0.05, 1, 20) * taken[-1], rtol=0.05), "not linear"
+
+
+@ENGINES
+def test_below_the_threshold_nothing_happens(engine):
+    result = LoadModel(plate(threshold=2.0), engine=engine).run()
+    stage = result.last
+    assert (len(stage.cells), stage.generations) == (0, 0)
+    assert stage.outcome == "no load exceeds the threshold of 2 N: nothing happens"
+    assert stage.ledger.dropped == 2.0
+    assert result.summary()["max_displacement"] == 0.0
+    assert np.all(result.displacement_at(np.array([[0.1, 0.1]])) == 0.0)
+
+
+@ENGINES
+def test_stages_below_the_threshold_are_kept(engine):
+    result = LoadModel(plate(steps=4, threshold=0.6), engine=engine).run()
+    assert [stage.generations for stage in result.stages] == [0, 1, 2, 2]
+    assert [stage.factor for stage in result.stages] == [0.25, 0.5, 0.75, 1.0]
+
+
+@ENGINES
+def test_reset_starts_again(engine):
+    model = LoadModel(plate(steps=3), engine=engine)
+    first = model.run()
+    model.reset()
+    assert (model.stage, model.generation, model.running) == (1, 0, True)
+    second = model.run()
+    assert first.summary() | {"seconds": 0} == second.summary() | {"seconds": 0}
+    assert len(model.agents) == (38 if engine == "agents" else 0)
+
+
+@ENGINES
+def test_a_run_can_be_looked_at_half_way(engine):
+    model = LoadModel(plate(), engine=engine)
+    for _ in range(3):
+        model.step()
+    stage = model.result().last
+    assert stage.outcome == "interrupted after 3 generations"
+    assert stage.ledger.pending > 0.0
+    assert stage.ledger.imbalance < 1e-12
+    assert stage.history.generation.max() == 3
+
+
+@ENGINES
+def test_history_adds_up_to_what_was_taken(engine):
+    stage = LoadModel(plate(), engine=engine).run().last
+    summed = np.zeros_like(stage.taken)
+    np.add.at(summed, (stage.history.agent, stage.history.direction), stage.history.load)
+    np.testing.assert_allclose(summed, stage.taken, rtol=1e-13)
+    first = np.full(len(stage.cells), 99)
+    np.minimum.at(first, stage.history.agent, stage.history.generation)
+    assert (first == stage.spawn_step).all()
+
+
+def test_a_force_at_an_angle_is_split():
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [5, 5], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [2, 4], "force": [0.6, -0.8]}],
+        rule=PrescribedRule(threshold=0.5),
+    )
+    stage = LoadModel(scene).run().last
+    assert stage.taken[0].tolist() == [0.0, 0.6, 0.8, 0.0]
+    assert stage.ledger.applied == pytest.approx(1.4)
+
+
+def test_a_force_on_a_hexagon_is_split_between_two_normals():
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [5, 5], "material": "steel", "lattice": "hexagon"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [2, 4], "force": [0.0, -3.0]}],
+        rule=PrescribedRule(threshold=1.6),
+    )
+    taken = LoadModel(scene).run().last.taken[0]
+    np.testing.assert_allclose(taken, [0, 0, 0, 0, np.sqrt(3), np.sqrt(3)], atol=1e-12)
+
+
+def test_a_giant_plate_costs_what_its_load_reaches():
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [10**6, 10**6], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [500_000, 999_999], "force": [0.0, -2.0]}],
+        rule=PrescribedRule(threshold=1e-6),
+    )
+    result = LoadModel(scene).run()
+    assert len(result.last.cells) == 365
+    assert result.last.ledger.imbalance < 1e-12
+    assert result.summary()["max_displacement"] > 0.0

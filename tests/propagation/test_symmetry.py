@@ -1,0 +1,90 @@
+"""A rule that prefers no side: mirror, turn, and order of loads."""
+
+import numpy as np
+import pytest
+
+from kaju import LoadModel, PrescribedRule, Scene
+
+RULE = PrescribedRule(threshold=1e-3)
+
+
+def run(drawing, loads, sides, engine, rule=RULE):
+    scene = Scene(
+        body={"cell_size": 0.01, "thickness": 0.01, "drawing": drawing, "allow_floating": True},
+        legend={"#": "steel", ".": "air", "=": "rigid"},
+        loads=[{"cell": cell, "force": force} for cell, force in loads],
+        sides=sides,
+        rule=rule,
+    )
+    return LoadModel(scene, engine=engine).run()
+
+
+def as_table(result):
+    rows = zip(result.last.cells.tolist(), result.last.taken, result.last.spawn_step, strict=True)
+    return {tuple(cell): [*taken, step] for cell, taken, step in rows}
+
+
+BODY = "######\n####.#\n#=####\n##..##\n######"
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@pytest.mark.parametrize("accumulate", [False, True])
+def test_a_turned_scene_has_a_turned_result(engine, accumulate):
+    alpha = (0.5, 0.4, 0.1)
+    rule = PrescribedRule(alpha=alpha, threshold=1e-3, accumulate=accumulate)
+    first = run(BODY, [((3, 4), (0.5, -2.0))], {"bottom": "rigid", "left": "roller"}, engine, rule)
+    grid = np.array([list(line) for line in BODY.splitlines()])
+    turned = "\n".join("".join(line) for line in np.rot90(grid))  # counter-clockwise
+    rows = len(grid)
+    second = run(
+        turned,
+        [((rows - 1 - 4, 3), (2.0, 0.5))],
+        {"right": "rigid", "bottom": "roller"},
+        engine,
+        rule,
+    )
+    expected = {}
+    for (column, row), (left, right, down, up, step) in as_table(first).items():
+        expected[rows - 1 - row, column] = [up, down, left, right, step]
+    found = as_table(second)
+    assert found.keys() == expected.keys()
+    for cell, values in expected.items():
+        np.testing.assert_allclose(found[cell], values, rtol=1e-12, atol=1e-15)
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    by_cell = dict(zip(map(tuple, second.last.cells.tolist()), second.displacement, strict=True))
+    for (column, row), moved in zip(first.last.cells.tolist(), first.displacement, strict=True):
+        np.testing.assert_allclose(
+            by_cell[rows - 1 - row, column], turn @ moved, rtol=1e-9, atol=1e-22
+        )
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_a_symmetric_scene_has_a_symmetric_result(engine):
+    result = run("#######\n##...##\n#######", [((3, 2), (0.0, -2.0))], {"bottom": "rigid"}, engine)
+    table = as_table(result)
+    assert len(table) > 10
+    for (column, row), (left, right, down, up, step) in table.items():
+        assert table[6 - column, row] == pytest.approx([right, left, down, up, step], rel=1e-13)
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_the_order_of_loads_does_not_matter(engine):
+    loads = [((1, 2), (0.3, -2.0)), ((5, 2), (0.0, -1.0)), ((3, 0), (-1.0, 0.25))]
+    body = "\n".join(["#######"] * 3)
+    one = as_table(run(body, loads, {"bottom": "rigid"}, engine))
+    other = as_table(run(body, loads[::-1], {"bottom": "rigid"}, engine))
+    assert one.keys() == other.keys()
+    for cell, values in one.items():
+        np.testing.assert_allclose(other[cell], values, rtol=1e-13)
+
+
+def test_each_load_by_itself_is_superposition():
+    """Judged one by one, two loads do exactly what they do alone, added up."""
+    body = "\n".join(["#######"] * 4)
+    left, right = ((1, 3), (0.0, -2.0)), ((4, 3), (0.5, -1.0))
+    sides = {"bottom": "rigid"}
+    both = as_table(run(body, [left, right], sides, "arrays"))
+    alone = [as_table(run(body, [load], sides, "arrays")) for load in (left, right)]
+    for cell, values in both.items():
+        parts = [np.array(table[cell][:4]) for table in alone if cell in table]
+        np.testing.assert_allclose(values[:4], sum(parts), rtol=1e-13)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from math import isfinite
 
+from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
 
 
@@ -31,6 +32,9 @@ class Material:
         Mass per volume (kg/m³), above 0; only gravity asks for it.
     source : str
         Where the numbers come from.
+    rheology : ThreeElement, optional
+        How it gives in time: K_f (Pa), D_f and D_d (Pa s). Only creep asks for it, and then
+        instead of E; without one the material is elastic.
 
     Raises
     ------
@@ -43,6 +47,7 @@ class Material:
     poissons_ratio: float
     density: float | None = None
     source: str = ""
+    rheology: ThreeElement | None = None
 
     def __post_init__(self) -> None:
         if not (isfinite(self.youngs_modulus) and self.youngs_modulus > 0.0):

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 from pydantic import Field
 
 from kaju.agents.materials import LIBRARY, Material, suggestion
+from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
 
 from .described import Described, Number, Text
+
+
+class RheologyTable(Described):
+    """``[materials.NAME.rheology]``: how a material gives in time, as in `ThreeElement`."""
+
+    K_f: Number = Field(description="stiffness of the spring (Pa)")
+    D_f: Number = Field(default=0.0, description="damper beside the spring (Pa s)")
+    D_d: Number = Field(default=inf, description="damper in series (Pa s); left out: none")
 
 
 class MaterialTable(Described):
@@ -20,7 +30,7 @@ class MaterialTable(Described):
     ----------
     base : str, optional
         A material of the library, from which what is not given is taken.
-    youngs_modulus, poissons_ratio, density, source
+    youngs_modulus, poissons_ratio, density, source, rheology
         As in `Material`.
     """
 
@@ -29,10 +39,13 @@ class MaterialTable(Described):
     poissons_ratio: Number | None = Field(default=None, description="ν")
     density: Number | None = Field(default=None, description="mass per volume (kg/m³)")
     source: Text | None = Field(default=None, description="where the numbers come from")
+    rheology: RheologyTable | None = Field(default=None, description="how it gives in time")
 
     def build(self) -> Material:
         """Return the material; whoever keeps it by name gives it that name."""
-        given = self.model_dump(exclude={"base"}, exclude_none=True)
+        given = self.model_dump(exclude={"base", "rheology"}, exclude_none=True)
+        if self.rheology is not None:
+            given["rheology"] = ThreeElement(**self.rheology.model_dump())
         if self.base is not None:
             if self.base not in LIBRARY:
                 raise ParameterError(

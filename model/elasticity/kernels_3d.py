@@ -1,0 +1,395 @@
+"""Sweeps over a block of one material, compiled: three dimensions.
+
+As `kernels_2d`, with ``u = (ux, uy, uz)`` of shapes (nx+1, ny, nz), (nx, ny+1, nz) and
+(nx, ny, nz+1), and sides left, right, front, back, bottom, top. Rows run along z; a pass
+goes plane by plane along x, each sweep two planes behind the one before.
+"""
+# ruff: noqa: D103
+# mypy: disable-error-code="no-untyped-def"
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from .kernels_rows import (
+    add_row,
+    finish_row,
+    gather_across,
+    gather_normal,
+    parents_across,
+    parents_normal,
+    relax_row,
+    spread_across,
+    spread_normal,
+)
+
+LAG = 2
+
+
+@njit(cache=True, fastmath=True)
+def shear_weights(mu, i, count, wall_low, wall_high):
+    """Return the shear moduli of the edges below and above cell i of a line of cells."""
+    return (
+        mu * wall_low if i == 0 else mu,
+        mu * wall_high if i == count - 1 else mu,
+    )
+
+
+@njit(cache=True, fastmath=True)
+def balance_x(u, load, i, j, law, wall, spring, share, out):
+    """Sum up what row (i, j) of the faces normal to x feels, but for the row itself.
+
+    The answer is the stiffness that couples neighbours in the row, and a face's own stiffness
+    at the row's lower end, inside and at its upper end.
+    """
+    ux, uy, uz = u
+    nx, ny, nz = uy.shape[0], ux.shape[1], ux.shape[2]
+    c11, c12, mu = law
+    f = load[0]
+    if i == 0 or i == nx:
+        inward, sign, cell = (1, 1.0, 0) if i == 0 else (nx - 1, -1.0, nx - 1)
+        for k in range(nz):
+            spread = uy[cell, j + 1, k] - uy[cell, j, k] + uz[cell, j, k + 1] - uz[cell, j, k]
+            out[k] = share * f[i, j, k] + c11 * ux[inward, j, k] + sign * c12 * spread
+        own = c11 + (spring[0] if i == 0 else spring[1])
+        return 0.0, own, own, own
+    front, back = shear_weights(mu, j, ny, wall[2], wall[3])
+    before, after = max(j - 1, 0), min(j + 1, ny - 1)
+    pull_front = front if j > 0 else 0.0
+    pull_back = back if j < ny - 1 else 0.0
+    cross_front, cross_back, cross = c12 + front, c12 + back, c12 + mu
+    for k in range(nz):
+        out[k] = (
+            share * f[i, j, k]
+            + c11 * (ux[i + 1, j, k] + ux[i - 1, j, k])
+            + pull_back * ux[i, after, k]
+            + pull_front * ux[i, before, k]
+            + cross_back * (uy[i, j + 1, k] - uy[i - 1, j + 1, k])
+            - cross_front * (uy[i, j, k] - uy[i - 1, j, k])
+            + cross
+            * ((uz[i, j, k + 1] - uz[i - 1, j, k + 1]) - (uz[i, j, k] - uz[i - 1, j, k]))
+        )
+    low, high = mu * wall[4], mu * wall[5]
+    out[0] += (mu - low) * (uz[i, j, 0] - uz[i - 1, j, 0])
+    out[nz - 1] -= (mu - high) * (uz[i, j, nz] - uz[i - 1, j, nz])
+    own = 2.0 * c11 + front + back + mu
+    return mu, own + low, own + mu, own + high
+
+
+@njit(cache=True, fastmath=True)
+def balance_y(u, load, i, j, law, wall, spring, share, out):
+    """Sum up what row (i, j) of the faces normal to y feels, but for the row itself."""
+    ux, uy, uz = u
+    nx, ny, nz = uy.shape[0], ux.shape[1], ux.shape[2]
+    c11, c12, mu = law
+    f = load[1]
+    if j == 0 or j == ny:
+        inward, sign, cell = (1, 1.0, 0) if j == 0 else (ny - 1, -1.0, ny - 1)
+        for k in range(nz):
+            spread = ux[i + 1, cell, k] - ux[i, cell, k] + uz[i, cell, k + 1] - uz[i, cell, k]
+            out[k] = share * f[i, j, k] + c11 * uy[i, inward, k] + sign * c12 * spread
+        own = c11 + (spring[2] if j == 0 else spring[3])
+        return 0.0, own, own, own
+    left, right = shear_weights(mu, i, nx, wall[0], wall[1])
+    before, after = max(i - 1, 0), min(i + 1, nx - 1)
+    pull_left = left if i > 0 else 0.0
+    pull_right = right if i < nx - 1 else 0.0
+    cross_left, cross_right, cross = c12 + left, c12 + right, c12 + mu
+    for k in range(nz):
+        out[k] = (
+            share * f[i, j, k]
+            + c11 * (uy[i, j + 1, k] + uy[i, j - 1, k])
+            + pull_right * uy[after, j, k]
+            + pull_left * uy[before, j, k]
+            + cross_right * (ux[i + 1, j, k] - ux[i + 1, j - 1, k])
+            - cross_left * (ux[i, j, k] - ux[i, j - 1, k])
+            + cross
+            * ((uz[i, j, k + 1] - uz[i, j - 1, k + 1]) - (uz[i, j, k] - uz[i, j - 1, k]))
+        )
+    low, high = mu * wall[4], mu * wall[5]
+    out[0] += (mu - low) * (uz[i, j, 0] - uz[i, j - 1, 0])
+    out[nz - 1] -= (mu - high) * (uz[i, j, nz] - uz[i, j - 1, nz])
+    own = 2.0 * c11 + left + right + mu
+    return mu, own + low, own + mu, own + high
+
+
+@njit(cache=True, fastmath=True)
+def balance_z(u, load, i, j, law, wall, spring, share, out):
+    """Sum up what row (i, j) of the faces normal to z feels, but for the row itself."""
+    ux, uy, uz = u
+    nx, ny, nz = uy.shape[0], ux.shape[1], ux.shape[2]
+    c11, c12, mu = law
+    f = load[2]
+    left, right = shear_weights(mu, i, nx, wall[0], wall[1])
+    front, back = shear_weights(mu, j, ny, wall[2], wall[3])
+    west, east = max(i - 1, 0), min(i + 1, nx - 1)
+    south, north = max(j - 1, 0), min(j + 1, ny - 1)
+    pull_left = left if i > 0 else 0.0
+    pull_right = right if i < nx - 1 else 0.0
+    pull_front = front if j > 0 else 0.0
+    pull_back = back if j < ny - 1 else 0.0
+    cross_left, cross_right = c12 + left, c12 + right
+    cross_front, cross_back = c12 + front, c12 + back
+    for k in range(1, nz):
+        out[k] = (
+            share * f[i, j, k]
+            + pull_right * uz[east, j, k]
+            + pull_left * uz[west, j, k]
+            + pull_back * uz[i, north, k]
+            + pull_front * uz[i, south, k]
+            + cross_right * (ux[i + 1, j, k] - ux[i + 1, j, k - 1])
+            - cross_left * (ux[i, j, k] - ux[i, j, k - 1])
+            + cross_back * (uy[i, j + 1, k] - uy[i, j + 1, k - 1])
+            - cross_front * (uy[i, j, k] - uy[i, j, k - 1])
+        )
+    top = nz - 1
+    spread = ux[i + 1, j, 0] - ux[i, j, 0] + uy[i, j + 1, 0] - uy[i, j, 0]
+    out[0] = share * f[i, j, 0] + c12 * spread
+    spread = ux[i + 1, j, top] - ux[i, j, top] + uy[i, j + 1, top] - uy[i, j, top]
+    out[nz] = share * f[i, j, nz] - c12 * spread
+    own = 2.0 * c11 + left + right + front + back
+    return c11, c11 + spring[4], own, c11 + spring[5]
+
+
+@njit(cache=True, fastmath=True)
+def fixed_row(axis, i, j, u, held):
+    """Tell whether row (i, j) of the faces normal to an axis (x or y) is fixed as a whole."""
+    if axis == 0:
+        return (i == 0 and held[0]) or (i == u[0].shape[0] - 1 and held[1])
+    return (j == 0 and held[2]) or (j == u[1].shape[1] - 1 and held[3])
+
+
+@njit(cache=True, fastmath=True)
+def relax_x(u, load, i, law, wall, held, spring, pull, backward):
+    ny = u[0].shape[1]
+    if fixed_row(0, i, 0, u, held):
+        return
+    for step in range(ny):
+        j = ny - 1 - step if backward else step
+        couple, low, own, high = balance_x(u, load, i, j, law, wall, spring, 1.0, pull)
+        relax_row(u[0][i, j], pull, couple, low, own, high, False, False, backward)
+
+
+@njit(cache=True, fastmath=True)
+def relax_y(u, load, i, law, wall, held, spring, pull, backward):
+    ny = u[0].shape[1]
+    for step in range(ny + 1):
+        j = ny - step if backward else step
+        if not fixed_row(1, i, j, u, held):
+            couple, low, own, high = balance_y(u, load, i, j, law, wall, spring, 1.0, pull)
+            relax_row(u[1][i, j], pull, couple, low, own, high, False, False, backward)
+
+
+@njit(cache=True, fastmath=True)
+def relax_z(u, load, i, law, wall, held, spring, pull, backward):
+    ny = u[0].shape[1]
+    for step in range(ny):
+        j = ny - 1 - step if backward else step
+        couple, low, own, high = balance_z(u, load, i, j, law, wall, spring, 1.0, pull)
+        relax_row(u[2][i, j], pull, couple, low, own, high, held[4], held[5], backward)
+
+
+@njit(cache=True, fastmath=True)
+def relax_plane(u, load, i, law, wall, held, spring, pull, backward):
+    """Let the faces of plane i yield, the three kinds in turn."""
+    nx = u[1].shape[0]
+    if not backward and 0 <= i <= nx:
+        relax_x(u, load, i, law, wall, held, spring, pull, False)
+    if not backward and 0 <= i < nx:
+        relax_y(u, load, i, law, wall, held, spring, pull, False)
+    if 0 <= i < nx:
+        relax_z(u, load, i, law, wall, held, spring, pull, backward)
+    if backward and 0 <= i < nx:
+        relax_y(u, load, i, law, wall, held, spring, pull, True)
+    if backward and 0 <= i <= nx:
+        relax_x(u, load, i, law, wall, held, spring, pull, True)
+
+
+@njit(cache=True, fastmath=True)
+def left_row(axis, u, load, i, j, law, wall, held, spring, share, out):
+    """Write `share` of the load less the internal force on a row of faces; 0 where fixed."""
+    if axis < 2 and fixed_row(axis, i, j, u, held):
+        for k in range(len(out)):
+            out[k] = 0.0
+    elif axis == 0:
+        couple, low, own, high = balance_x(u, load, i, j, law, wall, spring, share, out)
+        finish_row(u[0][i, j], out, couple, low, own, high, False, False)
+    elif axis == 1:
+        couple, low, own, high = balance_y(u, load, i, j, law, wall, spring, share, out)
+        finish_row(u[1][i, j], out, couple, low, own, high, False, False)
+    else:
+        couple, low, own, high = balance_z(u, load, i, j, law, wall, spring, share, out)
+        finish_row(u[2][i, j], out, couple, low, own, high, held[4], held[5])
+
+
+@njit(cache=True, fastmath=True)
+def apply(u, out, law, wall, held, spring):
+    """Write the stiffness times u; return u·out."""
+    nx = u[1].shape[0]
+    product = 0.0
+    for i in range(nx + 1):
+        for axis in range(3):
+            if i == nx and axis > 0:
+                continue
+            for j in range(u[0].shape[1] + (axis == 1)):
+                product += apply_row(axis, u, out, i, j, law, wall, held, spring)
+    return product
+
+
+@njit(cache=True, fastmath=True)
+def apply_row(axis, u, out, i, j, law, wall, held, spring):
+    row = out[0][i, j] if axis == 0 else out[1][i, j] if axis == 1 else out[2][i, j]
+    value = u[0][i, j] if axis == 0 else u[1][i, j] if axis == 1 else u[2][i, j]
+    left_row(axis, u, u, i, j, law, wall, held, spring, 0.0, row)
+    product = 0.0
+    for k in range(len(row)):
+        row[k] = -row[k]
+        product += value[k] * row[k]
+    return product
+
+
+@njit(cache=True, fastmath=True)
+def add_tensor(field, buffer, first, second):
+    """Add a row to the (up to four) parent rows."""
+    p, a, q, b = first
+    r, c, s, d = second
+    add_row(field[p, r], buffer, a * c)
+    if d != 0.0:
+        add_row(field[p, s], buffer, a * d)
+    if b != 0.0:
+        add_row(field[q, r], buffer, b * c)
+        if d != 0.0:
+            add_row(field[q, s], buffer, b * d)
+
+
+@njit(cache=True, fastmath=True)
+def restrict_row(axis, row, i, j, coarse, own, far, buffer):
+    """Hand a row of loads to the parents."""
+    if axis == 2:
+        gather_normal(row, buffer)
+    else:
+        gather_across(row, buffer, own[4], far[4], own[5], far[5])
+    nx, ny = coarse[1].shape[0], coarse[0].shape[1]
+    if axis == 0:
+        first = parents_normal(i)
+    else:
+        first = parents_across(i, nx, own[0], far[0], own[1], far[1])
+    if axis == 1:
+        second = parents_normal(j)
+    else:
+        second = parents_across(j, ny, own[2], far[2], own[3], far[3])
+    field = coarse[0] if axis == 0 else coarse[1] if axis == 1 else coarse[2]
+    add_tensor(field, buffer[: field.shape[2]], first, second)
+
+
+@njit(cache=True, fastmath=True)
+def restrict(load, coarse, own, far):
+    """Hand a load to the parents."""
+    nx, ny, nz = load[1].shape[0], load[0].shape[1], load[0].shape[2]
+    buffer = np.empty(nz + 2)
+    for axis in range(3):
+        field = load[0] if axis == 0 else load[1] if axis == 1 else load[2]
+        target = coarse[0] if axis == 0 else coarse[1] if axis == 1 else coarse[2]
+        target[:] = 0.0
+        for i in range(nx + (axis == 0)):
+            for j in range(ny + (axis == 1)):
+                restrict_row(axis, field[i, j], i, j, coarse, own, far, buffer)
+
+
+@njit(cache=True, fastmath=True)
+def descend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
+    """Sweep from zero and hand what is left unbalanced to the parents, in one pass."""
+    nx, ny, nz = u[1].shape[0], u[0].shape[1], u[0].shape[2]
+    buffer, left = np.empty(nz + 2), np.empty(nz + 2)
+    for field in coarse:
+        field[:] = 0.0
+    for field in u:
+        field[0] = 0.0
+    for front in range(nx + 1 + LAG * sweeps):
+        if front < nx:
+            u[0][front + 1] = 0.0
+        if front < nx - 1:
+            u[1][front + 1] = 0.0
+            u[2][front + 1] = 0.0
+        for sweep in range(sweeps):
+            i = front - LAG * sweep
+            relax_plane(u, load, i, law, wall, held, spring, buffer, False)
+        i = front - LAG * sweeps
+        for axis in range(3):
+            if 0 <= i < nx + (axis == 0):
+                row = left[: nz + (axis == 2)]
+                for j in range(ny + (axis == 1)):
+                    left_row(axis, u, load, i, j, law, wall, held, spring, 1.0, row)
+                    restrict_row(axis, row, i, j, coarse, own, far, buffer)
+
+
+@njit(cache=True, fastmath=True)
+def spread_row(axis, parents, row, own, far, weight):
+    if axis == 2:
+        spread_normal(parents, row, weight)
+    else:
+        spread_across(parents, row, own[4], far[4], own[5], far[5], weight)
+
+
+@njit(cache=True, fastmath=True)
+def prolong_row(axis, u, coarse, i, j, own, far):
+    """Add the parents' displacement to a row of faces."""
+    nx, ny = coarse[1].shape[0], coarse[0].shape[1]
+    if axis == 0:
+        p, a, q, b = parents_normal(i)
+    else:
+        p, a, q, b = parents_across(i, nx, own[0], far[0], own[1], far[1])
+    if axis == 1:
+        r, c, s, d = parents_normal(j)
+    else:
+        r, c, s, d = parents_across(j, ny, own[2], far[2], own[3], far[3])
+    field = coarse[0] if axis == 0 else coarse[1] if axis == 1 else coarse[2]
+    row = u[0][i, j] if axis == 0 else u[1][i, j] if axis == 1 else u[2][i, j]
+    spread_row(axis, field[p, r], row, own, far, a * c)
+    if d != 0.0:
+        spread_row(axis, field[p, s], row, own, far, a * d)
+    if b != 0.0:
+        spread_row(axis, field[q, r], row, own, far, b * c)
+        if d != 0.0:
+            spread_row(axis, field[q, s], row, own, far, b * d)
+
+
+@njit(cache=True, fastmath=True)
+def prolong_plane(u, coarse, i, own, far):
+    nx, ny = u[1].shape[0], u[0].shape[1]
+    for axis in range(3):
+        if i < nx + (axis == 0):
+            for j in range(ny + (axis == 1)):
+                prolong_row(axis, u, coarse, i, j, own, far)
+
+
+@njit(cache=True, fastmath=True)
+def prolong(u, coarse, own, far):
+    """Add the parents' displacement to the children."""
+    for i in range(u[0].shape[0]):
+        prolong_plane(u, coarse, i, own, far)
+
+
+@njit(cache=True, fastmath=True)
+def ascend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
+    """Add the parents' displacement and sweep in the opposite order, in one pass."""
+    nx, nz = u[1].shape[0], u[0].shape[2]
+    buffer = np.empty(nz + 2)
+    for front in range(nx + 1, -LAG * sweeps, -1):
+        if front > 0:
+            prolong_plane(u, coarse, front - 1, own, far)
+        for sweep in range(sweeps):
+            i = front + LAG * sweep
+            relax_plane(u, load, i, law, wall, held, spring, buffer, True)
+
+
+@njit(cache=True, fastmath=True)
+def smooth(u, load, law, wall, held, spring, sweeps, backward):
+    """Sweep one after the other: the plain order that the fused passes must reproduce."""
+    nx, nz = u[1].shape[0], u[0].shape[2]
+    buffer = np.empty(nz + 2)
+    for _ in range(sweeps):
+        for k in range(nx + 1):
+            i = nx - k if backward else k
+            relax_plane(u, load, i, law, wall, held, spring, buffer, backward)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .material_agent import Carrier
 
 
-class BoundaryAgent(FixedAgent):  # type: ignore[misc]
+class BoundaryAgent(FixedAgent):
     """A cell beside the body that a load has woken.
 
     Attributes

@@ -14,15 +14,15 @@ class Load(NamedTuple):
         Where it points: the index of a face normal of the lattice.
     magnitude : float
         Its size (N), always positive.
-    count : float
+    copies : float
         How many equal loads arrived together.
     """
 
     direction: int
     magnitude: float
-    count: float = 1.0
+    copies: float = 1.0
 
     @property
     def total(self) -> float:
         """Sum of the equal loads (N)."""
-        return self.magnitude * self.count
+        return self.magnitude * self.copies

@@ -28,7 +28,7 @@ class Carrier(Protocol):
         """Bring a load to the neighbour over an arm, where it is taken in the next step."""
 
 
-class MaterialAgent(FixedAgent):  # type: ignore[misc]
+class MaterialAgent(FixedAgent):
     """A cell of material that a load has woken.
 
     Subclass it to try a rule of your own: `take` says what the agent does with a load,
@@ -54,7 +54,7 @@ class MaterialAgent(FixedAgent):  # type: ignore[misc]
     dropped : float
         Emissions up to the threshold (N), which end here.
     inbox : dict
-        Loads to take in the next step: (direction, magnitude) → count.
+        Loads to take in the next step: (direction, magnitude) → copies.
     """
 
     def __init__(self, model: Carrier, cell: Cell, material: Material, shares: Shares) -> None:
@@ -73,15 +73,15 @@ class MaterialAgent(FixedAgent):  # type: ignore[misc]
     def receive(self, load: Load, senders: Iterable[MaterialAgent] = ()) -> None:
         """Put a load into the inbox; equal loads are merged and counted."""
         key = (load.direction, load.magnitude)
-        self.inbox[key] = self.inbox.get(key, 0.0) + load.count
+        self.inbox[key] = self.inbox.get(key, 0.0) + load.copies
         if self.spawn_step == self.model.generation + 1:
             self.woken_by += [agent for agent in senders if agent not in self.woken_by]
 
     def step(self) -> None:
         """Take every load that has arrived, and pass each on."""
         inbox, self.inbox = self.inbox, {}
-        for (direction, magnitude), count in inbox.items():
-            load = Load(direction, magnitude, count)
+        for (direction, magnitude), copies in inbox.items():
+            load = Load(direction, magnitude, copies)
             self.take(load)
             self.pass_on(load)
 
@@ -93,7 +93,7 @@ class MaterialAgent(FixedAgent):  # type: ignore[misc]
     def pass_on(self, load: Load) -> None:
         """Hand the other shares of a load to the neighbours, unless they are too small."""
         for arm, direction, share in self.model.emissions(self.shares, load.direction):
-            emission = Load(direction, share * load.magnitude, load.count)
+            emission = Load(direction, share * load.magnitude, load.copies)
             if emission.magnitude > self.model.threshold or self.model.accumulate:
                 self.model.hand_over(self, arm, emission)
             else:

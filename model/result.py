@@ -117,7 +117,7 @@ def write_archive(path: str | Path, arrays: dict[str, NDArray[Any]], text: dict[
         raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, json=described, **arrays)
+            np.savez_compressed(file, allow_pickle=False, json=described, **arrays)
         Path(scratch).replace(target)
     except BaseException as error:
         Path(scratch).unlink(missing_ok=True)

@@ -74,8 +74,10 @@ class AgentEngine:
 
     def start(self, cells: IntArray, direction: IntArray, magnitude: FloatArray) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
-        for agent in (*self.agents.values(), *self.boundaries.values()):
+        for agent in self.agents.values():
             agent.remove()
+        for boundary in self.boundaries.values():
+            boundary.remove()
         self.agents, self.boundaries = {}, {}
         self.generation = 0
         self.post: list[tuple[MaterialAgent, int, Load]] = []
@@ -90,7 +92,11 @@ class AgentEngine:
     def pending(self) -> float:
         """Sum of the loads that wait to be taken (N)."""
         return sum(
-            (m * count for agent in self.agents.values() for (_, m), count in agent.inbox.items()),
+            (
+                m * copies
+                for agent in self.agents.values()
+                for (_, m), copies in agent.inbox.items()
+            ),
             start=0.0,
         )
 
@@ -98,9 +104,9 @@ class AgentEngine:
         """Let every agent take the loads that reached it and pass them on."""
         self.record.append(
             [
-                (agent, direction, magnitude * count)
+                (agent, direction, magnitude * copies)
                 for agent in self.agents.values()
-                for (direction, magnitude), count in agent.inbox.items()
+                for (direction, magnitude), copies in agent.inbox.items()
             ]
         )
         self.generation += 1
@@ -159,7 +165,7 @@ class AgentEngine:
         accepted = 0.0
         for (cell, direction, magnitude), met in meeting.items():
             total = sum(load.total for load, _ in met)
-            load = Load(direction, magnitude, sum(load.count for load, _ in met))
+            load = Load(direction, magnitude, sum(load.copies for load, _ in met))
             if self.accumulate:
                 load = Load(direction, total)
             if load.magnitude > self.threshold:

@@ -1,14 +1,15 @@
 """Load transfer on arrays: only agents and their loads are stored, never the body.
 
-A load is a row (cell, direction, magnitude, count). Magnitudes are few, because they are
+A load is a row (cell, direction, magnitude, copies). Magnitudes are few, because they are
 products of a few shares, so a row carries the number of its magnitude in a table.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .agent_table import AgentTable
 from .stage import FloatArray, IntArray, Ledger, Stage, collect_boundary, collect_history
@@ -28,7 +29,7 @@ class Rows(NamedTuple):
         Where the loads are, and where they point.
     magnitude : array of int
         Number of the magnitude in the engine's table.
-    count : array of float
+    copies : array of float
         How many equal loads the row stands for.
     bits : array of int
         Arms over which they came, one bit each.
@@ -37,12 +38,13 @@ class Rows(NamedTuple):
     place: IntArray
     direction: IntArray
     magnitude: IntArray
-    count: FloatArray
+    copies: FloatArray
     bits: IntArray
 
-    def where(self, chosen: IntArray) -> Rows:
+    def where(self, chosen: NDArray[Any]) -> Rows:
         """Return the chosen rows."""
-        return Rows(*(column[chosen] for column in self))
+        columns: tuple[NDArray[Any], ...] = tuple(self)
+        return Rows(*(column[chosen] for column in columns))
 
 
 class ArrayEngine:
@@ -79,7 +81,7 @@ class ArrayEngine:
     @property
     def load(self) -> FloatArray:
         """Sum of the equal loads of each waiting row (N)."""
-        amount: FloatArray = self.values[self.waiting.magnitude] * self.waiting.count
+        amount: FloatArray = self.values[self.waiting.magnitude] * self.waiting.copies
         return amount
 
     @property
@@ -117,12 +119,12 @@ class ArrayEngine:
             number = canonical[share_number[which], self.waiting.magnitude]
             loud = loud_value[number]
             quiet = ~loud
-            ended = values[number[quiet]] * self.waiting.count[quiet]
+            ended = values[number[quiet]] * self.waiting.copies[quiet]
             np.add.at(self.agents.dropped, agent[quiet], ended)
             self.dropped += float(ended.sum())
             place = agent * self.lattice.directions + arms[which]
             bits = 1 << self.lattice.opposite[arms[which]]
-            sent = Rows(place, directions[which], number, self.waiting.count, bits)
+            sent = Rows(place, directions[which], number, self.waiting.copies, bits)
             parts.append(sent.where(loud))
         self.values = values
         return Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
@@ -134,7 +136,7 @@ class ArrayEngine:
         inside = sent.where(beyond >= 0)._replace(
             place=self.agents.neighbour(agent, arm)[beyond >= 0]
         )
-        load = self.values[sent.magnitude] * sent.count
+        load = self.values[sent.magnitude] * sent.copies
         np.add.at(self.agents.passed, (agent, arm), load)
         at_boundary = sent.where(beyond < 0)
         if self.accumulate:
@@ -146,7 +148,7 @@ class ArrayEngine:
         """Let boundary agents turn loads round; they return to the sender's cell."""
         agent, arm = np.divmod(rows.place, self.lattice.directions)
         kind = self.agents.beyond(agent, arm)
-        load = self.values[rows.magnitude] * rows.count
+        load = self.values[rows.magnitude] * rows.copies
         self.boundary.append((self.agents.neighbour(agent, arm), load))
         self.returned += float(load.sum())
         direction = rows.direction.copy()
@@ -173,7 +175,7 @@ class ArrayEngine:
     def _judge(self, rows: Rows) -> Rows:
         load = self.values[rows.magnitude]
         loud = load > self.threshold
-        self.dropped += float((load * rows.count)[~loud].sum())
+        self.dropped += float((load * rows.copies)[~loud].sum())
         return rows.where(loud)
 
     def _merge(self, rows: Rows) -> Rows:
@@ -188,11 +190,11 @@ class ArrayEngine:
         bits = np.bitwise_or.reduceat(rows.bits, first)
         merged = rows.where(first)._replace(bits=bits)
         if not self.accumulate:
-            return merged._replace(count=np.add.reduceat(rows.count, first))
-        sums = np.add.reduceat(self.values[rows.magnitude] * rows.count, first)
+            return merged._replace(copies=np.add.reduceat(rows.copies, first))
+        sums = np.add.reduceat(self.values[rows.magnitude] * rows.copies, first)
         numbers = len(self.values) + np.arange(len(first))
         self.values = np.append(self.values, sums)
-        return merged._replace(magnitude=numbers, count=np.ones(len(first)))
+        return merged._replace(magnitude=numbers, copies=np.ones(len(first)))
 
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import mesa
-import numpy as np
 
 from kaju.agents.material_agent import MaterialAgent
 from kaju.errors import ParameterError, StabilityError
+from kaju.model.progress import progress_line
 
-from ..progress import progress_line
 from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify
-from .stage import FloatArray, IntArray, Stage
+from .stage import Stage
 from .transfer import Transfer, split_force
 from .transfer_result import TransferResult
 
 if TYPE_CHECKING:
+    from kaju.agents.load import Load
     from kaju.agents.rules import Emission, Shares
     from kaju.model.scene import Scene
     from kaju.model.scene.lattice import Lattice
@@ -33,7 +33,7 @@ MOST_GROWTH = 1e12
 """A run whose waiting loads exceed the applied ones by this factor is stopped."""
 
 
-class LoadModel(mesa.Model):  # type: ignore[misc]
+class LoadModel(mesa.Model):
     """Load transfer, one generation a step.
 
     In each step every agent takes the loads that reached it in the step before and passes
@@ -153,7 +153,7 @@ class LoadModel(mesa.Model):  # type: ignore[misc]
         """Return what a load along `direction` sends out of an agent with these shares."""
         return self.transfer.emissions(shares, direction)
 
-    def hand_over(self, sender: MaterialAgent, arm: int, load: Any) -> None:
+    def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
         """Bring a load to the neighbour over an arm, where it is taken in the next step."""
         assert isinstance(self.engine, AgentEngine)
         self.engine.hand_over(sender, arm, load)

@@ -145,7 +145,8 @@ def collect_boundary(
     step = np.concatenate([np.full(len(key), g + 2) for g, (key, _) in enumerate(handed)])
     load = np.concatenate([amount for _, amount in handed])
     key, first, number = np.unique(every, return_index=True, return_inverse=True)
-    returned = np.bincount(number, weights=load, minlength=len(key))
+    returned: FloatArray = np.zeros(len(key))
+    np.add.at(returned, number, load)
     order = np.lexsort((key, step[first]))
     return key[order], step[first][order], returned[order]
 

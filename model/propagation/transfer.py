@@ -36,8 +36,8 @@ class Transfer:
     def __init__(self, scene: Scene) -> None:
         if not isinstance(scene.rule, PrescribedRule):
             raise SceneError(
-                f"rule.kind: LoadModel passes loads on by a prescribed rule, got {scene.rule.kind!r};"
-                ' set kind = "prescribed"'
+                "rule.kind: LoadModel passes loads on by a prescribed rule, "
+                f'got {scene.rule.kind!r}; set kind = "prescribed"'
             )
         self.lattice: Lattice = scene.lattice
         self.rule = scene.rule
@@ -72,8 +72,8 @@ class Transfer:
     @cached_property
     def emitted(self) -> NDArray[np.float64]:
         """Sum of the emitted shares per material: by how much loads grow in a generation."""
-        shares = self.tables[2]
-        return shares.sum(axis=2).max(axis=1)
+        total: NDArray[np.float64] = self.tables[2].sum(axis=2).max(axis=1)
+        return total
 
     @cached_property
     def own(self) -> NDArray[np.float64]:

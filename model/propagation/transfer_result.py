@@ -221,7 +221,7 @@ class TransferResult(Result):
         stages = []
         for number, described in enumerate(about["stages"]):
             history = {f.name: arrays[f"{number}.history.{f.name}"] for f in fields(History)}
-            columns = {
+            columns: dict[str, Any] = {
                 f.name: arrays[f"{number}.{f.name}"]
                 for f in fields(Stage)
                 if f"{number}.{f.name}" in arrays

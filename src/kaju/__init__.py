@@ -7,7 +7,7 @@ Describe a body and press on it (`Scene`, `load_scene`), let agents pass the loa
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
 
@@ -49,7 +49,7 @@ _HOME = {
 __all__ = sorted([*_HOME, "__version__"])
 
 
-def __getattr__(name: str) -> object:
+def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'kaju' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)

@@ -30,7 +30,7 @@ from .sparse_multigrid import SparseMultigrid
 from .staggered import Numbering, stiffness_matrix
 
 Vector = NDArray[np.float64]
-SMALLEST = 4
+SMALLEST = 8
 
 
 @dataclass

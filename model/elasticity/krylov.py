@@ -6,10 +6,38 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 Operator = Callable[[Vector], Vector]
+
+
+@njit(cache=True, fastmath=True)
+def dot(a, b):  # type: ignore[no-untyped-def]
+    """Return a·b, always summed in the same order."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@njit(cache=True, fastmath=True)
+def _descend(x, r, p, q, length):  # type: ignore[no-untyped-def]
+    """Go along p and return the square of the residual that is left."""
+    total = 0.0
+    for i in range(len(x)):
+        x[i] += length * p[i]
+        r[i] -= length * q[i]
+        total += r[i] * r[i]
+    return total
+
+
+@njit(cache=True, fastmath=True)
+def _turn(p, z, share):  # type: ignore[no-untyped-def]
+    """Make z + share·p the new direction."""
+    for i in range(len(p)):
+        p[i] = z[i] + share * p[i]
 
 
 @dataclass
@@ -61,38 +89,30 @@ def conjugate_gradients(
     """
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
-    scale = float(np.sqrt(load @ load)) or 1.0
+    scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x)
-    p = q = np.empty(0)
-    previous = 0.0
+    p = np.zeros_like(load)
+    square, previous = float(dot(r, r)), 1.0
     for step in range(most + 1):
-        run.residuals.append(float(np.sqrt(r @ r)) / scale)
+        run.residuals.append(float(np.sqrt(square)) / scale)
         if run.residuals[-1] == 0.0 or not np.isfinite(run.residuals[-1]):
             run.errors.append(0.0)
             run.converged = run.residuals[-1] == 0.0
             return run
         z = precondition(r)
-        product = float(r @ z)
-        energy = abs(float(load @ x))
+        product, energy = float(dot(r, z)), abs(float(dot(load, x)))
         run.errors.append(float(np.sqrt(max(product, 0.0) / energy)) if energy else np.inf)
         if done(run):
             run.converged = True
             return run
         if step == most or product <= 0.0:
             return run
-        p = z.copy() if step == 0 else _advance(p, z, product / previous)
+        _turn(p, z, product / previous if step else 0.0)
         previous = product
         q = apply(p)
-        length = product / float(p @ q)
-        x += length * p
-        r -= length * q
+        length = product / float(dot(p, q))
+        square = float(_descend(x, r, p, q, length))
     return run
-
-
-def _advance(p: Vector, z: Vector, share: float) -> Vector:
-    p *= share
-    p += z
-    return p
 
 
 def minimal_residuals(

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import csc_array
 
 from .dissection import elimination_order
 from .geometry import Geometry, along_springs, nodal_forces, spring_forces, spring_geometry
+from .pattern import tangent_pattern
 from .springs import Floats, SpringNetwork
 
 
@@ -37,7 +38,7 @@ class Assembler:
         order = elimination_order(network.positions, network.springs)
         coordinates = (dimension * order[:, None] + np.arange(dimension)).ravel()
         self.free: NDArray[np.int64] = coordinates[~network.held.ravel()[coordinates]]
-        self._pattern, self._places = self._index_map()
+        self._pattern = tangent_pattern(network, order)
 
     def geometry(self, displacement: Floats) -> Geometry:
         """Return lengths, directions and elongations under a displacement (n, dimension)."""
@@ -59,13 +60,7 @@ class Assembler:
         stiffness : (m,) floats
             Growth of the tension with the length (N/m).
         """
-        blocks = self._blocks(geometry, tension, stiffness).ravel()
-        indices, pointer = self._pattern
-        data = np.zeros(len(indices) + 1)
-        for places, sign in zip(self._places, (1.0, 1.0, -1.0, -1.0), strict=True):
-            data += sign * np.bincount(places, blocks, minlength=len(data))
-        shape = (len(self.free), len(self.free))
-        return csc_array((data[:-1], indices, pointer), shape=shape)
+        return self._pattern.fill(self.network, self._blocks(geometry, tension, stiffness))
 
     def force_change(
         self, geometry: Geometry, tension: Floats, stiffness: Floats, displacement: Floats
@@ -98,50 +93,3 @@ class Assembler:
         diagonal = np.arange(self.network.dimension)
         blocks[:, diagonal, diagonal] += across[:, None]
         return blocks
-
-    def _index_map(
-        self,
-    ) -> tuple[tuple[NDArray[np.int32], NDArray[np.int32]], list[NDArray[np.intp]]]:
-        """Find the pattern of the tangent, and where in it each number of each block belongs.
-
-        A number of a held coordinate is sent to a place behind the last, and dropped there.
-        """
-        free = len(self.free)
-        number = np.full(self.network.positions.size, -1, dtype=np.int64)
-        number[self.free] = np.arange(free)
-        pairs = [self._pairs(number, *ends) for ends in ((0, 0), (1, 1), (0, 1), (1, 0))]
-        inside = [(rows >= 0) & (columns >= 0) for rows, columns in pairs]
-        rows = np.concatenate([pair[0][keep] for pair, keep in zip(pairs, inside, strict=True)])
-        columns = np.concatenate([pair[1][keep] for pair, keep in zip(pairs, inside, strict=True)])
-        ones = np.ones(len(rows), dtype=np.int8)
-        pattern = coo_array((ones, (rows, columns)), shape=(free, free)).tocsc()
-        pattern.sort_indices()
-        places = _places_in(pattern, rows, columns)
-        found = np.split(places, np.cumsum([int(keep.sum()) for keep in inside])[:-1])
-        spread = []
-        for keep, place in zip(inside, found, strict=True):
-            where = np.full(len(keep), pattern.nnz, dtype=np.intp)
-            where[keep] = place
-            spread.append(where)
-        return (pattern.indices.astype(np.int32), pattern.indptr.astype(np.int32)), spread
-
-    def _pairs(
-        self, number: NDArray[np.int64], row_end: int, column_end: int
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row and column of every number of one of a spring's four blocks."""
-        dimension = self.network.dimension
-        axes = np.arange(dimension)
-        shape = (len(self.network.springs), dimension, dimension)
-        ends = number[dimension * self.network.springs[:, :, None] + axes]
-        rows = np.broadcast_to(ends[:, row_end, :, None], shape)
-        columns = np.broadcast_to(ends[:, column_end, None, :], shape)
-        return rows.ravel(), columns.ravel()
-
-
-def _places_in(
-    pattern: csc_array, rows: NDArray[np.int64], columns: NDArray[np.int64]
-) -> NDArray[np.intp]:
-    """Find the position of entries in the data of a sorted sparse matrix."""
-    size = pattern.shape[0]
-    stored = np.repeat(np.arange(size), np.diff(pattern.indptr)) * size + pattern.indices
-    return np.searchsorted(stored, columns * size + rows)

@@ -69,8 +69,12 @@ class DirectSolver:
 
     name = "sparse LU"
 
+    def __init__(self) -> None:
+        self._factors: Any = None
+
     def factorise(self, tangent: csc_array) -> None:
         """Compute the factors; raise `GivesWayError` unless all pivots are positive."""
+        self._factors = None  # give their memory back before the new ones need it
         try:
             self._factors = _factors(tangent)
         except RuntimeError as singular:  # a column of zeros was left

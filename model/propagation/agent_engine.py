@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from mesa.discrete_space import Cell, HexGrid, OrthogonalVonNeumannGrid
@@ -18,13 +18,15 @@ from kaju.agents.load import Load
 from kaju.agents.material_agent import MaterialAgent
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
-from .stage import FloatArray, IntArray, Ledger, Stage, collect_history
+from .stage import FloatArray, History, IntArray, Ledger, Stage, collect_history
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
     from .load_model import LoadModel
     from .transfer import Transfer
+
+A = TypeVar("A", MaterialAgent, BoundaryAgent)
 
 BOUNDARY_AGENTS: dict[int, type[BoundaryAgent]] = {
     AIR: FreeBoundaryAgent,
@@ -191,19 +193,50 @@ class AgentEngine:
 
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""
-        agents = list(self.agents.values())
-        cells = np.array([a.cell.coordinate for a in agents], dtype=np.int64)
-        cells = cells.reshape(-1, self.lattice.dimension) - 1
-        spawn_step = np.array([agent.spawn_step for agent in agents], dtype=np.int64)
-        order = np.lexsort((self.lattice.key(cells), spawn_step))
-        taken = self._by_direction([agent.taken for agent in agents])
+        agents = self._ordered(self.agents.values())
+        boundaries = self._ordered(self.boundaries.values())
+        cells, boundary_cells = self._places(agents), self._places(boundaries)
         passed = self._by_direction([agent.passed for agent in agents])
         dropped = np.array([agent.dropped for agent in agents])
-        boundary = list(self.boundaries.values())
-        boundary_cells = np.array([b.cell.coordinate for b in boundary], dtype=np.int64)
-        boundary_cells = boundary_cells.reshape(-1, self.lattice.dimension) - 1
-        boundary_step = np.array([b.spawn_step for b in boundary], dtype=np.int64)
-        boundary_order = np.lexsort((self.lattice.key(boundary_cells), boundary_step))
+        taken = self._by_direction([agent.taken for agent in agents])
+        return Stage(
+            factor=factor,
+            outcome=outcome,
+            generations=self.generation,
+            cells=cells,
+            material=self.scene.kinds(cells),
+            spawn_step=np.array([agent.spawn_step for agent in agents], dtype=np.int64),
+            woken_by=np.array([self._arms_to_wakers(a) for a in agents], dtype=np.int64),
+            taken=taken,
+            passed=passed,
+            dropped=dropped,
+            boundary_cells=boundary_cells,
+            boundary_kind=self.scene.kinds(boundary_cells),
+            boundary_spawn_step=np.array([b.spawn_step for b in boundaries], dtype=np.int64),
+            returned=np.array([boundary.returned for boundary in boundaries]),
+            history=self._history(agents),
+            ledger=Ledger(
+                applied=self.applied,
+                taken=float(taken.sum()),
+                kept=sum((agent.kept for agent in agents), start=0.0),
+                emitted=float(passed.sum() + dropped.sum()),
+                passed=self.passed,
+                returned=self.returned,
+                dropped=self.dropped + float(dropped.sum()),
+                pending=self.pending,
+            ),
+        )
+
+    def _ordered(self, agents: Iterable[A]) -> list[A]:
+        """Sort agents by spawn step and place."""
+        return sorted(agents, key=lambda agent: (agent.spawn_step, *agent.cell.coordinate))
+
+    def _places(self, agents: Sequence[MaterialAgent] | Sequence[BoundaryAgent]) -> IntArray:
+        """Return the cells of agents, without the rim."""
+        cells = np.array([agent.cell.coordinate for agent in agents], dtype=np.int64)
+        return cells.reshape(-1, self.lattice.dimension) - 1
+
+    def _history(self, agents: list[MaterialAgent]) -> History:
         number = {agent: row for row, agent in enumerate(agents)}
         record = [
             (
@@ -213,34 +246,7 @@ class AgentEngine:
             )
             for rows in self.record
         ]
-        ledger = Ledger(
-            applied=self.applied,
-            taken=float(taken.sum()),
-            kept=sum((agent.kept for agent in agents), start=0.0),
-            emitted=float(passed.sum() + dropped.sum()),
-            passed=self.passed,
-            returned=self.returned,
-            dropped=self.dropped + float(dropped.sum()),
-            pending=self.pending,
-        )
-        return Stage(
-            factor=factor,
-            outcome=outcome,
-            generations=self.generation,
-            cells=cells[order],
-            material=self.scene.kinds(cells[order]),
-            spawn_step=spawn_step[order],
-            woken_by=np.array([self._arms_to_wakers(a) for a in agents], dtype=np.int64)[order],
-            taken=taken[order],
-            passed=passed[order],
-            dropped=dropped[order],
-            boundary_cells=boundary_cells[boundary_order],
-            boundary_kind=self.scene.kinds(boundary_cells[boundary_order]),
-            boundary_spawn_step=boundary_step[boundary_order],
-            returned=np.array([b.returned for b in boundary])[boundary_order],
-            history=collect_history(record, order),
-            ledger=ledger,
-        )
+        return collect_history(record, np.arange(len(agents)))
 
     def _by_direction(self, amounts: list[dict[int, float]]) -> FloatArray:
         table = np.zeros((len(amounts), self.lattice.directions))

@@ -1,0 +1,198 @@
+"""The command, as a person types it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from kaju import Scene, TransferResult, load_scene
+from kaju.__main__ import main
+from kaju.model.propagation.load_model import LoadModel
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PLATE = str(EXAMPLES / "plate.toml")
+
+
+@pytest.fixture
+def kaju(monkeypatch, capsys, tmp_path):
+    """Type a command in an empty folder; return exit code, output and error output."""
+    monkeypatch.chdir(tmp_path)
+
+    def typed(*words):
+        monkeypatch.setattr(sys, "argv", ["kaju", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        printed = capsys.readouterr()
+        return end.value.code or 0, printed.out, printed.err
+
+    return typed
+
+
+def names(folder):
+    return sorted(path.name for path in Path(folder).iterdir())
+
+
+def test_run_writes_summary_and_result(kaju):
+    code, out, _ = kaju("run", PLATE, "--out", "here", "--no-pictures")
+    assert code == 0
+    assert "at rest after 8 generations" in out
+    assert names("here") == ["result.npz", "summary.json"]
+    summary = json.loads(Path("here/summary.json").read_text())
+    assert summary["generations"] == 8
+    assert summary["material_agents"] == 34
+    assert summary["load_taken"] == pytest.approx(12.879375)
+    assert len(TransferResult.load("here/result.npz").stages) == 20
+    assert names(".") == ["here"], "nothing is left beside it"
+
+
+def test_run_draws_pictures_unless_told_not_to(kaju):
+    kaju("run", PLATE, "--set", "loads.0.steps=2")
+    assert {"summary.json", "result.npz", "agents.png", "deformed.png"} <= set(
+        names("plate-result")
+    )
+
+
+def test_set_changes_the_scene(kaju):
+    settings = ["rule.threshold=0.001", "loads.0.steps=1", "sides.left=rigid"]
+    words = [word for setting in settings for word in ("--set", setting)]
+    code, _, _ = kaju("run", PLATE, "--out", "here", "--no-pictures", *words)
+    assert code == 0
+    assert json.loads(Path("here/summary.json").read_text())["generations"] == 11
+    stored = TransferResult.load("here/result.npz").scene
+    assert stored.side_condition("left").kind == "rigid"
+
+
+def test_results_are_not_overwritten_unless_forced(kaju):
+    kaju("run", PLATE, "--out", "here", "--no-pictures")
+    Path("here/notes.txt").write_text("mine")
+    before = Path("here/summary.json").read_bytes()
+    code, _, err = kaju("run", PLATE, "--out", "here", "--no-pictures")
+    assert code == 2
+    assert err.startswith("error: here: is not empty")
+    assert Path("here/summary.json").read_bytes() == before
+    code, _, _ = kaju("run", PLATE, "--out", "here", "--no-pictures", "--force")
+    assert code == 0
+    assert Path("here/notes.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["run", "missing.toml"], "missing.toml"),
+        (["run", PLATE, "--set", "threshold"], "--set: KEY=VALUE is needed, got 'threshold'"),
+        (["run", PLATE, "--set", "rule.treshold=1"], "threshold"),
+        (["run", PLATE, "--set", "rule.threshold=-1"], "threshold"),
+        (["run", PLATE, "--set", "body.thickness=nan"], "thickness"),
+        (["run", PLATE, "--set", "rule.accumulate=true"], "loads grow by 15 %"),
+        (["check", "missing.toml"], "missing.toml"),
+        (["animate", PLATE], "is a scene; run it first"),
+        (["animate", "nothing.npz"], "there is no such file"),
+    ],
+)
+def test_what_is_mistyped_is_one_line_and_exit_code_2(kaju, words, message):
+    code, out, err = kaju(*words)
+    assert code == 2
+    assert message in err
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in out + err
+    assert names(".") == [], "nothing half-written"
+
+
+def test_an_interrupted_run_keeps_what_was_computed(kaju, monkeypatch):
+    real_step = LoadModel.step
+
+    def step_until_interrupted(model):
+        if model.stage == 15:
+            raise KeyboardInterrupt
+        real_step(model)
+
+    scene = load_scene(PLATE)
+    monkeypatch.setattr(LoadModel, "step", step_until_interrupted)
+    monkeypatch.setattr("kaju.model.scene.load_scene", lambda _: scene)
+    code, out, err = kaju("run", PLATE, "--out", "here", "--no-pictures")
+    assert code == 130
+    assert "kept" in err
+    assert "interrupted" in out
+    assert len(TransferResult.load("here/result.npz").stages) == 15
+
+
+def test_check_gives_the_verdict(kaju):
+    code, out, _ = kaju("check", PLATE)
+    assert code == 0
+    assert "every load ends within 8 generations" in out
+    assert "1.15" in out
+    code, out, _ = kaju("check", PLATE, "--set", "rule.accumulate=true")
+    assert code == 1
+    assert "forward (α₂) below 0.35" in out
+
+
+def test_new_writes_a_scene_that_runs(kaju):
+    assert kaju("new", "mine.toml")[0] == 0
+    assert load_scene("mine.toml") == load_scene(PLATE)
+    code, _, err = kaju("new", "mine.toml")
+    assert code == 2
+    assert "exists already" in err
+
+
+def test_materials_lists_the_library(kaju):
+    _, out, _ = kaju("materials")
+    for name in ("steel", "rubber", "noodle"):
+        assert name in out
+
+
+def test_animate_makes_a_picture_from_a_stored_run(kaju, monkeypatch):
+    kaju("run", PLATE, "--out", "here", "--no-pictures", "--set", "loads.0.steps=1")
+    monkeypatch.setattr(LoadModel, "__init__", lambda *_: pytest.fail("ran again"))
+    code, out, _ = kaju("animate", "here")
+    assert code == 0
+    assert out.strip() == str(Path("here/generations.gif"))
+    assert Path("here/generations.gif").read_bytes().startswith(b"GIF")
+    code, _, err = kaju("animate", "here")
+    assert code == 2
+    assert "exists already" in err
+
+
+def test_demo_runs_the_worked_plate_and_says_where_the_pictures_are(kaju):
+    code, out, _ = kaju("demo", "--out", "demo")
+    assert code == 0
+    for line in ("demo/agents.png", "demo/spawning.gif"):
+        assert str(Path(line)) in out
+        assert Path(line).stat().st_size > 1000
+
+
+def test_the_demo_is_the_worked_plate_of_the_examples():
+    from kaju.__main__ import _worked_plate
+
+    assert Scene.from_toml(_worked_plate()) == load_scene(PLATE)
+
+
+def fresh_python(code):
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.split()
+
+
+def test_importing_kaju_stays_light():
+    heavy = {"matplotlib", "pandas", "mesa", "numba", "networkx", "scipy", "xarray", "skfem"}
+    loaded = fresh_python("import kaju, sys; print(*sys.modules)")
+    assert heavy.isdisjoint(loaded)
+    loaded = fresh_python("import kaju; kaju.Scene; import sys; print(*sys.modules)")
+    assert heavy.isdisjoint(loaded), "a scene needs none of them either"
+
+
+def test_every_public_name_is_there():
+    import kaju
+
+    for name in kaju.__all__:
+        assert getattr(kaju, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'Scnee'"):
+        _ = kaju.Scnee
+
+
+def test_python_m_kaju_answers():
+    done = subprocess.run(
+        [sys.executable, "-m", "kaju", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("kaju 0.")

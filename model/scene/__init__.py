@@ -1,10 +1,24 @@
 """What is asked: bodies, supports and loads."""
 
+from .applied import AppliedLoads
 from .body import Body
+from .files import load_scene
 from .lattice import Lattice
-from .loads import Load
-from .scene import Scene, load_scene
-from .selection import AppliedLoads
+from .loads import Load, LoadRegion
+from .regions import Region, RegionImage, Round
+from .scene import Scene
 from .sides import SideCondition
 
-__all__ = ["AppliedLoads", "Body", "Lattice", "Load", "Scene", "SideCondition", "load_scene"]
+__all__ = [
+    "AppliedLoads",
+    "Body",
+    "Lattice",
+    "Load",
+    "LoadRegion",
+    "Region",
+    "RegionImage",
+    "Round",
+    "Scene",
+    "SideCondition",
+    "load_scene",
+]

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from math import isclose
-from typing import Literal
+from math import isclose, prod
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import Field, PlainValidator, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
 from .described import Count, Described, Flag, Number, Positive, Text
 from .lattice import Lattice
+from .regions import Region
+
+_PICTURES = ("drawing", "image", "array")
+
+
+def _codes(value: Any) -> Any:
+    return value if isinstance(value, str) else np.asarray(value)
+
+
+Codes = Annotated[str | np.ndarray, PlainValidator(_codes)]
+"""Whole numbers, one a cell, or the path of the file that holds them."""
 
 
 class Body(Described):
@@ -25,8 +37,13 @@ class Body(Described):
     cell_size : float, optional
         Distance of two opposite faces of a cell (m); instead of `size`.
     drawing : str, optional
-        The body as text, one letter a cell, the top row first; the scene's legend says
-        what the letters mean.
+        The body as text, one letter a cell, the top row first. The scene's legend says what
+        the letters (colours, codes) of a drawing (image, array) mean.
+    image : str, optional
+        Path of an image, one pixel a cell.
+    array : str or ndarray of int, optional
+        Whole numbers, one a cell, indexed [x, y] or [x, y, z] from left, front and bottom;
+        or the path of the ``.npy`` file that holds them.
     thickness : float, optional
         Of a two-dimensional body, across the plane (m); 1 m unless given.
     plane : {"stress", "strain"}, optional
@@ -37,6 +54,8 @@ class Body(Described):
         What fills the array, under the regions: a material's name, "air" or "rigid".
     gravity : tuple of float, optional
         Acceleration (m/s²) that pulls every cell.
+    regions : tuple of Region
+        What is different in parts of the array; later ones cover earlier ones.
     allow_floating : bool
         Take a body that nothing holds.
     """
@@ -51,6 +70,8 @@ class Body(Described):
         default=None, description="the edge of a cell (m), such as 0.01"
     )
     drawing: Text | None = Field(default=None, description="the body, one letter a cell")
+    image: Text | None = Field(default=None, description="the path of an image, such as 'body.png'")
+    array: Codes | None = Field(default=None, description="the path of an .npy file, or an array")
     thickness: Positive | None = Field(
         default=None, description="the body's thickness across the plane (m)"
     )
@@ -60,20 +81,29 @@ class Body(Described):
     gravity: tuple[Number, ...] | None = Field(
         default=None, description="an acceleration (m/s²), such as [0.0, -9.81]"
     )
+    regions: tuple[Region, ...] = ()
     allow_floating: Flag = False
+
+    @property
+    def picture_key(self) -> str | None:
+        """Which of drawing, image and array gives the body cell by cell, if any does."""
+        given = [key for key in _PICTURES if getattr(self, key) is not None]
+        return given[0] if given else None
 
     @model_validator(mode="after")
     def _one_way_to_say_it(self) -> Body:
-        pictures = [name for name in ("drawing",) if getattr(self, name) is not None]
-        if pictures and self.cells is not None:
-            raise ParameterError("cells: the drawing has its own number of cells; leave it out")
-        if pictures and self.material is not None:
+        given = [key for key in _PICTURES if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise ParameterError(f"{given[1]}: {given[0]} already gives the body; leave one out")
+        if given and self.cells is not None:
+            raise ParameterError(f"cells: the {given[0]} has its own; leave them out")
+        if given and self.material is not None:
             raise ParameterError(
-                "material: in a drawn body the legend says what is where; leave it out"
+                f"material: the legend says what the {given[0]} is of; leave it out"
             )
-        if not pictures and self.cells is None:
-            raise ParameterError("cells: is needed, such as [20, 10], or a drawing")
-        if not pictures and self.material is None:
+        if not given and self.cells is None:
+            raise ParameterError("cells: is needed, such as [20, 10], or drawing, image or array")
+        if not given and self.material is None:
             raise ParameterError('material: is needed, such as "steel"')
         if (self.size is None) == (self.cell_size is None):
             raise ParameterError("size: give either size or cell_size (m), and not both")
@@ -97,7 +127,15 @@ class Body(Described):
             )
         if len(shape) == 3 and (self.thickness is not None or self.plane is not None):
             raise SceneError("body.thickness, body.plane: belong to two dimensions; leave them out")
-        return Lattice(kind, shape, self.cell_size or self._edge(kind, shape))
+        if prod(shape) >= 2**62:
+            raise SceneError(
+                f"body.cells: {' x '.join(map(str, shape))} cells are more than can be counted "
+                "(2^62); use larger cells"
+            )
+        edge = self.cell_size or self._edge(kind, shape)
+        if not 1e-12 <= edge <= 1e12:
+            raise SceneError(f"body.size: cells would be {edge:g} m wide; lengths are in metres")
+        return Lattice(kind, shape, edge)
 
     def _edge(self, kind: str, shape: tuple[int, ...]) -> float:
         size = self.size

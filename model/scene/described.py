@@ -8,6 +8,8 @@ whether the part came from a file or from Python.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
+from re import findall
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import numpy as np
@@ -23,12 +25,13 @@ from pydantic import (
 from pydantic_core import ErrorDetails
 
 from kaju.agents.materials import suggestion
-from kaju.errors import KajuError, ParameterError, SceneError
+from kaju.errors import ParameterError, SceneError
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]
+Coordinate = Annotated[Number, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Count = Annotated[int, Strict(), Field(gt=0)]
-Index = Annotated[int, Strict()]
+Index = Annotated[int, Strict(), Field(ge=-(2**62), le=2**62)]
 Text = Annotated[str, Strict()]
 Flag = Annotated[bool, Strict()]
 
@@ -41,6 +44,7 @@ _PHRASES = {
     "finite_number": "must be finite",
     "greater_than": "must be above {gt:g}",
     "greater_than_equal": "must be {ge:g} or more",
+    "less_than_equal": "must be {le:g} or less",
     "literal_error": "must be {expected}",
     "tuple_type": "must be a list",
     "list_type": "must be a list",
@@ -80,8 +84,10 @@ class Described(BaseModel):
 def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, np.ndarray) and value.size <= 16:
+    if isinstance(value, np.ndarray) and value.ndim < 3 and value.size <= 64:
         return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
     return value
@@ -103,10 +109,11 @@ def translated(description: type[BaseModel], error: ValidationError) -> SceneErr
 def _line(description: type[BaseModel], problem: ErrorDetails, cause: object) -> str:
     path = [str(part) for part in problem["loc"]]
     trail = list(_trail(description, problem["loc"]))
-    if isinstance(cause, KajuError):
-        joint = "." if isinstance(cause, ParameterError) else ": "
-        return joint.join([".".join(path), str(cause)]) if path else str(cause)
     key = ".".join(path)
+    if isinstance(cause, ValueError):
+        # a ParameterError names the parameter first, which completes the key path
+        joint = "." if isinstance(cause, ParameterError) else ": "
+        return f"{key}{joint}{cause}" if key else str(cause)
     if problem["type"] == "extra_forbidden":
         known = list(trail[-1].model_fields) if trail else []
         return f"{key}: unknown key{suggestion(path[-1], known)}; known are {', '.join(known)}"
@@ -114,8 +121,9 @@ def _line(description: type[BaseModel], problem: ErrorDetails, cause: object) ->
     phrase = _PHRASES.get(problem["type"])
     rule = phrase.format(**context) if phrase else problem["msg"]
     given = "" if problem["type"] == "missing" else f", got {_short(problem['input'])}"
-    meaning = _meaning(trail, problem["loc"])
-    return f"{key}: {rule}{given}{meaning}"
+    if problem["type"] == "literal_error":
+        given += suggestion(str(problem["input"]), findall(r"'([^']*)'", context["expected"]))
+    return f"{key}: {rule}{given}{_meaning(trail, problem['loc'])}"
 
 
 def _short(value: object) -> str:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from math import ceil, floor, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import SceneError
-
 from .lattice import Cells, Lattice
-from .pictures import MOST_CELLS
+from .pictures import check_size
+from .shapes import Shape
+
+CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Lower corner, included, and upper corner, not included, of a box of cells."""
+
+_SLAB = 1_000_000
 
 
-def grid(lower: NDArray[np.int64], upper: NDArray[np.int64]) -> Cells:
-    """Return all cells with lower <= cell < upper, the last axis running fastest."""
-    ranges = [np.arange(a, b, dtype=np.int64) for a, b in zip(lower, upper, strict=True)]
-    return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)
+@dataclass(frozen=True, eq=False)
+class FilledShape:
+    """A shape and the kind of the cells whose centres lie in it."""
+
+    shape: Shape
+    kind: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,47 +36,147 @@ class Filling:
     lattice : Lattice
         The array.
     base : int or ndarray of int
-        Kind of every cell, before the regions: one for all, or one each.
+        Kind of every cell under the regions: one for all, or one each.
+    regions : tuple of FilledShape
+        What lies over it, the later over the earlier.
     beyond : ndarray of int
         Kind of what lies beyond each of the lattice's sides.
     """
 
     lattice: Lattice
-    base: int | NDArray[np.integer]
+    base: int | NDArray[np.int16]
+    regions: tuple[FilledShape, ...]
     beyond: NDArray[np.int64]
+
+    @property
+    def box(self) -> CellBox:
+        """All cells of the array."""
+        shape = np.asarray(self.lattice.shape, dtype=np.int64)
+        return np.zeros_like(shape), shape
+
+    @property
+    def uniform(self) -> bool:
+        """Whether every cell of the array is the same."""
+        return isinstance(self.base, int) and not self.regions
 
     def kinds(self, cells: Cells) -> NDArray[np.int64]:
         """Return the kind of each cell, those outside the array included."""
         side = self.lattice.side_beyond(cells)
-        if isinstance(self.base, np.ndarray):
-            kinds = self.beyond[side]
-            inside = side < 0
-            kinds[inside] = self.base[tuple(cells[inside].T)]
-        else:
+        if isinstance(self.base, int):
             kinds = np.append(self.beyond, self.base)[side]
+            if not self.regions:
+                return kinds
+        else:
+            kinds = self.beyond[side]
+        inside = side < 0
+        kinds[inside] = self._inside(cells[inside])
         return kinds
 
-    def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return a box outside of which there is no body: lower <= cell < upper."""
-        shape = np.asarray(self.lattice.shape, dtype=np.int64)
-        if isinstance(self.base, np.ndarray):
-            body = self.base >= 0
-            lower, upper = np.zeros_like(shape), shape.copy()
-            for axis in range(len(shape)):
-                others = tuple(other for other in range(len(shape)) if other != axis)
-                filled = np.flatnonzero(body.any(axis=others))
-                if len(filled):
-                    lower[axis], upper[axis] = filled[0], filled[-1] + 1
-            return lower, upper
-        return np.zeros_like(shape), shape
+    def _inside(self, cells: Cells) -> NDArray[np.int64]:
+        if isinstance(self.base, int):
+            kinds = np.full(len(cells), self.base, dtype=np.int64)
+        else:
+            kinds = self.base[tuple(cells.T)].astype(np.int64)
+        if self.regions:
+            centres = self.lattice.centres(cells)
+            for region in self.regions:
+                kinds[region.shape.contains(centres)] = region.kind
+        return kinds
 
-    def rasterise(self) -> NDArray[np.int64]:
-        """Return the kinds of all cells, shape `lattice.shape`."""
-        lattice = self.lattice
-        if lattice.size > MOST_CELLS:
-            raise SceneError(
-                f"body.cells: {' x '.join(map(str, lattice.shape))} cells are more than the "
-                f"{MOST_CELLS:.0e} that can be held at once; use fewer, larger cells"
-            )
-        zero = np.zeros(lattice.dimension, dtype=np.int64)
-        return self.kinds(grid(zero, np.asarray(lattice.shape))).reshape(lattice.shape)
+    def bounds(self) -> CellBox:
+        """Return a box outside of which there is no body."""
+        boxes = [self.cells_of(region.shape) for region in self.regions if region.kind >= 0]
+        if not isinstance(self.base, int):
+            body = self.base >= 0
+            if body.any():
+                boxes.append(_tight(body))
+        elif self.base >= 0:
+            return self.box
+        if not boxes:
+            lower, _ = self.box
+            return lower, lower
+        lower = np.min([low for low, _ in boxes], axis=0)
+        return lower, np.max([high for _, high in boxes], axis=0)
+
+    def cells_of(self, shape: Shape) -> CellBox:
+        """Return a box of cells outside of which a shape has no cell's centre."""
+        lower, upper = shape.extent
+        # centres lie at (i + 1/2) h; those of hexagons lie up to h/2 further in odd rows
+        pitch = np.full(self.lattice.dimension, self.lattice.cell_size)
+        if self.lattice.kind == "hexagon":
+            pitch[1] *= sqrt(3.0) / 2.0
+        low = [max(0, floor(x / h) - 1) for x, h in zip(lower, pitch, strict=True)]
+        counts = self.lattice.shape
+        high = [min(n, ceil(x / h) + 1) for x, h, n in zip(upper, pitch, counts, strict=True)]
+        return np.array(low, dtype=np.int64), np.maximum(low, high).astype(np.int64)
+
+    def rasterise(self) -> NDArray[np.int16]:
+        """Return the kinds of all cells, shape `lattice.shape`.
+
+        Raises
+        ------
+        SceneError
+            If there are more cells than can be held.
+        """
+        shape = self.lattice.shape
+        check_size(shape, "body.cells")
+        if isinstance(self.base, int):
+            kinds = np.full(shape, self.base, dtype=np.int16)
+        else:
+            kinds = self.base.copy()
+        for region in self.regions:
+            for cells in slabs(self.cells_of(region.shape)):
+                inside = region.shape.contains(self.lattice.centres(cells))
+                kinds[tuple(cells[inside].T)] = region.kind
+        return kinds
+
+
+def _tight(body: NDArray[np.bool_]) -> CellBox:
+    lower, upper = [], []
+    for axis in range(body.ndim):
+        others = tuple(other for other in range(body.ndim) if other != axis)
+        filled = np.flatnonzero(body.any(axis=others))
+        lower.append(filled[0])
+        upper.append(filled[-1] + 1)
+    return np.array(lower, dtype=np.int64), np.array(upper, dtype=np.int64)
+
+
+def count(box: CellBox) -> int:
+    """Return the number of cells in a box; exact, however large."""
+    total = 1
+    for low, high in zip(*box, strict=True):
+        total *= int(high) - int(low)
+    return total
+
+
+def grid(box: CellBox) -> Cells:
+    """Return all cells of a box, the last axis running fastest."""
+    ranges = [np.arange(low, high, dtype=np.int64) for low, high in zip(*box, strict=True)]
+    return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)
+
+
+def slabs(box: CellBox, axis: int = 0) -> Iterator[Cells]:
+    """Yield all cells of a box in pieces of about a million."""
+    lower, upper = box
+    length = int(upper[axis] - lower[axis])
+    layer = max(1, count(box) // max(1, length))
+    thickness = max(1, _SLAB // layer)
+    for start in range(0, length, thickness):
+        first, last = lower.copy(), upper.copy()
+        first[axis] += start
+        last[axis] = min(first[axis] + thickness, upper[axis])
+        if layer > 2 * _SLAB and axis + 1 < len(lower):
+            yield from slabs((first, last), axis + 1)
+        else:
+            yield grid((first, last))
+
+
+def sample(box: CellBox, most: int = 100_000) -> Cells:
+    """Return at most about `most` cells spread evenly over a box, its corners included."""
+    lower, upper = box
+    each = max(2, floor(most ** (1.0 / len(lower))))
+    ranges = [
+        np.unique(np.linspace(low, high - 1, min(each, int(high - low))).astype(np.int64))
+        for low, high in zip(lower, upper, strict=True)
+    ]
+    return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)

@@ -111,7 +111,8 @@ class Lattice:
         """Directions mirrored at a wall: `mirrored[n, d]` is d seen in a wall with normal n."""
         cosine = self.normals @ self.normals.T
         image = self.normals[None] - 2.0 * cosine[:, :, None] * self.normals[:, None]
-        return np.argmax(image @ self.normals.T, axis=2)
+        nearest: NDArray[np.int64] = np.argmax(image @ self.normals.T, axis=2)
+        return nearest
 
     @cached_property
     def steps(self) -> NDArray[np.int64]:
@@ -177,11 +178,13 @@ class Lattice:
 
     def neighbours(self, cells: Cells, arm: int) -> Cells:
         """Return the cells reached from `cells` over one arm (they may lie outside)."""
-        return cells + self.steps[cells[:, 1] & 1, arm]
+        reached: Cells = cells + self.steps[cells[:, 1] & 1, arm]
+        return reached
 
     def contains(self, cells: Cells) -> NDArray[np.bool_]:
         """Tell which cells lie inside the array."""
-        return np.all((cells >= 0) & (cells < np.asarray(self.shape)), axis=1)
+        inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < np.asarray(self.shape)), axis=1)
+        return inside
 
     def side_beyond(self, cells: Cells) -> NDArray[np.int64]:
         """Return for each cell the index in `sides` that it lies beyond, -1 inside.
@@ -195,7 +198,7 @@ class Lattice:
         return beyond
 
     def key(self, cells: Cells) -> NDArray[np.int64]:
-        """Number cells with one integer each, those in the rim just outside included."""
+        """Give each cell a number of its own, those in the rim just outside included."""
         padded = np.asarray(self.shape, dtype=np.int64) + 2
         key = cells[:, 0] + 1
         for axis in range(1, self.dimension):
@@ -244,8 +247,8 @@ class Lattice:
         if self.kind == "hexagon":
             x = cells[:, 0] + 0.5 + 0.5 * (cells[:, 1] & 1)
             y = (cells[:, 1] + 2.0 / 3.0) * (sqrt(3.0) / 2.0)
-            return self.cell_size * np.stack([x, y], axis=1)
-        return self.cell_size * (cells + 0.5)
+            return np.stack([self.cell_size * x, self.cell_size * y], axis=1)
+        return self.cell_size * (cells.astype(np.float64) + 0.5)
 
     def locate(self, points: NDArray[np.float64]) -> Cells:
         """Return the cell that each point (m) lies in; outside the array too."""
@@ -259,7 +262,8 @@ class Lattice:
         candidates = np.stack([guess, *(self.neighbours(guess, arm) for arm in range(6))])
         offset = np.stack([self.centres(c) for c in candidates]) - points
         nearest = np.argmin((offset**2).sum(axis=2), axis=0)
-        return candidates[nearest, np.arange(len(points))]
+        found: Cells = candidates[nearest, np.arange(len(points))]
+        return found
 
     @property
     def extent(self) -> tuple[float, ...]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, SceneError
 
-from .described import Count, Described, Index, Number, Text
+from .described import Coordinate, Count, Described, Index, Number, Text
 
 
 class LoadRegion(Described):
@@ -19,9 +19,31 @@ class LoadRegion(Described):
         of the body on that plane, otherwise the cells inside.
     """
 
-    box: tuple[tuple[Number, ...], tuple[Number, ...]] = Field(
+    box: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] = Field(
         description="the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]"
     )
+
+    def flat_axis(self, cell_size: float, where: str) -> int | None:
+        """Return the axis along which the box has no thickness, None if it has volume.
+
+        Raises
+        ------
+        SceneError
+            If a corner is on the wrong side, or the box is thin along several axes.
+        """
+        spans = [high - low for low, high in zip(*self.box, strict=True)]
+        if min(spans) < 0.0:
+            raise SceneError(
+                f"{where}: goes from {list(self.box[0])} to {list(self.box[1])}; the first "
+                "corner must be the lower one along every axis"
+            )
+        flat = [axis for axis, span in enumerate(spans) if span <= 1e-6 * cell_size]
+        if len(flat) > 1:
+            raise SceneError(
+                f"{where}: has no thickness along {' and '.join('xyz'[axis] for axis in flat)}; "
+                "a surface has none along one axis only; for a point use point = [...]"
+            )
+        return flat[0] if flat else None
 
 
 class Load(Described):
@@ -53,7 +75,7 @@ class Load(Described):
     cell: tuple[Index, ...] | None = Field(
         default=None, description="a cell, such as [10, 19], counted from 0 at left and bottom"
     )
-    point: tuple[Number, ...] | None = Field(
+    point: tuple[Coordinate, ...] | None = Field(
         default=None, description="a point (m), such as [0.1, 0.2]"
     )
     region: LoadRegion | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -63,4 +64,8 @@ def material_from(value: Any) -> Any:
     """Return the material that a table describes; a material is returned as it is."""
     if isinstance(value, Material):
         return value
+    if not isinstance(value, Mapping):
+        raise ValueError(
+            f"must be a table of youngs_modulus, poissons_ratio, ... or a Material, got {value!r}"
+        )
     return MaterialTable.model_validate(value).build()

@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from kaju.errors import SceneError
 
-MOST_CELLS = 200_000_000
-"""Bodies above this many cells are never held cell by cell."""
+from .images import MOST_CELLS, read_array, read_pixels
+
+_LETTERS = "#o*+xO%@&ABCDEFGHIJKLMNPQRSTUVWXYZabcdefghijklmnpqrstuvwyz0123456789"
+_MOST_DRAWN = 20_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Picture:
     """A body given cell by cell.
 
@@ -30,27 +32,107 @@ class Picture:
         Materials, "air" and "rigid" that the codes stand for.
     """
 
-    codes: NDArray[np.integer]
+    codes: NDArray[np.int16]
     names: tuple[str, ...]
+
+    @property
+    def drawable(self) -> bool:
+        """Whether the picture can be written as a drawing of reasonable length."""
+        few = self.codes.size <= _MOST_DRAWN and len(self.names) <= len(_LETTERS)
+        return few and self.codes.ndim == 2
+
+    def drawing(self) -> tuple[str, dict[str, str]]:
+        """Return the picture as a drawing and its legend."""
+        free = iter(_LETTERS)
+        usual = {"air": ".", "rigid": "="}
+        letters = [usual.get(name) or next(free) for name in self.names]
+        rows = ("".join(letters[code] for code in row) for row in self.codes.T[::-1])
+        return "\n".join(rows) + "\n", dict(zip(letters, self.names, strict=True))
 
 
 def from_drawing(drawing: str, legend: Mapping[str, str]) -> Picture:
     """Read a drawing: one letter a cell, the top row first."""
     for letter in legend:
-        if len(letter) != 1:
-            raise SceneError(f"legend.{letter}: a drawing's legend explains single letters")
+        if len(letter) != 1 or not letter.isprintable():
+            raise SceneError(f"legend: {letter!r} is not a letter; a drawing has one for each cell")
     rows = _rows(drawing, legend)
-    names = tuple(dict.fromkeys(legend.values()))
-    code = {letter: names.index(name) for letter, name in legend.items()}
-    upwards = [[code[letter] for letter in row] for row in reversed(rows)]
+    names, code_of = _coded(legend)
+    upwards = [[code_of[letter] for letter in row] for row in reversed(rows)]
     return Picture(np.array(upwards, dtype=np.int16).T, names)
 
 
+def from_image(path: str, legend: Mapping[str, str]) -> Picture:
+    """Read an image: one pixel a cell, in the legend's colours."""
+    names, code_of = _coded(legend)
+    pixels = read_pixels(path, "body.image")
+    packed = np.ascontiguousarray(pixels).view(np.uint32)[:, :, 0]
+    codes = np.full(packed.shape, -1, dtype=np.int16)
+    for colour, code in code_of.items():
+        if colour == "transparent":
+            codes[pixels[:, :, 3] == 0] = code
+        else:
+            codes[packed == np.array(_colour(colour), dtype=np.uint8).view(np.uint32)] = code
+    unknown = codes < 0
+    if unknown.any():
+        row, column = (int(index) for index in np.argwhere(unknown)[0])
+        raise SceneError(
+            f"body.image: {np.count_nonzero(unknown)} pixels of {path} have a colour that "
+            f"[legend] does not explain, first {_named(pixels[row, column])} in row {row + 1} "
+            f"from the top, column {column + 1}; it explains {_listed(legend)}. Draw without "
+            "smoothing (antialiasing)"
+        )
+    return Picture(codes[::-1].T, names)
+
+
+def from_array(array: NDArray[np.generic] | str, legend: Mapping[str, str]) -> Picture:
+    """Take an array of whole numbers, or the ``.npy`` file that holds it."""
+    if isinstance(array, str):
+        array = read_array(array, "body.array")
+    if array.ndim not in (2, 3) or array.size == 0:
+        raise SceneError(
+            f"body.array: must have cells along two or three axes, got shape {array.shape}"
+        )
+    check_size(array.shape, "body.array")
+    if array.dtype.kind not in "iub":
+        raise SceneError(f"body.array: must hold whole numbers, got {array.dtype}; round it first")
+    names, code_of = _coded(legend)
+    codes = np.full(array.shape, -1, dtype=np.int16)
+    for key, code in code_of.items():
+        if not key.lstrip("-").isdecimal():
+            raise SceneError(f"legend: {key!r} is not a whole number, as the array's codes are")
+        codes[array == int(key)] = code
+    unknown = codes < 0
+    if unknown.any():
+        cell = [int(index) for index in np.argwhere(unknown)[0]]
+        raise SceneError(
+            f"body.array: {np.count_nonzero(unknown)} cells have a code that [legend] does not "
+            f"explain, first {int(array[tuple(cell)])} in cell {cell}; it explains "
+            f"{_listed(legend)}"
+        )
+    return Picture(codes, names)
+
+
+def check_size(shape: tuple[int, ...], key: str) -> None:
+    """Refuse to hold more than `MOST_CELLS` cells."""
+    if np.prod(shape, dtype=float) > MOST_CELLS:
+        raise SceneError(
+            f"{key}: {' x '.join(map(str, shape))} cells are more than the {MOST_CELLS:.0e} "
+            "that can be held cell by cell; describe the body by size, cells and regions, or "
+            "take larger cells"
+        )
+
+
+def _coded(legend: Mapping[str, str]) -> tuple[tuple[str, ...], dict[str, int]]:
+    names = tuple(dict.fromkeys(legend.values()))
+    return names, {key: names.index(name) for key, name in legend.items()}
+
+
 def _rows(drawing: str, legend: Mapping[str, str]) -> list[str]:
-    lines = drawing.strip("\n").splitlines()
+    lines = drawing.replace("\r\n", "\n").strip("\n").split("\n")
     rows = lines if " " in legend else [line.strip() for line in lines]
-    if not rows or not rows[0]:
+    if not rows[0]:
         raise SceneError("body.drawing: is empty; draw one letter a cell, the top row first")
+    check_size((len(rows), len(rows[0])), "body.drawing")
     for number, row in enumerate(rows, start=1):
         if len(row) != len(rows[0]):
             raise SceneError(
@@ -61,6 +143,27 @@ def _rows(drawing: str, legend: Mapping[str, str]) -> list[str]:
             if letter not in legend:
                 raise SceneError(
                     f"body.drawing: line {number}, letter {column} is {letter!r}, which [legend] "
-                    f"does not explain; it explains {', '.join(map(repr, legend)) or 'nothing'}"
+                    f"does not explain; it explains {_listed(legend)}"
                 )
     return rows
+
+
+def _listed(legend: Mapping[str, str]) -> str:
+    return ", ".join(f"{key!r} ({name})" for key, name in legend.items()) or "nothing"
+
+
+def _colour(name: str) -> tuple[int, ...]:
+    from PIL import ImageColor
+
+    try:
+        return (*ImageColor.getrgb(name), 255)[:4]
+    except ValueError:
+        raise SceneError(
+            f'legend: {name!r} is not a colour; write "#rrggbb" or a name such as "black"'
+        ) from None
+
+
+def _named(pixel: NDArray[np.uint8]) -> str:
+    red, green, blue, opacity = (int(part) for part in pixel)
+    colour = f"#{red:02x}{green:02x}{blue:02x}"
+    return colour if opacity == 255 else f"{colour}{opacity:02x}"

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from pydantic import Field
 
 from kaju.agents.materials import suggestion
-from kaju.agents.rules import Coefficients, PrescribedRule
-from kaju.errors import ParameterError
+from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
+from kaju.errors import ParameterError, SceneError
 
 from .described import Described, Flag, Number, Text
 
-Rule = PrescribedRule
+Rule = PrescribedRule | ElasticRule
 
 
 class CoefficientsTable(Described):
@@ -43,14 +43,38 @@ class PrescribedTable(CoefficientsTable):
         return PrescribedRule(self.alpha, self.beta, self.threshold, self.accumulate, own)
 
 
-TABLES = {"prescribed": PrescribedTable}
+class ElasticTable(Described):
+    """``[rule]`` with the shares that follow from the materials."""
+
+    kind: Literal["elastic"] = "elastic"
+    threshold: Number | None = Field(
+        default=None, description="γ, up to which loads rest (N); left out: from the tolerance"
+    )
+    order: Text = Field(default="multilevel", description="who acts when")
+    share: Number | None = Field(
+        default=None, description="the share by which all yield in a wave; left out: a stable one"
+    )
+    tolerance: Number = Field(default=1e-4, description="the error in energy aimed at, as a share")
+
+    def build(self) -> ElasticRule:
+        """Return the rule, which refuses what is out of its range."""
+        order = cast(Literal["wave", "largest first", "multilevel"], self.order)
+        return ElasticRule(self.threshold, order, self.share, self.tolerance)
+
+
+TABLES: dict[str, type[PrescribedTable | ElasticTable]] = {
+    "prescribed": PrescribedTable,
+    "elastic": ElasticTable,
+}
 """How each kind of rule is written. A new kind of rule is entered here."""
 
 
 def rule_from(value: Any) -> Any:
     """Return the rule that a table describes; a rule is returned as it is."""
-    if not isinstance(value, Mapping):
+    if isinstance(value, (PrescribedRule, ElasticRule)):
         return value
+    if not isinstance(value, Mapping):
+        raise ValueError(f"must be a table or a rule, got {value!r}")
     kind = value.get("kind", "prescribed")
     if kind not in TABLES:
         raise ParameterError(
@@ -58,3 +82,13 @@ def rule_from(value: Any) -> Any:
             f"there is {', '.join(TABLES)}"
         )
     return TABLES[kind].model_validate(value).build()
+
+
+def check_rule(rule: Rule, known: list[str]) -> None:
+    """Refuse coefficients of materials that the scene does not have: they would do nothing."""
+    for name in rule.materials if isinstance(rule, PrescribedRule) else ():
+        if name not in known:
+            raise SceneError(
+                f"rule.materials.{name}: the scene has no such material{suggestion(name, known)}; "
+                f"it has {', '.join(dict.fromkeys(known))}"
+            )

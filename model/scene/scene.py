@@ -2,35 +2,39 @@
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import replace
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PlainValidator, field_validator, model_validator
+from pydantic import model_validator
 
-from kaju.agents.materials import LIBRARY, Material, suggestion
-from kaju.agents.rules import PrescribedRule
-from kaju.errors import SceneError, SceneFileError
+from kaju.agents.materials import Material, suggestion
+from kaju.errors import SceneError
 
-from . import kinds
-from .body import Body
-from .described import Described, Text
-from .filling import Filling
+from .applied import AppliedLoads, at_stage, check_gravity
+from .contents import Contents, contents_of
+from .description import Description
+from .filling import CellBox
 from .lattice import Cells, Lattice
-from .loads import Load
-from .material_tables import material_from
-from .pictures import Picture, from_drawing
-from .rule_tables import Rule, rule_from
-from .selection import AppliedLoads, Selection, select
+from .overrides import overridden
+from .reading import table_from, table_from_archive
+from .refinement import refined_body, refined_loads
+from .rule_tables import check_rule
+from .selection import select
 from .sides import FREE, SideCondition
+from .support import check_body
+from .surfaces import Selection
+from .writing import archive_of, save, table_of, text_of
 
 
-class Scene(Described):
+class Scene(Description):
     """A body, how it is held, how it is loaded, and the rule by which agents pass load on.
+
+    What a scene file writes as tables may be given as dictionaries too. Scenes are equal if
+    they describe the same cells, supports, loads and rule, in whatever words.
 
     Parameters
     ----------
@@ -52,40 +56,82 @@ class Scene(Described):
     ------
     SceneError
         If the description breaks a rule; the message names key, rule, value and remedy.
+    SupportError
+        If nothing holds the body, or a part of it.
     """
-
-    body: Body
-    legend: dict[Text, Text] = Field(default_factory=dict)
-    materials: dict[Text, Annotated[Material, PlainValidator(material_from)]] = Field(
-        default_factory=dict
-    )
-    sides: dict[Text, SideCondition] = Field(default_factory=dict)
-    loads: tuple[Load, ...] = ()
-    rule: Annotated[Rule, PlainValidator(rule_from)] = PrescribedRule()
-
-    @field_validator("materials", mode="after")
-    @classmethod
-    def _named_by_their_keys(cls, materials: dict[str, Material]) -> dict[str, Material]:
-        return {name: replace(material, name=name) for name, material in materials.items()}
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
+        check_rule(self.rule, [*self.materials, *(m.name for m in self.cell_materials)])
+        check_body(self._contents.filling, self.body.allow_floating)
+        check_gravity(self._contents, self.body.gravity)
         _ = self._selections
         return self
 
     @classmethod
-    def from_toml(cls, text: str) -> Scene:
-        """Return the scene that a TOML text describes."""
-        try:
-            table = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise SceneError(f"not valid TOML: {error}") from None
-        return cls(**table)
+    def from_toml(cls, text: str, folder: str | Path | None = None) -> Scene:
+        """Return the scene that a TOML text describes; its paths start from `folder`."""
+        return cls(**table_from(text, folder))
+
+    @classmethod
+    def from_drawing(
+        cls, drawing: str, *, legend: Mapping[str, str], cell_size: float, **others: Any
+    ) -> Scene:
+        """Return the scene of a body drawn in letters, the top row first.
+
+        Parameters
+        ----------
+        drawing : str
+            One letter a cell.
+        legend : mapping of str to str
+            What each letter stands for: a material's name, "air" or "rigid".
+        cell_size : float
+            Edge of a cell (m).
+        **others
+            Further parts of the body (`thickness`, `plane`, `regions`, ...) or of the
+            scene (`materials`, `sides`, `loads`, `rule`).
+        """
+        return cls._pictured("drawing", drawing, legend, cell_size, others)
+
+    @classmethod
+    def from_image(
+        cls, path: str | Path, *, legend: Mapping[str, str], cell_size: float, **others: Any
+    ) -> Scene:
+        """Return the scene of a body painted in an image, one pixel a cell.
+
+        The legend explains colours, "#rrggbb" or names, and "transparent"; for the other
+        parameters see `from_drawing`.
+        """
+        return cls._pictured("image", path, legend, cell_size, others)
+
+    @classmethod
+    def from_array(
+        cls,
+        array: NDArray[np.integer] | str | Path,
+        *,
+        legend: Mapping[int, str] | Mapping[str, str],
+        cell_size: float,
+        **others: Any,
+    ) -> Scene:
+        """Return the scene of a body in an array of codes, or in an ``.npy`` file of it.
+
+        The array is indexed [x, y] or [x, y, z] from left, front and bottom; for the other
+        parameters see `from_drawing`.
+        """
+        return cls._pictured("array", array, legend, cell_size, others)
+
+    @classmethod
+    def _pictured(
+        cls, key: str, picture: object, legend: object, cell_size: float, others: dict[str, Any]
+    ) -> Scene:
+        body = {name: value for name, value in others.items() if name not in cls.model_fields}
+        rest = {name: value for name, value in others.items() if name in cls.model_fields}
+        return cls(body={key: picture, "cell_size": cell_size, **body}, legend=legend, **rest)
 
     @property
     def lattice(self) -> Lattice:
         """The grid of cells."""
-        return self._filling.lattice
+        return self._contents.filling.lattice
 
     @property
     def plane(self) -> Literal["stress", "strain"] | None:
@@ -102,17 +148,18 @@ class Scene(Described):
         """Number of stages of loading: the largest number of steps of a load, at least 1."""
         return max((load.steps for load in self.loads), default=1)
 
-    @cached_property
+    @property
     def cell_materials(self) -> tuple[Material, ...]:
         """The materials of the body; kinds from 0 upwards are indices into them."""
-        return tuple(self._material(name) for name in self._names if name not in _NOT_BODY)
+        return self._contents.materials
 
     def side_condition(self, name: str) -> SideCondition:
         """Return how a side of the array is held."""
-        if name not in self.lattice.sides:
+        known = self.lattice.sides
+        if name not in known:
             raise SceneError(
-                f"sides.{name}: there is no such side{suggestion(name, self.lattice.sides)}; "
-                f"there is {', '.join(self.lattice.sides)}"
+                f"sides.{name}: there is no such side{suggestion(name, known)}; there is "
+                f"{', '.join(known)}"
             )
         return self.sides.get(name, FREE)
 
@@ -130,13 +177,13 @@ class Scene(Described):
             Indices into `cell_materials`, or the negative constants of
             `kaju.model.scene.kinds`.
         """
-        return self._filling.kinds(np.asarray(cells, dtype=np.int64))
+        return self._contents.filling.kinds(np.asarray(cells, dtype=np.int64))
 
-    def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def bounds(self) -> CellBox:
         """Return a box outside of which there is no body: lower <= cell < upper."""
-        return self._filling.bounds()
+        return self._contents.filling.bounds()
 
-    def rasterise(self) -> NDArray[np.int64]:
+    def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, shape `lattice.shape`.
 
         Raises
@@ -144,81 +191,95 @@ class Scene(Described):
         SceneError
             If there are more than 2e8 cells.
         """
-        return self._filling.rasterise()
+        return self._contents.filling.rasterise()
 
     def applied(self, stage: int | None = None) -> AppliedLoads:
         """Return the forces on the cells at a stage of loading, 1 to `stages`; None: the last."""
         stage = self.stages if stage is None else stage
         if not 1 <= stage <= self.stages:
             raise SceneError(f"stage: must lie between 1 and {self.stages}, got {stage}")
-        dimension = self.lattice.dimension
-        cells = [np.empty((0, dimension), dtype=np.int64)]
-        direction = [np.empty(0, dtype=np.int64)]
-        force = [np.empty((0, dimension))]
-        for chosen, load in zip(self._selections, self.loads, strict=True):
-            factor = min(1.0, stage / load.steps)
-            cells.append(chosen.cells)
-            direction.append(chosen.direction)
-            force.append(factor * chosen.forces(load, self.lattice, self.thickness))
-        return AppliedLoads(np.concatenate(cells), np.concatenate(direction), np.concatenate(force))
-
-    @cached_property
-    def _picture(self) -> Picture | None:
-        return from_drawing(self.body.drawing, self.legend) if self.body.drawing else None
-
-    @property
-    def _names(self) -> tuple[str, ...]:
-        if self._picture is not None:
-            return self._picture.names
-        assert self.body.material is not None
-        return (self.body.material,)
-
-    def _material(self, name: str) -> Material:
-        if name in self.materials:
-            return self.materials[name]
-        if name in LIBRARY:
-            return LIBRARY[name]
-        known = [*self.materials, *LIBRARY, *_NOT_BODY]
-        raise SceneError(
-            f"materials: there is no {name!r}{suggestion(name, known)}; describe it under "
-            f"[materials.{name}] or use {', '.join(known)}"
+        return at_stage(
+            self._contents, self.loads, self._selections, stage, self.thickness, self.body.gravity
         )
 
+    def replace(self, **changes: Any) -> Scene:
+        """Return the scene with some of its parts (`loads`, `rule`, ...) replaced."""
+        return Scene(**(dict(self) | changes))
+
+    def refine(self, k: int) -> Scene:
+        """Return the same body, supports and loads on cells k times smaller.
+
+        Pictures repeat their cells, regions are asked again at the finer centres.
+
+        Raises
+        ------
+        SceneError
+            If the cells are hexagons, which do not nest.
+        """
+        contents = self._contents
+        body = refined_body(self.body, self.lattice, contents.picture, k)
+        names = contents.picture.names if contents.picture else ()
+        legend = {str(code): name for code, name in enumerate(names)}
+        bare = self.replace(body=body, legend=legend, loads=())
+        loads = refined_loads(self.loads, self._selections, self.lattice, bare.kinds, int(k))
+        return bare.replace(loads=tuple(loads))
+
+    def with_overrides(self, changes: Mapping[str, Any]) -> Scene:
+        """Return the scene with single values replaced by key path.
+
+        ``{"loads.0.steps": "1", "rule.threshold": 0.001}``: texts are read as TOML values.
+        """
+        return Scene(**overridden(self._table(), changes))
+
+    def to_toml(self) -> str:
+        """Return the scene as TOML, from which `from_toml` makes an equal scene."""
+        return text_of(self._table(), self._contents.picture)
+
+    def save(self, path: str | Path) -> None:
+        """Write the scene to a file; a large array goes into an ``.npy`` file beside it."""
+        save(path, self._table(), self._contents.picture)
+
+    def to_archive(self) -> tuple[str, dict[str, NDArray[Any]]]:
+        """Return the scene as TOML and the arrays that it refers to; see `from_archive`."""
+        return archive_of(self._table(), self._contents.picture)
+
+    @classmethod
+    def from_archive(cls, text: str, arrays: Mapping[str, NDArray[Any]]) -> Scene:
+        """Return the scene that `to_archive` took apart."""
+        return cls(**table_from_archive(text, arrays))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Scene):
+            return NotImplemented
+        ours, theirs = self._contents.filling.base, other._contents.filling.base
+        return self._in_words() == other._in_words() and np.array_equal(ours, theirs)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __str__(self) -> str:
+        cells = " x ".join(map(str, self.lattice.shape))
+        materials = ", ".join(material.name for material in self.cell_materials)
+        return (
+            f"{cells} {self.lattice.kind}s of {self.lattice.cell_size:g} m ({materials}), "
+            f"{len(self.loads)} loads in {self.stages} stages, {self.rule.kind} rule"
+        )
+
+    def _in_words(self) -> tuple[object, ...]:
+        sides = tuple(self.side_condition(name) for name in self.lattice.sides)
+        body = (self.body.gravity, self.body.regions, self.body.allow_floating)
+        space = (self.lattice, self.plane, self.thickness)
+        return (*space, body, self.cell_materials, sides, self.loads, self.rule)
+
+    def _table(self) -> dict[str, Any]:
+        return table_of(self)
+
     @cached_property
-    def _filling(self) -> Filling:
-        names = [material.name for material in self.cell_materials]
-        kind_of = {**{name: index for index, name in enumerate(names)}, **_NOT_BODY}
-        base: int | NDArray[np.integer]
-        if self._picture is None:
-            assert self.body.cells is not None
-            assert self.body.material is not None
-            shape = self.body.cells
-            base = kind_of[self.body.material]
-        else:
-            codes = np.array([kind_of[name] for name in self._picture.names], dtype=np.int16)
-            base = codes[self._picture.codes]
-            shape = base.shape
-        lattice = self.body.lattice_of(shape)
-        beyond = [self.sides.get(side, FREE).code for side in lattice.sides]
-        return Filling(lattice, base, np.array(beyond, dtype=np.int64))
+    def _contents(self) -> Contents:
+        return contents_of(self.body, self.legend, self.materials, self.sides)
 
     @cached_property
     def _selections(self) -> tuple[Selection, ...]:
+        filling = self._contents.filling
         return tuple(
-            select(self._filling, load, f"loads.{number}") for number, load in enumerate(self.loads)
+            select(filling, load, f"loads.{number}") for number, load in enumerate(self.loads)
         )
-
-
-_NOT_BODY = {"air": kinds.AIR, "rigid": kinds.RIGID}
-
-
-def load_scene(path: str | Path) -> Scene:
-    """Return the scene that a file describes."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise SceneFileError(f"{path}: cannot be read: {error.strerror}") from None
-    try:
-        return Scene.from_toml(text)
-    except SceneError as error:
-        raise type(error)(f"{path}: {error}") from None

@@ -6,7 +6,7 @@ rasterised for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,59 +18,14 @@ from . import kinds
 from .filling import Filling
 from .lattice import Cells, Lattice
 from .loads import Load
-
-MOST_FACES = 50_000_000
-"""A load acts on at most this many faces or cells."""
+from .surfaces import Selection, cells_in_box, faces_on_plane, faces_on_side
 
 _HEXAGON_ARMS = {"left": [3], "right": [0], "bottom": [4, 5], "top": [1, 2]}
-
-
-@dataclass(frozen=True, eq=False)
-class AppliedLoads:
-    """Forces on cells.
-
-    Attributes
-    ----------
-    cells : ndarray of int, shape (n, dimension)
-        The cells that take the forces; a cell may occur more than once.
-    direction : ndarray of int, shape (n,)
-        Index of the face by which the force enters, -1 for the cell's middle.
-    force : ndarray of float, shape (n, dimension)
-        The forces (N).
-    """
-
-    cells: Cells
-    direction: NDArray[np.int64]
-    force: NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Selection:
-    """The faces (or, with direction -1, cells) on which one load acts.
-
-    Attributes
-    ----------
-    cells, direction
-        As in `AppliedLoads`.
-    share : ndarray of float, shape (n,)
-        Part of each face (cell) that the load covers, up to 1.
-    """
-
-    cells: Cells
-    direction: NDArray[np.int64]
-    share: NDArray[np.float64]
-
-    def forces(self, load: Load, lattice: Lattice, thickness: float) -> NDArray[np.float64]:
-        """Return the force (N) on each face or cell, shape (n, dimension)."""
-        if load.force is not None:
-            return np.outer(self.share / self.share.sum(), np.asarray(load.force))
-        assert load.pressure is not None
-        area = self.share * lattice.face_area(thickness)
-        return -load.pressure * area[:, None] * lattice.normals[self.direction]
+_NUDGE = 1e-6  # of a cell: a point this near to a neighbour belongs to both
 
 
 def select(filling: Filling, load: Load, where: str) -> Selection:
-    """Return what a load acts on.
+    """Return the faces and cells that a load acts on.
 
     Parameters
     ----------
@@ -84,52 +39,93 @@ def select(filling: Filling, load: Load, where: str) -> Selection:
     Raises
     ------
     SceneError
-        If there is no body at the load's place.
+        If there is no body at the load's place, or the load does not fit the lattice.
     """
-    dimension = filling.lattice.dimension
-    if load.force is not None and len(load.force) != dimension:
-        raise SceneError(f"{where}.force: {dimension} components are needed, got {load.force}")
-    if load.side is not None and load.side not in filling.lattice.sides:
+    lattice = filling.lattice
+    if load.force is not None:
+        _check_axes(load.force, lattice, f"{where}.force")
+    if load.side is not None and load.side not in lattice.sides:
         raise SceneError(
-            f"{where}.side: there is no side {load.side!r}"
-            f"{suggestion(load.side, filling.lattice.sides)}; there is "
-            f"{', '.join(filling.lattice.sides)}"
+            f"{where}.side: there is no side {load.side!r}{suggestion(load.side, lattice.sides)}; "
+            f"there is {', '.join(lattice.sides)}"
         )
     if load.cell is not None:
-        return _cell(filling, load, where)
-    raise SceneError(f"{where}: not yet")
+        return _into(filling, _named_cell(filling, load.cell, f"{where}.cell"), load, where)
+    if load.point is not None:
+        return _into(filling, _cells_at(filling, load.point, f"{where}.point"), load, where)
+    if load.region is None:
+        assert load.side is not None
+        return faces_on_side(filling, load.side, f"{where}.side")
+    where = f"{where}.region.box"
+    for corner in load.region.box:
+        _check_axes(corner, lattice, where)
+    flat = load.region.flat_axis(lattice.cell_size, where)
+    if flat is not None:
+        return faces_on_plane(filling, load.region.box, flat, where)
+    if load.pressure is not None:
+        raise SceneError(
+            f"{where}: a pressure acts on a surface; give the box no thickness along one axis"
+        )
+    return cells_in_box(filling, load.region.box, where)
 
 
-def _cell(filling: Filling, load: Load, where: str) -> Selection:
-    assert load.cell is not None
+def _check_axes(numbers: tuple[float, ...], lattice: Lattice, where: str) -> None:
+    if len(numbers) != lattice.dimension:
+        raise SceneError(
+            f"{where}: {list(numbers)} should have {lattice.dimension} numbers, one for each "
+            "axis of the cells"
+        )
+
+
+def _named_cell(filling: Filling, cell: tuple[int, ...], where: str) -> Cells:
     lattice = filling.lattice
-    if len(load.cell) != lattice.dimension:
-        raise SceneError(f"{where}.cell: {lattice.dimension} numbers are needed, got {load.cell}")
-    cells = np.array([load.cell], dtype=np.int64)
+    _check_axes(cell, lattice, where)
+    cells = np.array([cell], dtype=np.int64)
     if not lattice.contains(cells)[0]:
         raise SceneError(
-            f"{where}.cell: {list(load.cell)} lies outside the array of "
+            f"{where}: {list(cell)} lies outside the array of "
             f"{' x '.join(map(str, lattice.shape))} cells, which count from 0"
         )
     kind = int(filling.kinds(cells)[0])
     if kind < 0:
         raise SceneError(
-            f"{where}.cell: {list(load.cell)} is {kinds.NAMES[kind]}, not body; choose a cell of "
-            "material"
+            f"{where}: {list(cell)} is {kinds.NAMES[kind]}, not body; choose a cell of material"
         )
-    return _into(filling, cells, load, where)
+    return cells
+
+
+def _cells_at(filling: Filling, point: tuple[float, ...], where: str) -> Cells:
+    """Return the body cells that a point lies in or on: several if it lies between them."""
+    lattice = filling.lattice
+    _check_axes(point, lattice, where)
+    around = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
+    if lattice.kind == "hexagon":
+        around = np.concatenate([around, lattice.normals])
+    nearby = np.asarray(point) + _NUDGE * lattice.cell_size * around
+    cells = np.unique(lattice.locate(nearby), axis=0)
+    found = filling.kinds(cells)
+    if not np.any(found >= 0):
+        named = " and ".join(sorted({kinds.NAMES[int(kind)] for kind in found}))
+        raise SceneError(
+            f"{where}: {list(point)} m lies in cell {cells[0].tolist()}, where there is {named}, "
+            f"not body; the array goes from 0 to {list(lattice.extent)} m"
+        )
+    return cells[found >= 0]
 
 
 def _into(filling: Filling, cells: Cells, load: Load, where: str) -> Selection:
     """Return the faces by which a load enters single cells."""
     if load.side is not None:
         arms = arms_of_side(filling.lattice, load.side)
-    elif load.force is None:
-        raise SceneError(f"{where}.side: a pressure on a cell needs a side")
+        direction = np.tile(np.array(arms, dtype=np.int64), len(cells))
+        cells = np.repeat(cells, len(arms), axis=0)
+    elif load.force is not None:
+        force = np.asarray(load.force)
+        entries = [_entering(filling, cell, force) for cell in cells]
+        direction = np.array(entries, dtype=np.int64)
     else:
-        arms = [_entering(filling, cells[0], np.asarray(load.force))]
-    chosen = np.repeat(cells, len(arms), axis=0)
-    return Selection(chosen, np.tile(arms, len(cells)), np.full(len(chosen), 1.0))
+        raise SceneError(f"{where}.side: is needed to press on a single cell with a pressure")
+    return Selection(cells, direction, np.ones(len(cells)))
 
 
 def arms_of_side(lattice: Lattice, side: str) -> list[int]:
@@ -144,10 +140,10 @@ def _entering(filling: Filling, cell: NDArray[np.int64], force: NDArray[np.float
     the force enters in the middle (-1), so that a mirrored scene stays mirrored.
     """
     lattice = filling.lattice
-    along = lattice.normals @ force
-    faces = np.flatnonzero(along <= along.min() + 1e-9 * np.abs(force).max())
+    along = lattice.normals @ (force / np.abs(force).max())
+    faces = np.flatnonzero(along <= along.min() + 1e-9)
     if len(faces) > 1:
-        beyond = np.concatenate([lattice.neighbours(cell[None], face) for face in faces])
-        exposed = faces[filling.kinds(beyond) < 0]
+        beyond = [lattice.neighbours(cell[None], int(face)) for face in faces]
+        exposed = faces[filling.kinds(np.concatenate(beyond)) < 0]
         faces = exposed if len(exposed) else faces
     return int(faces[0]) if len(faces) == 1 else -1

@@ -7,6 +7,8 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from kaju.agents.materials import suggestion
+
 from . import kinds
 from .described import Described, Number, Positive
 
@@ -17,6 +19,8 @@ _KINDS = {
     "foundation": kinds.FOUNDATION,
     "displaced": kinds.DISPLACED,
 }
+_WORDS = ("free", "rigid", "roller")
+_FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
 
 
 class SideCondition(Described):
@@ -49,12 +53,16 @@ class SideCondition(Described):
     @classmethod
     def _from_short_form(cls, value: Any) -> Any:
         if isinstance(value, str):
+            if value not in _WORDS:
+                raise ValueError(f"there is no {value!r}{suggestion(value, _WORDS)}; {_FORMS}")
             return {"kind": value}
         if isinstance(value, Mapping) and "kind" not in value:
             if "stiffness" in value:
                 return {"kind": "foundation", **value}
             if "displacement" in value:
                 return {"kind": "displaced", **value}
+        if not isinstance(value, (Mapping, SideCondition)):
+            raise ValueError(f"must be a word or a table, got {value!r}; {_FORMS}")
         return value
 
     @model_validator(mode="after")

@@ -1,0 +1,61 @@
+"""Images and arrays from files, read with limits: a bad file is one clear error."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import SceneFileError
+
+MOST_PIXELS = 50_000_000
+"""Images above this many pixels are not read."""
+
+MOST_CELLS = 200_000_000
+"""Bodies above this many cells are never held cell by cell."""
+
+
+def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
+    """Return an image's pixels as red, green, blue and opacity, shape (height, width, 4)."""
+    from PIL import Image
+
+    if not Path(path).is_file():
+        raise SceneFileError(f"{key}: there is no image {path}")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path) as image:
+                if image.width * image.height > MOST_PIXELS:
+                    raise SceneFileError(
+                        f"{key}: {path} has {image.width} x {image.height} pixels, more than "
+                        f"{MOST_PIXELS:.0e}; draw it smaller and refine the scene"
+                    )
+                return np.asarray(image.convert("RGBA"))
+    except Image.DecompressionBombError:
+        raise SceneFileError(
+            f"{key}: {path} unpacks to an enormous image; at most {MOST_PIXELS:.0e} pixels are read"
+        ) from None
+    except SceneFileError:
+        raise
+    # Pillow's readers fail in many ways on broken files, SyntaxError among them
+    except Exception as error:
+        raise SceneFileError(
+            f"{key}: {path} cannot be read as an image ({error}); save it as PNG"
+        ) from None
+
+
+def read_array(path: str, key: str) -> NDArray[np.generic]:
+    """Return the array in an ``.npy`` file without reading more than its head at first."""
+    if not Path(path).is_file():
+        raise SceneFileError(f"{key}: there is no array {path}")
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise SceneFileError(
+            f"{key}: {path} cannot be read as an array ({error}); write it with numpy.save"
+        ) from None
+    if not isinstance(array, np.ndarray):
+        raise SceneFileError(f"{key}: {path} holds several arrays; save one with numpy.save")
+    return array

@@ -1,0 +1,54 @@
+"""From TOML text to a scene's table."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from kaju.errors import SceneError
+
+
+def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
+    """Return the table in a TOML text; paths in it start from `folder`.
+
+    Raises
+    ------
+    SceneError
+        If the text is not TOML.
+    """
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"is not valid TOML: {error}") from None
+    except RecursionError:
+        raise SceneError("is not a scene: its lists are nested too deeply") from None
+    return table if folder is None else located(table, Path(folder))
+
+
+def table_from_archive(text: str, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Return the table in a TOML text, its body's array taken from `arrays`."""
+    table = table_from(text)
+    name = table["body"].get("array")
+    return table if name is None else {**table, "body": {**table["body"], "array": arrays[name]}}
+
+
+def located(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a scene's table with the paths in it starting from `folder`."""
+    located = {key: _moved(part, folder) for key, part in table.items() if key != "materials"}
+    return {**table, **located}
+
+
+def _moved(part: Any, folder: Path) -> Any:
+    if isinstance(part, list):
+        return [_moved(item, folder) for item in part]
+    if not isinstance(part, dict):
+        return part
+    moved = {}
+    for key, value in part.items():
+        is_path = key in ("image", "array", "file") and isinstance(value, str)
+        moved[key] = str(folder / value) if is_path else _moved(value, folder)
+    return moved

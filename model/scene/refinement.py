@@ -1,0 +1,105 @@
+"""The same scene on finer cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ParameterError, SceneError
+
+from . import kinds
+from .body import Body
+from .lattice import Cells, Lattice
+from .loads import Load
+from .pictures import Picture, check_size
+from .surfaces import Selection
+
+Kinds = Callable[[Cells], NDArray[np.int64]]
+
+_HELD = (kinds.RIGID, kinds.DISPLACED)
+
+
+def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:
+    """Return a body with k cells along each edge of a former cell.
+
+    Pictures repeat their cells; regions are asked again at the finer cells' centres, so
+    that round shapes become rounder.
+
+    Raises
+    ------
+    SceneError
+        If the cells are hexagons, or too many for a picture.
+    """
+    if isinstance(k, bool) or not isinstance(k, (int, np.integer)) or k < 1:
+        raise ParameterError(f"k: must be a whole number from 1 upwards, got {k!r}")
+    if lattice.kind == "hexagon":
+        raise SceneError("body.lattice: a hexagon is not made of smaller hexagons; use squares")
+    given = dict(body)
+    if body.size is None:
+        given["cell_size"] = lattice.cell_size / k
+    if picture is None:
+        given["cells"] = tuple(k * count for count in lattice.shape)
+        return Body(**given)
+    check_size(tuple(k * count for count in lattice.shape), "body")
+    codes = picture.codes
+    for axis in range(codes.ndim):
+        codes = np.repeat(codes, k, axis=axis)
+    return Body(**(given | {"drawing": None, "image": None, "array": codes}))
+
+
+def refined_loads(
+    loads: Sequence[Load],
+    selections: Sequence[Selection],
+    lattice: Lattice,
+    fine_kinds: Kinds,
+    k: int,
+) -> Iterator[Load]:
+    """Yield loads of the same force on the same places of the finer lattice.
+
+    Points, regions and sides are places in metres and stay. A load on a face of a cell is
+    spread over the smaller cells along that face, a load in a cell's middle over all of
+    the cell.
+    """
+    for load, chosen in zip(loads, selections, strict=True):
+        if load.cell is None:
+            yield load
+            continue
+        arm = int(chosen.direction[0])
+        if arm < 0:
+            yield _changed(load, region={"box": _box(load.cell, lattice.cell_size)})
+        else:
+            yield from _on_face(load, load.cell, arm, lattice, fine_kinds, k)
+
+
+def _on_face(
+    load: Load, cell: tuple[int, ...], arm: int, lattice: Lattice, fine_kinds: Kinds, k: int
+) -> Iterator[Load]:
+    axis, upper_end = divmod(arm, 2)
+    along = [range(k * index, k * index + k) for index in cell]
+    along[axis] = along[axis][-1:] if upper_end else along[axis][:1]
+    children = np.array(list(product(*along)), dtype=np.int64)
+    body = children[fine_kinds(children) >= 0]
+    beyond = fine_kinds(lattice.neighbours(children, arm))
+    exposed = np.all((beyond < 0) & ~np.isin(beyond, _HELD))
+    if exposed and len(body) == len(children):
+        lower, upper = _box(cell, lattice.cell_size)
+        plane = (upper if upper_end else lower)[axis]
+        lower[axis] = upper[axis] = plane
+        yield _changed(load, region={"box": (lower, upper)})
+    elif len(body) == 0:
+        yield _changed(load, region={"box": _box(cell, lattice.cell_size)})
+    for child in [] if exposed and len(body) == len(children) else body:
+        force = None if load.force is None else tuple(f / len(body) for f in load.force)
+        side = lattice.sides[arm]
+        yield _changed(load, cell=tuple(map(int, child)), side=side, force=force)
+
+
+def _changed(load: Load, **changes: object) -> Load:
+    return Load(**(dict(load) | {"cell": None, "side": None} | changes))
+
+
+def _box(cell: tuple[int, ...], size: float) -> tuple[list[float], list[float]]:
+    return [index * size for index in cell], [(index + 1) * size for index in cell]

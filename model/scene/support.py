@@ -1,0 +1,117 @@
+"""Is there a body, and is every part of it held? Asked once, when a scene is made."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import SceneError, SupportError
+
+from . import kinds
+from .filling import Filling, sample
+
+MOST_EXAMINED = 10_000_000
+"""Up to this many cells a body is examined cell by cell, above by samples."""
+
+_HOLDS = (kinds.RIGID, kinds.ROLLER, kinds.FOUNDATION, kinds.DISPLACED)
+_REMEDY = (
+    'hold it by a rigid cell or region, or by [sides] such as bottom = "rigid", or set '
+    "body.allow_floating = true"
+)
+
+
+def check_body(filling: Filling, allow_floating: bool) -> None:
+    """Refuse a body that is not there, and one that would float away.
+
+    Bodies of more cells than `MOST_EXAMINED` are not examined for loose parts.
+
+    Raises
+    ------
+    SceneError
+        If no cell is body.
+    SupportError
+        If a part of the body touches nothing that holds it, and that is not allowed.
+    """
+    if filling.uniform or filling.lattice.size > MOST_EXAMINED:
+        _check_samples(filling, allow_floating)
+    else:
+        _check_parts(filling, allow_floating)
+
+
+def _check_samples(filling: Filling, allow_floating: bool) -> None:
+    boxes = [filling.box] + [filling.cells_of(region.shape) for region in filling.regions]
+    found = np.concatenate([filling.kinds(sample(box)) for box in boxes])
+    if not np.any(found >= 0):
+        raise SceneError(_empty(filling))
+    if allow_floating or kinds.RIGID in found:
+        return
+    for side in np.flatnonzero(np.isin(filling.beyond, _HOLDS)):
+        axis, upper_end = divmod(int(side), 2)
+        lower, upper = (corner.copy() for corner in filling.bounds())
+        edge = filling.lattice.shape[axis] - 1 if upper_end else 0
+        lower[axis], upper[axis] = edge, edge + 1
+        if np.any(filling.kinds(sample((lower, upper))) >= 0):
+            return
+    raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
+
+
+def _check_parts(filling: Filling, allow_floating: bool) -> None:
+    raster = _bricks(filling)
+    body = raster >= 0
+    if not body.any():
+        raise SceneError(_empty(filling))
+    if allow_floating:
+        return
+    from scipy.ndimage import label
+
+    parts, number = label(body)
+    held = np.zeros(number + 1, dtype=np.bool_)
+    holds = np.isin(raster, _HOLDS)
+    for axis in range(raster.ndim):
+        below = tuple(slice(None, -1) if a == axis else slice(None) for a in range(raster.ndim))
+        above = tuple(slice(1, None) if a == axis else slice(None) for a in range(raster.ndim))
+        held[parts[below][holds[above]]] = True
+        held[parts[above][holds[below]]] = True
+    loose = np.flatnonzero(~held[1:]) + 1
+    if len(loose) == number:
+        raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
+    if len(loose):
+        place = np.argwhere(parts == loose[0])[0]
+        raise SupportError(
+            f"body: {len(loose)} of its {number} parts touch nothing that holds them, first the "
+            f"one with cell {_cell_of(filling, place)} (cells that touch only at a corner do not "
+            f"hold each other); {_REMEDY}"
+        )
+
+
+def _bricks(filling: Filling) -> NDArray[np.int16]:
+    """Return the kinds of all cells in a frame of what lies beyond the sides.
+
+    Hexagons become bricks two entries wide, odd rows shifted by one: bricks that share an
+    edge are hexagons that share a face.
+    """
+    raster = filling.rasterise()
+    if filling.lattice.kind == "hexagon":
+        raster = np.pad(np.repeat(raster, 2, axis=0), ((0, 1), (0, 0)))
+        raster[-1, 0::2] = filling.beyond[1]
+        raster[:, 1::2] = np.roll(raster[:, 1::2], 1, axis=0)
+        raster[0, 1::2] = filling.beyond[0]
+    framed = np.pad(raster, 1, constant_values=kinds.AIR)
+    for side, kind in enumerate(filling.beyond):
+        axis, upper_end = divmod(side, 2)
+        rim = [slice(1, -1)] * raster.ndim
+        rim[axis] = slice(-1, None) if upper_end else slice(0, 1)
+        framed[tuple(rim)] = kind
+    return framed
+
+
+def _cell_of(filling: Filling, place: NDArray[np.intp]) -> list[int]:
+    cell = [int(index) - 1 for index in place]
+    if filling.lattice.kind == "hexagon":
+        cell[0] = (cell[0] - cell[1] % 2) // 2
+    return cell
+
+
+def _empty(filling: Filling) -> str:
+    shape = " x ".join(map(str, filling.lattice.shape))
+    return f"body: none of the {shape} cells is body; at least one must be of a material"

@@ -1,0 +1,190 @@
+"""Faces of the body on a side of the array or on a plane, and cells inside a box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import SceneError
+
+from . import kinds
+from .filling import CellBox, Filling, count, grid
+from .lattice import Cells, Lattice
+from .loads import Load
+
+MOST_FACES = 50_000_000
+"""A load acts on at most this many faces or cells."""
+
+_NEAR = 1e-6  # of a cell: a coordinate this near to a face lies on it
+Corners = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The faces (or, with direction -1, cells) on which one load acts.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (n, dimension)
+        The body's cells.
+    direction : ndarray of int, shape (n,)
+        Index of the face, -1 for the cell's middle.
+    share : ndarray of float, shape (n,)
+        Part of each face (or cell) that the load covers, up to 1.
+    """
+
+    cells: Cells
+    direction: NDArray[np.int64]
+    share: NDArray[np.float64]
+
+    def forces(self, load: Load, lattice: Lattice, thickness: float) -> NDArray[np.float64]:
+        """Return the force (N) on each face or cell, shape (n, dimension)."""
+        if load.force is not None:
+            return np.outer(self.share / self.share.sum(), np.asarray(load.force))
+        assert load.pressure is not None
+        area = self.share * lattice.face_area(thickness)
+        return -load.pressure * area[:, None] * lattice.normals[self.direction]
+
+
+def faces_on_side(filling: Filling, side: str, where: str) -> Selection:
+    """Return all faces of the body that look out of the array on one of its sides."""
+    lattice = filling.lattice
+    number = lattice.sides.index(side)
+    axis, upper_end = divmod(number, 2)
+    lower, upper = (corner.copy() for corner in filling.bounds())
+    edge = lattice.shape[axis] - 1 if upper_end else 0
+    lower[axis], upper[axis] = max(lower[axis], edge), min(upper[axis], edge + 1)
+    cells = _body_cells(filling, (lower, upper), where)
+    if len(cells) == 0:
+        raise SceneError(
+            f"{where}: no cell of the body lies at the {side} of the array; select the surface "
+            "by a region = {box = [lower corner, upper corner]} without thickness"
+        )
+    if lattice.kind == "hexagon":
+        faces = [_hexagon_faces(lattice, cells, arm, number) for arm in range(6)]
+        cells, direction = (np.concatenate(part) for part in zip(*faces, strict=True))
+    else:
+        direction = np.full(len(cells), number, dtype=np.int64)
+    _check_free(filling, cells, direction, where)
+    return Selection(cells, direction, np.ones(len(cells)))
+
+
+def _hexagon_faces(
+    lattice: Lattice, cells: Cells, arm: int, side: int
+) -> tuple[Cells, NDArray[np.int64]]:
+    chosen = cells[lattice.side_beyond(lattice.neighbours(cells, arm)) == side]
+    return chosen, np.full(len(chosen), arm, dtype=np.int64)
+
+
+def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) -> Selection:
+    """Return the body's surface in a box without thickness along `axis`.
+
+    A face that the box covers in part takes part of the load.
+    """
+    lattice = filling.lattice
+    if lattice.kind == "hexagon":
+        raise SceneError(
+            f"{where}: hexagons have no faces in a plane; use side, cell, or a box with thickness"
+        )
+    place = corners[0][axis] / lattice.cell_size
+    plane = round(place)
+    if abs(place - plane) > _NEAR or not 0 <= plane <= lattice.shape[axis]:
+        near = min(max(plane, 0), lattice.shape[axis]) * lattice.cell_size
+        raise SceneError(
+            f"{where}: no faces of cells lie at {'xyz'[axis]} = {corners[0][axis]:g} m; the "
+            f"nearest do at {near:g} m"
+        )
+    lower, upper = _covered(lattice, corners)
+    lower[axis], upper[axis] = plane, plane + 1
+    _check_count((lower, upper), where)
+    above = grid((lower, upper))
+    below = above.copy()
+    below[:, axis] -= 1
+    body_above, body_below = filling.kinds(above) >= 0, filling.kinds(below) >= 0
+    top, bottom = body_below & ~body_above, body_above & ~body_below
+    cells = np.concatenate([below[top], above[bottom]])
+    if len(cells) == 0:
+        inside = "inside the body" if np.any(body_above) else "in the air or on the ground"
+        raise SceneError(
+            f"{where}: no surface of the body lies in this box at {'xyz'[axis]} = "
+            f"{corners[0][axis]:g} m; it is {inside}"
+        )
+    direction = np.repeat([2 * axis + 1, 2 * axis], [top.sum(), bottom.sum()])
+    _check_free(filling, cells, direction, where)
+    return Selection(cells, direction, _share(lattice, cells, corners, skip=axis))
+
+
+def cells_in_box(filling: Filling, corners: Corners, where: str) -> Selection:
+    """Return the body's cells in a box; those covered in part take part of the load."""
+    lattice = filling.lattice
+    if lattice.kind == "hexagon":
+        lower, upper = (np.asarray(corner) for corner in corners)
+        first, last = lattice.locate(np.stack([lower, upper]))
+        box = (np.maximum(first - 1, 0), np.minimum(last + 2, lattice.shape))
+    else:
+        box = _covered(lattice, corners)
+    cells = _body_cells(filling, box, where)
+    if lattice.kind == "hexagon":
+        centres = lattice.centres(cells)
+        cells = cells[np.all((centres >= lower) & (centres <= upper), axis=1)]
+    if len(cells) == 0:
+        raise SceneError(f"{where}: there is no cell of the body in this box")
+    share = np.ones(len(cells))
+    if lattice.kind != "hexagon":
+        share = _share(lattice, cells, corners)
+    return Selection(cells, np.full(len(cells), -1, dtype=np.int64), share)
+
+
+def _covered(lattice: Lattice, corners: Corners) -> CellBox:
+    """Return the cells of the array that a box covers at least in part."""
+    shape = np.asarray(lattice.shape, dtype=np.int64)
+    lower, upper = (np.asarray(corner) / lattice.cell_size for corner in corners)
+    first = np.clip(np.floor(lower + _NEAR), 0, shape).astype(np.int64)
+    last = np.clip(np.ceil(upper - _NEAR), 0, shape).astype(np.int64)
+    return first, np.maximum(first, last)
+
+
+def _share(
+    lattice: Lattice, cells: Cells, corners: Corners, skip: int | None = None
+) -> NDArray[np.float64]:
+    """Return which part of each cell lies in a box, the axis `skip` left out."""
+    share = np.ones(len(cells))
+    for axis, (low, high) in enumerate(zip(*corners, strict=True)):
+        if axis != skip:
+            ends = np.array([low, high]) / lattice.cell_size
+            ends = np.where(np.abs(ends - np.rint(ends)) < _NEAR, np.rint(ends), ends)
+            index = cells[:, axis]
+            share *= np.minimum(index + 1, ends[1]) - np.maximum(index, ends[0])
+    return share
+
+
+def _body_cells(filling: Filling, box: CellBox, where: str) -> Cells:
+    lower, upper = box
+    box = (lower, np.maximum(lower, upper))
+    _check_count(box, where)
+    cells = grid(box)
+    return cells[filling.kinds(cells) >= 0]
+
+
+def _check_count(box: CellBox, where: str) -> None:
+    if count(box) > MOST_FACES:
+        raise SceneError(
+            f"{where}: selects up to {count(box):.3g} cells, more than {MOST_FACES:.0e}; load a "
+            "smaller part or take larger cells"
+        )
+
+
+def _check_free(filling: Filling, cells: Cells, direction: NDArray[np.int64], where: str) -> None:
+    """Refuse to press on faces whose displacement is given: the ground would take it all."""
+    for arm in np.unique(direction):
+        chosen = cells[direction == arm]
+        beyond = filling.kinds(filling.lattice.neighbours(chosen, int(arm)))
+        held = (beyond == kinds.RIGID) | (beyond == kinds.DISPLACED)
+        if held.any():
+            raise SceneError(
+                f"{where}: {np.count_nonzero(held)} of its faces are held, first that of cell "
+                f"{chosen[held][0].tolist()}, where {kinds.NAMES[int(beyond[held][0])]} lies "
+                "beyond; load the free surface"
+            )

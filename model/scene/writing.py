@@ -1,0 +1,134 @@
+"""Scenes written down: as tables, as TOML text, as files."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from math import inf
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import SceneError, SceneFileError
+
+from .description import Description
+from .pictures import Picture
+from .toml_text import dumps
+
+
+def table_of(scene: Description) -> dict[str, Any]:
+    """Return the table that describes a scene; an array stays an array in it."""
+    body = scene.body.model_dump(mode="json", exclude_defaults=True, exclude={"array"})
+    if scene.body.array is not None:
+        body["array"] = scene.body.array
+    table = {
+        "body": body,
+        "legend": dict(scene.legend),
+        "materials": {name: _entries(material) for name, material in scene.materials.items()},
+        "sides": {name: side.to_value() for name, side in scene.sides.items()},
+        "loads": [load.model_dump(mode="json", exclude_defaults=True) for load in scene.loads],
+        "rule": {"kind": scene.rule.kind, **_entries(scene.rule)},
+    }
+    return {key: part for key, part in table.items() if part}
+
+
+def _entries(described: Any) -> dict[str, Any]:
+    """Return a dataclass as a table, without its name and what is not given or endless."""
+    entries = {}
+    for field in fields(described):
+        value = getattr(described, field.name)
+        if is_dataclass(value):
+            value = _entries(value)
+        elif isinstance(value, Mapping):
+            value = {key: _entries(part) for key, part in value.items()}
+        if field.name != "name" and value is not None and value not in ("", {}, inf):
+            entries[field.name] = list(value) if isinstance(value, tuple) else value
+    return entries
+
+
+def text_of(table: Mapping[str, Any], picture: Picture | None) -> str:
+    """Return a scene's table as TOML.
+
+    Raises
+    ------
+    SceneError
+        If the body is an array too large for a drawing, which only a file can take.
+    """
+    table = _drawn(table, picture)
+    if isinstance(table["body"].get("array"), np.ndarray):
+        raise SceneError(
+            "body.array: is too large, or has too many axes, to be written as a drawing; "
+            "scene.save writes it beside the scene's file"
+        )
+    return dumps(table)
+
+
+def archive_of(
+    table: Mapping[str, Any], picture: Picture | None
+) -> tuple[str, dict[str, NDArray[np.int16]]]:
+    """Return a scene's table as TOML and, by name, the arrays that do not fit in it."""
+    table = _drawn(table, picture)
+    if picture is None or "drawing" in table["body"]:
+        return dumps(table), {}
+    return dumps(_arrayed(table, picture, "cells")), {"cells": picture.codes}
+
+
+def _drawn(table: Mapping[str, Any], picture: Picture | None) -> dict[str, Any]:
+    """Return the table with an image or array turned into a drawing if that is short."""
+    if picture is None or "drawing" in table["body"] or not picture.drawable:
+        return dict(table)
+    drawing, legend = picture.drawing()
+    return {**table, "body": _without_picture(table) | {"drawing": drawing}, "legend": legend}
+
+
+def _arrayed(table: Mapping[str, Any], picture: Picture, name: str) -> dict[str, Any]:
+    """Return the table with its picture turned into an array of that name."""
+    legend = {str(code): filling for code, filling in enumerate(picture.names)}
+    return {**table, "body": _without_picture(table) | {"array": name}, "legend": legend}
+
+
+def _without_picture(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: part for key, part in table["body"].items() if key not in ("image", "array")}
+
+
+def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) -> None:
+    """Write a scene to a file at once or not at all; large arrays go into a file beside it.
+
+    Raises
+    ------
+    SceneFileError
+        If the file cannot be written.
+    """
+    path = Path(path)
+    table = _drawn(table, picture)
+    if picture is not None and "drawing" not in table["body"]:
+        beside = path.with_name(f"{path.stem}.cells.npy")
+        codes = picture.codes
+        _write(beside, lambda file: np.save(file, codes, allow_pickle=False))
+        table = _arrayed(table, picture, beside.name)
+    for region in table["body"].get("regions", []):
+        if "image" in region:
+            region["image"]["file"] = os.path.relpath(region["image"]["file"], path.parent)
+    _write(path, lambda file: file.write(dumps(table).encode()))
+
+
+def _write(path: Path, content: Callable[[IO[bytes]], Any]) -> None:
+    """Write a file under another name first, so that it is never half there."""
+    try:
+        with tempfile.NamedTemporaryFile(
+            dir=path.parent, prefix=f".{path.name}.", delete=False
+        ) as file:
+            unfinished = Path(file.name)
+            try:
+                content(file)
+            except BaseException:
+                unfinished.unlink()
+                raise
+        unfinished.chmod(0o644)
+        unfinished.replace(path)
+    except OSError as error:
+        raise SceneFileError(f"{path}: cannot be written: {error.strerror or error}") from None

@@ -13,15 +13,15 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .krylov import dot
 from .moduli import Moduli
 from .problem import (
-    ABSENT,
     ACTIVE,
     AIR,
-    FIXED,
     FOUNDATION,
     RIGID,
     ElasticProblem,
+    Scales,
     FaceFields,
     Floats,
     rim_layer,
@@ -39,14 +39,14 @@ class BoxLevel:
 
     Attributes
     ----------
-    problem : ElasticProblem
-        The law on this grid, without loads; only its description is used.
+    shape : tuple of int
+        Number of cells along each axis.
     law : array
         C₁₁, C₁₂ and μ times the grid's scale.
     spring : array
         Stiffness of the foundation per face of each side.
     u, load : arrays
-        Work space: displacement and load of all faces in one vector.
+        Work space: displacement and load of all faces in one vector (not on the finest level).
     """
 
     shape: tuple[int, ...]
@@ -127,9 +127,7 @@ class BoxMultigrid:
 
     def apply(self, x: Vector) -> Vector:
         """Return the stiffness times x."""
-        out = np.empty_like(x)
-        self._apply(x, out)
-        return out
+        return self.apply_at(0, x)
 
     def precondition(self, load: Vector) -> Vector:
         """Return one V-cycle's answer to a load."""
@@ -137,22 +135,22 @@ class BoxMultigrid:
         self._cycle(0, load, out)
         return out
 
-    def full_multigrid(self, load: Vector) -> tuple[Vector, Vector]:
+    def full_multigrid(self, load: Vector) -> tuple[Vector, float]:
         """Start from the coarsest answer and improve it level by level.
 
         Returns
         -------
-        start, coarser : arrays
-            The finest grid's first answer, and the parents' answer interpolated to it.
+        start : array
+            The finest grid's first answer.
+        energy : float
+            Potential energy, on the finest grid, of the parents' answer before it was improved.
         """
         loads = [load]
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
             vector = np.empty(face_count(coarse.shape))
-            self._kernels.restrict(
-                fine.views(loads[-1]), coarse.views(vector), self.own, self.far
-            )
+            self._kernels.restrict(fine.views(loads[-1]), coarse.views(vector), self.own, self.far)
             loads.append(vector)
-        x = coarser = self._coarsest.solve(loads[-1])
+        x, energy = self._coarsest.solve(loads[-1]), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             level, below = self.levels[at], self.levels[at + 1]
             coarser = np.zeros_like(loads[at])
@@ -160,10 +158,11 @@ class BoxMultigrid:
             left = self.apply_at(at, coarser)
             np.subtract(loads[at], left, out=left)
             self.clear_fixed(at, left)
+            energy = -0.5 * float(dot(loads[at], coarser) + dot(left, coarser))
             x = np.empty_like(left)
             self._cycle(at, left, x)
             x += coarser
-        return x, coarser
+        return x, energy
 
     def clear_fixed(self, at: int, vector: Vector) -> None:
         """Set the entries of fixed faces to zero."""
@@ -177,18 +176,9 @@ class BoxMultigrid:
     def apply_at(self, at: int, x: Vector) -> Vector:
         """Return a level's stiffness times x."""
         level, out = self.levels[at], np.empty_like(x)
-        self._kernels.apply(
-            level.views(x), level.views(out), level.law, *self._side, level.spring
-        )
+        sides = (level.law, *self._side, level.spring)
+        self._kernels.apply(level.views(x), level.views(out), *sides)
         return out
-
-    def _apply(self, x: Vector, out: Vector) -> float:
-        level = self.levels[0]
-        return float(
-            self._kernels.apply(
-                level.views(x), level.views(out), level.law, *self._side, level.spring
-            )
-        )
 
     def _cycle(self, at: int, load: Vector, u: Vector) -> None:
         level = self.levels[at]
@@ -226,8 +216,6 @@ class _Coarsest:
 def _describe(
     level: BoxLevel, sides: list[int], plane: Literal["stress", "strain"] | None
 ) -> ElasticProblem:
-    from .problem import Scales
-
     kinds = np.full([n + 2 for n in level.shape], AIR, dtype=np.int32)
     kinds[(slice(1, -1),) * kinds.ndim] = 0
     for index, kind in enumerate(sides):

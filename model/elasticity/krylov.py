@@ -81,11 +81,13 @@ def conjugate_gradients(
     start: Vector | None,
     done: Callable[[Iteration], bool],
     most: int = 200,
+    energy: Callable[[Vector], float] | None = None,
 ) -> Iteration:
     """Solve a symmetric positive definite system (Hestenes & Stiefel 1952).
 
     `done` sees the history after every step and decides. The error estimate is √(r·Br) for
-    a preconditioner B that is spectrally close to the inverse, over √(load·solution).
+    a preconditioner B that is spectrally close to the inverse, over √(energy(solution)), by
+    default √(load·solution).
     """
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
@@ -100,8 +102,9 @@ def conjugate_gradients(
             run.converged = run.residuals[-1] == 0.0
             return run
         z = precondition(r)
-        product, energy = float(dot(r, z)), abs(float(dot(load, x)))
-        run.errors.append(float(np.sqrt(max(product, 0.0) / energy)) if energy else np.inf)
+        product = float(dot(r, z))
+        whole = abs(float(dot(load, x)) if energy is None else energy(x))
+        run.errors.append(float(np.sqrt(max(product, 0.0) / whole)) if whole else np.inf)
         if done(run):
             run.converged = True
             return run

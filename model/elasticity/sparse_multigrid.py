@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from .krylov import dot
 from .staggered import Numbering
 from .transfer import coarsen
 
@@ -86,24 +87,33 @@ class SparseMultigrid:
         """Return one V-cycle's answer to a load."""
         return self._cycle(0, load)
 
-    def full_multigrid(self, load: Vector) -> tuple[Vector, Vector]:
+    def full_multigrid(self, load: Vector) -> tuple[Vector, float]:
         """Start from the coarsest answer and improve it level by level.
 
         Returns
         -------
-        start, coarser : arrays
-            The finest grid's first answer, and the parents' answer interpolated to it.
+        start : array
+            The finest grid's first answer.
+        energy : float
+            Potential energy, on the finest grid, of the parents' answer before it was improved.
         """
         loads = [load]
         for level in self.levels[:-1]:
             assert level.restrict is not None
             loads.append(level.restrict @ loads[-1])
-        x = coarser = self._direct.solve(loads[-1])
+        x, energy = np.asarray(self._direct.solve(loads[-1])), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             level = self.levels[at]
-            coarser = level.prolong @ x
-            x = coarser + self._cycle(at, loads[at] - level.matrix @ coarser)
-        return x, coarser
+            coarser = np.asarray(level.prolong @ x)
+            left = loads[at] - level.matrix @ coarser
+            energy = -0.5 * float(dot(loads[at], coarser) + dot(left, coarser))
+            x = coarser + self._cycle(at, left)
+        return x, energy
+
+    @property
+    def depth(self) -> int:
+        """Number of levels."""
+        return len(self.levels)
 
     def _cycle(self, at: int, load: Vector) -> Vector:
         level = self.levels[at]

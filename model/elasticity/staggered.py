@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .moduli import REENTRANT_WEIGHT
+from .moduli import REENTRANT_WEIGHT, Moduli
 from .problem import ACTIVE, AIR, RIGID, ElasticProblem, FaceFields, Floats
 
 Pair = tuple[int, int]
@@ -177,16 +177,16 @@ class Numbering:
 
 
 def stiffness_matrix(
-    problem: ElasticProblem, numbering: Numbering, *, lateral: bool = True
+    problem: ElasticProblem, numbering: Numbering, moduli: Moduli | None = None
 ) -> sp.csr_array:
     """Assemble the stiffness matrix of the active faces.
 
-    With ``lateral=False`` the matrix is that of 2μ ε:ε alone, the displacement block of the
-    mixed form.
+    `moduli` may replace the problem's own: the mixed form leaves the pressure's part out.
     """
-    rows, moduli = strain_matrix(problem, numbering), _law(problem, lateral)
+    rows = strain_matrix(problem, numbering)
+    law = _law(problem, moduli or problem.moduli)
     springs = numbering.gather(problem.spring)
-    matrix = rows.T.tocsr() @ (moduli @ rows)
+    matrix = rows.T.tocsr() @ (law @ rows)
     if springs.any():
         matrix = matrix + sp.diags_array(springs)
     return sp.csr_array(matrix)
@@ -214,18 +214,12 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
     return sp.csr_array(sp.vstack(blocks, format="csr"))
 
 
-def _law(problem: ElasticProblem, lateral: bool) -> sp.csr_array:
+def _law(problem: ElasticProblem, moduli: Moduli) -> sp.csr_array:
     """Return the matrix from strains to stresses, in the order of `strain_matrix`."""
     d = problem.dimension
     kinds = problem.kinds[problem.kinds >= 0]
-    twice = 2.0 * problem.moduli.shear[kinds]
-    cross = problem.moduli.lateral[kinds] if lateral else np.zeros(len(kinds))
-    along = problem.moduli.stretch[kinds] if lateral else twice
-    blocks: list[list[sp.dia_array | None]] = [
-        [sp.diags_array(along if a == b else cross) for b in range(d)] for a in range(d)
-    ]
-    if not lateral:
-        blocks = [[block if a == b else None for b, block in enumerate(row)] for a, row in enumerate(blocks)]
+    along, cross = moduli.stretch[kinds], moduli.lateral[kinds]
+    blocks = [[sp.diags_array(along if a == b else cross) for b in range(d)] for a in range(d)]
     edges = [edge_modulus(problem, pair) for pair in axis_pairs(d)]
     shear = sp.diags_array(np.concatenate([k[k > 0] for k in edges]))
     return sp.csr_array(sp.block_diag([sp.block_array(blocks), shear], format="csr"))

@@ -1,0 +1,71 @@
+"""Nearly incompressible bodies: the pressure as an unknown of its own.
+
+When ν nears ½, λ grows without bound and drowns all else in the stiffness. With the
+pressure p = λ div u of every cell as an unknown,
+
+    2μ-block · u + divᵀ p = f,    div u − p/λ = 0,
+
+nothing grows, and MINRES preconditioned by one multigrid cycle for the displacements and
+1/(1/λ + 1/2μ) for the pressures takes a number of iterations that depends neither on ν nor
+on the grid (Elman, Silvester & Wathen, Finite Elements and Fast Iterative Solvers, ch. 4).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .krylov import Iteration, minimal_residuals
+from .moduli import Moduli
+from .problem import ElasticProblem
+from .sparse_multigrid import SparseMultigrid
+from .staggered import Numbering, stiffness_matrix, strain_matrix
+
+Vector = NDArray[np.float64]
+
+STIFF = 1.0
+"""Materials with λ/μ above this get a pressure; the others stay as they are."""
+
+
+class MixedForm:
+    """Displacements and pressures of a nearly incompressible body."""
+
+    def __init__(self, problem: ElasticProblem, numbering: Numbering, sweeps: int = 2) -> None:
+        moduli = problem.moduli
+        pressed = moduli.lateral > STIFF * moduli.shear
+        kinds = problem.kinds[problem.kinds >= 0]
+        cells = np.flatnonzero(pressed[kinds])
+        rows = strain_matrix(problem, numbering)
+        count = len(kinds)
+        stretches = [rows[axis * count : (axis + 1) * count] for axis in range(problem.dimension)]
+        self.divergence = sp.csr_array(sum(stretches[1:], start=stretches[0])[cells])
+        self._gather = sp.csr_array(self.divergence.T)
+        lateral, shear = moduli.lateral[kinds][cells], moduli.shear[kinds][cells]
+        self._compliance = 1.0 / lateral
+        self._pressure = 1.0 / (1.0 / lateral + 0.5 / shear)
+        without = Moduli(
+            np.where(pressed, moduli.stretch - moduli.lateral, moduli.stretch),
+            np.where(pressed, 0.0, moduli.lateral),
+            moduli.shear,
+        )
+        self.block = SparseMultigrid(
+            stiffness_matrix(problem, numbering, without), numbering, sweeps
+        )
+        self._size = numbering.size
+
+    def solve(self, load: Vector, tolerance: float, most: int = 300) -> Iteration:
+        """Return the displacements; the history is that of displacements and pressures."""
+        whole = np.concatenate([load, np.zeros(len(self._pressure))])
+        run = minimal_residuals(self._apply, self._precondition, whole, tolerance, most)
+        run.solution = run.solution[: self._size].copy()
+        return run
+
+    def _apply(self, x: Vector) -> Vector:
+        u, p = x[: self._size], x[self._size :]
+        force = self.block.apply(u) + self._gather @ p
+        return np.concatenate([force, self.divergence @ u - self._compliance * p])
+
+    def _precondition(self, r: Vector) -> Vector:
+        u = self.block.precondition(r[: self._size])
+        return np.concatenate([u, self._pressure * r[self._size :]])

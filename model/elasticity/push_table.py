@@ -1,0 +1,284 @@
+"""The elastic rule on a scene as tables: who passes which share of a load to whom.
+
+Faces that can move are numbered first, then the *places* where supports hold the body: the
+faces that are given their displacement, and the elastic beds beneath faces. Both engines
+and the stability certificate read the same tables, which come from the assembled stiffness:
+the share of agent i's load that goes to j is −K_ij/K_ii.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import sqrt
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from kaju.agents.elastic_rule import ElasticRule
+from kaju.errors import SceneError
+
+from .problem import ABSENT, ACTIVE, CellLoads, ElasticProblem, Side, make_problem
+from .staggered import Numbering, stiffness_matrix
+from .transfer import coarsen
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+FEWEST_FACES = 12
+"""A level with at most this many faces has no parents."""
+
+
+@dataclass(frozen=True, eq=False)
+class PushLevel:
+    """The agents of one level and their links, as arrays.
+
+    Attributes
+    ----------
+    numbering : Numbering
+        Which faces there are, and their numbers.
+    stiffness : array, shape (faces,)
+        Load (N) that moves a face by 1 m while all others hold still.
+    shares : sparse array, shape (faces, places)
+        Row i: what becomes of each newton that agent i takes. On the finest level the
+        columns go on with the supports.
+    prolong, restrict : sparse arrays or None
+        The way from the parents, and to them: restriction is the transpose.
+    """
+
+    numbering: Numbering
+    stiffness: Floats
+    shares: sp.csr_array
+    prolong: sp.csr_array | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of faces."""
+        return len(self.stiffness)
+
+    @cached_property
+    def arrivals(self) -> sp.csr_array:
+        """Row j: which share of everybody's load arrives at j."""
+        return sp.csr_array(self.shares.T)
+
+    @cached_property
+    def restrict(self) -> sp.csr_array:
+        """Row p: how much of the children's loads parent p is handed."""
+        assert self.prolong is not None
+        matrix = sp.csr_array(self.prolong.T)
+        matrix.sort_indices()
+        return matrix
+
+    @cached_property
+    def place(self) -> tuple[Integers, Integers]:
+        """Axis, shape (faces,), and index with the rim, shape (faces, dimension), of each face."""
+        return face_indices(self.numbering.states, ACTIVE)
+
+
+class PushTable:
+    """Who passes how much to whom: the elastic rule on a scene's faces.
+
+    Parameters
+    ----------
+    scene : Scene
+        A scene of squares or cubes whose rule is an `ElasticRule`.
+
+    Attributes
+    ----------
+    levels : tuple of PushLevel
+        The faces of the cells, then those of their parents, if the order has any.
+    unit : float
+        What one scaled stiffness is in N/m.
+    load : array, shape (places,)
+        What the loads and given displacements leave on every face and support (N).
+    given : array, shape (fixed faces,)
+        Displacement (m) of the faces that supports hold.
+    reference : float
+        k₀ (N/m): stiffness of a face inside the stiffest material.
+    threshold : float
+        γ (N).
+
+    Raises
+    ------
+    SceneError
+        If the cells are hexagons or the rule is another one.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        if not isinstance(scene.rule, ElasticRule):
+            raise SceneError(
+                f"rule.kind: ElasticModel passes loads on by the elastic rule, got "
+                f'{scene.rule.kind!r}; set kind = "elastic", or take LoadModel'
+            )
+        self.scene, self.rule = scene, scene.rule
+        self.problem = problem_of(scene)
+        scales = self.problem.scales
+        self.unit = scales.force / scales.displacement
+        states = self.problem.face_states()
+        self._numbering = Numbering(states)
+        self.fixed_place = face_indices(states, lambda state: (state != ACTIVE) & (state != ABSENT))
+        matrix = self._assemble(states)
+        self.levels = self._build_levels(matrix)
+        self.load, self.given = self._initial(matrix)
+        self.reference = self._reference()
+        self.threshold = self.rule.threshold or self._threshold_for(self.rule.tolerance)
+
+    def _assemble(self, states: tuple[NDArray[np.int8], ...]) -> sp.csr_array:
+        """Return the stiffness (N/m) of all faces, those that move before those that are held."""
+        present = Numbering(tuple(np.where(s == ABSENT, ABSENT, ACTIVE) for s in states))
+        zero = tuple(np.zeros_like(spring) for spring in self.problem.spring)
+        matrix = stiffness_matrix(replace(self.problem, spring=zero), present)
+        moves = present.gather(tuple((s == ACTIVE).astype(float) for s in states)) > 0.0
+        order = np.concatenate([np.flatnonzero(moves), np.flatnonzero(~moves)])
+        self._present, self._order = present, order
+        return sp.csr_array(self.unit * matrix[order][:, order])
+
+    def _build_levels(self, matrix: sp.csr_array) -> tuple[PushLevel, ...]:
+        n = self._numbering.size
+        spring = self.unit * self._numbering.gather(self.problem.spring)
+        self.bedded = np.flatnonzero(spring)
+        beds = sp.csr_array(
+            (spring[self.bedded], (self.bedded, np.arange(len(self.bedded)))),
+            shape=(n, len(self.bedded)),
+        )
+        own = sp.csr_array(matrix[:n, :n] + sp.diags_array(spring))
+        held = sp.csr_array(sp.hstack([matrix[:n, n:], -beds], format="csr"))
+        levels = [make_level(self._numbering, own, held)]
+        while self.rule.order == "multilevel" and levels[-1].size > FEWEST_FACES:
+            parents, prolong = coarsen(levels[-1].numbering)
+            if not 0 < prolong.shape[1] < 0.8 * prolong.shape[0]:
+                break
+            prolong.sort_indices()
+            levels[-1] = replace(levels[-1], prolong=prolong)
+            own = sp.csr_array(levels[-1].restrict @ (own @ prolong))
+            levels.append(make_level(parents, own))
+        return tuple(levels)
+
+    def _initial(self, matrix: sp.csr_array) -> tuple[Floats, Floats]:
+        scales = self.problem.scales
+        n = self._numbering.size
+        force = scales.force * self._present.gather(self.problem.force)[self._order]
+        given = scales.displacement * self._present.gather(self.problem.fixed)[self._order][n:]
+        load = force - matrix[:, n:] @ given
+        return np.concatenate([load, np.zeros(len(self.bedded))]), given
+
+    def _reference(self) -> float:
+        moduli, dimension = self.problem.moduli, self.problem.dimension
+        used = np.unique(self.problem.kinds[self.problem.kinds >= 0])
+        inside = 2.0 * moduli.stretch + 2.0 * (dimension - 1) * moduli.shear
+        return self.unit * float(inside[used].max())
+
+    def _threshold_for(self, tolerance: float) -> float:
+        """Return the γ at which the error meter is sure to be at most `tolerance` at rest.
+
+        The meter's denominator, load · displacement, is at least (f·v)²/(v·Kv) for any v.
+        """
+        finest = self.levels[0]
+        load = self.load[: finest.size]
+        trial = load / finest.stiffness
+        passed = finest.arrivals @ load
+        work = float(load @ trial)
+        held = work - float(trial @ passed[: finest.size])
+        if work <= 0.0 or held <= 0.0:
+            return float(np.abs(load).max(initial=0.0)) * tolerance or tolerance
+        faces = sum(level.size for level in self.levels)
+        return tolerance * sqrt(self.reference / held / faces) * work
+
+    @property
+    def applied(self) -> Floats:
+        """Sum of the applied forces per axis (N)."""
+        return self.problem.scales.force * np.array([f.sum() for f in self.problem.force])
+
+    def weight(self, level: int) -> Floats:
+        """Return √(k₀/k) per face: by how much its load counts; 0 for a parent of nobody."""
+        stiffness = self.levels[level].stiffness
+        ratio = np.divide(
+            self.reference, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0
+        )
+        root: Floats = np.sqrt(ratio)
+        return root
+
+    def positions(self, level: int) -> Floats:
+        """Return where the faces of a level are (m), shape (faces, dimension)."""
+        axis, index = self.levels[level].place
+        centre = index - 0.5
+        centre[np.arange(len(axis)), axis] -= 0.5
+        return centre * self.problem.scales.length * 2.0**level
+
+    @cached_property
+    def direct(self) -> Floats:
+        """Displacement (m) of the faces by a sparse direct solution: the truth of this grid."""
+        from scipy.sparse.linalg import spsolve
+
+        finest = self.levels[0]
+        n = finest.size
+        matrix = sp.diags_array(finest.stiffness) @ (sp.eye_array(n) - finest.shares[:, :n])
+        solution: Floats = spsolve(sp.csc_array(matrix), self.load[:n])
+        return solution
+
+
+def make_level(
+    numbering: Numbering, own: sp.csr_array, held: sp.csr_array | None = None
+) -> PushLevel:
+    """Turn a stiffness matrix, and its columns of supports, into shares."""
+    stiffness = own.diagonal()
+    inverse = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)
+    others = own - sp.diags_array(stiffness)
+    everybody = others if held is None else sp.hstack([others, held], format="csr")
+    shares = sp.csr_array(sp.diags_array(-inverse) @ everybody)
+    shares.eliminate_zeros()
+    shares.sort_indices()
+    return PushLevel(numbering, stiffness, shares)
+
+
+def face_indices(states: tuple[NDArray[np.int8], ...], wanted: object) -> tuple[Integers, Integers]:
+    """Return axis and index of the faces in a state, in the order of their numbers.
+
+    `wanted` is a state, or a function that tells for an array of states which to take.
+    """
+    axes, indices = [], []
+    for axis, state in enumerate(states):
+        chosen = wanted(state) if callable(wanted) else state == wanted
+        index = np.argwhere(chosen).astype(np.int64)
+        axes.append(np.full(len(index), axis, dtype=np.int64))
+        indices.append(index)
+    return np.concatenate(axes), np.concatenate(indices)
+
+
+def problem_of(scene: Scene) -> ElasticProblem:
+    """Return the scene on the staggered grid, in scaled units.
+
+    Raises
+    ------
+    SceneError
+        If the cells are hexagons, or there are more than 2e8 of them.
+    """
+    lattice = scene.lattice
+    if lattice.kind == "hexagon":
+        raise SceneError(
+            "body.lattice: the elastic rule needs squares or cubes, got 'hexagon'; hexagons of an "
+            "elastic body are a spring network"
+        )
+    sides: dict[str, Side] = {}
+    for name in lattice.sides:
+        condition = scene.side_condition(name)
+        if condition.stiffness is not None:
+            sides[name] = ("foundation", condition.stiffness)
+        elif condition.displacement is not None:
+            sides[name] = ("displacement", condition.displacement)
+        else:
+            sides[name] = condition.kind
+    return make_problem(
+        scene.rasterise(),
+        [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials],
+        lattice.cell_size,
+        plane=scene.plane,
+        thickness=scene.thickness,
+        sides=sides,
+        loads=CellLoads(*scene.applied()),
+    )

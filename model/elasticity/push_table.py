@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.errors import SceneError
 
-from .problem import ABSENT, ACTIVE, CellLoads, ElasticProblem, Side, make_problem
+from .problem import ABSENT, ACTIVE, FIXED, CellLoads, ElasticProblem, Side, make_problem
+from .push_boundary import Boundary, free_surfaces, supports
 from .staggered import Numbering, stiffness_matrix
 from .transfer import coarsen
 
@@ -116,12 +117,12 @@ class PushTable:
                 f'{scene.rule.kind!r}; set kind = "elastic", or take LoadModel'
             )
         self.scene, self.rule = scene, scene.rule
-        self.problem = problem_of(scene)
+        self.problem = problem_from(scene)
         scales = self.problem.scales
         self.unit = scales.force / scales.displacement
         states = self.problem.face_states()
         self._numbering = Numbering(states)
-        self.fixed_place = face_indices(states, lambda state: (state != ACTIVE) & (state != ABSENT))
+        self.fixed_place = face_indices(states, FIXED)
         matrix = self._assemble(states)
         self.levels = self._build_levels(matrix)
         self.load, self.given = self._initial(matrix)
@@ -194,6 +195,24 @@ class PushTable:
         """Sum of the applied forces per axis (N)."""
         return self.problem.scales.force * np.array([f.sum() for f in self.problem.force])
 
+    @cached_property
+    def place_axes(self) -> Integers:
+        """Axis along which each support holds: held faces first, then bedded ones."""
+        return np.concatenate([self.fixed_place[0], self.levels[0].place[0][self.bedded]])
+
+    @cached_property
+    def holding(self) -> Boundary:
+        """The cells that hold the body; columns are the supports."""
+        axis, index = self.levels[0].place
+        bedded = axis[self.bedded], index[self.bedded]
+        return supports(self.problem, self.fixed_place, bedded)
+
+    @cached_property
+    def open_air(self) -> Boundary:
+        """The air beside the body; columns are the faces, entries the shares given back."""
+        finest = self.levels[0]
+        return free_surfaces(self.problem, finest.place, finest.stiffness / self.unit)
+
     def weight(self, level: int) -> Floats:
         """Return √(k₀/k) per face: by how much its load counts; 0 for a parent of nobody."""
         stiffness = self.levels[level].stiffness
@@ -236,21 +255,17 @@ def make_level(
     return PushLevel(numbering, stiffness, shares)
 
 
-def face_indices(states: tuple[NDArray[np.int8], ...], wanted: object) -> tuple[Integers, Integers]:
-    """Return axis and index of the faces in a state, in the order of their numbers.
-
-    `wanted` is a state, or a function that tells for an array of states which to take.
-    """
+def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Integers, Integers]:
+    """Return axis and index of the faces in a state, in the order of their numbers."""
     axes, indices = [], []
     for axis, state in enumerate(states):
-        chosen = wanted(state) if callable(wanted) else state == wanted
-        index = np.argwhere(chosen).astype(np.int64)
+        index = np.argwhere(state == wanted).astype(np.int64)
         axes.append(np.full(len(index), axis, dtype=np.int64))
         indices.append(index)
     return np.concatenate(axes), np.concatenate(indices)
 
 
-def problem_of(scene: Scene) -> ElasticProblem:
+def problem_from(scene: Scene) -> ElasticProblem:
     """Return the scene on the staggered grid, in scaled units.
 
     Raises

@@ -1,0 +1,219 @@
+"""The elastic rule: shares that follow from Young's modulus and Poisson's ratio.
+
+The body is cut into square or cubic cells; an agent stands on every face between two cells
+and feels what pushes along the face's normal. Let it yield by δ while all others hold
+still. The cell ahead is squeezed and pushes on with C₁₁δ, the cell behind is stretched and
+pulls with C₁₁δ, each neighbour beside is dragged along by the shear stress μδ, and the four
+faces round each of the two cells feel ±(C₁₂ + μ)δ. In two dimensions these forces are per
+thickness, in three per cell edge. What held the agent before, k δ with k = 2C₁₁ +
+2(dimension − 1)μ, is the sum of the first four. So an agent that takes a load P yields by
+P/k and passes all of it on, in shares that only depend on ν. Agents that go on like this
+until nothing is left have solved the equations of elasticity on the staggered grid of
+Harlow & Welch (1965) and Virieux (1986).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, get_args
+
+from kaju.errors import ParameterError
+
+from .materials import Material
+from .shares import Shares
+
+if TYPE_CHECKING:
+    from .rules import PrescribedRule
+
+Plane = Literal["stress", "strain"]
+Order = Literal["wave", "largest first", "multilevel"]
+
+
+class ElasticConstants(NamedTuple):
+    """C₁₁, C₁₂ and μ (Pa) of σ_xx = C₁₁ε_xx + C₁₂ε_yy (+ C₁₂ε_zz) and τ = μγ."""
+
+    stretch: float
+    lateral: float
+    shear: float
+
+
+def elastic_constants(material: Material, plane: Plane | None) -> ElasticConstants:
+    """Return the constants for plane stress, plane strain or (None) three dimensions.
+
+    Raises
+    ------
+    ParameterError
+        If the material is incompressible where that leaves no finite stiffness.
+    """
+    youngs, ratio = material.youngs_modulus, material.poissons_ratio
+    shear = youngs / (2.0 * (1.0 + ratio))
+    if plane == "stress":
+        stretch = youngs / (1.0 - ratio**2)
+        return ElasticConstants(stretch, ratio * stretch, shear)
+    if ratio >= 0.5:
+        raise ParameterError(
+            f"poissons_ratio of {material.name!r}: {ratio} is incompressible, which has no finite "
+            "stiffness in plane strain and in three dimensions; take 0.4999"
+        )
+    lateral = youngs * ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
+    return ElasticConstants(lateral + 2.0 * shear, lateral, shear)
+
+
+@dataclass(frozen=True)
+class DerivedShares(Shares):
+    """The elastic shares of one material; `print` shows them beside the prescribed ones.
+
+    The own share means the same as α₁: the cells beside the face are strained by
+    own·P/(A E). The Poisson share goes outwards to the faces round the cell ahead, and
+    inwards, with the opposite sign, to those round the cell behind.
+
+    Attributes
+    ----------
+    material : Material
+        What the shares were derived from.
+    plane : {"stress", "strain"} or None
+        Two-dimensional state; None in three dimensions.
+    growth : float
+        λmax(D⁻¹K) of an endless body: if all agents yield by ω P/k at once, the sharpest
+        pattern of loads is multiplied by 1 − ω·growth in a wave.
+    """
+
+    material: Material
+    plane: Plane | None
+    growth: float
+
+    @property
+    def stable_share(self) -> float:
+        """Waves by a share ω below this calm down: 2/λmax."""
+        return 2.0 / self.growth
+
+    def beside(self, rule: PrescribedRule | None = None) -> str:
+        """Return a table of these shares beside those of a prescribed rule."""
+        from .rules import PrescribedRule
+
+        dimension = 2 if self.plane else 3
+        if rule is None:  # the prescribed rule has no load that pulls neighbours beside
+            rule = PrescribedRule(beta=0.5 if self.material.poissons_ratio >= 0.0 else 1.0)
+        chosen = rule.shares(self.material, dimension)
+        rows = [
+            ("share of each newton", "prescribed", "", "elastic", ""),
+            ("own", "α₁", chosen.own, "E/k", self.own),
+            ("forward", "α₂", chosen.forward, "C₁₁/k", self.forward),
+            ("backward", "none", chosen.backward, "C₁₁/k", self.backward),
+            ("friction, each side", "α₃", chosen.friction, "μ/k", self.friction),
+            ("Poisson, each", "(1−β)να₁", chosen.poisson, "±(C₁₂+μ)/k", self.poisson),
+        ]
+        state = f"plane {self.plane}" if self.plane else "three dimensions"
+        table = [f"{self.material.name}, ν = {self.material.poissons_ratio:g}, {state}"]
+        for name, symbol, prescribed, formula, derived in rows:
+            left, right = (
+                f"{v:10.4f}" if isinstance(v, float) else 10 * " " for v in (prescribed, derived)
+            )
+            table.append(f"{name:22}{symbol:12}{left}   {formula:14}{right}".rstrip())
+        sides = 2 * (dimension - 1)
+        table.append(
+            f"forward + backward + {sides} × friction = 1: what is taken is passed on, whole.\n"
+            f"All at once agents may yield by less than {self.stable_share:.4f} of P/k."
+        )
+        return "\n".join(table)
+
+    def __str__(self) -> str:
+        return self.beside()
+
+
+@dataclass(frozen=True)
+class ElasticRule:
+    """Load transfer by shares that follow from the material: linear elasticity.
+
+    Loads that meet on a face are added up, with their sign. A load up to the threshold
+    stays where it is and waits for company.
+
+    Parameters
+    ----------
+    threshold : float, optional
+        γ (N): an agent spawns, and acts, only if the load left on it exceeds γ. A load on a
+        face of stiffness k is measured as |P|·√(k₀/k), where k₀ is the stiffness inside the
+        body's stiffest material; so it is the same there, and on softer faces, which yield
+        further, a load counts more. None chooses γ from `tolerance`.
+    order : {"wave", "largest first", "multilevel"}
+        Who acts when: all agents at once; the one with the largest load; or level after
+        level, with parent agents that stand for blocks of cells.
+    share : float, optional
+        ω: by which share of P/k agents yield in a wave; None chooses a stable one.
+    tolerance : float
+        Error in energy aimed at, as a share: √(Σ P²/k) over √(load · displacement).
+
+    Raises
+    ------
+    ParameterError
+        If a number is out of its range, or a share is given to another order than "wave".
+    """
+
+    threshold: float | None = None
+    order: Order = "multilevel"
+    share: float | None = None
+    tolerance: float = 1e-4
+    kind: ClassVar[Literal["elastic"]] = "elastic"
+
+    def __post_init__(self) -> None:
+        if self.threshold is not None and not (isfinite(self.threshold) and self.threshold > 0.0):
+            raise ParameterError(
+                f"threshold: must be a load above 0 N, got {self.threshold}; leave it out to "
+                "have it chosen from the tolerance"
+            )
+        if self.order not in get_args(Order):
+            raise ParameterError(
+                f"order: must be one of {', '.join(map(repr, get_args(Order)))}, got {self.order!r}"
+            )
+        if self.share is not None:
+            if self.order != "wave":
+                raise ParameterError(
+                    f"share: belongs to the order 'wave'; in the order {self.order!r} an agent "
+                    "takes all of its load, so leave share out"
+                )
+            if not (isfinite(self.share) and self.share > 0.0):
+                raise ParameterError(f"share: must be a number above 0, got {self.share}")
+        if not (isfinite(self.tolerance) and 0.0 < self.tolerance < 1.0):
+            raise ParameterError(
+                f"tolerance: must lie between 0 and 1, got {self.tolerance}; 1e-4 is one part "
+                "in ten thousand"
+            )
+
+    @staticmethod
+    def shares(
+        material: Material, dimension: int = 2, plane: Plane | None = None
+    ) -> DerivedShares:
+        """Return what an agent inside a body of `material` passes on.
+
+        Parameters
+        ----------
+        material : Material
+            Only its Poisson's ratio counts.
+        dimension : {2, 3}
+            Squares or cubes.
+        plane : {"stress", "strain"}, optional
+            State of a two-dimensional body; "stress" unless given.
+        """
+        if dimension not in (2, 3) or (dimension == 3 and plane is not None):
+            raise ParameterError(
+                f"dimension: 2 (with a plane) or 3 (without), got {dimension} and plane {plane!r}"
+            )
+        if dimension == 2 and plane is None:
+            plane = "stress"
+        stretch, lateral, shear = elastic_constants(material, plane)
+        stiffness = 2.0 * stretch + 2.0 * (dimension - 1) * shear
+        diagonal = (lateral + shear) / stiffness
+        return DerivedShares(
+            own=material.youngs_modulus / stiffness,
+            forward=stretch / stiffness,
+            backward=stretch / stiffness,
+            friction=shear / stiffness,
+            poisson=diagonal,
+            material=material,
+            plane=plane,
+            # The sharpest pattern alternates from face to face along every axis: there an
+            # agent's neighbours of its own axis double its load, and four Poisson shares
+            # come from each other axis.
+            growth=2.0 + 4.0 * (dimension - 1) * diagonal,
+        )

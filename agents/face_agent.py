@@ -1,0 +1,198 @@
+"""The agents of the elastic rule: they take a load, yield, and pass all of it on.
+
+A face agent does what a `MaterialAgent` does, with two differences: loads that meet are
+added up with their sign, and what is up to the threshold rests instead of ending. So it
+can be called again and again until nothing is left to do.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+from mesa.discrete_space import Cell, FixedAgent
+from numpy.typing import NDArray
+
+from .boundary_agent import BoundaryAgent, FreeBoundaryAgent
+from .load import Load
+
+if TYPE_CHECKING:
+    from .materials import Material
+
+
+class Faces(Protocol):
+    """What rests on the faces of a level, agent or not, as arrays by face number."""
+
+    @property
+    def left(self) -> NDArray[np.float64]:
+        """Load left (N), along the face's normal."""
+
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """How far the face has moved (m)."""
+
+    @property
+    def taken(self) -> NDArray[np.float64]:
+        """Sum of the sizes of the loads that its agent has taken (N)."""
+
+
+class FaceModel(Protocol):
+    """What a face agent needs of the model it lives in."""
+
+    generation: int
+    share: float
+
+    def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
+        """Bring a load (N) to another face of the level, or to a support."""
+
+    def boundary_agent(self, number: int) -> FreeBoundaryAgent:
+        """Return the agent of the air cell with that number, awake."""
+
+
+class Link(NamedTuple):
+    """To whom an agent hands which share: a face or support, or an air cell, by number."""
+
+    target: int
+    share: float
+
+
+class Place(NamedTuple):
+    """Where a face agent stands.
+
+    Attributes
+    ----------
+    level : int
+        0 for the cells' own faces, 1 for those of 2×2(×2) blocks, and so on.
+    number : int
+        The face's number on its level.
+    axis : int
+        Axis of the normal, along which the face moves.
+    index : tuple of int
+        Cell, or block, on the upper side of the face.
+    position : array
+        Middle of the face (m).
+    materials : tuple of Material
+        What the cells beside the face are made of; empty for parents.
+    stiffness : float
+        k (N/m): load that moves the face by 1 m while all others hold still.
+    links : tuple of Link
+        Shares handed to other faces and to supports.
+    open_to : tuple of Link
+        Shares that air beside the face gives back.
+    """
+
+    level: int
+    number: int
+    axis: int
+    index: tuple[int, ...]
+    position: NDArray[np.float64]
+    materials: tuple[Material, ...]
+    stiffness: float
+    links: tuple[Link, ...]
+    open_to: tuple[Link, ...] = ()
+
+
+class FaceAgent(FixedAgent):  # type: ignore[misc]
+    """A face between two cells, or two blocks of cells, that a load has woken.
+
+    Subclass it to try a rule of your own: `due` says how much of its load the agent takes
+    when its turn comes, `take` what it does with it, `pass_on` whom it hands how much.
+
+    Attributes
+    ----------
+    place : Place
+        Where the agent stands, and to whom it passes what.
+    spawn_step : int
+        Step in which the agent spawned, counted from 1.
+    """
+
+    def __init__(self, model: FaceModel, cell: Cell, place: Place, faces: Faces) -> None:
+        super().__init__(model)
+        self.cell = cell
+        self.place = place
+        self.faces = faces
+        self.spawn_step = model.generation + 1
+
+    @property
+    def level(self) -> int:
+        """0 for faces of cells, above for parents."""
+        return self.place.level
+
+    @property
+    def left(self) -> float:
+        """Load that is left on the agent (N); positive along the axis."""
+        return float(self.faces.left[self.place.number])
+
+    @property
+    def displacement(self) -> float:
+        """How far the face has moved (m); positive along the axis.
+
+        Of a parent: in its current visit. When that ends, the children have moved along.
+        """
+        return float(self.faces.displacement[self.place.number])
+
+    @property
+    def taken(self) -> float:
+        """Sum of the sizes of the loads that the agent has taken (N)."""
+        return float(self.faces.taken[self.place.number])
+
+    def step(self) -> None:
+        """Take a load from what is left, and pass it on."""
+        load = self.due()
+        self.take(load)
+        self.pass_on(load)
+
+    def due(self) -> float:
+        """Return the load to take now (N): in a wave a share of it, otherwise all."""
+        return self.model.share * self.left
+
+    def take(self, load: float) -> None:
+        """Yield to a load."""
+        number = self.place.number
+        self.faces.displacement[number] += load / self.place.stiffness
+        self.faces.left[number] -= load
+        self.faces.taken[number] += abs(load)
+
+    def pass_on(self, load: float) -> None:
+        """Hand the shares of a load to the neighbours and to what lies beyond the body."""
+        for target, share in self.place.links:
+            self.model.hand_over(self, target, share * load)
+        direction = 2 * self.place.axis + (load > 0.0)
+        for air, share in self.place.open_to:
+            self.model.boundary_agent(air).give_back(Load(direction, abs(share * load)), direction)
+
+
+class SupportAgent(BoundaryAgent):
+    """Ground, a wall or an elastic bed: it keeps what it is handed, and pushes back as much.
+
+    Attributes
+    ----------
+    kind : int
+        What the cell is, from `kaju.model.scene.kinds`.
+    """
+
+    def __init__(
+        self,
+        model: FaceModel,
+        cell: Cell,
+        kind: int,
+        faces: Faces,
+        held: tuple[tuple[int, int, float], ...],
+    ) -> None:
+        super().__init__(model, cell)
+        self.kind = kind
+        self.faces = faces
+        self.held = held
+
+    @property
+    def carried(self) -> dict[int, float]:
+        """Load carried (N), by axis."""
+        carried: dict[int, float] = {}
+        for axis, number, part in self.held:
+            carried[axis] = carried.get(axis, 0.0) + part * float(self.faces.left[number])
+        return carried
+
+    @property
+    def reaction(self) -> dict[int, float]:
+        """Force on the body (N), by axis: the carried load, reversed."""
+        return {axis: -load for axis, load in self.carried.items()}

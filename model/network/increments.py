@@ -250,23 +250,8 @@ def load_in_increments(
 ) -> NetworkResult:
     """Load a network by forward Euler: one linear system for every increment.
 
-    The error falls in proportion to the size of the increments. `solve` has none of it.
-
-    Parameters
-    ----------
-    network : SpringNetwork
-        What is loaded.
-    increments : int
-        Number of increments in every stage.
-    method : {"auto", "direct", "multigrid"}
-        How the linear systems are solved.
-
-    Raises
-    ------
-    MechanismError, BucklingError
-        If the network gives way; the error's `result` holds what was computed.
-    ConvergenceError
-        If the increments are too large to follow the springs.
+    The error falls in proportion to the size of the increments; `solve` has none of it.
+    Arguments and errors are those of `IncrementalLoading` and its `step`.
     """
     return IncrementalLoading(network, increments, scheme="euler", method=method).run()
 
@@ -280,23 +265,7 @@ def solve(
 ) -> NetworkResult:
     """Load a network with every increment in equilibrium.
 
-    Parameters
-    ----------
-    network : SpringNetwork
-        What is loaded.
-    increments : int
-        Number of increments in every stage; each of them is recorded.
-    method : {"auto", "direct", "multigrid"}
-        How the linear systems are solved.
-    tolerance : float
-        Largest unbalanced force, as a share of the largest force.
-
-    Raises
-    ------
-    MechanismError, BucklingError
-        If the network gives way; the error's `result` holds what was computed.
-    ConvergenceError
-        If no balance is found.
+    Arguments and errors are those of `IncrementalLoading` and its `step`.
     """
     loading = IncrementalLoading(
         network, increments, scheme="newton", method=method, tolerance=tolerance

@@ -36,7 +36,7 @@ class MultigridSolver:
 
     name = "conjugate gradients with algebraic multigrid"
 
-    def __init__(self, assembler: Assembler, tolerance: float = 1e-11, patience: int = 60) -> None:
+    def __init__(self, assembler: Assembler, tolerance: float = 1e-9, patience: int = 60) -> None:
         try:
             self._pyamg = import_module("pyamg")
         except ImportError as missing:
@@ -78,7 +78,13 @@ class MultigridSolver:
         if self._block > 1:
             matrix = matrix.tobsr((self._block, self._block))
         levels = self._pyamg.smoothed_aggregation_solver(
-            matrix, B=self._modes, symmetry="symmetric", max_coarse=400
+            matrix,
+            B=self._modes,
+            symmetry="symmetric",
+            presmoother=("gauss_seidel", {"sweep": "forward"}),
+            postsmoother=("gauss_seidel", {"sweep": "backward"}),
+            improve_candidates=None,  # the rigid body modes are smooth already
+            max_coarse=400,
         )
         self._cycle = levels.aspreconditioner(cycle="V")
 

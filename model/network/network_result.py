@@ -18,6 +18,7 @@ from kaju.model.result import Result, read_archive, write_archive
 from .geometry import spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network
 from .springs import Floats, SpringNetwork
+from .triangles import turned_over
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -148,6 +149,15 @@ class NetworkResult(Result):
             raise ResultError("share_of_height: all nodes lie at one height")
         return self.largest_displacement(record)[1] / height
 
+    def triangles_turned_over(self, record: int = -1) -> list[tuple[Hashable, ...]]:
+        """Return the names of every three joined nodes that lie the other way round.
+
+        Only a network in the plane has any. Where there is one, springs have passed through
+        each other, and the network no longer stands for a body.
+        """
+        turned = turned_over(self.network, self.displacement[record]).tolist()
+        return [tuple(self.network.names[node] for node in corners) for corners in turned]
+
     def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the last displacement (m) at points (m), linear between the nodes.
 
@@ -185,6 +195,7 @@ class NetworkResult(Result):
             "largest_displacement_node": str(node),
             "largest_tension_N": max(stretched, 0.0),
             "largest_compression_N": max(-pressed, 0.0),
+            "triangles_turned_over": len(self.triangles_turned_over()),
             "strain_energy_J": self.strain_energy(),
             "work_J": self.work(),
             "notes": list(self.network.notes),

@@ -154,9 +154,9 @@ LIBRARY: dict[str, Material] = {entry.name: entry for entry in _ENTRIES}
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:
-    """Return ", did you mean 'steel'?" if a known name is spelt much like `name`, else ""."""
+    """Return " (did you mean 'steel'?)" if a known name is spelt much like `name`, else ""."""
     near = get_close_matches(name.lower(), list(known), n=1, cutoff=0.6)
-    return f", did you mean {near[0]!r}?" if near else ""
+    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def material(name: str) -> Material:

@@ -51,7 +51,7 @@ def at_stage(
         factor = min(1.0, stage / load.steps)
         force = factor * chosen.forces(load, lattice, thickness)
         parts.append(AppliedLoads(chosen.cells, chosen.direction, force))
-    if gravity is not None:
+    if gravity is not None and any(gravity):
         parts.append(weight(contents, gravity, thickness))
     return AppliedLoads(
         np.concatenate([part.cells for part in parts]),
@@ -96,13 +96,13 @@ def check_gravity(contents: Contents, gravity: tuple[float, ...] | None) -> None
         raise SceneError(
             f"body.gravity: {dimension} numbers are needed, one for each axis, got {list(gravity)}"
         )
-    for material in contents.materials:
+    for material in contents.materials if any(gravity) else ():
         if material.density is None:
             raise SceneError(
                 f"materials.{material.name}.density: is needed, for gravity acts (kg/m³)"
             )
     cells = count(contents.filling.bounds())
-    if cells > MOST_FACES:
+    if any(gravity) and cells > MOST_FACES:
         raise SceneError(
             f"body.gravity: would load each of up to {cells:.3g} cells, more than "
             f"{MOST_FACES:.0e}; take larger cells or leave gravity out"

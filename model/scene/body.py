@@ -10,7 +10,7 @@ from pydantic import Field, PlainValidator, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Count, Described, Flag, Number, Positive, Text
+from .described import Count, Described, Flag, Length, Number, Text
 from .lattice import Lattice
 from .regions import Region
 
@@ -60,19 +60,19 @@ class Body(Described):
         Take a body that nothing holds.
     """
 
-    size: tuple[Positive, ...] | None = Field(
+    size: tuple[Length, ...] | None = Field(
         default=None, description="the edges of the body (m), such as [0.2, 0.1]"
     )
     cells: tuple[Count, ...] | None = Field(
         default=None, description="the number of cells along each axis, such as [20, 10]"
     )
-    cell_size: Positive | None = Field(
+    cell_size: Length | None = Field(
         default=None, description="the edge of a cell (m), such as 0.01"
     )
     drawing: Text | None = Field(default=None, description="the body, one letter a cell")
     image: Text | None = Field(default=None, description="the path of an image, such as 'body.png'")
     array: Codes | None = Field(default=None, description="the path of an .npy file, or an array")
-    thickness: Positive | None = Field(
+    thickness: Length | None = Field(
         default=None, description="the body's thickness across the plane (m)"
     )
     plane: Literal["stress", "strain"] | None = None
@@ -125,8 +125,9 @@ class Body(Described):
                 f"body.lattice: {kind!r} has {3 if kind == 'cube' else 2} axes, but "
                 f"body.cells names {len(shape)}"
             )
-        if len(shape) == 3 and (self.thickness is not None or self.plane is not None):
-            raise SceneError("body.thickness, body.plane: belong to two dimensions; leave them out")
+        for key in ("thickness", "plane"):
+            if len(shape) == 3 and getattr(self, key) is not None:
+                raise SceneError(f"body.{key}: belongs to two dimensions; leave it out")
         if prod(shape) >= 2**62:
             raise SceneError(
                 f"body.cells: {' x '.join(map(str, shape))} cells are more than can be counted "

@@ -22,13 +22,14 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, SceneError
 
 Number = Annotated[float, Strict(), AllowInfNan(False)]
 Coordinate = Annotated[Number, Field(ge=-1e12, le=1e12)]
+Length = Annotated[Number, Field(gt=0.0, le=1e12)]
 Positive = Annotated[Number, Field(gt=0.0)]
 Count = Annotated[int, Strict(), Field(gt=0)]
 Index = Annotated[int, Strict(), Field(ge=-(2**62), le=2**62)]
@@ -74,10 +75,15 @@ class Described(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _plain_numbers(cls, values: Any) -> Any:
-        """Take NumPy's scalars and short arrays for the numbers and lists they stand for."""
+    def _known_keys_plain_values(cls, values: Any) -> Any:
+        """Refuse unknown keys; take NumPy's scalars and short arrays for numbers and lists."""
         if not isinstance(values, Mapping):
             return values
+        for key in values:
+            if key not in cls.model_fields:
+                known = f"known are {', '.join(cls.model_fields)}"
+                told = f"unknown key{suggestion(str(key), cls.model_fields)}; {known}"
+                raise PydanticCustomError("unknown_key", "{told}", {"key": str(key), "told": told})
         return {key: _plain(value) for key, value in values.items()}
 
 
@@ -114,9 +120,8 @@ def _line(description: type[BaseModel], problem: ErrorDetails, cause: object) ->
         # a ParameterError names the parameter first, which completes the key path
         joint = "." if isinstance(cause, ParameterError) else ": "
         return f"{key}{joint}{cause}" if key else str(cause)
-    if problem["type"] == "extra_forbidden":
-        known = list(trail[-1].model_fields) if trail else []
-        return f"{key}: unknown key{suggestion(path[-1], known)}; known are {', '.join(known)}"
+    if problem["type"] == "unknown_key":
+        return f"{'.'.join([*path, problem['ctx']['key']])}: {problem['ctx']['told']}"
     context = problem.get("ctx", {})
     phrase = _PHRASES.get(problem["type"])
     rule = phrase.format(**context) if phrase else problem["msg"]

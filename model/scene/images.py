@@ -52,9 +52,9 @@ def read_array(path: str, key: str) -> NDArray[np.generic]:
         raise SceneFileError(f"{key}: there is no array {path}")
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError):
         raise SceneFileError(
-            f"{key}: {path} cannot be read as an array ({error}); write it with numpy.save"
+            f"{key}: {path} cannot be read as an array of numbers; write it with numpy.save"
         ) from None
     if not isinstance(array, np.ndarray):
         raise SceneFileError(f"{key}: {path} holds several arrays; save one with numpy.save")

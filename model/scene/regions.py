@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Coordinate, Described, Positive, Text
+from .described import Coordinate, Described, Length, Text
 from .images import read_pixels
 from .lattice import Lattice
 from .shapes import Ball, Box, Mask, Polygon, Shape
@@ -23,7 +21,7 @@ class Round(Described):
     """A disk or a ball: centre (m) and radius (m)."""
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
-    radius: Positive = Field(description="the radius (m), such as 0.02")
+    radius: Length = Field(description="the radius (m), such as 0.02")
 
 
 class RegionImage(Described):
@@ -33,6 +31,14 @@ class RegionImage(Described):
     box: tuple[Point, Point] | None = Field(
         default=None, description="the lower and the upper corner (m) that the image fills"
     )
+
+    def mask(self, lattice: Lattice, where: str) -> Mask:
+        """Return the dark pixels, in their place."""
+        pixels = read_pixels(self.file, f"{where}.file").astype(np.float32)
+        brightness = pixels[:, :, :3] @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
+        dark = (brightness < 128.0) & (pixels[:, :, 3] >= 128.0)
+        whole = ((0.0,) * lattice.dimension, lattice.extent)
+        return Mask(_box(self.box or whole, lattice, f"{where}.box"), dark[::-1].T)
 
 
 class Region(Described):
@@ -77,16 +83,6 @@ class Region(Described):
             )
         return self
 
-    @cached_property
-    def pixels(self) -> Mask | None:
-        """The image of the region, over the unit square; None for other shapes."""
-        if self.image is None:
-            return None
-        pixels = read_pixels(self.image.file, "image.file").astype(np.float32)
-        brightness = pixels[:, :, :3] @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
-        dark = (brightness < 128) & (pixels[:, :, 3] >= 128)
-        return Mask(Box((0.0, 0.0), (1.0, 1.0)), dark[::-1].T)
-
     def shape_in(self, lattice: Lattice, where: str) -> Shape:
         """Return the region's shape in the array of `lattice`.
 
@@ -112,9 +108,7 @@ class Region(Described):
                 _check_dimension(corner, lattice, where)
             return Polygon(self.polygon)
         if self.image is not None:
-            assert self.pixels is not None
-            whole = (tuple([0.0] * lattice.dimension), lattice.extent)
-            return Mask(_box(self.image.box or whole, lattice, where), self.pixels.dark)
+            return self.image.mask(lattice, where)
         circle = self.disk or self.ball
         assert circle is not None
         _check_dimension(circle.centre, lattice, where)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, cast
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from kaju.agents.materials import suggestion
 from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
@@ -19,14 +19,19 @@ Rule = PrescribedRule | ElasticRule
 class CoefficientsTable(Described):
     """``[rule.materials.NAME]``: coefficients of one material."""
 
-    alpha: tuple[Number, Number, Number] | None = Field(
+    alpha: tuple[Number, ...] | None = Field(
         default=None, description="the shares kept, passed ahead and passed beside"
     )
     beta: Number = Field(default=0.5, description="the free part of the Poisson expansion")
 
-    def build(self) -> Coefficients:
-        """Return the coefficients."""
-        return Coefficients(self.alpha, self.beta)
+    @model_validator(mode="after")
+    def _in_range(self) -> CoefficientsTable:
+        self.coefficients()
+        return self
+
+    def coefficients(self) -> Coefficients:
+        """Return the coefficients, which refuse what is out of their range."""
+        return Coefficients(cast("tuple[float, float, float] | None", self.alpha), self.beta)
 
 
 class PrescribedTable(CoefficientsTable):
@@ -39,8 +44,9 @@ class PrescribedTable(CoefficientsTable):
 
     def build(self) -> PrescribedRule:
         """Return the rule."""
-        own = {name: table.build() for name, table in self.materials.items()}
-        return PrescribedRule(self.alpha, self.beta, self.threshold, self.accumulate, own)
+        shared = self.coefficients()
+        own = {name: table.coefficients() for name, table in self.materials.items()}
+        return PrescribedRule(shared.alpha, shared.beta, self.threshold, self.accumulate, own)
 
 
 class ElasticTable(Described):
@@ -76,7 +82,7 @@ def rule_from(value: Any) -> Any:
     if not isinstance(value, Mapping):
         raise ValueError(f"must be a table or a rule, got {value!r}")
     kind = value.get("kind", "prescribed")
-    if kind not in TABLES:
+    if not isinstance(kind, str) or kind not in TABLES:
         raise ParameterError(
             f"kind: there is no rule {kind!r}{suggestion(str(kind), TABLES)}; "
             f"there is {', '.join(TABLES)}"

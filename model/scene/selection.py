@@ -98,6 +98,13 @@ def _cells_at(filling: Filling, point: tuple[float, ...], where: str) -> Cells:
     """Return the body cells that a point lies in or on: several if it lies between them."""
     lattice = filling.lattice
     _check_axes(point, lattice, where)
+    if not all(
+        -_NUDGE <= x / edge <= 1.0 + _NUDGE for x, edge in zip(point, lattice.extent, strict=True)
+    ):
+        raise SceneError(
+            f"{where}: {list(point)} m lies outside the array, which goes from 0 to "
+            f"{list(lattice.extent)} m"
+        )
     around = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
     if lattice.kind == "hexagon":
         around = np.concatenate([around, lattice.normals])
@@ -108,7 +115,7 @@ def _cells_at(filling: Filling, point: tuple[float, ...], where: str) -> Cells:
         named = " and ".join(sorted({kinds.NAMES[int(kind)] for kind in found}))
         raise SceneError(
             f"{where}: {list(point)} m lies in cell {cells[0].tolist()}, where there is {named}, "
-            f"not body; the array goes from 0 to {list(lattice.extent)} m"
+            "not body; choose a point in or on the body"
         )
     return cells[found >= 0]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from kaju.errors import SceneError, SupportError
 
 from . import kinds
-from .filling import Filling, sample
+from .filling import CellBox, Filling, count, sample, slabs
 
 MOST_EXAMINED = 10_000_000
 """Up to this many cells a body is examined cell by cell, above by samples."""
@@ -40,19 +40,34 @@ def check_body(filling: Filling, allow_floating: bool) -> None:
 
 def _check_samples(filling: Filling, allow_floating: bool) -> None:
     boxes = [filling.box] + [filling.cells_of(region.shape) for region in filling.regions]
-    found = np.concatenate([filling.kinds(sample(box)) for box in boxes])
-    if not np.any(found >= 0):
+    if not any(_has_body(filling, box) for box in boxes):
         raise SceneError(_empty(filling))
-    if allow_floating or kinds.RIGID in found:
+    base_holds = np.any(np.asarray(filling.base) == kinds.RIGID)
+    if allow_floating or base_holds or any(part.kind == kinds.RIGID for part in filling.regions):
         return
     for side in np.flatnonzero(np.isin(filling.beyond, _HOLDS)):
         axis, upper_end = divmod(int(side), 2)
-        lower, upper = (corner.copy() for corner in filling.bounds())
         edge = filling.lattice.shape[axis] - 1 if upper_end else 0
-        lower[axis], upper[axis] = edge, edge + 1
-        if np.any(filling.kinds(sample((lower, upper))) >= 0):
+        if any(_has_body(filling, _layer(box, axis, edge)) for box in boxes):
             return
     raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
+
+
+def _layer(box: CellBox, axis: int, edge: int) -> CellBox:
+    """Return the part of a box that lies in the layer `edge` across an axis."""
+    lower, upper = (corner.copy() for corner in box)
+    lower[axis], upper[axis] = max(lower[axis], edge), min(upper[axis], edge + 1)
+    return lower, np.maximum(lower, upper)
+
+
+def _has_body(filling: Filling, box: CellBox) -> bool:
+    """Tell whether a box holds a cell of body; of large boxes only samples are looked at."""
+    if count(box) == 0:
+        return False
+    if np.any(filling.kinds(sample(box)) >= 0):
+        return True
+    small = count(box) <= MOST_EXAMINED
+    return small and any(np.any(filling.kinds(cells) >= 0) for cells in slabs(box))
 
 
 def _check_parts(filling: Filling, allow_floating: bool) -> None:

@@ -98,6 +98,8 @@ def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) ->
         )
     lower, upper = _covered(lattice, corners)
     lower[axis], upper[axis] = plane, plane + 1
+    if count((lower, upper)) == 0:
+        raise SceneError(f"{where}: lies outside the array, which goes from 0 to {lattice.extent}")
     _check_count((lower, upper), where)
     above = grid((lower, upper))
     below = above.copy()
@@ -120,7 +122,8 @@ def cells_in_box(filling: Filling, corners: Corners, where: str) -> Selection:
     """Return the body's cells in a box; those covered in part take part of the load."""
     lattice = filling.lattice
     if lattice.kind == "hexagon":
-        lower, upper = (np.asarray(corner) for corner in corners)
+        edge = np.asarray(lattice.extent)
+        lower, upper = (np.clip(corner, 0.0, edge) for corner in corners)
         first, last = lattice.locate(np.stack([lower, upper]))
         box = (np.maximum(first - 1, 0), np.minimum(last + 2, lattice.shape))
     else:

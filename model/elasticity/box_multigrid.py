@@ -228,7 +228,7 @@ def _describe(
         spring[index // 2][tuple(layer)] = stiffness
     zeros = tuple(np.zeros(shape) for shape in shapes)
     moduli = Moduli(*(np.array([value]) for value in level.law))
-    return ElasticProblem(kinds, moduli, zeros, zeros, spring, Scales(1, 1, 1, 1), plane)
+    return ElasticProblem(kinds, moduli, zeros, zeros, spring, {}, Scales(1, 1, 1, 1), plane)
 
 
 def _level(shape: tuple[int, ...], law: Floats, spring: Floats, *, work: bool = True) -> BoxLevel:

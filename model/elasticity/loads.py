@@ -69,7 +69,27 @@ def _drag(
         for layer in (cells[~free], beyond[~free]):
             _add(problem.force[axis], layer, axis, end, 0.25 * value[~free])
     outward = 2.0 * upper - 1.0
+    _record_shear(problem, axis, normal, upper, cells[free], outward * value[free])
     _couple(problem, axis, normal, upper, cells[free], 0.5 * outward * value[free])
+
+
+def _record_shear(
+    problem: ElasticProblem,
+    axis: int,
+    normal: int,
+    upper: int,
+    cells: NDArray[np.int64],
+    stress: Floats,
+) -> None:
+    """Remember the shear stress on the edges at both ends of the loaded faces."""
+    pair = (min(axis, normal), max(axis, normal))
+    shape = tuple(n + (a in pair) for a, n in enumerate(problem.kinds.shape))
+    field = problem.surface_shear.setdefault(pair, np.zeros(shape))
+    for end in (0, 1):
+        index = list(cells.T)
+        index[axis] = index[axis] + end
+        index[normal] = index[normal] + upper
+        np.add.at(field, tuple(index), 0.5 * stress)
 
 
 def _couple(

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ParameterError, SceneError
+from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 from .moduli import Moduli, moduli_of
 
@@ -27,7 +28,6 @@ Floats = NDArray[np.float64]
 FaceFields = tuple[Floats, ...]
 """One array per axis: values on the faces normal to it."""
 
-AIR, RIGID, ROLLER, FOUNDATION = -1, -2, -3, -4
 ABSENT, FIXED, ACTIVE = 0, 1, 2
 """States of a face: no body beside it; its displacement is given; it is free to move."""
 
@@ -59,14 +59,14 @@ class ElasticProblem:
         Displacement of the fixed faces, scaled (zero elsewhere).
     spring : tuple of arrays
         Stiffness of the foundation beneath each face, scaled.
+    surface_shear : dict from pair of axes to array
+        Shear stress that loads along the surface put on the edges, scaled.
     scales : Scales
         What one scaled unit is in SI.
     plane : {"stress", "strain", None}
         Two-dimensional assumption; None in three dimensions.
     thickness : float
         Thickness (m); 1 in three dimensions.
-    support_names : mapping from side index to name
-        The supported sides; rigid cells inside the body are called "rigid".
     """
 
     kinds: NDArray[np.int32]
@@ -74,6 +74,7 @@ class ElasticProblem:
     force: FaceFields
     fixed: FaceFields
     spring: FaceFields
+    surface_shear: dict[tuple[int, int], Floats]
     scales: Scales
     plane: Literal["stress", "strain"] | None
     thickness: float = 1.0
@@ -167,13 +168,20 @@ def make_problem(
     if unknown:
         raise ParameterError(f"sides: {sorted(unknown)} are not among {SIDES[dimension]}")
     for name, side in described.items():
-        _lay_rim(rim, SIDES[dimension].index(name), side)
-    if not np.any(rim >= 0):
-        raise SceneError("body: no cell is of a material, so there is nothing to solve")
-    return _scaled(rim, materials, cell_size, plane, thickness, described, loads)
+        lay_rim(rim, SIDES[dimension].index(name), side)
+    return problem_of(
+        rim,
+        materials,
+        cell_size,
+        plane=plane,
+        thickness=thickness,
+        sides=described,
+        loads=loads,
+    )
 
 
-def _lay_rim(rim: NDArray[np.int32], index: int, side: Side) -> None:
+def lay_rim(rim: NDArray[np.int32], index: int, side: Side) -> None:
+    """Say what lies beyond one side."""
     what = side if isinstance(side, str) else side[0]
     kind = {
         "free": AIR,
@@ -196,17 +204,27 @@ def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
     return tuple(layer)
 
 
-def _scaled(
+def problem_of(
     rim: NDArray[np.int32],
     materials: Sequence[tuple[float, float]],
     cell_size: float,
+    *,
     plane: Literal["stress", "strain"] | None,
     thickness: float,
     sides: Mapping[str, Side],
     loads: CellLoads | None,
 ) -> ElasticProblem:
+    """Build a problem from cells whose rim is already laid; see `make_problem`.
+
+    Raises
+    ------
+    SceneError
+        If no cell is of a material.
+    """
     from .loads import face_forces
 
+    if not np.any(rim >= 0):
+        raise SceneError("body: no cell is of a material, so there is nothing to solve")
     dimension = rim.ndim
     table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
     modulus = float(np.max(table[np.unique(rim[rim >= 0]), 0]))
@@ -239,6 +257,7 @@ def _scaled(
         force=tuple(np.zeros(shape) for shape in shapes),
         fixed=fixed,
         spring=spring,
+        surface_shear={},
         scales=scales,
         plane=plane,
         thickness=thickness if dimension == 2 else 1.0,

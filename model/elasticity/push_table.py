@@ -273,7 +273,7 @@ def problem_from(scene: Scene) -> ElasticProblem:
     SceneError
         If the cells are hexagons, or there are more than 2e8 of them.
     """
-    lattice = scene.lattice
+    lattice, applied = scene.lattice, scene.applied()
     if lattice.kind == "hexagon":
         raise SceneError(
             "body.lattice: the elastic rule needs squares or cubes, got 'hexagon'; hexagons of an "
@@ -295,5 +295,5 @@ def problem_from(scene: Scene) -> ElasticProblem:
         plane=scene.plane,
         thickness=scene.thickness,
         sides=sides,
-        loads=CellLoads(*scene.applied()),
+        loads=CellLoads(applied.cells, applied.direction, applied.force),
     )

@@ -33,7 +33,20 @@ class StabilityError(KajuError, ArithmeticError):
 
 
 class ConvergenceError(KajuError, RuntimeError):
-    """An iteration ended before it reached its tolerance."""
+    """An iteration ended before it reached its tolerance.
+
+    Attributes
+    ----------
+    residuals : tuple of float
+        Relative residual before every iteration.
+    best : object or None
+        The result as far as it came.
+    """
+
+    def __init__(self, message: str, residuals: tuple[float, ...] = (), best: object = None):
+        super().__init__(message)
+        self.residuals = residuals
+        self.best = best
 
 
 class ResultError(KajuError, ValueError):

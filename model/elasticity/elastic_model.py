@@ -1,0 +1,244 @@
+"""The Mesa model of load transfer by the elastic rule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from time import perf_counter
+from typing import TYPE_CHECKING, Literal
+
+import mesa
+
+from kaju.agents.face_agent import FaceAgent
+from kaju.errors import ParameterError, StabilityError
+
+from .elastic_model_run import ElasticRun, StepRecord, collect
+from .orders import Visit, largest_first, multilevel, wave
+from .push_agents import AgentPushEngine
+from .push_arrays import ArrayPushEngine
+from .push_stability import WaveCertificate, certify_waves
+from .push_state import PushState
+from .push_table import PushTable
+
+if TYPE_CHECKING:
+    from kaju.agents.boundary_agent import FreeBoundaryAgent
+    from kaju.model.scene import Scene
+
+EngineName = Literal["auto", "agents", "arrays"]
+
+MOST_CELLS_FOR_AGENTS = 5_000
+"""Up to this many cells every agent is an object when the engine is chosen by itself."""
+
+MOST_GROWTH = 1e12
+"""A run whose largest load exceeds that of the start by this factor is stopped."""
+
+
+class ElasticModel(mesa.Model):  # type: ignore[misc]
+    """Load transfer by shares that follow from the materials, step by step.
+
+    An agent spawns on a face when the load left there exceeds the threshold γ. It yields,
+    passes all that it took on to its neighbours, and rests until its load exceeds γ again.
+    Supports keep what they are handed. When all rest, the faces stand where linear
+    elasticity puts them, but for loads up to γ. The rule's order says who acts in a step:
+
+    - "wave": all agents above γ, by the share ω of P/k;
+    - "largest first": the one agent with the largest load;
+    - "multilevel": the agents of one level, in turn. What is unbalanced over many cells is
+      handed up as one load to *parent agents*, which stand for 2×2(×2) blocks; what these
+      yield is handed down.
+
+    Elasticity is linear, so loads are applied at once, whatever their number of steps.
+
+    Parameters
+    ----------
+    scene : Scene
+        Body of squares or cubes, supports, loads and an elastic rule.
+    engine : {"auto", "agents", "arrays"}
+        "agents": every agent is an object on a Mesa network. "arrays": agents are rows of
+        arrays. Both give the same numbers. "auto" takes objects for up to 5,000 cells and
+        for agents of your own.
+    face_agent : type of FaceAgent
+        Your own subclass, if you have one.
+    allow_unstable : bool
+        Run waves even if the certificate says that they will grow.
+    pushes_per_step : int
+        In the order "largest first": how many agents act in a step, one after another.
+    max_steps : int
+        The run is stopped after this many steps.
+    rng : int, optional
+        Seed for Mesa; the rule itself draws no random numbers.
+
+    Attributes
+    ----------
+    generation : int
+        Steps taken.
+    visit : Visit
+        What the last step was: its level, and whether it led up or down.
+    running : bool
+        False when all agents rest, or the run was stopped.
+    certificate : WaveCertificate or None
+        By which share agents may yield at once; for the order "wave".
+    history : list of StepRecord
+        Energy, loads left and pushes after every step.
+
+    Raises
+    ------
+    StabilityError
+        If waves would grow and `allow_unstable` is False.
+    SceneError
+        If the cells are hexagons or the rule is another one.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        engine: EngineName = "auto",
+        face_agent: type[FaceAgent] = FaceAgent,
+        allow_unstable: bool = False,
+        pushes_per_step: int = 1,
+        max_steps: int = 1_000_000,
+        rng: int | None = None,
+    ) -> None:
+        super().__init__(rng=rng)
+        if pushes_per_step < 1:
+            raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
+        self.scene = scene
+        self.table = PushTable(scene)
+        self.certificate: WaveCertificate | None = None
+        self.share = 1.0
+        if self.table.rule.order == "wave":
+            self.certificate = certify_waves(self.table, self.table.rule.share)
+            self.share = self.certificate.share
+            if not (self.certificate.stable or allow_unstable):
+                raise StabilityError(
+                    f"{self.certificate.verdict}; to watch it grow all the same, "
+                    "set allow_unstable=True"
+                )
+        self.pushes_per_step, self.max_steps = pushes_per_step, max_steps
+        self.engine = self._choose_engine(engine, face_agent)
+        self.reset()
+
+    def _choose_engine(
+        self, engine: str, face_agent: type[FaceAgent]
+    ) -> AgentPushEngine | ArrayPushEngine:
+        own_class = face_agent is not FaceAgent
+        if engine not in ("auto", "agents", "arrays"):
+            raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
+        if engine == "arrays" and own_class:
+            raise ParameterError(
+                f"engine: 'arrays' knows no {face_agent.__name__}; "
+                "agents of your own are objects, so take 'auto' or 'agents'"
+            )
+        small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
+        if engine == "agents" or (engine == "auto" and (small or own_class)):
+            return AgentPushEngine(self, self.table, face_agent)
+        return ArrayPushEngine(self.table, self.share)
+
+    def reset(self) -> None:
+        """Go back to the start, before any agent has yielded."""
+        self.engine.reset()
+        self.seconds = 0.0
+        self.visit = Visit()
+        self.history: list[StepRecord] = []
+        self._order = self._orders()
+        self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
+        self._wake_supports()
+        self.running = not self.outcome
+
+    def _orders(self) -> Iterator[Visit]:
+        if self.table.rule.order == "wave":
+            return wave(self.engine)
+        if self.table.rule.order == "largest first":
+            return largest_first(self.engine, self.pushes_per_step)
+        return multilevel(self.engine)
+
+    @property
+    def state(self) -> PushState:
+        """What the faces of all levels carry."""
+        return self.engine.state
+
+    @property
+    def generation(self) -> int:
+        """Steps taken."""
+        return self.state.generation
+
+    @property
+    def threshold(self) -> float:
+        """γ (N)."""
+        return self.table.threshold
+
+    def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
+        """Bring a load (N) to another face of the sender's level, or to a support."""
+        assert isinstance(self.engine, AgentPushEngine)
+        self.engine.hand_over(sender, target, load)
+
+    def boundary_agent(self, number: int) -> FreeBoundaryAgent:
+        """Return the agent of the air cell with that number, awake."""
+        assert isinstance(self.engine, AgentPushEngine)
+        return self.engine.boundary_agent(number)
+
+    def step(self) -> None:
+        """Let a wave pass, an agent act, or the agents of a level take turns."""
+        if not self.running:
+            return
+        began = perf_counter()
+        self.visit = next(self._order)
+        self.state.generation += 1
+        self.state.note_supports()
+        self._wake_supports()
+        if self.visit.level == 0:
+            # Between the levels the finest loads do not know yet what parents yield.
+            self._loudest, self._meter = self.state.survey()
+        self.history.append(
+            StepRecord(
+                *(self.visit.level, self.visit.way, self.state.energy),
+                *(self._loudest, self._meter, self.state.pushes),
+            )
+        )
+        self.running = not self.outcome
+        self.seconds += perf_counter() - began
+
+    def _wake_supports(self) -> None:
+        if isinstance(self.engine, AgentPushEngine):
+            self.engine.wake_supports()
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the loads left, on all levels, are up to γ."""
+        return self.visit.level == 0 and self._loudest <= self.threshold
+
+    @property
+    def error_estimate(self) -> float:
+        """√(Σ P²/k) over all levels, over √(load · displacement): error in energy, as a share.
+
+        With parents the error is close to it. Without them it is a lower bound, and the
+        error of a smooth kind may be larger by the number of cells along the body.
+        """
+        return self._meter
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended, in words; empty while agents act."""
+        unit = {"wave": "waves", "largest first": "pushes"}.get(self.table.rule.order, "visits")
+        count = self.state.pushes if unit == "pushes" else self.generation
+        if self.at_rest:
+            if self.generation == 0:
+                return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
+            return f"at rest after {count} {unit}"
+        if not self._loudest <= MOST_GROWTH * self._loudest_at_start:
+            return (
+                f"stopped after {count} {unit}: the largest load has grown to "
+                f"{self._loudest / self._loudest_at_start:.0e} times that of the start"
+            )
+        if self.generation >= self.max_steps:
+            return f"stopped after max_steps = {self.max_steps} with loads above the threshold"
+        return ""
+
+    def run(self) -> ElasticRun:
+        """Step until all agents rest, and return what they did."""
+        while self.running:
+            self.step()
+        return self.result()
+
+    def result(self) -> ElasticRun:
+        """Return what has been done so far."""
+        return collect(self)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,20 +20,36 @@ from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
 
+from .creep_body import CreepingAgents, TransferCreepResult
 from .creep_elements import Elements
-from .creep_march import Drive, Pace, march
+from .creep_march import Drive, Log, Pace, march
 from .creep_network import CreepingNetwork
 from .creep_state import CreepResult, CreepState
 from .network.springs import SpringNetwork
+from .propagation.load_model import LoadModel
+from .scene import Scene
 
 Floats = NDArray[np.float64]
 
 
+System = Elements | CreepingNetwork
 Drives = Literal["both", "forces", "displacements"]
 
 
+# The overloads only say which subject gives which result; options are checked by name below.
+@overload
 def creep(
     subject: ThreeElement | SpringNetwork,
+    history: History,
+    duration: float | None = ...,
+    **how: Any,
+) -> CreepResult: ...
+@overload
+def creep(
+    subject: Scene, history: History, duration: float | None = ..., **how: Any
+) -> TransferCreepResult: ...
+def creep(  # type: ignore[misc]
+    subject: ThreeElement | SpringNetwork | Scene,
     history: History,
     duration: float | None = None,
     *,
@@ -46,15 +62,15 @@ def creep(
     mass: ArrayLike | None = None,
     resume: CreepState | None = None,
     most_steps: int = 100_000,
-) -> CreepResult:
+) -> CreepResult | TransferCreepResult:
     """Let a body creep under a history of loads or displacements.
 
     Parameters
     ----------
-    subject : ThreeElement or SpringNetwork
+    subject : ThreeElement, SpringNetwork or Scene
         An element takes the history as its force (N), or as its elongation (m) with
         ``drive="displacements"``. A network has the forces and given displacements of its
-        last stage multiplied by the history.
+        last stage multiplied by the history, a scene its loads.
     history : History
         Factor over time.
     duration : float, optional
@@ -79,13 +95,16 @@ def creep(
         Mass at the end of the element, or of each node of the network (kg).
     resume : CreepState, optional
         Where an earlier run ended. If that end was among the times of an unbroken run, the
-        numbers that follow are the same.
+        numbers that follow are the same (to rounding, if supports move).
     most_steps : int
         Steps after which a run that keeps a tolerance gives up.
 
     Returns
     -------
     CreepResult
+        Of an element or a network.
+    TransferCreepResult
+        Of a scene with a prescribed rule.
 
     Raises
     ------
@@ -98,49 +117,72 @@ def creep(
     """
     asked = _asked_times(history, duration, times, resume)
     pace = _pace(step, tolerance, most_steps)
-    system = _system(subject, rheology, drive, mass)
     method = rheology_steps.scheme(scheme)
-    still = History()
-    drives = Drive(
-        still if drive == "displacements" else history, still if drive == "forces" else history
-    )
+    drives = _drives(history, drive)
+    system = _system(subject, rheology, drive, mass)
     state = resume or CreepState(system.start())
     _check_fits(state, system)
+    if isinstance(system, CreepingNetwork):
+        system.begin(state.fields, float(drives.displacements.at(state.time)))
     log, state = march(system, method, drives, state, asked, pace)
-    records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
-    if isinstance(subject, ThreeElement):
-        records = [record[:, 0] for record in records]
-    work, stored, dissipated, numerical = np.array(log.energies).T
-    return CreepResult(
-        times=np.array(log.times),
-        displacement=records[0],
-        force=records[1],
-        work=work,
-        stored=stored - system.stored(system.start()),
-        dissipated=dissipated,
-        numerical=numerical,
-        state=state,
-    )
+    return _result(system, history, log, state)
 
 
 def _system(
-    subject: ThreeElement | SpringNetwork,
+    subject: ThreeElement | SpringNetwork | Scene,
     rheology: ThreeElement | Sequence[ThreeElement] | None,
     drive: Drives,
     mass: ArrayLike | None,
-) -> Elements | CreepingNetwork:
+) -> System:
     """Make what is marched through time."""
-    if drive not in ("both", "forces", "displacements"):
-        raise ParameterError(f"drive: must be 'both', 'forces' or 'displacements', got {drive!r}")
     if isinstance(subject, SpringNetwork):
         if rheology is None:
             raise ParameterError(
                 "rheology: a spring network says nothing about time; give a ThreeElement"
             )
         return CreepingNetwork(subject, rheology, mass=mass)
+    if rheology is not None:
+        raise ParameterError(
+            "rheology: is for spring networks; the cells of a scene have that of their material"
+        )
+    if isinstance(subject, Scene):
+        if mass is not None:
+            raise ParameterError("mass: the cells of a scene creep without inertia; leave it out")
+        return CreepingAgents(LoadModel(subject).run())
     laws = rheology_steps.Laws.of([subject])
     weight = None if mass is None else np.atleast_1d(np.asarray(mass, dtype=np.float64))
     return Elements(laws, np.ones(1), stretched=drive == "displacements", mass=weight)
+
+
+def _drives(history: History, drive: Drives) -> Drive:
+    if drive not in ("both", "forces", "displacements"):
+        raise ParameterError(f"drive: must be 'both', 'forces' or 'displacements', got {drive!r}")
+    still = History()
+    return Drive(
+        still if drive == "displacements" else history, still if drive == "forces" else history
+    )
+
+
+def _result(
+    system: System, history: History, log: Log, state: CreepState
+) -> CreepResult | TransferCreepResult:
+    """Put together what was seen."""
+    records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
+    work, stored, dissipated, numerical = np.array(log.energies).T
+    course: dict[str, Any] = {
+        "times": np.array(log.times),
+        "factors": history.at(log.times),
+        "work": work,
+        "stored": stored - system.stored(system.start()),
+        "dissipated": dissipated,
+        "numerical": numerical,
+        "state": state,
+    }
+    if isinstance(system, CreepingAgents):
+        return TransferCreepResult(**course, static=system.static, growth=records[0])
+    if isinstance(system, Elements):
+        records = [record[:, 0] for record in records]
+    return CreepResult(**course, displacement=records[0], force=records[1])
 
 
 def _asked_times(
@@ -174,7 +216,7 @@ def _pace(step: float | None, tolerance: float, most_steps: int) -> Pace:
     return Pace(step, tolerance, most_steps)
 
 
-def _check_fits(state: CreepState, system: Elements | CreepingNetwork) -> None:
+def _check_fits(state: CreepState, system: System) -> None:
     expected = [part.shape for part in system.start()]
     found = [part.shape for part in state.fields]
     if found != expected:

@@ -67,7 +67,9 @@ class CreepingNetwork:
     Parameters
     ----------
     network : SpringNetwork
-        Its last stage's forces and given displacements are those at a factor of 1.
+        Its last stage's forces and given displacements are those at a factor of 1. A held
+        coordinate moves from where it is when the run begins, by its given displacement times
+        the growth of the factor; so teeth may grip a network that is bent already.
     rheology : ThreeElement or sequence of them
         See `spring_laws`.
     method : {"auto", "direct", "multigrid"}
@@ -88,6 +90,7 @@ class CreepingNetwork:
         self.inertia = None if mass is None else HeavyAssembler(network, mass)
         self.assembler = self.inertia or Assembler(network)
         self.solver = tangent_solver(self.assembler, method)
+        self._grip = np.zeros_like(network.positions)
 
     def start(self) -> Fields:
         """Return the state at time 0."""
@@ -95,6 +98,10 @@ class CreepingNetwork:
         still = np.zeros_like(self.network.positions)
         stretched = self.network.prestretch.copy()
         return (stretched, none, self.laws.K_f * stretched, still, still.copy())
+
+    def begin(self, fields: Fields, displacement_factor: float) -> None:
+        """Note from where held coordinates move, and the factor of displacements there."""
+        self._grip = fields[3] - displacement_factor * self.network.displacements[-1]
 
     def rates(self, fields: Fields, push: Push) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
@@ -124,7 +131,7 @@ class CreepingNetwork:
             return stiffness * (elongation + shift), stiffness
 
         load = push.factor * self.network.forces[-1]
-        given = push.displacement_factor * self.network.displacements[-1]
+        given = self._grip + push.displacement_factor * self.network.displacements[-1]
         reachable = self._reachable(stiffness, rest, displacement)
         for parts in _SHARES:
             try:

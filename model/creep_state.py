@@ -108,19 +108,14 @@ class CreepState:
         return cls(fields, **numbers)
 
 
-@dataclass(frozen=True, eq=False)
-class CreepResult:
-    """What crept, at the times asked for.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Course:
+    """What every run in time returns, at the times asked for.
 
     Attributes
     ----------
-    times : (k,) floats
-        Times asked for (s).
-    displacement : (k, ...) floats
-        One element: its elongation (m). A network: displacement of its nodes (m), shape
-        (k, n, dimension).
-    force : (k, ...) floats
-        One element: its force (N). A network: tension of its springs (N), shape (k, m).
+    times, factors : (k,) floats
+        Times asked for (s) and the factor of the history there (at a jump, before it).
     work, stored, dissipated, numerical : (k,) floats
         Since time 0 (J): work from outside; energy that springs (and moving masses) can give
         back; energy that went into the dampers, never falling; and what the time stepping
@@ -132,8 +127,7 @@ class CreepResult:
     """
 
     times: Floats
-    displacement: Floats
-    force: Floats
+    factors: Floats
     work: Floats
     stored: Floats
     dissipated: Floats
@@ -155,3 +149,20 @@ class CreepResult:
                 "(give creep(times=...) the times that matter)"
             )
         return index
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CreepResult(Course):
+    """What became of an element or a spring network in time.
+
+    Attributes
+    ----------
+    displacement : (k, ...) floats
+        One element: its elongation (m). A network: displacement of its nodes (m), shape
+        (k, n, dimension).
+    force : (k, ...) floats
+        One element: its force (N). A network: tension of its springs (N), shape (k, m).
+    """
+
+    displacement: Floats
+    force: Floats

@@ -1,0 +1,99 @@
+"""Bodies of cells in time: every agent creeps under the load it has taken.
+
+Loads travel through a body at once and grow with the history; what takes time is how the
+agents give. Under the *prescribed rule* an agent keeps its loads whatever the others do, so
+its strain is its elastic strain times the growth of its material, E · (creep under the
+history of a unit stress). Displacements are summed up from the grown strains as ever.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.agents.materials import Material
+from kaju.agents.rheology import ThreeElement
+from kaju.agents.rheology_steps import Laws
+from kaju.errors import ResultError
+
+from .creep_elements import Elements
+from .creep_state import Course
+from .propagation.deformation import DisplacementField
+from .propagation.transfer_result import TransferResult
+from .result import cells_of_points
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TransferCreepResult(Course):
+    """What became of load transfer by a prescribed rule in time.
+
+    Its energies are of what every agent is squeezed by its own loads; the expansion across
+    them does no work. In every query `record` is the index of a time asked for; the default
+    -1 is the last.
+
+    Attributes
+    ----------
+    static : TransferResult
+        The same scene without time, at a factor of 1.
+    growth : (k, materials) floats
+        Strain of each of the scene's materials, as a multiple of its elastic strain at a
+        factor of 1.
+    """
+
+    static: TransferResult
+    growth: Floats
+
+    def strain(self, record: int = -1) -> Floats:
+        """Return the strain of every agent, shape (agents, dimension, dimension)."""
+        grown = self.growth[record, self.static.last.material]
+        return np.asarray(self.static.strain * grown[:, None, None])
+
+    def stress(self, record: int = -1) -> Floats:
+        """Return the stress of every agent (Pa), shape (agents, dimension, dimension)."""
+        return np.asarray(self.static.stress * self.factors[record])
+
+    def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+        scene = self.static.scene
+        points, cells = cells_of_points(scene, points)
+        field = DisplacementField(scene, self.static.last, self.strain(record))
+        return field.at(points, cells)
+
+    def displacement(self, record: int = -1) -> Floats:
+        """Return the displacement of the middle of every agent's cell (m)."""
+        if not len(self.static.last.cells):
+            raise ResultError("displacement: no agent spawned; lower the threshold or press more")
+        return self.displacement_at(
+            self.static.scene.lattice.centres(self.static.last.cells), record
+        )
+
+
+def law_of(material: Material) -> ThreeElement:
+    """Return a material's rheology; without one it is an elastic spring."""
+    return material.rheology or ThreeElement.spring(material.youngs_modulus)
+
+
+class CreepingAgents(Elements):
+    """The agents of a load-transfer run, all those of a material as one element.
+
+    Its stretch is the growth of the material. It is as large as all those agents together,
+    Σ V (σ/E)² for a stretch of 1, so that its energies are theirs.
+    """
+
+    def __init__(self, static: TransferResult) -> None:
+        self.static = static
+        scene = static.scene
+        modulus = np.array([material.youngs_modulus for material in scene.cell_materials])
+        volume = scene.lattice.cell_volume(scene.thickness)
+        pressed = np.einsum("nij,nij->n", static.stress, static.stress)
+        kind = static.last.material
+        size = volume * np.bincount(
+            kind, pressed / modulus[kind] ** 2, minlength=len(scene.cell_materials)
+        )
+        laws = Laws.of([law_of(material) for material in scene.cell_materials])
+        used = np.where(size > 0.0, size, 1.0)
+        super().__init__(Laws(*(number * used for number in laws)), modulus * size)

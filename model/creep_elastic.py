@@ -1,0 +1,262 @@
+"""An elastic body whose materials creep: one elastic problem for every implicit step.
+
+Every material follows its law tensor-wise with constant Poisson's ratio: the stress is C(ν)
+of a unit modulus applied to *element forces* s, one for each component of the strain, and
+each obeys the three-element law with K_f in Pa (R. M. Christensen, *Theory of
+Viscoelasticity*, section 1.4: one relaxation function for shear and volume). Over one
+implicit step a cell is thus an elastic cell of modulus k with a strain at rest, so the step
+is an elastic problem whose extra load is the force of the rests.
+
+At an edge the cells round it share one shear stress and add up their shears; each keeps its
+own history. All steps whose moduli are alike but for a common factor and a factor of two
+share one multigrid hierarchy (or one factorisation, for small bodies).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from kaju.agents.materials import Material
+from kaju.agents.rheology_steps import (
+    Energy,
+    Laws,
+    Stretch,
+    as_spring,
+    rates,
+    stage_energy,
+    stored_energy,
+)
+from kaju.errors import ConvergenceError
+
+from .creep_body import law_of
+from .creep_march import Fields, Push
+from .elasticity.krylov import Iteration, conjugate_gradients
+from .elasticity.moduli import moduli_of
+from .elasticity.problem import ElasticProblem
+from .elasticity.sparse_multigrid import SparseMultigrid
+from .elasticity.staggered import Numbering, axis_pairs, edge_modulus, strain_matrix, strains
+
+Floats = NDArray[np.float64]
+
+_DIRECT_UP_TO = {2: 40_000, 3: 6_000}
+"""Faces up to which a factorisation is cheaper than a hierarchy, by dimension."""
+
+
+class CreepingBody:
+    """A body on the staggered grid as something that creeps.
+
+    Its state, in the problem's scaled units: stretches of both parts for every cell and axis
+    (axes, cells) and for every material at every edge (materials, edges); the displacement
+    of the active faces.
+
+    Parameters
+    ----------
+    problem : ElasticProblem
+        Body, supports and the loads at a factor of 1.
+    materials : sequence of Material
+        Those that its kinds count; without a rheology they are elastic.
+    tolerance : float
+        Unbalanced force at which an elastic problem counts as solved, as a share of the load.
+    """
+
+    def __init__(
+        self, problem: ElasticProblem, materials: Sequence[Material], tolerance: float = 1e-10
+    ) -> None:
+        self.problem = problem
+        self.tolerance = tolerance
+        self.numbering = Numbering(problem.face_states())
+        self.rows = strain_matrix(problem, self.numbering)
+        self.columns = self.rows.T.tocsr()
+        self.kind = problem.kinds[problem.kinds >= 0]
+        self.cells = len(self.kind)
+        laws = Laws.of([law_of(material) for material in materials])
+        self.edge_laws = Laws(*(number[:, None] / problem.scales.modulus for number in laws))
+        self.cell_laws = Laws(*(number[self.kind, 0] for number in self.edge_laws))
+        ratios = np.array([material.poissons_ratio for material in materials])
+        unit = moduli_of(np.ones(len(materials)), ratios, problem.plane)
+        self.along, self.cross = unit.stretch[self.kind], unit.lateral[self.kind]
+        self.shear = unit.shear[:, None]
+        self.share = _shares_of_edges(problem, len(materials))
+        self.given = self._strain_of_given()
+        self.load = self.numbering.gather(problem.force)
+        self.foundation = self.numbering.gather(problem.spring)
+        self._prepared: tuple[Floats, Callable[[Floats], Floats]] | None = None
+
+    def start(self) -> Fields:
+        """Return the state at time 0: nothing stretched."""
+        cells = np.zeros((self.problem.dimension, self.cells))
+        edges = np.zeros_like(self.share)
+        return (cells, cells.copy(), edges, edges.copy(), np.zeros(self.numbering.size))
+
+    def rates(self, fields: Fields, push: Push) -> tuple[Fields, Energy]:
+        """Return the rates in an implicit step, and what it adds to the balance."""
+        in_cells, at_edges = Stretch(*fields[:2]), Stretch(*fields[2:4])
+        substep, before = push.substep, fields[4]
+        cell_modulus, cell_rest = as_spring(self.cell_laws, substep, in_cells)
+        modulus, edge_rest = as_spring(self.edge_laws, substep, at_edges)
+        edge_shear = 1.0 / np.sum(self.share / (self.shear * modulus), axis=0)
+        rest = self._join(cell_rest, np.sum(self.share * edge_rest, axis=0))
+        free = push.displacement_factor * self.given - rest
+
+        def stress(strain: Floats) -> Floats:
+            cells, edges = self._part(strain)
+            return self._join(self._tensor(cell_modulus * cells), edge_shear * edges)
+
+        load = push.factor * self.load - self.columns @ stress(free)
+        after = self._solve(stress, modulus[:, 0], load, before)
+        strain = self.rows @ after + free
+        cells, edges = self._part(strain)
+        force, tau = cell_modulus * cells, edge_shear * edges / self.shear
+        cell_rate = rates(self.cell_laws, substep, in_cells, force)
+        edge_rate = rates(self.edge_laws, substep, at_edges, tau)
+        speed = (after - before) / substep
+        energy = self._energies(push, (force, cell_rate), (tau, edge_rate), after, speed)
+        return (*cell_rate, *edge_rate, speed), energy
+
+    def gauge(self, fields: Fields) -> Floats:
+        """Return the stretches of both parts of all cells."""
+        return np.stack(fields[:2])
+
+    def stored(self, fields: Fields) -> float:
+        """Return the energy of springs and foundation (J)."""
+        cells, edges = Stretch(*fields[:2]), Stretch(*fields[2:4])
+        energy = stored_energy(self.cell_laws, self._weigh_cells(cells))
+        energy += stored_energy(self.edge_laws, self._weigh_edges(edges))
+        energy += 0.5 * float(np.sum(self.foundation * np.square(fields[4])))
+        return energy * self._joule
+
+    def record(self, fields: Fields) -> tuple[Floats, ...]:
+        """Return the displacement of the active faces (m)."""
+        return (fields[4] * self.problem.scales.displacement,)
+
+    @property
+    def _joule(self) -> float:
+        return self.problem.scales.force * self.problem.scales.displacement
+
+    def _part(self, strain: Floats) -> tuple[Floats, Floats]:
+        normal = self.problem.dimension * self.cells
+        return strain[:normal].reshape(-1, self.cells), strain[normal:]
+
+    def _join(self, cells: Floats, edges: Floats) -> Floats:
+        return np.concatenate([cells.ravel(), edges])
+
+    def _tensor(self, force: Floats) -> Floats:
+        """Apply C of a unit modulus to element forces."""
+        return np.asarray((self.along - self.cross) * force + self.cross * force.sum(axis=0))
+
+    def _strain_of_given(self) -> Floats:
+        """Return the strains that the given displacements cause alone."""
+        problem = self.problem
+        strain = strains(problem.fixed)
+        solid = problem.kinds >= 0
+        pairs = axis_pairs(problem.dimension)
+        edges = [strain.edges[p][edge_modulus(problem, p) > 0] for p in pairs]
+        return np.concatenate([*(cells[solid] for cells in strain.cells), *edges])
+
+    def _solve(
+        self,
+        stress: Callable[[Floats], Floats],
+        modulus: Floats,
+        load: Floats,
+        start: Floats,
+    ) -> Floats:
+        """Solve the elastic problem of an implicit step, from where the last one ended."""
+
+        def apply(displacement: Floats) -> Floats:
+            held: Floats = self.columns @ stress(self.rows @ displacement)
+            return held + self.foundation * displacement
+
+        def done(run: Iteration) -> bool:
+            return run.residuals[-1] <= self.tolerance
+
+        precondition = self._precondition(modulus)
+        run = conjugate_gradients(apply, precondition, load, start.copy(), done)
+        if not run.converged:
+            raise ConvergenceError(
+                f"creep: after {run.iterations} iterations {run.residuals[-1]:.3g} of the load "
+                "are still unbalanced; the materials may be too far apart, or too thin a body"
+            )
+        return run.solution
+
+    def _precondition(self, modulus: Floats) -> Callable[[Floats], Floats]:
+        """Return a solver for moduli that are alike but for a common factor and one of two."""
+        if self._prepared is not None:
+            ratio = modulus / self._prepared[0]
+            if self.foundation.any():
+                ratio = np.append(ratio, 1.0)
+            if ratio.max() <= 2.0 * ratio.min():
+                return self._prepared[1]
+        matrix = self._matrix(modulus)
+        if self.numbering.size <= _DIRECT_UP_TO[self.problem.dimension]:
+            solver: Callable[[Floats], Floats] = splu(matrix.tocsc()).solve
+        else:
+            solver = SparseMultigrid(matrix, self.numbering).precondition
+        self._prepared = (modulus.copy(), solver)
+        return solver
+
+    def _matrix(self, modulus: Floats) -> sp.csr_array:
+        cell = modulus[self.kind]
+        edge = 1.0 / np.sum(self.share / (self.shear * modulus[:, None]), axis=0)
+        d = self.problem.dimension
+        along, cross = sp.diags_array(cell * self.along), sp.diags_array(cell * self.cross)
+        law = sp.block_array([[along if a == b else cross for b in range(d)] for a in range(d)])
+        whole = sp.block_diag([law, sp.diags_array(edge)], format="csr")
+        matrix = self.columns @ (whole @ self.rows) + sp.diags_array(self.foundation)
+        return sp.csr_array(matrix)
+
+    def _weigh_cells(self, stretch: Stretch) -> Stretch:
+        """Return stretches whose plain square sum is the product with C of a unit modulus."""
+        d = self.problem.dimension
+        deviator = np.sqrt(self.along - self.cross)
+        mean = (np.sqrt(self.along + (d - 1) * self.cross) - deviator) / d
+        return Stretch(*(deviator * part + mean * part.sum(axis=0) for part in stretch))
+
+    def _weigh_edges(self, stretch: Stretch) -> Stretch:
+        weight = np.sqrt(self.share * self.shear)
+        return Stretch(*(weight * part for part in stretch))
+
+    def _energies(
+        self,
+        push: Push,
+        cells: tuple[Floats, Stretch],
+        edges: tuple[Floats, Stretch],
+        displacement: Floats,
+        speed: Floats,
+    ) -> Energy:
+        """Sum up cells, edges and the foundation."""
+        booked = np.zeros(3)
+        method, step, weight = push.method, push.step, push.weight
+        for laws, (force, rate), weigh in (
+            (self.cell_laws, cells, self._weigh_cells),
+            (self.edge_laws, edges, self._weigh_edges),
+        ):
+            weighed, _ = weigh(Stretch(np.broadcast_to(force, rate.q.shape), rate.q))
+            booked += stage_energy(laws, method, step, weight, weighed, weigh(rate))
+        own = 0.5 * weight * (2.0 * method.gamma - weight)
+        booked[0] += weight * step * float(np.sum(self.foundation * displacement * speed))
+        booked[2] += own * float(np.sum(self.foundation * np.square(step * speed)))
+        return Energy(*(booked * self._joule).tolist())
+
+
+def _shares_of_edges(problem: ElasticProblem, materials: int) -> Floats:
+    """Return how much of an edge's shear each material makes, shape (materials, edges).
+
+    An edge's compliance is a weighted sum of its cells' compliances 1/μ; the weights come to
+    light when all materials but one are made rigid.
+    """
+    stiff = [edge_modulus(problem, pair) > 0 for pair in axis_pairs(problem.dimension)]
+    shares = []
+    for material in range(materials):
+        shear = np.where(np.arange(materials) == material, 1.0, 1e300)
+        alone = replace(problem, moduli=problem.moduli._replace(shear=shear))
+        pairs = axis_pairs(problem.dimension)
+        edges = [edge_modulus(alone, p)[s] for p, s in zip(pairs, stiff, strict=True)]
+        compliance = 1.0 / np.concatenate(edges)
+        shares.append(np.where(compliance > 1e-200, compliance, 0.0))
+    return np.array(shares)

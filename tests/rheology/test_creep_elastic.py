@@ -1,0 +1,172 @@
+"""Elastic bodies of several creeping materials, on the staggered grid."""
+
+import numpy as np
+import pytest
+
+from kaju.agents import rheology_steps as steps
+from kaju.agents.history import History
+from kaju.agents.materials import Material
+from kaju.agents.rheology import ThreeElement
+from kaju.model import creep_elastic
+from kaju.model.creep_elastic import CreepingBody
+from kaju.model.creep_march import Drive, Pace, march
+from kaju.model.creep_state import CreepState
+from kaju.model.elasticity.problem import CellLoads, make_problem
+
+SOFT = ThreeElement(K_f=1e5, D_f=3e5, D_d=2e6)
+BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)
+TIMES = np.array([0.2, 3.0, 5.2, 6.0, 10.0])
+EDGE = 0.01
+
+
+def body(kinds, materials, sides=None, plane="stress"):
+    """Return a body that stands on its bottom and is pressed with 1 N on its whole top."""
+    shape = kinds.shape
+    grid = np.indices(shape[:-1]).reshape(len(shape) - 1, -1).T
+    cells = np.concatenate([grid, np.full((len(grid), 1), shape[-1] - 1)], axis=1)
+    force = np.zeros((len(cells), len(shape)))
+    force[:, -1] = -1.0 / len(cells)
+    top = np.full(len(cells), 2 * len(shape) - 1)
+    problem = make_problem(
+        kinds,
+        [(m.youngs_modulus, m.poissons_ratio) for m in materials],
+        EDGE,
+        plane=plane if len(shape) == 2 else None,
+        sides=sides or {"bottom": "rigid"},
+        loads=CellLoads(cells, top, force),
+    )
+    return CreepingBody(problem, materials)
+
+
+def run(system, history=BITE, times=TIMES, step=0.05, scheme="sdirk2", tolerance=1e-3):
+    """Return displacements (k, faces) and energies (k, 4)."""
+    log, _ = march(
+        system,
+        steps.scheme(scheme),
+        Drive(history, history),
+        CreepState(system.start()),
+        np.asarray(times),
+        Pace(step, tolerance, 10_000),
+    )
+    return np.stack([record[0] for record in log.records]), np.array(log.energies)
+
+
+def inclusion(n=16):
+    kinds = np.zeros((n, n), dtype=np.int64)
+    kinds[n // 4 : 5 * n // 8, n // 4 : 5 * n // 8] = 1
+    return kinds
+
+
+@pytest.mark.parametrize(
+    ("shape", "plane"), [((12, 12), "stress"), ((12, 12), "strain"), ((5, 5, 5), None)]
+)
+def test_one_material_follows_the_correspondence_principle(shape, plane):
+    kinds = np.zeros(shape, dtype=np.int64)
+    elastic = body(kinds, [Material("a", 1e5, 0.3)], plane=plane)
+    still, _ = run(elastic, History.step(), [1.0], step=1.0)
+    crept, _ = run(body(kinds, [Material("a", 1e5, 0.3, rheology=SOFT)], plane=plane))
+    growth = 1e5 * SOFT.creep(force=BITE, times=TIMES, scheme="exact")
+    np.testing.assert_allclose(crept, growth[:, None] * still, atol=5e-6 * np.abs(still).max())
+
+
+def test_the_discrete_scheme_corresponds_to_rounding():
+    kinds = np.zeros((8, 8), dtype=np.int64)
+    elastic = body(kinds, [Material("a", 1e5, 0.3)])
+    still, _ = run(elastic, History.step(), [1.0], step=1.0)
+    times = np.linspace(0.5, 5.0, 10)
+    for scheme in ("backward_euler", "sdirk2"):
+        crept, _ = run(
+            body(kinds, [Material("a", 1e5, 0.3, rheology=SOFT)]),
+            History.step(), times, step=0.5, scheme=scheme,
+        )  # fmt: skip
+        growth = 1e5 * SOFT.creep(force=1.0, times=times, scheme=scheme)
+        np.testing.assert_allclose(crept, growth[:, None] * still, atol=1e-8 * np.abs(still).max())
+
+
+def test_two_layers_in_a_row_add_up_their_own_creep():
+    kinds = np.zeros((4, 8), dtype=np.int64)
+    kinds[:, 4:] = 1
+    other = ThreeElement.maxwell(4e4, 1e5)
+    materials = [Material("a", 1e5, 0.0, rheology=SOFT), Material("b", 4e4, 0.0, rheology=other)]
+    system = body(kinds, materials)
+    crept, _ = run(system)
+    top = system.numbering.number[1][1:-1, -2]
+    stress = BITE.scaled(1.0 / (4 * EDGE))
+    expected = (
+        4
+        * EDGE
+        * sum(law.creep(force=stress, times=TIMES, scheme="exact") for law in (SOFT, other))
+    )
+    np.testing.assert_allclose(crept[:, top], -expected[:, None] * np.ones(4), rtol=1e-5)
+
+
+def test_two_layers_side_by_side_under_a_given_squeeze_relax_each_for_itself():
+    kinds = np.zeros((4, 4), dtype=np.int64)
+    kinds[2:] = 1
+    other = ThreeElement.kelvin_voigt(4e4, 1e5)
+    materials = [Material("a", 1e5, 0.0, rheology=SOFT), Material("b", 4e4, 0.0, rheology=other)]
+    problem = make_problem(
+        kinds, [(1e5, 0.0), (4e4, 0.0)], EDGE,
+        sides={"bottom": "rigid", "top": ("displacement", (0.0, -0.001))},
+    )  # fmt: skip
+    system = CreepingBody(problem, materials)
+    _, energies = run(system)
+    strain = BITE.scaled(0.001 / (4 * EDGE))
+    # Work = volume of a half times the integral of stress over strain, on a fine time grid.
+    fine = np.union1d(np.linspace(0.0, 5.3, 20_001), BITE.times)
+    fine = fine[fine <= 5.3]
+    work = 0.0
+    for law in (SOFT, other):
+        middle = law.relaxation(
+            displacement=strain, times=0.5 * (fine[1:] + fine[:-1]), scheme="exact"
+        )
+        work += float(np.sum(middle * np.diff(strain.at(fine)))) * 8 * EDGE**2
+    assert energies[-1, 0] == pytest.approx(work, rel=2e-4)
+
+
+@pytest.mark.parametrize(("scheme", "order"), [("backward_euler", 1.0), ("sdirk2", 2.0)])
+def test_measured_order_with_an_inclusion(scheme, order):
+    materials = [
+        Material("a", 1e5, 0.4, rheology=SOFT),
+        Material("b", 4e6, 0.2, rheology=ThreeElement(4e6, 1e6, 1e8)),
+    ]
+    history = History().ramp(1.0, 0.8).hold(1.6)
+
+    def crept(step):
+        return run(body(inclusion(), materials), history, [0.8, 2.4], step, scheme)[0]
+
+    fine, finer, finest = crept(0.1), crept(0.05), crept(0.025)
+    slope = np.log2(np.abs(finer - fine).max() / np.abs(finest - finer).max())
+    assert slope == pytest.approx(order, abs=0.1)
+
+
+@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
+def test_work_is_stored_dissipated_or_the_schemes_own(scheme):
+    materials = [Material("a", 1e5, 0.4, rheology=SOFT), Material("b", 4e6, 0.2)]
+    sides = {"bottom": "rigid", "left": ("foundation", 1e6)}
+    _, energies = run(body(inclusion(), materials, sides), scheme=scheme)
+    work, stored, dissipated, numerical = energies.T
+    np.testing.assert_allclose(work - stored - dissipated - numerical, 0.0, atol=1e-12 * work.max())
+    assert np.all(np.diff(dissipated) >= 0.0)
+    if scheme == "backward_euler":
+        assert np.all(np.diff(numerical) >= 0.0)
+
+
+def test_multigrid_and_factorisation_agree(monkeypatch):
+    materials = [Material("a", 1e5, 0.3, rheology=SOFT), Material("b", 1e6, 0.3)]
+    direct, _ = run(body(inclusion(32), materials), times=[0.2, 1.0], step=0.1)
+    monkeypatch.setattr(creep_elastic, "_DIRECT_UP_TO", {2: 0, 3: 0})
+    multigrid, _ = run(body(inclusion(32), materials), times=[0.2, 1.0], step=0.1)
+    np.testing.assert_allclose(multigrid, direct, atol=1e-8 * np.abs(direct).max())
+
+
+@pytest.mark.parametrize("pace", [1e-6, 1.0, 1e6, 1e12])
+def test_any_length_of_step_is_steady(pace):
+    voigt = ThreeElement.kelvin_voigt(1e5, 3e5)
+    materials = [Material("a", 1e5, 0.3, rheology=voigt), Material("b", 1e6, 0.3)]
+    times = 3.0 * pace * np.arange(1, 11)
+    system = body(inclusion(8), materials)
+    crept, _ = run(system, History.step(), times, step=3.0 * pace)
+    top = crept[:, system.numbering.number[1][4, -2]]
+    assert np.all(np.isfinite(crept))
+    assert np.all(np.diff(top, prepend=0.0) <= 1e-9 * np.abs(top).max())

@@ -132,18 +132,21 @@ def solve_tangent(
     return assembler.expand(solver.solve(load))
 
 
-def is_stable(
+def weakness_of(
     assembler: Assembler,
     solver: TangentSolver,
     geometry: Geometry,
     tension: Floats,
     stiffness: Floats,
 ) -> GivesWayError | None:
-    """Factorise the tangent of a state and return what gives way, None if nothing does."""
+    """Return what gives way in a state of the network, None if nothing does.
+
+    Factors tell by themselves; an iteration finds out while it answers a load that has a part
+    of everything.
+    """
+    probe = np.random.default_rng(0).standard_normal(len(assembler.free))
     try:
-        solve_tangent(
-            assembler, solver, geometry, tension, stiffness, np.zeros(len(assembler.free))
-        )
+        solve_tangent(assembler, solver, geometry, tension, stiffness, probe)
     except GivesWayError as weakness:
         return weakness
     return None

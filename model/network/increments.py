@@ -17,7 +17,7 @@ import numpy as np
 from kaju.errors import ConvergenceError, ParameterError, TangentError
 
 from .assembler import Assembler
-from .equilibrium import Balance, elastic_law, find_balance, is_stable, solve_tangent
+from .equilibrium import Balance, elastic_law, find_balance, solve_tangent, weakness_of
 from .geometry import Geometry
 from .linear import Method, tangent_solver
 from .network_result import NetworkResult, Scheme
@@ -230,7 +230,7 @@ class IncrementalLoading:
     def _check_stability(self, record: Record) -> None:
         geometry = self.assembler.geometry(record.displacement)
         _, stiffness = self.law(geometry.elongation)
-        weakness = is_stable(self.assembler, self.solver, geometry, record.tension, stiffness)
+        weakness = weakness_of(self.assembler, self.solver, geometry, record.tension, stiffness)
         if weakness is not None:
             raise self._gives_way(record, weakness)
 

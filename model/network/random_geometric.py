@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import Delaunay, KDTree
 
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError
 
 from .lattices import at_least, positive
 from .springs import SpringNetwork
@@ -23,8 +23,8 @@ def random_geometric(
     """Return points thrown into a box of edge 1 m, joined where they lie close.
 
     Points closer than `radius` are joined, and so are the neighbours of a Delaunay
-    triangulation, without which chance would leave loose points. The lowest tenth of the box
-    is held, and the force is shared by the points of the highest tenth.
+    triangulation, without which chance would leave loose points. The lowest tenth of the
+    points is held, and the force is shared by the highest tenth.
 
     Parameters
     ----------
@@ -46,8 +46,6 @@ def random_geometric(
     ------
     ParameterError
         If a number is outside its rule.
-    SceneError
-        If no point lies in the lowest or in the highest tenth.
     """
     at_least(nodes, 20, "nodes")
     if dimension not in (2, 3):
@@ -62,12 +60,11 @@ def random_geometric(
     first, second = np.triu_indices(dimension + 1, 1)
     neighbours = np.stack([corners[:, first].ravel(), corners[:, second].ravel()], axis=1)
     springs = np.unique(np.sort(np.concatenate([close, neighbours]), axis=1), axis=0)
-    low, high = positions[:, -1] < 0.1, positions[:, -1] > 0.9
-    if not (low.any() and high.any()):
-        raise SceneError(
-            f"random_geometric: with seed {seed} none of {nodes} points lies in the lowest, or "
-            "in the highest, tenth of the box; take more points or another seed"
-        )
+    by_height = np.argsort(positions[:, -1])
+    tenth = max(nodes // 10, dimension)
+    low, high = by_height[:tenth], by_height[-tenth:]
+    held = np.zeros(nodes, dtype=bool)
+    held[low] = True
     forces = np.zeros_like(positions)
-    forces[high, -1] = -force / high.sum()
-    return SpringNetwork.build(positions, springs, stiffness, held=low, forces=forces)
+    forces[high, -1] = -force / tenth
+    return SpringNetwork.build(positions, springs, stiffness, held=held, forces=forces)

@@ -21,8 +21,9 @@ def triangles(springs: Springs) -> NDArray[np.int64]:
     key = low * nodes + high
     wanted = high[first] * nodes + high[second]
     found = key[np.minimum(np.searchsorted(key, wanted), len(key) - 1)] == wanted
-    corners: NDArray[np.int64] = np.stack([low[first], high[first], high[second]], axis=1)
-    return corners[found]
+    corners: NDArray[np.int64]
+    corners = np.stack([low[first], high[first], high[second]], axis=1)[found]
+    return corners
 
 
 def turned_over(network: SpringNetwork, displacement: Floats) -> NDArray[np.int64]:

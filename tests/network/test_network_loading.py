@@ -1,0 +1,259 @@
+"""Loading a network: the figures of the method's description, and what must hold."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kaju.errors import ParameterError
+from kaju.model.network import (
+    SpringNetwork,
+    face_centred,
+    load_in_increments,
+    random_geometric,
+    solve,
+    square_braced,
+    triangular,
+)
+
+
+def tip(result):
+    """Displacement of the node that is pressed from above."""
+    network = result.network
+    top = network.positions[:, 1].max()
+    pressed = np.flatnonzero(network.forces[-1].any(axis=1) & (network.positions[:, 1] == top))
+    return result.displacement[-1, pressed[0], 1]
+
+
+def test_without_correction_the_error_falls_with_the_increment():
+    network = triangular(5, force=0.2)
+    exact = tip(network.solve())
+    errors = [abs(tip(network.load_in_increments(n)) - exact) for n in (5, 10, 20, 40)]
+    assert errors == pytest.approx([7.4e-3, 3.9e-3, 2.0e-3, 1.0e-3], rel=0.02)
+    slope = np.polyfit(np.log([5, 10, 20, 40]), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("width", "share"), [(5, 0.0330), (9, 0.0216), (17, 0.0135), (33, 0.0081)])
+def test_with_more_nodes_the_strain_is_a_smaller_share_of_the_height(width, share):
+    result = triangular(width, force=0.1).solve()
+    assert result.share_of_height() == pytest.approx(share, abs=5e-5)
+
+
+def test_the_strain_is_largest_at_the_load():
+    result = triangular(9).solve()
+    spring = np.argmax(np.abs(result.strain()))
+    pressed = result.network.forces[-1].any(axis=1)
+    assert pressed[result.network.springs[spring]].any()
+
+
+@pytest.mark.parametrize(
+    "network",
+    [triangular(7), square_braced(5, 6), face_centred(2, 2, 2), random_geometric(80)],
+    ids=["triangular", "square", "face-centred", "random"],
+)
+def test_corrected_states_are_in_balance(network):
+    result = network.solve(4)
+    assert result.residual.max() < 1e-12
+    free = ~network.held
+    for record in range(1, 5):
+        forces = network.force_at(record / 4)
+        pulled = nodal(result, record)
+        assert np.abs((pulled + forces)[free]).max() < 1e-12 * np.abs(forces).max() * 10
+        total = result.reactions(record).sum(axis=0) + forces.sum(axis=0)
+        assert total == pytest.approx(0.0, abs=1e-13)
+
+
+def nodal(result, record):
+    """Forces of the springs on the nodes, straight from the definition."""
+    network, x = result.network, result.positions(record)
+    first, second = network.springs.T
+    ends = x[first] - x[second]
+    length = np.linalg.norm(ends, axis=1, keepdims=True)
+    pull = -network.stiffness[:, None] * (length - network.rest_length[:, None]) * ends / length
+    forces = np.zeros_like(x)
+    np.add.at(forces, first, pull)
+    np.add.at(forces, second, -pull)
+    return forces
+
+
+def test_the_state_does_not_depend_on_the_path():
+    network = triangular(6, force=0.15)
+    at_once, slowly = network.solve(1), network.solve(13)
+    assert at_once.displacement[-1] == pytest.approx(slowly.displacement[-1], abs=1e-12)
+    over, forces = [1.2, 0.3, 1.0], network.forces[-1]
+    detour = network.with_loads(np.multiply.outer(over, forces)).solve(3)
+    assert detour.stage.tolist() == pytest.approx(np.arange(10) / 3)
+    assert detour.displacement[-1] == pytest.approx(slowly.displacement[-1], abs=1e-12)
+
+
+def test_unloaded_it_comes_back():
+    network = triangular(6, force=0.15)
+    cycle = network.with_loads(np.stack([network.forces[-1], 0.0 * network.forces[-1]]))
+    result = cycle.solve(4)
+    assert np.abs(result.displacement[4]).max() > 0.05
+    assert np.abs(result.displacement[-1]).max() < 1e-13
+    assert result.strain_energy() < 1e-25
+    assert result.work() == pytest.approx(0.0, abs=1e-6 * result.work(1))
+
+
+def test_the_work_done_is_stored():
+    result = triangular(6, force=0.15).solve(32)
+    assert result.work() == pytest.approx(result.strain_energy(), rel=1e-9)
+
+
+def test_two_springs_in_a_line_by_hand():
+    network = SpringNetwork.build(
+        [[0, 0], [1, 0], [2, 0]],
+        [[0, 1], [1, 2]],
+        [2.0, 3.0],
+        held=[[1, 1], [0, 1], [0, 1]],
+        forces=[[0, 0], [0, 0], [0.6, 0]],
+    )
+    for result in (network.solve(1), network.load_in_increments(1)):
+        assert result.displacement[-1, :, 0] == pytest.approx([0.0, 0.3, 0.5])
+        assert result.tension[-1] == pytest.approx([0.6, 0.6])
+        assert result.reactions()[0] == pytest.approx([-0.6, 0.0])
+        assert result.strain_energy() == pytest.approx(0.5 * 0.6 * 0.5)
+
+
+def test_a_node_drawn_down_between_two_walls_by_hand():
+    """Two springs from (∓1, 0) meet in the middle; sunk by s they pull by 2K(L − 1) s/L."""
+    sag = 0.75
+    length = np.hypot(1.0, sag)
+    force = 2.0 * (length - 0.8) * sag / length
+    network = SpringNetwork.build(
+        [[-1, 0], [0, 0], [1, 0]],
+        [[0, 1], [1, 2]],
+        1.0,
+        0.8,
+        held=[True, False, True],
+        forces=[[0, 0], [0, -force], [0, 0]],
+    )
+    assert network.solve(3).displacement[-1, 1] == pytest.approx([0.0, -sag], abs=1e-14)
+
+
+def given_displacement(depth):
+    network = triangular(5)
+    top = network.node((4, 2))
+    held = network.held.copy()
+    held[top] = True
+    shift = np.zeros_like(network.positions)
+    shift[top, 1] = -depth
+    return SpringNetwork.build(
+        network.positions, network.springs, held=held, displacements=shift
+    ), top
+
+
+def test_a_given_displacement_needs_the_force_that_gives_it():
+    network, top = given_displacement(0.2)
+    pressed = network.solve(4)
+    reaction = pressed.reactions()[top]
+    forces = np.zeros_like(network.positions)
+    forces[top] = reaction
+    loose = SpringNetwork.build(
+        network.positions, network.springs, held=triangular(5).held, forces=forces
+    )
+    assert loose.solve(4).displacement[-1] == pytest.approx(pressed.displacement[-1], abs=1e-11)
+    assert pressed.work() == pytest.approx(pressed.strain_energy(), rel=1e-4)
+    assert network.solve(32).work() == pytest.approx(pressed.strain_energy(), rel=1e-9)
+
+
+def test_without_correction_a_given_displacement_is_met_too():
+    network, top = given_displacement(0.2)
+    exact = network.solve(1).displacement[-1]
+    errors = []
+    for increments in (10, 20):
+        found = network.load_in_increments(increments).displacement[-1]
+        assert found[top] == pytest.approx([0.0, -0.2], abs=1e-15)
+        errors.append(np.abs(found - exact).max())
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
+
+
+def test_springs_stretched_from_the_start_settle_first():
+    """A middle node between two springs of rest lengths ½ and 1 goes where they pull alike."""
+    network = SpringNetwork.build(
+        [[0, 0], [1, 0], [2, 0]],
+        [[0, 1], [1, 2]],
+        1.0,
+        [0.5, 1.0],
+        held=[[1, 1], [0, 1], [1, 1]],
+    )
+    result = network.solve(1)
+    assert result.displacement[0, 1, 0] == pytest.approx(-0.25)
+    assert result.tension[0] == pytest.approx([0.25, 0.25])
+
+
+def test_everything_held_leaves_nothing_to_solve():
+    shift = [[0.0, 0.0], [0.1, 0.0]]
+    network = SpringNetwork.build([[0, 0], [1, 0]], [[0, 1]], held=[1, 1], displacements=shift)
+    result = network.solve(2)
+    assert result.tension[:, 0] == pytest.approx([0.0, 0.05, 0.1])
+    assert result.reactions()[1] == pytest.approx([0.1, 0.0])
+
+
+@given(angle=st.floats(0.0, 2.0 * np.pi), shift=st.floats(-50.0, 50.0))
+def test_turning_and_shifting_the_network_turns_the_answer(angle, shift):
+    network = triangular(4, force=0.1)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    turned = SpringNetwork.build(
+        network.positions @ turn.T + shift,
+        network.springs,
+        held=network.held,
+        forces=network.forces @ turn.T,
+    )
+    expected = network.solve(2).displacement[-1] @ turn.T
+    assert turned.solve(2).displacement[-1] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_mirrored_network_gives_the_mirrored_answer():
+    network = triangular(7)
+    displacement = network.solve(3).displacement[-1]
+    for axis in (0, 1):
+        mirrored = network.positions.copy()
+        mirrored[:, axis] = np.ptp(mirrored[:, axis]) - mirrored[:, axis]
+        distance = np.linalg.norm(mirrored[:, None] - network.positions, axis=2)
+        partner = np.argmin(distance, axis=1)
+        sense = np.where(np.arange(2) == axis, -1.0, 1.0)
+        assert displacement[partner] * sense == pytest.approx(displacement, abs=1e-13)
+
+
+@given(scale=st.floats(1e-6, 1e6), stiffness=st.floats(1e-6, 1e12))
+def test_length_and_stiffness_only_set_the_units(scale, stiffness):
+    plain = triangular(4, force=0.1).solve(2)
+    other = triangular(4, spacing=scale, stiffness=stiffness, force=0.1 * scale * stiffness).solve(
+        2
+    )
+    assert other.displacement[-1] / scale == pytest.approx(plain.displacement[-1], abs=1e-11)
+    assert other.residual.max() < 1e-12
+
+
+@given(forces=st.lists(st.floats(-0.005, 0.005), min_size=6, max_size=6), seed=st.integers(0, 30))
+def test_whatever_presses_the_supports_bear_it(forces, seed):
+    network = random_geometric(25, seed=seed)
+    load = np.zeros_like(network.positions)
+    free = np.flatnonzero(~network.held.any(axis=1))[:3]
+    load[free] = np.reshape(forces, (3, 2))
+    result = network.with_loads(load).solve(2)
+    assert result.residual.max() < 1e-12
+    assert result.reactions().sum(axis=0) == pytest.approx(-load.sum(axis=0), abs=1e-12)
+    x = result.positions()
+    force = result.reactions() + load
+    moment = x[:, 0] * force[:, 1] - x[:, 1] * force[:, 0]
+    assert moment.sum() == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("options", [{"increments": 0}, {"tolerance": 0.0}, {"method": "magic"}])
+def test_options_outside_their_rule_are_refused(options):
+    with pytest.raises(ParameterError, match=next(iter(options))):
+        solve(triangular(3), **options)
+
+
+def test_functions_and_methods_are_the_same():
+    network = triangular(4)
+    for function, method in (
+        (solve, network.solve),
+        (load_in_increments, network.load_in_increments),
+    ):
+        assert np.array_equal(function(network, 3).displacement, method(3).displacement)

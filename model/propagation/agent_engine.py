@@ -104,16 +104,19 @@ class AgentEngine:
 
     def step(self) -> None:
         """Let every agent take the loads that reached it and pass them on."""
-        self.record.append(
-            [
-                (agent, direction, magnitude * copies)
-                for agent in self.agents.values()
-                for (direction, magnitude), copies in agent.inbox.items()
-            ]
-        )
+        self.record.append(self._arrived())
         self.generation += 1
         self.model.agents_by_type[self.material_agent].do("step")
         self._deliver()
+
+    def _arrived(self) -> list[tuple[MaterialAgent, int, float]]:
+        """Return what waits to be taken, added up by agent and direction, ordered by place."""
+        sums: dict[tuple[MaterialAgent, int], float] = {}
+        for agent in sorted(self.agents.values(), key=lambda agent: agent.cell.coordinate):
+            for direction, magnitude in sorted(agent.inbox):
+                load = magnitude * agent.inbox[direction, magnitude]
+                sums[agent, direction] = sums.get((agent, direction), 0.0) + load
+        return [(agent, direction, load) for (agent, direction), load in sums.items()]
 
     def neighbour(self, cell: Cell, arm: int) -> Cell:
         """Return the cell over an arm."""

@@ -25,21 +25,23 @@ class Rows(NamedTuple):
 
     Attributes
     ----------
-    place, direction : arrays of int
-        Where the loads are, and where they point.
-    magnitude : array of int
+    place : array of int
+        Where the loads are.
+    direction : array of 8-bit int
+        Where they point.
+    magnitude : array of 32-bit int
         Number of the magnitude in the engine's table.
     copies : array of float
         How many equal loads the row stands for.
-    bits : array of int
+    bits : array of 8-bit int
         Arms over which they came, one bit each.
     """
 
     place: IntArray
-    direction: IntArray
-    magnitude: IntArray
+    direction: NDArray[np.int8]
+    magnitude: NDArray[np.int32]
     copies: FloatArray
-    bits: IntArray
+    bits: NDArray[np.uint8]
 
     def where(self, chosen: NDArray[Any]) -> Rows:
         """Return the chosen rows."""
@@ -74,9 +76,9 @@ class ArrayEngine:
         self.applied = float(magnitude.sum())
         self.passed = self.returned = self.dropped = 0.0
         self.values, number = np.unique(magnitude, return_inverse=True)
-        ones = np.ones(len(cells))
-        rows = Rows(self.lattice.key(cells), direction, number, ones, np.zeros_like(number))
-        self._arrive(rows)
+        place = self.lattice.key(cells)
+        outside = np.zeros(len(cells), dtype=np.uint8)
+        self._arrive(_rows(place, direction, number, np.ones(len(cells)), outside))
 
     @property
     def load(self) -> FloatArray:
@@ -92,57 +94,70 @@ class ArrayEngine:
     def step(self) -> None:
         """Let every agent take the loads that reached it and pass them on."""
         self.generation += 1
-        agent, direction, load = (
-            self.agents.find(self.waiting.place),
-            self.waiting.direction,
-            self.load,
-        )
-        np.add.at(self.agents.taken, (agent, direction), load)
-        self.record.append((agent, direction, load))
+        agent = self.agents.find(self.waiting.place)
+        self._take(agent)
         returned = self.returned
         self._arrive(self._hand_over(self._emit(agent)))
         self.passed += self.pending - (self.returned - returned)
+
+    def _take(self, agent: IntArray) -> None:
+        """Add up what each agent takes along each direction; the rows are sorted by both."""
+        direction = self.waiting.direction
+        first = np.flatnonzero(
+            (np.diff(agent, prepend=-1) != 0) | (np.diff(direction, prepend=-1) != 0)
+        )
+        agent, direction = agent[first], direction[first]
+        load = np.add.reduceat(self.load, first)
+        self.agents.taken[agent, direction] += load
+        self.record.append((agent, direction.astype(np.int64), load))
 
     def _emit(self, agent: IntArray) -> Rows:
         """Split the waiting loads into shares; the place of a row is agent and arm."""
         arms, directions, shares = self.transfer.tables
         distinct, share_number = np.unique(shares, return_inverse=True)
-        share_number = share_number.reshape(shares.shape)
         products = np.outer(distinct, self.values)
-        values, canonical = np.unique(products, return_inverse=True)
-        canonical = canonical.reshape(products.shape)
+        values, product_number = np.unique(products, return_inverse=True)
         loud_value = values > (0.0 if self.accumulate else self.threshold)
-        material = self.agents.material[agent]
+        quiet_value = np.where(loud_value, 0.0, values)
+        share_number = share_number.reshape(-1, shares.shape[2])
+        product_number = product_number.ravel()
+
+        state = self.agents.material[agent] * self.lattice.directions + self.waiting.direction
+        ended = np.zeros(len(agent))
         parts = []
         for emission in range(shares.shape[2]):
-            which = (material, self.waiting.direction, emission)
-            number = canonical[share_number[which], self.waiting.magnitude]
-            loud = loud_value[number]
-            quiet = ~loud
-            ended = values[number[quiet]] * self.waiting.copies[quiet]
-            np.add.at(self.agents.dropped, agent[quiet], ended)
-            self.dropped += float(ended.sum())
-            place = agent * self.lattice.directions + arms[which]
-            bits = 1 << self.lattice.opposite[arms[which]]
-            sent = Rows(place, directions[which], number, self.waiting.copies, bits)
-            parts.append(sent.where(loud))
+            product = share_number[:, emission][state] * len(self.values) + self.waiting.magnitude
+            number = product_number[product]
+            ended += quiet_value[number]
+            loud = np.flatnonzero(loud_value[number])
+            arm = arms[..., emission].ravel()[state[loud]]
+            place = agent[loud] * self.lattice.directions + arm
+            direction = directions[..., emission].ravel()[state[loud]]
+            bits = (1 << self.lattice.opposite)[arm]
+            parts.append(_rows(place, direction, number[loud], self.waiting.copies[loud], bits))
+        ended *= self.waiting.copies
+        np.add.at(self.agents.dropped, agent, ended)
+        self.dropped += float(ended.sum())
         self.values = values
-        return Rows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        return _joined(parts)
 
     def _hand_over(self, sent: Rows) -> Rows:
         """Bring emissions to the neighbours, or back from a boundary to the sender."""
         agent, arm = np.divmod(sent.place, self.lattice.directions)
-        beyond = self.agents.beyond(agent, arm)
-        inside = sent.where(beyond >= 0)._replace(
-            place=self.agents.neighbour(agent, arm)[beyond >= 0]
-        )
         load = self.values[sent.magnitude] * sent.copies
-        np.add.at(self.agents.passed, (agent, arm), load)
-        at_boundary = sent.where(beyond < 0)
+        np.add.at(self.agents.passed.reshape(-1), sent.place, load)
+        outside = np.flatnonzero(self.agents.beyond(agent, arm) < 0)
+        arriving = sent._replace(place=self.agents.neighbour(agent, arm))
+        at_boundary = sent.where(outside)
         if self.accumulate:
-            at_boundary = self._judge(self._merge(at_boundary))
+            back = self._give_back(self._judge(self._merge(at_boundary)))
+            inside = np.delete(np.arange(len(arm)), outside)
+            return _joined([arriving.where(inside), back])
         back = self._give_back(at_boundary)
-        return Rows(*(np.concatenate(columns) for columns in zip(inside, back, strict=True)))
+        arriving.place[outside] = back.place
+        arriving.direction[outside] = back.direction
+        arriving.bits[outside] = back.bits
+        return arriving
 
     def _give_back(self, rows: Rows) -> Rows:
         """Let boundary agents turn loads round; they return to the sender's cell."""
@@ -168,9 +183,9 @@ class ArrayEngine:
             new = self.agents.missing(key)
             self.agents.spawn(key[new], woken_by[new], self.generation + 1)
         # Only the magnitudes that still travel stay in the table.
-        used, number = np.unique(rows.magnitude, return_inverse=True)
-        self.values, place = np.unique(self.values[used], return_inverse=True)
-        self.waiting = rows._replace(magnitude=place[number])
+        used = np.bincount(rows.magnitude, minlength=len(self.values)) > 0
+        self.values = self.values[used]
+        self.waiting = rows._replace(magnitude=(np.cumsum(used) - 1)[rows.magnitude])
 
     def _judge(self, rows: Rows) -> Rows:
         load = self.values[rows.magnitude]
@@ -181,20 +196,28 @@ class ArrayEngine:
     def _merge(self, rows: Rows) -> Rows:
         """Put together the loads that meet: equal ones are counted, or all are added up."""
         number = np.zeros_like(rows.magnitude) if self.accumulate else rows.magnitude
-        order = _sorted_by(rows.place, rows.direction, self.lattice.directions, number)
-        rows, number = rows.where(order), number[order]
-        changes = (np.diff(column, prepend=-1) != 0 for column in (*rows[:2], number))
-        first = np.flatnonzero(np.logical_or.reduce(list(changes)))
+        places, directions = rows.place, self.lattice.directions
+        numbers = int(number.max(initial=0)) + 1
+        met = None
+        if (int(places.max(initial=0)) + 1) * directions * numbers >= 2**63:
+            met, places = np.unique(places, return_inverse=True)
+        code = (places * directions + rows.direction) * numbers + number
+        order = np.argsort(code, kind="stable")
+        code = code[order]
+        first = np.flatnonzero(np.diff(code, prepend=-1))
         if not len(first):
             return rows
-        bits = np.bitwise_or.reduceat(rows.bits, first)
-        merged = rows.where(first)._replace(bits=bits)
+        state, kept = np.divmod(code[first], numbers)
+        place, direction = np.divmod(state, directions)
+        place = place if met is None else met[place]
+        bits = np.bitwise_or.reduceat(rows.bits[order], first)
         if not self.accumulate:
-            return merged._replace(copies=np.add.reduceat(rows.copies, first))
-        sums = np.add.reduceat(self.values[rows.magnitude] * rows.copies, first)
-        numbers = len(self.values) + np.arange(len(first))
+            copies = np.add.reduceat(rows.copies[order], first)
+            return _rows(place, direction, kept, copies, bits)
+        sums = np.add.reduceat((self.values[rows.magnitude] * rows.copies)[order], first)
+        added = len(self.values) + np.arange(len(first))
         self.values = np.append(self.values, sums)
-        return merged._replace(magnitude=numbers, copies=np.ones(len(first)))
+        return _rows(place, direction, added, np.ones(len(first)), bits)
 
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""
@@ -233,9 +256,23 @@ class ArrayEngine:
         )
 
 
-def _sorted_by(place: IntArray, direction: IntArray, directions: int, number: IntArray) -> IntArray:
-    """Return the order of rows by place, direction and number."""
-    numbers = int(number.max(initial=0)) + 1
-    if int(place.max(initial=0) + 1) * directions * numbers < 2**63:
-        return np.argsort((place * directions + direction) * numbers + number, kind="stable")
-    return np.lexsort((number, direction, place))
+def _rows(
+    place: IntArray,
+    direction: NDArray[np.integer],
+    magnitude: NDArray[np.integer],
+    copies: FloatArray,
+    bits: NDArray[np.integer],
+) -> Rows:
+    """Return rows in as few bytes as they need: millions of them travel."""
+    return Rows(
+        place,
+        direction.astype(np.int8),
+        magnitude.astype(np.int32),
+        copies,
+        bits.astype(np.uint8),
+    )
+
+
+def _joined(parts: list[Rows]) -> Rows:
+    columns: list[NDArray[Any]] = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    return Rows(*columns)

@@ -42,10 +42,10 @@ def strain_and_stress(scene: Scene, stage: Stage) -> tuple[FloatArray, FloatArra
     pressure = own[stage.material, None] * loads / area
     along = np.einsum("ki,kj->kij", lattice.normals[lattice.axes], lattice.normals[lattice.axes])
     across = np.eye(lattice.dimension) - along
-    stress = -np.einsum("nk,kij->nij", pressure, along)
     squeeze = pressure / modulus[stage.material, None]
-    widened = np.einsum("nk,n,kij->nij", squeeze, free[stage.material], across)
-    return widened - np.einsum("nk,kij->nij", squeeze, along), stress
+    widening = squeeze * free[stage.material, None]
+    strain = np.tensordot(widening, across, axes=1) - np.tensordot(squeeze, along, axes=1)
+    return strain, -np.tensordot(pressure, along, axes=1)
 
 
 @dataclass(frozen=True)
@@ -147,10 +147,11 @@ def _displacement_along(
 ) -> LineDisplacement:
     lattice = scene.lattice
     normal = lattice.normals[lattice.axes[axis]]
+    along = np.outer(normal, normal).ravel()
     line, position = lattice.line(cells, axis)
     order = np.lexsort((position, line))
     line, position = line[order], position[order]
-    elongation = lattice.cell_size * np.einsum("nij,i,j->n", strain[order], normal, normal)
+    elongation = lattice.cell_size * (strain.reshape(-1, normal.size**2) @ along)[order]
     lines, index = np.unique(line, return_inverse=True)
     stride = int(max(lattice.shape)) + 4
     code = index * stride + position + 1
@@ -218,8 +219,14 @@ def _end_of_body(
 ) -> tuple[IntArray, np.ndarray]:
     """Walk along lines until the body ends; return where, and whether something rigid is there.
 
-    The stride of the walk doubles, so long lines cost few calls.
+    The stride of the walk doubles, so long lines cost few calls; through a full box of squares
+    or cubes it is one stride.
     """
+    lattice = scene.lattice
+    if scene.uniform and lattice.kind != "hexagon":
+        edge = lattice.shape[axis] if sense > 0 else -1
+        beyond = scene.kinds(lattice.on_line(line, np.full(len(line), edge), axis))
+        return np.full(len(line), edge), (beyond == RIGID) | (beyond == ROLLER)
     end = position.copy()
     kind = np.zeros(len(line), dtype=np.int64)
     walking = np.arange(len(line))
@@ -230,7 +237,7 @@ def _end_of_body(
         for part in np.split(walking, range(batch, len(walking), batch)):
             steps = end[part, None] + sense * np.arange(1, reach + 1)
             lines = np.repeat(line[part], reach)
-            cells = scene.lattice.on_line(lines, steps.ravel(), axis)
+            cells = lattice.on_line(lines, steps.ravel(), axis)
             kinds = scene.kinds(cells).reshape(steps.shape)
             outside = kinds < 0
             found = outside.any(axis=1)

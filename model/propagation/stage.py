@@ -156,17 +156,16 @@ def collect_history(
 ) -> History:
     """Gather the loads taken, from (agent, direction, load) of each generation.
 
-    `order` lists the agents in the order of the stage; loads that one agent takes along one
-    direction in one generation are added.
+    `order` lists the agents in the order of the stage. Within a generation an agent and a
+    direction come once; rows keep their order.
     """
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
-    rows = []
-    for generation, (agent, direction, load) in enumerate(record, start=1):
-        code, number = np.unique(rank[agent] * 8 + direction, return_inverse=True)
-        total = np.bincount(number, weights=load, minlength=len(code))
-        rows.append((np.full(len(code), generation), code // 8, code % 8, total))
-    if not rows:
-        nothing = np.empty(0, dtype=np.int64)
-        return History(nothing, nothing, nothing, np.empty(0))
-    return History(*(np.concatenate(column) for column in zip(*rows, strict=True)))
+    nothing = np.empty(0, dtype=np.int64)
+    generation = [np.full(len(agent), g) for g, (agent, _, _) in enumerate(record, start=1)]
+    return History(
+        np.concatenate([nothing, *generation]),
+        rank[np.concatenate([nothing, *(agent for agent, _, _ in record)])],
+        np.concatenate([nothing, *(direction for _, direction, _ in record)]),
+        np.concatenate([np.empty(0), *(load for _, _, load in record)]),
+    )

@@ -179,6 +179,11 @@ class Scene(Description):
         """
         return self._contents.filling.kinds(np.asarray(cells, dtype=np.int64))
 
+    @property
+    def uniform(self) -> bool:
+        """Whether every cell of the array is of one kind."""
+        return self._contents.filling.uniform
+
     def bounds(self) -> CellBox:
         """Return a box outside of which there is no body: lower <= cell < upper."""
         return self._contents.filling.bounds()

@@ -21,8 +21,11 @@ from .transfer import coarsen
 
 Vector = NDArray[np.float64]
 
-ALGEBRAIC_SHARE = 0.02
-"""Unless told otherwise, iterate until the algebraic error is this share of the grid's."""
+ALGEBRAIC_SHARE = 0.05
+"""Unless told otherwise, iterate until the algebraic error is this share of the grid's.
+
+That is the error before the last correction, which takes nine tenths of it away.
+"""
 PATIENCE = 8
 """After this many iterations the rate decides whether to change the method."""
 TOO_MANY = 60
@@ -99,12 +102,12 @@ def solve_problem(problem: ElasticProblem, tolerance: float | None = None) -> So
         Relative algebraic error in the energy norm; by default well below the estimated
         error of the grid.
     """
-    system = _System(problem)
     if problem.needs_mixed_form:
-        return _solve_mixed(system, tolerance)
+        return _solve_mixed(_System(problem), tolerance)
     if is_box(problem):
-        sweeps = 2 if problem.dimension == 2 else 3
-        return _solve_multigrid(system, BoxMultigrid(problem, sweeps), "full multigrid", tolerance)
+        box = BoxMultigrid(problem, sweeps=2 if problem.dimension == 2 else 3)
+        return _solve_multigrid(_System(problem, box), box, "full multigrid", tolerance)
+    system = _System(problem)
     matrix = stiffness_matrix(problem, system.numbering)
     hierarchy = SparseMultigrid(matrix, system.numbering)
     solution = _solve_multigrid(system, hierarchy, "Galerkin multigrid", tolerance)
@@ -114,9 +117,9 @@ def solve_problem(problem: ElasticProblem, tolerance: float | None = None) -> So
 class _System:
     """Loads and unknowns of a problem as vectors."""
 
-    def __init__(self, problem: ElasticProblem) -> None:
+    def __init__(self, problem: ElasticProblem, box: BoxMultigrid | None = None) -> None:
         self.problem = problem
-        self.box = is_box(problem) and not problem.needs_mixed_form
+        self.box = box
         self._numbering: Numbering | None = None
         self.load = self.gather(problem.force)
         self.right = self.load
@@ -135,19 +138,18 @@ class _System:
 
     def gather(self, fields: FaceFields) -> Vector:
         """Return the free faces' values as a vector; a box keeps its fixed faces, as zeros."""
-        if not self.box:
+        if self.box is None:
             return self.numbering.gather(fields)
         vector = np.empty(face_count(self.problem.shape))
-        views = face_views(vector, self.problem.shape)
-        states = self.problem.face_states()
-        for view, values, state in zip(views, fields, states, strict=True):
-            view[:] = np.where(state[self.problem.inner] == 2, values[self.problem.inner], 0.0)
+        for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
+            view[:] = values[self.problem.inner]
+        self.box.clear_fixed(0, vector)
         return vector
 
     def scatter(self, vector: Vector) -> FaceFields:
         """Return displacements of all faces, the given ones included."""
         fields = tuple(values.copy() for values in self.problem.fixed)
-        if self.box:
+        if self.box is not None:
             for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
                 values[self.problem.inner] += view
         else:
@@ -206,7 +208,7 @@ def _solve_multigrid(
         if whole <= 0.0:
             return 0.0
         gained = 2 * (coarser - first[0]) / whole + run.errors[0] ** 2
-        return sqrt(max(gained, 0.0) / 3.0)
+        return sqrt(max(gained, 0.0))
 
     def apply(vector: Vector) -> Vector:
         return hierarchy.apply(vector)
@@ -274,7 +276,7 @@ def _solve_mixed(system: _System, tolerance: float | None) -> Solution:
     run = mixed.solve(system.right, min(tolerance or 1e-8, 1e-8))
     roughness = _roughness(mixed.block, system.numbering, run.solution)
     whole = system.energy(run.solution)
-    discretisation = sqrt(max(roughness / whole, 0.0) / 3.0) if whole > 0 else 0.0
+    discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
     solution = _solution(system, run, "mixed form", discretisation, mixed.block.depth)
     if not run.converged and len(system.right) <= DIRECT_LIMIT[system.problem.dimension]:
         matrix = stiffness_matrix(system.problem, system.numbering)

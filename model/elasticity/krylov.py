@@ -106,7 +106,9 @@ def conjugate_gradients(
         whole = abs(float(dot(load, x)) if energy is None else energy(x))
         run.errors.append(float(np.sqrt(max(product, 0.0) / whole)) if whole else np.inf)
         if done(run):
+            # The last correction is at hand; its own error is smaller by the cycle's rate.
             run.converged = True
+            x += z
             return run
         if step == most or product <= 0.0:
             return run

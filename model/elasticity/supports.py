@@ -9,6 +9,7 @@ body has to be solved on smaller cells.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from kaju.errors import SupportError
 from kaju.model.scene.kinds import RIGID
 
+from .box_multigrid import is_box
 from .problem import ACTIVE, FIXED, ElasticProblem, Floats
 from .staggered import cut, edge_modulus
 
@@ -33,6 +35,8 @@ def check_supports(problem: ElasticProblem, origin: tuple[int, ...] | None = Non
     """
     from scipy.ndimage import label
 
+    if is_box(problem):
+        problem = _miniature(problem)
     parts, count = label(problem.kinds >= 0)
     stops = [_stops(problem, parts, axis) for axis in range(problem.dimension)]
     for part in range(1, count + 1):
@@ -48,6 +52,22 @@ def check_supports(problem: ElasticProblem, origin: tuple[int, ...] | None = Non
                 f"{motion}; hold it by a rigid cell or side, or join it to the rest by a face "
                 "(cells that touch at a corner are not joined)"
             )
+
+
+def _miniature(problem: ElasticProblem) -> ElasticProblem:
+    """Return a small box that is held as the large one is."""
+    keep = np.r_[0:3, -3:0]
+    d = problem.dimension
+
+    def few(values: Floats) -> Floats:
+        return np.ascontiguousarray(values[np.ix_(*[keep] * d)])
+
+    faces = [np.r_[0:3, -4:0], keep]
+    spring = tuple(
+        np.ascontiguousarray(values[np.ix_(*[faces[int(a != axis)] for a in range(d)])])
+        for axis, values in enumerate(problem.spring)
+    )
+    return replace(problem, kinds=few(problem.kinds), spring=spring)
 
 
 def _modes_of_part(stops: list[tuple[Index, Floats]], part: int) -> Floats:
@@ -137,6 +157,8 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
     Two cells that share a face can slide past each other if the edges at both ends of the
     face carry no shear, unless both are kept from sliding by a support.
     """
+    if is_box(problem):
+        return None
     d = problem.dimension
     states = problem.face_states()
     solid = problem.kinds >= 0

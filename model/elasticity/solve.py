@@ -1,0 +1,121 @@
+"""`kaju.solve`: linear elasticity of a scene, to the accuracy of its grid."""
+
+from __future__ import annotations
+
+from math import isfinite
+from time import perf_counter
+from typing import Literal
+
+from kaju.errors import ConvergenceError, ParameterError, SceneError
+from kaju.model.scene import Scene
+
+from .elastic_result import ElasticResult
+from .engine import solve_problem
+from .from_scene import Origin, problem_of_scene
+from .problem import ElasticProblem
+from .supports import check_supports, slender_cell
+
+SMALLEST_TOLERANCE = 1e-13
+
+
+def solve(
+    scene: Scene,
+    tolerance: float | None = None,
+    resolution: int | None = None,
+    strategy: Literal["auto", "uniform"] = "auto",
+    *,
+    stage: int | None = None,
+) -> ElasticResult:
+    """Solve a scene as linear elasticity by multigrid.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of square or cubic cells.
+    tolerance : float, optional
+        Relative error, in the energy norm, to which the equations on the grid are solved. By
+        default well below the estimated error of the grid itself. The grid's own error is
+        reported as `error_estimate`; a smaller one needs a larger `resolution`.
+    resolution : int, optional
+        Cells to solve per cell of the scene, along every axis: 2 halves them. By default 1,
+        or 2 where a member is only one cell wide, which could not carry shear.
+    strategy : {"auto", "uniform"}
+        "uniform" takes equal cells everywhere; so does "auto" at present.
+    stage : int, optional
+        Stage of loading; by default the last.
+
+    Returns
+    -------
+    ElasticResult
+
+    Raises
+    ------
+    SupportError
+        If a part of the body could move without straining.
+    ConvergenceError
+        If the iteration ends above the tolerance; `best` holds the result as far as it came.
+    ParameterError, SceneError
+        If an argument or the scene breaks a rule.
+    """
+    start = perf_counter()
+    _check(tolerance, resolution, strategy)
+    division = resolution or 1
+    grid = scene if division == 1 else scene.refine(division)
+    problem, origin = problem_of_scene(grid, stage)
+    check_supports(problem, origin)
+    notes = []
+    cell = slender_cell(problem)
+    if cell is not None:
+        place = ", ".join(str(a + b) for a, b in zip(cell, origin, strict=True))
+        notes.append(f"a member is one cell wide at ({place}): the cells were halved")
+        division *= 2
+        grid, problem, origin = _halved(scene, division, stage)
+    solution = solve_problem(problem, tolerance)
+    solution.notes[:0] = notes
+    result = ElasticResult(
+        scene, grid, stage, division, problem, origin, solution, perf_counter() - start
+    )
+    if not solution.converged:
+        raise ConvergenceError(_remedy(result, tolerance), result.residuals, result)
+    return result
+
+
+def _halved(
+    scene: Scene, division: int, stage: int | None
+) -> tuple[Scene, ElasticProblem, Origin]:
+    grid = scene.refine(division)
+    problem, origin = problem_of_scene(grid, stage)
+    cell = slender_cell(problem)
+    if cell is not None:
+        place = ", ".join(str(a + b) for a, b in zip(cell, origin, strict=True))
+        raise SceneError(
+            f"body: a member is one cell wide at cell ({place}) of the grid refined by {division} "
+            "and carries no shear; widen it, or give a larger resolution"
+        )
+    return grid, problem, origin
+
+
+def _check(tolerance: float | None, resolution: int | None, strategy: str) -> None:
+    if strategy not in ("auto", "uniform"):
+        raise ParameterError(f"strategy: must be 'auto' or 'uniform', got {strategy!r}")
+    if tolerance is not None and not (
+        isfinite(tolerance) and SMALLEST_TOLERANCE <= tolerance < 1.0
+    ):
+        raise ParameterError(
+            f"tolerance: must lie between {SMALLEST_TOLERANCE:g} and 1, got {tolerance}"
+        )
+    if resolution is not None and (isinstance(resolution, bool) or resolution != int(resolution)):
+        raise ParameterError(f"resolution: must be a whole number, got {resolution}")
+    if resolution is not None and resolution < 1:
+        raise ParameterError(f"resolution: must be 1 or more, got {resolution}")
+
+
+def _remedy(result: ElasticResult, tolerance: float | None) -> str:
+    solution = result.solution
+    asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
+    return (
+        f"solve: after {solution.iterations} iterations of {solution.method} the relative residual "
+        f"is {result.residuals[-1]:.2g}, short of {asked}; install pyamg (pip install "
+        "'kaju[fem]'), take a larger tolerance, or a smaller contrast of the materials. The "
+        "error's `best` holds the result so far, its `residuals` the history"
+    )

@@ -1,1 +1,43 @@
-"""How people see it: plots and animations."""
+"""How people see it: plots and animations.
+
+The functions are looked up when they are first used, so that ``import kaju.view`` loads no
+drawing library.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .animation import animate
+    from .plots import plot, plot_all
+
+__all__ = ["PICTURES", "animate", "plot", "plot_all"]
+
+PICTURES = (
+    "agents.png",
+    "agents_section.png",
+    "loads.png",
+    "deformed.png",
+    "displacement.png",
+    "strain.png",
+    "stress.png",
+    "von_mises.png",
+    "load_path.png",
+    "ledger.png",
+    "stages.png",
+    "response.png",
+)
+"""Names of all files that `plot_all` may write."""
+
+
+def __getattr__(name: str) -> object:
+    if name == "animate":
+        from .animation import animate
+
+        return animate
+    if name in __all__:
+        from . import plots
+
+        return getattr(plots, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

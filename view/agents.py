@@ -1,0 +1,162 @@
+"""The agents of a run: where they spawned, when, and of which kind they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, Normalize
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+
+from .body import draw_body, finish
+from .forces import draw_forces
+from .section import Section, section_of
+from .style import INK, SEQUENTIAL, add_polygons, colour_bar, new_axes
+from .subject import focus_of, stage_number, threshold_of
+from .units import counted, quantity
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+    from kaju.model.propagation.stage import Stage
+    from kaju.model.propagation.transfer_result import TransferResult
+
+    from .section import Floats, Ints
+
+
+class Symbol(NamedTuple):
+    """How a kind of boundary agent looks: polygon in a cell of edge 1, and in a legend."""
+
+    name: str
+    corners: Floats
+    marker: str
+
+
+def _regular(corners: int, turn: float, radius: float) -> Floats:
+    angle = np.deg2rad(turn + 360.0 * np.arange(corners) / corners)
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+SYMBOLS = {
+    AIR: Symbol("free boundary agent", _regular(20, 0.0, 0.36), "o"),
+    RIGID: Symbol("rigid boundary agent", _regular(3, 90.0, 0.5), "^"),
+    ROLLER: Symbol("roller boundary agent", _regular(4, 0.0, 0.45), "D"),
+}
+
+
+def spawn_norm(generations: int) -> Normalize:
+    """Return the scale of spawn steps 1 to `generations`: single colours while there are few."""
+    last = max(generations, 1)
+    if last <= 24:
+        return BoundaryNorm(np.arange(0.5, last + 1.0), colormaps[SEQUENTIAL].N)
+    return Normalize(1.0, float(last))
+
+
+def draw_agents(
+    ax: Axes, section: Section, stage: Stage, norm: Normalize, generation: int | None = None
+) -> list[Artist]:
+    """Draw the agents that have spawned up to a generation; return the artists."""
+    until = stage.generations + 1 if generation is None else generation
+    born = stage.spawn_step <= until
+    tiles, step = section.gather(stage.cells[born], stage.spawn_step[born], "min")
+    small = len(section.ground[0]) > 10_000
+    look = {"edgecolors": "none" if small else "white", "linewidths": 0.0 if small else 0.4}
+    artists: list[Artist] = [
+        _coloured(ax, section.polygons(tiles), "material agents", step, norm, **look, zorder=2)
+    ]
+    for kind, symbol in SYMBOLS.items():
+        chosen = (stage.boundary_kind == kind) & (stage.boundary_spawn_step <= until)
+        if chosen.any():
+            cells, steps = stage.boundary_cells[chosen], stage.boundary_spawn_step[chosen]
+            tiles, step = section.gather(cells, steps, "min")
+            shapes = section.centres(tiles)[:, None] + section.tile_size[0] * symbol.corners
+            look = {"edgecolors": INK, "linewidths": 0.4}
+            name = f"{symbol.name}s"
+            artists.append(_coloured(ax, shapes, name, step, norm, **look, zorder=5))
+    return artists
+
+
+def _coloured(
+    ax: Axes, polygons: Floats, name: str, step: Ints, norm: Normalize, **look: Any
+) -> Artist:
+    values = step.astype(np.float64)
+    return add_polygons(ax, polygons, name, array=values, cmap=SEQUENTIAL, norm=norm, **look)
+
+
+def boundary_entries(kinds: Ints) -> list[Artist]:
+    """Return what explains the symbols of these kinds of boundary agents in a legend."""
+    return [
+        Line2D([], [], ls="", marker=s.marker, mfc="white", mec=INK, ms=6, label=s.name)
+        for kind, s in SYMBOLS.items()
+        if (kinds == kind).any()
+    ]
+
+
+def spawn_bar(ax: Axes, norm: Normalize, generations: int) -> None:
+    """Add the colour bar of spawn steps, with whole numbers."""
+    mappable = ScalarMappable(norm, SEQUENTIAL)
+    bar = colour_bar(ax, mappable, "generation in which the agent spawned")
+    if isinstance(norm, BoundaryNorm):
+        every = 1 if generations <= 12 else 2
+        bar.set_ticks(list(range(1, max(generations, 1) + 1, every)))
+        bar.ax.minorticks_off()
+    else:
+        bar.locator = MaxNLocator(8, integer=True)
+        bar.update_ticks()
+
+
+def counts(stage: Stage) -> str:
+    """Return how many agents there are, in words."""
+    material = counted(len(stage.cells), "material agent")
+    boundary = counted(len(stage.boundary_cells), "boundary agent")
+    return f"{material}, {boundary} after {counted(stage.generations, 'generation')}"
+
+
+def plot_agents(
+    result: TransferResult,
+    ax: Axes | None = None,
+    *,
+    cut: Mapping[str, int] | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw the body with its agents, coloured by the generation in which they spawned.
+
+    Parameters
+    ----------
+    result : TransferResult
+        A run; `result.at_stage(k)` shows an earlier stage of loading.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure unless given.
+    cut : dict, optional
+        The layer of a three-dimensional body to show, such as ``{"y": 5}``.
+    crop : bool, optional
+        Whether to show only the surroundings of the agents; by itself for large bodies.
+
+    Returns
+    -------
+    matplotlib Axes
+        With the picture; its figure is ``ax.figure``.
+    """
+    stage = result.last
+    section = section_of(result.scene, focus_of(result), cut, crop)
+    ax = new_axes(ax)
+    entries = draw_body(ax, section)
+    notes = draw_forces(ax, section, stage_number(result))
+    gamma = quantity(threshold_of(result), "N")
+    if len(stage.cells):
+        norm = spawn_norm(stage.generations)
+        draw_agents(ax, section, stage, norm)
+        spawn_bar(ax, norm, stage.generations)
+        entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
+        notes = [counts(stage), "; ".join([*notes, f"γ = {gamma}"])]
+    else:
+        notes = [stage.outcome, *notes]
+    finish(ax, section, "Agents", notes, entries)
+    return ax

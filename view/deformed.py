@@ -1,0 +1,179 @@
+"""The deformed body, magnified until the eye can see it; the factor is stated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+
+from kaju.errors import ParameterError
+
+from .body import draw_body, finish
+from .forces import draw_forces
+from .section import Section, section_of
+from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
+from .subject import focus_of, stage_number
+from .units import quantity, round_down, times
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
+
+    from kaju.model.scene import Scene
+
+    from .section import Floats, Ints
+
+_LARGEST_SHIFT = 0.09  # of the picture's width
+_UNMOVED = 1e-4  # of the largest displacement
+_LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
+
+
+class Deformed(Protocol):
+    """A result that knows how points move."""
+
+    @property
+    def scene(self) -> Scene: ...  # noqa: D102
+
+    def displacement_at(self, points: Floats) -> Floats: ...  # noqa: D102
+
+
+def corner_displacements(result: Deformed, section: Section, tiles: Ints) -> Floats:
+    """Return how the corners of tiles move in the plane (m), shape (n, corners, 2).
+
+    Cells that share a corner move it together: by the mean of what each of them would.
+    """
+    corners = section.polygons(tiles)
+    inwards = section.centres(tiles)[:, None] - corners
+    inside = (corners + 1e-6 * inwards).reshape(-1, 2)
+    moved = section.in_plane(_within(result, section.in_body(inside)))
+    place = np.rint(6.0 * corners.reshape(-1, 2) / section.tile_size).astype(np.int64)
+    key = (place[:, 0] - place[:, 0].min()) * (np.ptp(place[:, 1]) + 1) + place[:, 1]
+    _, number = np.unique(key, return_inverse=True)
+    share = np.bincount(number)
+    mean = np.stack([np.bincount(number, moved[:, i]) / share for i in (0, 1)], axis=1)
+    together: Floats = mean[number].reshape(corners.shape)
+    return together
+
+
+def sizes_of(result: Deformed, section: Section, tiles: Ints) -> Floats:
+    """Return how far the middles of tiles move (m), shape (n,)."""
+    moved = _within(result, section.in_body(section.centres(tiles)))
+    size: Floats = np.linalg.norm(moved, axis=1)
+    return size
+
+
+def _within(result: Deformed, points: Floats) -> Floats:
+    """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
+    lattice = result.scene.lattice
+    body = result.scene.kinds(lattice.locate(points)) >= 0
+    moved = np.zeros_like(points)
+    moved[body] = result.displacement_at(points[body])
+    return moved
+
+
+def magnification_for(section: Section, tiles: Ints, moved: Floats) -> float:
+    """Return a round factor that makes a deformation visible without folding any tile."""
+    shift = float(np.abs(moved).max(initial=0.0))
+    if shift == 0.0:
+        return 1.0
+    lower, upper = section.box
+    wanted = _LARGEST_SHIFT * float((upper - lower).max()) / shift
+    edges = np.abs(np.diff(moved, axis=1)).max() / float(section.tile_size.min())
+    if edges > 0.0:
+        wanted = min(wanted, _LARGEST_STRAIN / float(edges))
+    return round_down(wanted)
+
+
+def draw_deformed(
+    ax: Axes,
+    section: Section,
+    tiles: Ints,
+    moved: Floats,
+    size: Floats,
+    magnification: float,
+    norm: Normalize,
+) -> PolyCollection:
+    """Draw tiles where they have moved to, coloured by `size` (m); unmoved ones stay light."""
+    corners = section.polygons(tiles) + magnification * moved
+    small = len(tiles) > 10_000
+    still = _UNMOVED * float(size.max(initial=0.0))
+    return add_polygons(
+        ax,
+        corners,
+        "moved",
+        array=np.ma.masked_less_equal(size, still),
+        cmap=colormaps[SIZE].with_extremes(bad=BODY[0]),
+        norm=norm,
+        edgecolors="none" if small else "#8a8a8a",
+        linewidths=0.0 if small else 0.4,
+        antialiased=not small,
+        zorder=3,
+    )
+
+
+def plot_deformed(
+    result: Deformed,
+    ax: Axes | None = None,
+    *,
+    magnification: float | None = None,
+    cut: Mapping[str, int] | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw the deformed grid over the outline of the body at rest.
+
+    Parameters
+    ----------
+    result : Result
+        Anything with a scene and `displacement_at`.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure unless given.
+    magnification : float, optional
+        How many times larger than true the deformation is drawn; a round number that makes
+        it visible unless given. The picture states it.
+    cut, crop
+        As for `plot_agents`.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    ParameterError
+        If the magnification is not a positive number.
+    """
+    if magnification is not None and not (isfinite(magnification) and magnification > 0.0):
+        raise ParameterError(f"magnification: a number above 0 is needed, got {magnification}")
+    section = section_of(result.scene, focus_of(result), cut, crop)
+    ax = new_axes(ax)
+    every, kind = section.ground
+    tiles = every[kind >= 0]
+    moved = corner_displacements(result, section, tiles)
+    factor = magnification or magnification_for(section, tiles, moved)
+    size = sizes_of(result, section, tiles)
+    largest = float(size.max(initial=0.0))
+    entries = draw_body(ax, section, filled=False)
+    draw_rest(ax, section)
+    drawn = draw_deformed(ax, section, tiles, moved, size, factor, Normalize(0.0, largest or 1.0))
+    notes = draw_forces(ax, section, stage_number(result))
+    if largest > 0.0:
+        colour_bar(ax, drawn, "displacement", "m")
+        notes = [f"deformation shown {times(factor)}", *notes]
+        notes[0] += f"; largest displacement {quantity(largest, 'm')}"
+    else:
+        notes = ["nothing has moved", *notes]
+    finish(ax, section, "Deformed body", notes, entries)
+    return ax
+
+
+def draw_rest(ax: Axes, section: Section) -> None:
+    """Draw the outline of the body at rest, dashed."""
+    surface, _ = section.outlines()
+    rest = LineCollection(list(surface), colors=FAINT, linewidths=0.7, linestyles="--", zorder=2)
+    rest.set_gid("at rest")
+    ax.add_collection(rest)

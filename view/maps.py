@@ -1,0 +1,176 @@
+"""Maps: a value of every cell as a colour, with its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+from matplotlib.colors import Normalize
+
+from kaju.agents.materials import suggestion
+from kaju.errors import ParameterError
+
+from .body import draw_body, finish
+from .forces import draw_forces
+from .loads import load_norm
+from .section import Floats, Ints, Section, section_of
+from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
+from .subject import cells_of, focus_of, stage_number, taken_of
+from .units import quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
+
+    from kaju.model.scene import Scene
+
+
+class Fields(Protocol):
+    """A result with fields over cells."""
+
+    @property
+    def scene(self) -> Scene: ...  # noqa: D102
+    @property
+    def displacement(self) -> Floats: ...  # noqa: D102
+    @property
+    def stress(self) -> Floats: ...  # noqa: D102
+    @property
+    def strain(self) -> Floats: ...  # noqa: D102
+    @property
+    def von_mises(self) -> Floats: ...  # noqa: D102
+
+
+class Quantity(NamedTuple):
+    """What a map shows: one value for each cell."""
+
+    values: Floats
+    title: str
+    unit: str
+    signed: bool
+    logarithmic: bool = False
+
+
+def quantity_of(result: Fields, what: str, component: str | None) -> Quantity:
+    """Return a field of a result, or one component of it.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such component.
+    """
+    if what == "von_mises":
+        return Quantity(result.von_mises, "Von Mises stress", "Pa", signed=False)
+    if what == "taken":
+        return Quantity(taken_of(result).sum(axis=1), "Loads taken", "N", False, True)
+    names = "xyz"[: result.scene.lattice.dimension]
+    if what == "displacement":
+        known = ("magnitude", *names)
+        chosen = _known(component or "magnitude", known)
+        if chosen == "magnitude":
+            size = np.linalg.norm(result.displacement, axis=1)
+            return Quantity(size, "Displacement", "m", signed=False)
+        values = result.displacement[:, names.index(chosen)]
+        return Quantity(values, f"Displacement along {chosen}", "m", signed=True)
+    tensor, unit = (result.stress, "Pa") if what == "stress" else (result.strain, "")
+    pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
+    largest = max(pairs, key=lambda pair: float(np.abs(tensor[:, *pairs[pair]]).max(initial=0.0)))
+    chosen = _known(component or largest, tuple(pairs))
+    symbol = "σ" if what == "stress" else "ε"
+    title = f"{what.capitalize()} {symbol}{chosen}"
+    return Quantity(tensor[:, *pairs[chosen]], title, unit, signed=True)
+
+
+def _known(component: str, known: tuple[str, ...]) -> str:
+    if component not in known:
+        raise ParameterError(
+            f"component: there is no {component!r}{suggestion(str(component), known)}; "
+            f"there is {', '.join(known)}"
+        )
+    return component
+
+
+def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCollection:
+    """Colour cells by a value; of the cells of one tile the value farthest from 0 counts.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        Where to draw.
+    section : Section
+        What part of the body.
+    cells : array of int, shape (n, dimension)
+        The cells.
+    shown : Quantity
+        Their values.
+    """
+    tiles, high = section.gather(cells, shown.values, "max")
+    _, low = section.gather(cells, shown.values, "min")
+    values = np.where(-low > high, low, high)
+    small = len(section.ground[0]) > 10_000
+    size = float(np.abs(values).max(initial=0.0)) or 1.0
+    norm: Normalize = Normalize(-size, size) if shown.signed else Normalize(0.0, size)
+    if shown.logarithmic:
+        norm = load_norm(values)
+    return add_polygons(
+        ax,
+        section.polygons(tiles),
+        "map",
+        array=values,
+        cmap=DIVERGING if shown.signed else LOADS if shown.logarithmic else SIZE,
+        norm=norm,
+        edgecolors="none" if small else "#b5b5b5",
+        linewidths=0.0 if small else 0.3,
+        antialiased=not small,
+        zorder=2,
+    )
+
+
+def plot_map(
+    result: Fields,
+    what: str,
+    ax: Axes | None = None,
+    *,
+    component: str | None = None,
+    cut: Mapping[str, int] | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw a field as colours; cells that have none stay light.
+
+    Parameters
+    ----------
+    result : Result
+        A result with fields over cells.
+    what : {"displacement", "stress", "strain", "von_mises", "taken"}
+        The field.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure unless given.
+    component : str, optional
+        Of displacements "magnitude" (as unless given) or an axis; of stresses and strains a
+        pair of axes such as "xy", unless given the one with the largest value.
+    cut, crop
+        As for `plot_agents`.
+
+    Returns
+    -------
+    matplotlib Axes
+
+    Raises
+    ------
+    ParameterError
+        If there is no such component.
+    """
+    section = section_of(result.scene, focus_of(result), cut, crop)
+    shown = quantity_of(result, what, component)
+    ax = new_axes(ax)
+    entries = draw_body(ax, section)
+    notes = draw_forces(ax, section, stage_number(result))
+    if len(shown.values):
+        drawn = draw_map(ax, section, cells_of(result), shown)
+        colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit)
+        extreme = shown.values[np.argmax(np.abs(shown.values))]
+        notes = [f"largest value {quantity(float(extreme), shown.unit)}; " + "; ".join(notes)]
+    else:
+        notes = ["no cell has taken a load", *notes]
+    finish(ax, section, shown.title, notes, entries)
+    return ax

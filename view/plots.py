@@ -1,0 +1,173 @@
+"""One word for every picture: `plot(result, "agents")`, and `plot_all` for the usual set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from matplotlib.figure import Figure
+
+from kaju.agents.materials import suggestion
+from kaju.errors import ParameterError, ResultFileError
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.result import Result
+from kaju.model.scene import Scene
+
+from .agents import plot_agents
+from .body import draw_scene
+from .deformed import plot_deformed
+from .files import save
+from .ledger import plot_ledger
+from .load_path import plot_load_path
+from .loads import plot_loads
+from .maps import plot_map
+from .section import section_of
+from .stages import plot_both, plot_stages
+from .style import figure_of
+from .voxels import plot_body_in_space, plot_voxels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Picture = Callable[..., "Axes | Figure"]
+
+
+def plot_scene(scene: Scene, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw what is asked: body, supports and forces; options as for `plot_agents`."""
+    if scene.lattice.dimension == 3 and options.get("cut") is None:
+        return plot_body_in_space(scene, ax)
+    cells = scene.applied().cells if options.get("crop") else None
+    return draw_scene(scene, section_of(scene, cells, **options), ax)
+
+
+def _agents(result: TransferResult, ax: Axes | None = None, **options: Any) -> Axes:
+    if result.scene.lattice.dimension == 3 and options.get("cut") is None:
+        return plot_voxels(result, ax)
+    return plot_agents(result, ax, **options)
+
+
+def _stages(result: TransferResult, ax: Axes | None = None, **options: Any) -> Axes | Figure:
+    return plot_both(result) if ax is None and not options else plot_stages(result, ax, **options)
+
+
+def _map(what: str) -> Picture:
+    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+        return plot_map(result, what, ax, **options)
+
+    return draw
+
+
+FIELDS: dict[str, Picture] = {
+    "deformed": plot_deformed,
+    **{name: _map(name) for name in ("displacement", "strain", "stress", "von_mises")},
+}
+"""Pictures of any result with fields over cells."""
+
+TRANSFER: dict[str, Picture] = {
+    "agents": _agents,
+    "loads": plot_loads,
+    **FIELDS,
+    "taken": _map("taken"),
+    "load_path": plot_load_path,
+    "ledger": plot_ledger,
+    "stages": _stages,
+}
+"""Pictures of a run of load transfer."""
+
+USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
+
+
+def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
+    """Return the pictures that can be made of a subject, by name, the usual one first."""
+    if isinstance(subject, Scene):
+        return {"scene": plot_scene}
+    known = TRANSFER if isinstance(subject, TransferResult) else FIELDS
+
+    def scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+        return plot_scene(result.scene, ax, **options)
+
+    return {**known, "scene": scene}
+
+
+def plot(
+    subject: Scene | Result, what: str | None = None, ax: Axes | None = None, **options: Any
+) -> Figure:
+    """Draw a picture of a scene or a result.
+
+    Parameters
+    ----------
+    subject : Scene or Result
+        What the picture is of.
+    what : str, optional
+        Of a scene "scene". Of a run of load transfer "agents" (as unless given), "loads",
+        "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
+        "ledger", "stages" or "scene". Of a network's result "deformed" or "response".
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure unless given.
+    **options
+        As the picture's own function takes them: ``cut={"y": 5}`` for a layer of a body of
+        cubes, ``crop=False`` for the whole of a large body, ``magnification=1e5``, ...
+
+    Returns
+    -------
+    matplotlib Figure
+        Call its ``savefig``, or let a notebook show it.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such picture.
+    """
+    known = pictures_of(subject)
+    name = next(iter(known)) if what is None else what
+    if name not in known:
+        raise ParameterError(
+            f"what: there is no picture {name!r} of a {type(subject).__name__}"
+            f"{suggestion(str(name), known)}; there is {', '.join(known)}"
+        )
+    drawn = known[name](subject, ax, **options)
+    return drawn if isinstance(drawn, Figure) else figure_of(drawn)
+
+
+def plot_all(result: Result, directory: str | Path) -> list[Path]:
+    """Write the usual pictures of a result as PNG files, each named after what it shows.
+
+    Parameters
+    ----------
+    result : Result
+        A result.
+    directory : path
+        Where to write; it must exist.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order in which they are best looked at.
+
+    Raises
+    ------
+    ResultFileError
+        If the directory is missing, or a file cannot be written.
+    """
+    folder = Path(directory)
+    if not folder.is_dir():
+        raise ResultFileError(f"{folder}: there is no such directory for pictures")
+    written = []
+    for name in _usual(result):
+        written.append(save(plot(result, name), folder / f"{name}.png"))
+        if (
+            isinstance(result, TransferResult)
+            and name == "agents"
+            and result.scene.lattice.dimension == 3
+        ):
+            section = plot_agents(result, cut=None)
+            written.append(save(figure_of(section), folder / "agents_section.png"))
+    return written
+
+
+def _usual(result: Result) -> list[str]:
+    known = pictures_of(result)
+    if not isinstance(result, TransferResult):
+        return [name for name in known if name != "scene"]
+    return [name for name in USUAL if name != "stages" or len(result.stages) > 1]

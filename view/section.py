@@ -1,0 +1,314 @@
+"""What part of a body a picture shows: a crop, a cut through it, and how coarsely.
+
+Nothing here is ever as large as the body. A picture is made of *tiles*: single cells, or
+blocks of cells where there are too many to be seen one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil, sqrt
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ParameterError
+
+from .units import grouped
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+MOST_ACROSS = 240
+"""At most this many tiles lie side by side."""
+WHOLE_UP_TO = 64
+"""Bodies of up to this many cells across are never cropped."""
+
+_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+_SQUARE_FACES = np.array([[3, 0], [1, 2], [0, 1], [2, 3]])  # vertices of the faces -x, +x, -y, +y
+_SQUARE_STEPS = np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
+_HEXAGON_FACES = np.array([[k, (k + 1) % 6] for k in range(6)])
+_PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A rectangle of tiles in a plane of a body.
+
+    Attributes
+    ----------
+    scene : Scene
+        The body.
+    lower, upper : arrays of int, shape (2,)
+        The cells shown: lower <= cell < upper, rightwards and upwards.
+    axes : tuple of two ints
+        The body's axes that run rightwards and upwards.
+    cut : tuple (axis, index) or None
+        The layer of cells shown of a three-dimensional body.
+    block : int
+        A tile is block × block cells.
+    cropped : bool
+        Whether there is more body outside the picture.
+    """
+
+    scene: Scene
+    lower: Ints
+    upper: Ints
+    axes: tuple[int, int]
+    cut: tuple[int, int] | None
+    block: int
+    cropped: bool
+
+    @property
+    def hexagonal(self) -> bool:
+        """Whether tiles are hexagons; blocks of hexagons are drawn as rectangles."""
+        return self.scene.lattice.kind == "hexagon" and self.block == 1
+
+    @property
+    def axis_names(self) -> tuple[str, str]:
+        """Names of the axes that run rightwards and upwards."""
+        return "xyz"[self.axes[0]], "xyz"[self.axes[1]]
+
+    @cached_property
+    def tile_size(self) -> Floats:
+        """Distance between tiles, rightwards and upwards (m)."""
+        edge = self.block * self.scene.lattice.cell_size
+        rows = sqrt(3.0) / 2.0 if self.scene.lattice.kind == "hexagon" else 1.0
+        return np.array([edge, rows * edge])
+
+    def holds(self, cells: Ints) -> NDArray[np.bool_]:
+        """Tell which cells of the body are in the picture."""
+        flat = cells[:, self.axes]
+        inside: NDArray[np.bool_] = np.all((flat >= self.lower) & (flat < self.upper), axis=1)
+        if self.cut is not None:
+            inside &= cells[:, self.cut[0]] == self.cut[1]
+        return inside
+
+    def tiles(self, cells: Ints) -> Ints:
+        """Return the tiles, shape (n, 2), that cells of the body belong to."""
+        return np.floor_divide(cells[:, self.axes], self.block)
+
+    def gather(self, cells: Ints, values: NDArray[Any], how: str) -> tuple[Ints, NDArray[Any]]:
+        """Return the tiles that show cells, and for each of them one value.
+
+        Parameters
+        ----------
+        cells : array of int, shape (n, dimension)
+            Cells of the body; those out of the picture are left out.
+        values : array, shape (n,) or (n, m)
+            What they have.
+        how : {"min", "max", "sum"}
+            How the values of the cells of one tile become one.
+        """
+        shown = self.holds(cells)
+        tiles, values = self.tiles(cells[shown]), np.asarray(values)[shown]
+        order = np.lexsort(tiles.T)
+        tiles, values = tiles[order], values[order]
+        first = np.ones(len(tiles), dtype=np.bool_)
+        first[1:] = np.any(tiles[1:] != tiles[:-1], axis=1)
+        starts = np.flatnonzero(first)
+        if len(starts):
+            values = _PAIRING[how].reduceat(values, starts, axis=0)
+        return tiles[starts], values
+
+    def in_plane(self, points: Floats) -> Floats:
+        """Return points or vectors of the body, shape (n, dimension), as they are seen."""
+        return points[:, self.axes]
+
+    def in_body(self, points: Floats) -> Floats:
+        """Return points of the picture, shape (n, 2), as points of the body."""
+        if self.cut is None:
+            return points
+        full = np.empty((len(points), 3))
+        full[:, self.axes] = points
+        full[:, self.cut[0]] = (self.cut[1] + 0.5) * self.scene.lattice.cell_size
+        return full
+
+    def centres(self, tiles: Ints) -> Floats:
+        """Return the middles of tiles (m), shape (n, 2)."""
+        if self.hexagonal:
+            return self.scene.lattice.centres(tiles)
+        return (tiles + 0.5) * self.tile_size
+
+    def polygons(self, tiles: Ints, share: float = 1.0) -> Floats:
+        """Return the corners of tiles (m), shape (n, 4 or 6, 2), counter-clockwise.
+
+        `share` below 1 leaves a gap all round.
+        """
+        if self.hexagonal:
+            angle = np.deg2rad(60.0 * np.arange(6) - 30.0)
+            radius = self.scene.lattice.cell_size / sqrt(3.0)
+            shape = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        else:
+            shape = (_SQUARE - 0.5) * self.tile_size
+        return self.centres(tiles)[:, None] + share * shape
+
+    @cached_property
+    def ground(self) -> tuple[Ints, Ints]:
+        """All tiles of the picture, shape (n, 2), and their kinds, shape (n,)."""
+        first = self.lower // self.block
+        last = -(-self.upper // self.block)
+        columns, rows = (np.arange(a, b) for a, b in zip(first, last, strict=True))
+        tiles = np.stack(np.meshgrid(columns, rows, indexing="ij"), axis=-1).reshape(-1, 2)
+        flat = tiles * self.block + self.block // 2
+        if self.cut is None:
+            return tiles, self.scene.kinds(flat)
+        cells = np.empty((len(flat), 3), dtype=np.int64)
+        cells[:, self.axes] = flat
+        cells[:, self.cut[0]] = self.cut[1]
+        return tiles, self.scene.kinds(cells)
+
+    def outlines(self) -> tuple[Floats, Floats]:
+        """Return line segments, each (n, 2, 2) in m: the body's surface, and joints inside it.
+
+        A joint lies where two materials meet.
+        """
+        tiles, kinds = self.ground
+        shape = tiles[-1] - tiles[0] + 1
+        raster = np.full(shape + 2, -1000, dtype=np.int64)
+        place = tiles - tiles[0] + 1
+        raster[tuple(place.T)] = kinds
+        steps = self.scene.lattice.steps if self.hexagonal else np.stack([_SQUARE_STEPS] * 2)
+        faces = _HEXAGON_FACES if self.hexagonal else _SQUARE_FACES
+        corners = self.polygons(tiles)
+        surface, joints = [], []
+        for arm, face in enumerate(faces):
+            beyond = raster[tuple((place + steps[tiles[:, 1] & 1, arm]).T)]
+            free = (kinds >= 0) & (beyond < 0) & (beyond > -1000)
+            surface.append(corners[free][:, face])
+            joints.append(corners[(kinds > beyond) & (beyond >= 0)][:, face])
+        return np.concatenate(surface), np.concatenate(joints)
+
+    @cached_property
+    def box(self) -> Floats:
+        """Lower and upper corner of the picture (m), shape (2, 2)."""
+        ends = np.stack([self.lower // self.block, -(-self.upper // self.block) - 1])
+        corners = self.polygons(ends).reshape(-1, 2)
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader must be told: the cut, the crop and the coarsening."""
+        told = []
+        shape = np.array(self.scene.lattice.shape)
+        if self.cut is not None:
+            axis, index = self.cut
+            told.append(f"section through the cells {'xyz'[axis]} = {index}")
+        if self.cropped:
+            seen = np.minimum(self.upper, shape[[*self.axes]]) - np.maximum(self.lower, 0)
+            part = " × ".join(grouped(n) for n in seen)
+            whole = " × ".join(grouped(n) for n in shape[[*self.axes]])
+            told.append(f"cropped to {part} of {whole} cells")
+        if self.block > 1:
+            told.append(f"each tile stands for {self.block} × {self.block} cells")
+        return ["; ".join(told)] if told else []
+
+
+def section_of(
+    scene: Scene,
+    cells: Ints | None = None,
+    cut: Mapping[str, int] | None = None,
+    crop: bool | None = None,
+    most_across: int = MOST_ACROSS,
+    whole_up_to: int = WHOLE_UP_TO,
+) -> Section:
+    """Choose what to show: the given cells with a margin, or the whole body.
+
+    Parameters
+    ----------
+    scene : Scene
+        The body.
+    cells : array of int, shape (n, dimension), optional
+        What the picture is about; the whole body unless given. Of a three-dimensional body
+        the layer that holds most of them is shown unless `cut` is given.
+    cut : dict of one axis to an index, optional
+        The layer of a three-dimensional body to show, such as ``{"y": 5}``.
+    crop : bool, optional
+        Whether to leave out the body far from the cells; unless given, bodies of more than
+        `whole_up_to` cells across are cropped.
+    most_across : int
+        Where more cells than this lie side by side, tiles are blocks of cells.
+    whole_up_to : int
+        Bodies of up to this many cells across are shown as a whole.
+
+    Raises
+    ------
+    ParameterError
+        If the cut names no axis, or lies outside the body.
+    """
+    if cells is None:
+        cells, crop = np.empty((0, scene.lattice.dimension), dtype=np.int64), False
+    where = _cut_of(scene, cells, cut)
+    axes = (0, 1)
+    if where is not None:
+        first, second = (axis for axis in range(3) if axis != where[0])
+        axes = (first, second)
+        cells = cells[cells[:, where[0]] == where[1]]
+    shape = np.array(scene.lattice.shape)[[*axes]]
+    lower, upper = np.zeros(2, dtype=np.int64), shape
+    if shape.max() > WHOLE_UP_TO:
+        lower, upper = (corner[[*axes]] for corner in scene.bounds())
+    whole = (upper - lower).max() <= whole_up_to if crop is None else not crop
+    near_lower, near_upper = _around(cells[:, axes], lower, upper)
+    cropped = not whole and bool(len(cells)) and _saves(near_upper - near_lower, upper - lower)
+    if cropped:
+        lower, upper = near_lower, near_upper
+    block = ceil(int((upper - lower).max()) / most_across)
+    rim = max(1, round(0.04 * int((upper - lower).max())))
+    return Section(scene, lower - rim, upper + rim, axes, where, block, cropped)
+
+
+def _around(flat: Ints, lower: Ints, upper: Ints) -> tuple[Ints, Ints]:
+    if not len(flat):
+        return lower, upper
+    first, last = flat.min(axis=0), flat.max(axis=0) + 1
+    margin = max(3, round(0.15 * int((last - first).max())))
+    return np.maximum(first - margin, lower), np.minimum(last + margin, upper)
+
+
+def _saves(part: Ints, whole: Ints) -> bool:
+    """Tell whether a crop is worth its trouble."""
+    return bool(np.prod(part / whole) <= 0.6)
+
+
+def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, int] | None) -> tuple[int, int] | None:
+    shape = scene.lattice.shape
+    if len(shape) == 2:
+        if cut is not None:
+            raise ParameterError(f"cut: only bodies of cubes can be cut, got {dict(cut)!r}")
+        return None
+    if cut is None:
+        return _fullest_layer(scene, cells)
+    if len(cut) != 1 or next(iter(cut)) not in ("x", "y", "z"):
+        raise ParameterError(
+            f"cut: one of the axes 'x', 'y' and 'z' with an index, such as {{'y': 5}}, "
+            f"got {dict(cut)!r}"
+        )
+    name, index = next(iter(cut.items()))
+    axis = "xyz".index(name)
+    whole = isinstance(index, (int, np.integer)) and not isinstance(index, bool)
+    if not (whole and 0 <= index < shape[axis]):
+        raise ParameterError(
+            f"cut: cells count from 0 to {shape[axis] - 1} along {name}, got {index!r}"
+        )
+    return axis, int(index)
+
+
+def _fullest_layer(scene: Scene, cells: Ints) -> tuple[int, int]:
+    """Return the layer with most of the cells, out of those that the loads run along.
+
+    Layers lie across y, or across x if the loads mainly run along y. Without cells it is the
+    middle layer.
+    """
+    along = np.abs(scene.applied().force).sum(axis=0)
+    axis = 0 if along[1] > along[[0, 2]].max() else 1
+    if not len(cells):
+        return axis, scene.lattice.shape[axis] // 2
+    layers, counts = np.unique(cells[:, axis], return_counts=True)
+    return axis, int(layers[np.argmax(counts)])

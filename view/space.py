@@ -1,0 +1,166 @@
+"""Space for bodies of cubes: box, frame, forces, and cubes by the faces that can be seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+from .forces import force_arrows, told
+from .style import FAINT, FORCE, INK, label_axis
+from .units import grouped
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+    from .section import Floats, Ints
+
+MOST_ACROSS = 40
+"""Where more cells than this lie side by side, a voxel is a block of cells."""
+
+# Corners of a unit cube's faces, in the order -x, +x, -y, +y, -z, +z.
+_FACES = np.array(
+    [
+        [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0]],
+        [[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]],
+        [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]],
+        [[0, 1, 0], [0, 1, 1], [1, 1, 1], [1, 1, 0]],
+        [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]],
+        [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
+    ],
+    dtype=np.float64,
+)
+_STEPS = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]])
+_LIGHT = np.array([0.72, 0.86, 0.8, 0.7, 0.6, 1.0])  # of each face, so that form can be read
+_EDGES = np.array(
+    [[a, a | bit] for bit in (1, 2, 4) for a in range(8) if not a & bit]
+)  # of a box whose corner k lies at the upper end along axis i if bit i of k is set
+
+
+class Box(NamedTuple):
+    """The part of a body that a picture in space shows.
+
+    Attributes
+    ----------
+    lower, upper : arrays of int, shape (3,)
+        The cells shown: lower <= cell < upper.
+    block : int
+        A voxel is a cube of this many cells along each edge.
+    notes : list of str
+        What a reader must be told.
+    """
+
+    lower: Ints
+    upper: Ints
+    block: int
+    notes: list[str]
+
+
+def box_around(scene: Scene, cells: Ints) -> Box:
+    """Return a box around cells, cropped as pictures of a plane are."""
+    lower, upper = scene.bounds()
+    whole = upper - lower
+    notes = []
+    if whole.max() > 2 * MOST_ACROSS and len(cells):
+        first, last = cells.min(axis=0), cells.max(axis=0) + 1
+        margin = max(2, round(0.15 * int((last - first).max())))
+        lower, upper = np.maximum(first - margin, lower), np.minimum(last + margin, upper)
+        part, full = (" × ".join(map(grouped, n)) for n in (upper - lower, whole))
+        if part != full:
+            notes.append(f"cropped to {part} of {full} cells")
+    block = -(-int((upper - lower).max()) // MOST_ACROSS)
+    if block > 1:
+        notes.append(f"each voxel stands for {' × '.join([str(block)] * 3)} cells")
+    return Box(lower, upper, block, notes)
+
+
+def gathered(cells: Ints, values: Ints, block: int) -> tuple[Ints, Ints]:
+    """Return the voxels that cells belong to, and the smallest value in each."""
+    voxels = cells // block
+    order = np.lexsort((values, *voxels.T))
+    voxels, values = voxels[order], values[order]
+    first = np.ones(len(voxels), dtype=np.bool_)
+    first[1:] = np.any(voxels[1:] != voxels[:-1], axis=1)
+    return voxels[first], values[first]
+
+
+def seen_faces(voxels: Ints) -> tuple[Ints, Ints]:
+    """Return voxel and direction of every face that no other voxel hides."""
+    low = voxels.min(axis=0, initial=0) - 1
+    span = voxels.max(axis=0, initial=0) - low + 2
+
+    def key(places: Ints) -> Ints:
+        shifted = places - low
+        numbered: Ints = (shifted[:, 0] * span[1] + shifted[:, 1]) * span[2] + shifted[:, 2]
+        return numbered
+
+    own = key(voxels)
+    hidden = np.stack([np.isin(key(voxels + step), own) for step in _STEPS], axis=1)
+    voxel, direction = np.nonzero(~hidden)
+    return voxel, direction
+
+
+def draw_voxels(ax: Axes3D, voxels: Ints, edge: float, colours: Floats) -> Poly3DCollection:
+    """Draw cubes of an edge (m) by their visible faces; colours have shape (n, 3 or 4)."""
+    voxel, direction = seen_faces(voxels)
+    faces = (voxels[voxel, None] + _FACES[direction]) * edge
+    shaded = colours[voxel].copy()
+    shaded[:, :3] *= _LIGHT[direction, None]
+    drawn = Poly3DCollection(faces, facecolors=shaded, edgecolors=INK, linewidths=0.25, zorder=3)
+    ax.add_collection3d(drawn)
+    return drawn
+
+
+def draw_frame(ax: Axes3D, scene: Scene, box: Box) -> None:
+    """Draw the edges of the body's bounding box, and its rigid sides as hatched planes."""
+    edge = scene.lattice.cell_size
+    ends = np.stack([box.lower, box.upper]) * edge
+    corners = np.array([[ends[k >> i & 1, i] for i in range(3)] for k in range(8)])
+    frame = Line3DCollection(corners[_EDGES], colors=FAINT, linewidths=0.7, zorder=2)
+    frame.set_gid("outline")
+    ax.add_collection3d(frame)
+    for number, side in enumerate(scene.lattice.sides):
+        axis, upper = divmod(number, 2)
+        at_side = (box.upper[axis] == scene.lattice.shape[axis]) if upper else box.lower[axis] == 0
+        if scene.side_condition(side).supports and at_side:
+            plane = _FACES[number] * (ends[1] - ends[0]) + ends[0]
+            ground = Poly3DCollection(
+                plane[None],
+                facecolors=(0.8, 0.8, 0.8, 0.35),
+                edgecolors=FAINT,
+                hatch="////",
+                zorder=1,
+            )
+            ground.set_gid(f"support {side}")
+            ax.add_collection3d(ground)
+    ax.set_xlim(ends[0, 0], ends[1, 0])
+    ax.set_ylim(ends[0, 1], ends[1, 1])
+    ax.set_zlim(ends[0, 2], ends[1, 2])
+    ax.set_box_aspect(ends[1] - ends[0])
+    ax.set_proj_type("ortho")
+    ax.computed_zorder = False  # a flat ground would now and then hide what stands on it
+    ax.view_init(elev=22.0, azim=-58.0)
+    for name in "xyz":
+        axis3d = getattr(ax, f"{name}axis")
+        label_axis(axis3d, name, list(ends[:, "xyz".index(name)]), "m")
+        axis3d.pane.set_visible(False)
+        axis3d.line.set_color(FAINT)
+    ax.grid(False)
+
+
+def draw_arrows(ax: Axes3D, scene: Scene, box: Box, stage: int | None) -> list[str]:
+    """Draw the applied forces; return a note that says how much they are."""
+    applied = scene.applied(stage)
+    inside = np.all((applied.cells >= box.lower) & (applied.cells < box.upper), axis=1)
+    arrows = force_arrows(scene, applied, np.flatnonzero(inside))
+    if len(arrows.force):
+        size = np.linalg.norm(arrows.force, axis=1).max()
+        reach = 0.28 * float((box.upper - box.lower).max()) * scene.lattice.cell_size
+        along = (reach / size) * arrows.force
+        tail = np.where(arrows.pulls[:, None], arrows.place, arrows.place - along)
+        drawn = ax.quiver(*tail.T, *along.T, color=FORCE, linewidth=2.2, arrow_length_ratio=0.3)
+        drawn.set_gid("forces")
+        drawn.set_zorder(20)
+    return told(applied)

@@ -1,0 +1,187 @@
+"""The look that all pictures share: colours, figures without a display, captions, legends.
+
+Figures are made with Matplotlib's objects, never with pyplot: nothing is kept behind the
+scenes, no display is needed, and pictures can be made in threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, log10
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.transforms import ScaledTranslation
+from numpy.typing import NDArray
+
+from .files import RESOLUTION
+from .units import scale_for
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axis import Axis
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.text import Text
+
+INK = "#262626"
+FAINT = "#6b6b6b"
+LINE = "#c9c9c9"
+FORCE = "#b2340b"
+"""Applied forces: a vermilion that stays apart from every colour map used here."""
+BODY = ("#ececec", "#e6d9be", "#cfe0ea", "#d9e3cf", "#e7d3dc", "#d6d4e6")
+"""Materials that no load has reached; the first six, then again."""
+BODY_HATCHES = ("", "...", "--", "oo", "++", "**")
+"""So that materials can be told apart without colour."""
+
+LEGEND_COLUMNS = 3
+
+SEQUENTIAL = "viridis"
+SIZE = "YlGnBu"
+"""For sizes from 0 upwards: light where there is little, as the body is."""
+LOADS = ListedColormap(
+    colormaps["cividis_r"](np.linspace(0.22, 1.0, 256)), "cividis_r without its palest part"
+)
+DIVERGING = "PuOr_r"
+
+_OWN = "kaju"  # marks figures that were made here and may be resized
+_CHARACTER = 4.6 / 72.0  # mean width of a letter of the captions (inches)
+
+
+def new_figure(size: tuple[float, float]) -> Figure:
+    """Return an empty figure of a size in inches that arranges its own parts."""
+    figure = Figure(figsize=size, dpi=RESOLUTION, layout="compressed", facecolor="white")
+    FigureCanvasAgg(figure)
+    engine = figure.get_layout_engine()
+    assert isinstance(engine, ConstrainedLayoutEngine)
+    engine.set(w_pad=0.08, h_pad=0.08)  # inches
+    figure.set_gid(_OWN)
+    return figure
+
+
+def new_axes(
+    ax: Axes | None, size: tuple[float, float] = (6.4, 4.8), projection: str | None = None
+) -> Axes:
+    """Return `ax`, or axes in a new figure of a size in inches."""
+    return ax if ax is not None else new_figure(size).add_subplot(projection=projection)
+
+
+def fit_figure(ax: Axes, ratio: float, lines: int) -> None:
+    """Give a figure of our own the size that suits axes of width/height `ratio`.
+
+    `lines` counts the lines of the legend. Figures of other people keep their size.
+    """
+    figure = figure_of(ax)
+    bars = len(figure.axes) - 1
+    if figure.get_gid() != _OWN or bars > 1:
+        return
+    width = min(5.6, max(3.6, 4.9 * ratio))
+    height = min(max(width / ratio, 1.6), 5.4)
+    figure.set_size_inches(width + 0.85 + 0.95 * bars, height + 1.25 + 0.19 * lines)
+
+
+def add_polygons(ax: Axes, corners: NDArray[np.float64], name: str, **look: Any) -> PolyCollection:
+    """Add many polygons at once, corners of shape (n, corners, 2); `name` is kept as their gid."""
+    drawn = PolyCollection(cast(Any, corners), gid=name, **look)
+    ax.add_collection(drawn)
+    return drawn
+
+
+def figure_of(ax: Axes) -> Figure:
+    """Return the figure that axes belong to."""
+    figure = ax.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def caption(ax: Axes, title: str, notes: Sequence[str]) -> Text:
+    """Set the title, and under it, smaller, what a reader must know; return the latter."""
+    figure = figure_of(ax)
+    room = 0.82 * figure.get_figwidth()
+    if len(figure.axes) > 2:
+        room = 0.95 * ax.get_position().width * figure.get_figwidth()
+    lines = [line for note in notes if note for line in wrap(note, int(room / _CHARACTER))]
+    pad = 6.0 + 10.6 * len(lines)
+    ax.set_title(title, loc="left", fontsize=11, fontweight="bold", color=INK, pad=pad)
+    text = ax.annotate(
+        "\n".join(lines),
+        xy=(0.0, 1.0),
+        xycoords="axes fraction",
+        xytext=(0.0, 5.0),
+        textcoords="offset points",
+        va="bottom",
+        fontsize=8,
+        color=FAINT,
+        linespacing=1.25,
+        annotation_clip=False,
+    )
+    text.set_gid("notes")
+    text.set_in_layout(False)  # its height is in the title's pad; its width may overhang
+    return text
+
+
+def label_axis(axis: Axis, name: str, values: Sequence[float], unit: str) -> None:
+    """Label an axis whose values are in a base unit with a prefixed one.
+
+    Far from its zero, an axis is numbered from a round place nearby, which its label states.
+    """
+    low, high = float(min(values)), float(max(values))
+    offset, span = 0.0, high - low
+    if span > 0.0 and max(abs(low), abs(high)) > 100.0 * span:
+        step = 10.0 ** ceil(log10(span))
+        offset = step * round(0.5 * (low + high) / step)
+        far = scale_for([offset], unit)
+        name = f"{name} − {offset / far.factor:.12g} {far.unit}"
+    scale = scale_for([low - offset, high - offset], unit)
+    axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: scale.text(value - offset)))
+    axis.set_label_text(f"{name} ({scale.unit})" if scale.unit else name, fontsize=9)
+    axis.set_tick_params(labelsize=8, color=FAINT)
+
+
+def colour_bar(ax: Axes, mappable: ScalarMappable, label: str, unit: str = "") -> Colorbar:
+    """Add a colour bar in a prefixed unit."""
+    norm = mappable.norm
+    bar = figure_of(ax).colorbar(mappable, ax=ax, shrink=0.85, aspect=28, pad=0.02)
+    low, high = cast(float, norm.vmin), cast(float, norm.vmax)
+    if isinstance(norm, LogNorm):
+        decades = log10(high / low)
+        bar.locator = LogLocator(subs=(1.0,) if decades > 3.0 else (1.0, 2.0, 5.0))
+        bar.minorlocator = NullLocator()
+    scale = scale_for([low, high], unit)
+    if unit:
+        bar.formatter = FuncFormatter(scale.text)
+        label = f"{label} ({scale.unit})"
+    bar.update_ticks()
+    bar.set_label(label, fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    bar.outline.set_linewidth(0.5)
+    return bar
+
+
+def legend(ax: Axes, handles: Sequence[Artist]) -> None:
+    """Explain symbols below the picture."""
+    if not handles:
+        return
+    below = ax.transAxes + ScaledTranslation(0.0, -34.0 / 72.0, figure_of(ax).dpi_scale_trans)
+    ax.legend(
+        handles=list(handles),
+        loc="upper left",
+        bbox_to_anchor=(0.0, 0.0),
+        bbox_transform=below,
+        ncols=LEGEND_COLUMNS,
+        fontsize=8,
+        frameon=False,
+        borderaxespad=0.0,
+        handlelength=1.4,
+        columnspacing=1.4,
+    )

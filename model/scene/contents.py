@@ -142,7 +142,7 @@ def _check_regions(filling: Filling) -> None:
         box = filling.cells_of(region.shape)
         if count(box) > _FEW:
             continue
-        centres = filling.lattice.centres(grid(box))
+        centres = filling.lattice.centres(grid(*box))
         if not region.shape.contains(centres).any():
             raise SceneError(
                 f"body.regions.{number}: holds no cell's centre; cells are "

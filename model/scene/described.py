@@ -90,7 +90,7 @@ class Described(BaseModel):
 def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, np.ndarray) and value.ndim < 3 and value.size <= 64:
+    if isinstance(value, np.ndarray) and value.ndim < 3 and 0 < value.size <= 64:
         return value.tolist()
     if isinstance(value, Path):
         return str(value)

@@ -149,9 +149,12 @@ def count(box: CellBox) -> int:
     return total
 
 
-def grid(box: CellBox) -> Cells:
-    """Return all cells of a box, the last axis running fastest."""
-    ranges = [np.arange(low, high, dtype=np.int64) for low, high in zip(*box, strict=True)]
+def grid(lower: NDArray[np.int64], upper: NDArray[np.int64]) -> Cells:
+    """Return all cells with lower <= cell < upper, the last axis running fastest."""
+    return _crossed([np.arange(a, b) for a, b in zip(lower, upper, strict=True)])
+
+
+def _crossed(ranges: list[NDArray[np.int64]]) -> Cells:
     return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)
 
 
@@ -168,15 +171,16 @@ def slabs(box: CellBox, axis: int = 0) -> Iterator[Cells]:
         if layer > 2 * _SLAB and axis + 1 < len(lower):
             yield from slabs((first, last), axis + 1)
         else:
-            yield grid((first, last))
+            yield grid(first, last)
 
 
 def sample(box: CellBox, most: int = 100_000) -> Cells:
     """Return at most about `most` cells spread evenly over a box, its corners included."""
     lower, upper = box
     each = max(2, floor(most ** (1.0 / len(lower))))
-    ranges = [
-        np.unique(np.linspace(low, high - 1, min(each, int(high - low))).astype(np.int64))
-        for low, high in zip(lower, upper, strict=True)
-    ]
-    return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)
+    return _crossed(
+        [
+            np.unique(np.linspace(low, high - 1, min(each, int(high - low))).astype(np.int64))
+            for low, high in zip(lower, upper, strict=True)
+        ]
+    )

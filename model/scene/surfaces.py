@@ -101,7 +101,7 @@ def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) ->
     if count((lower, upper)) == 0:
         raise SceneError(f"{where}: lies outside the array, which goes from 0 to {lattice.extent}")
     _check_count((lower, upper), where)
-    above = grid((lower, upper))
+    above = grid(lower, upper)
     below = above.copy()
     below[:, axis] -= 1
     body_above, body_below = filling.kinds(above) >= 0, filling.kinds(below) >= 0
@@ -167,7 +167,7 @@ def _body_cells(filling: Filling, box: CellBox, where: str) -> Cells:
     lower, upper = box
     box = (lower, np.maximum(lower, upper))
     _check_count(box, where)
-    cells = grid(box)
+    cells = grid(*box)
     return cells[filling.kinds(cells) >= 0]
 
 

@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 
 from kaju.errors import SceneError, SceneFileError
 
+from .body import Body
 from .description import Description
 from .pictures import Picture
 from .toml_text import dumps
+
+_DRAWN = ("body", "legend")
 
 
 def table_of(scene: Description) -> dict[str, Any]:
@@ -82,17 +85,23 @@ def _drawn(table: Mapping[str, Any], picture: Picture | None) -> dict[str, Any]:
     if picture is None or "drawing" in table["body"] or not picture.drawable:
         return dict(table)
     drawing, legend = picture.drawing()
-    return {**table, "body": _without_picture(table) | {"drawing": drawing}, "legend": legend}
+    return _with_picture(table, "drawing", drawing, legend)
 
 
 def _arrayed(table: Mapping[str, Any], picture: Picture, name: str) -> dict[str, Any]:
     """Return the table with its picture turned into an array of that name."""
     legend = {str(code): filling for code, filling in enumerate(picture.names)}
-    return {**table, "body": _without_picture(table) | {"array": name}, "legend": legend}
+    return _with_picture(table, "array", name, legend)
 
 
-def _without_picture(table: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: part for key, part in table["body"].items() if key not in ("image", "array")}
+def _with_picture(
+    table: Mapping[str, Any], key: str, picture: str, legend: dict[str, str]
+) -> dict[str, Any]:
+    """Return the table with its image or array replaced, the keys in their usual order."""
+    given = {**table["body"], key: picture}
+    others = {"drawing", "image", "array"} - {key}
+    body = {name: given[name] for name in Body.model_fields if name in given.keys() - others}
+    return {"body": body, "legend": legend} | {k: v for k, v in table.items() if k not in _DRAWN}
 
 
 def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) -> None:

@@ -1,0 +1,309 @@
+"""Loads: which cells and faces they act on, and with how much force."""
+
+import numpy as np
+import pytest
+
+from kaju.model.scene import Scene
+from kaju.model.scene.kinds import AIR
+
+LEFT, RIGHT, BOTTOM, TOP, MIDDLE = 0, 1, 2, 3, -1
+
+
+def plate(*loads, cells=(4, 3), sides=None, **body):
+    return Scene(
+        body={"cells": cells, "cell_size": 0.1, "material": "steel", "thickness": 0.5, **body}
+        if len(cells) == 2
+        else {"cells": cells, "cell_size": 0.1, "material": "steel", **body},
+        sides={"bottom": "rigid"} if sides is None else sides,
+        loads=list(loads),
+    )
+
+
+def rows(applied):
+    """Cell, direction and force of every entry, in a fixed order."""
+    parts = zip(
+        applied.cells.tolist(), applied.direction.tolist(), applied.force.tolist(), strict=True
+    )
+    return sorted((tuple(cell), d, tuple(round(f, 12) for f in force)) for cell, d, force in parts)
+
+
+@pytest.mark.parametrize(
+    ("force", "side"),
+    [((0, -1), TOP), ((0, 1), BOTTOM), ((1, 0), LEFT), ((-1, 0), RIGHT), ((-0.5, -1), TOP)],
+)
+def test_a_force_enters_by_the_face_it_points_into(force, side):
+    applied = plate({"cell": [1, 1], "force": force}).applied()
+    assert rows(applied) == [((1, 1), side, force)]
+
+
+def test_the_side_may_be_chosen():
+    applied = plate({"cell": [1, 2], "side": "left", "force": [0, -1]}).applied()
+    assert rows(applied) == [((1, 2), LEFT, (0, -1))]
+
+
+def test_a_diagonal_force_enters_by_the_surface_or_in_the_middle():
+    assert plate({"cell": [1, 2], "force": [1, -1]}).applied().direction.tolist() == [TOP]
+    assert plate({"cell": [1, 1], "force": [1, -1]}).applied().direction.tolist() == [MIDDLE]
+    assert plate({"cell": [0, 2], "force": [1, -1]}).applied().direction.tolist() == [MIDDLE]
+
+
+def test_loads_grow_in_their_steps():
+    scene = plate(
+        {"cell": [1, 2], "force": [0, -4], "steps": 4}, {"cell": [2, 2], "force": [0, -1]}
+    )
+    assert scene.stages == 4
+    assert scene.applied(1).force.tolist() == [[0, -1], [0, -1]]
+    assert scene.applied(3).force.tolist() == [[0, -3], [0, -1]]
+    assert scene.applied().force.tolist() == scene.applied(4).force.tolist() == [[0, -4], [0, -1]]
+    for stage in (0, 5):
+        with pytest.raises(ValueError, match=rf"stage: must lie between 1 and 4, got {stage}"):
+            scene.applied(stage)
+
+
+def test_a_scene_without_loads():
+    applied = plate().applied()
+    assert applied.cells.shape == (0, 2)
+    assert applied.direction.shape == (0,)
+    assert applied.force.shape == (0, 2)
+
+
+def test_a_point_inside_a_cell():
+    applied = plate({"point": [0.13, 0.17], "force": [0, -1]}).applied()
+    assert rows(applied) == [((1, 1), TOP, (0, -1))]
+
+
+def test_a_point_on_the_surface_between_two_cells_is_shared():
+    applied = plate({"point": [0.2, 0.3], "force": [0, -1]}).applied()
+    assert rows(applied) == [((1, 2), TOP, (0, -0.5)), ((2, 2), TOP, (0, -0.5))]
+
+
+def test_a_point_between_four_cubes():
+    applied = plate({"point": [0.1, 0.1, 0.2], "force": [0, 0, -1]}, cells=(2, 2, 2)).applied()
+    assert rows(applied) == [((i, j, 1), 5, (0, 0, -0.25)) for i in (0, 1) for j in (0, 1)]
+
+
+def test_a_whole_side():
+    applied = plate({"side": "top", "force": [0, -2]}).applied()
+    assert rows(applied) == [((i, 2), TOP, (0, -0.5)) for i in range(4)]
+
+
+def test_a_side_means_the_body_only():
+    scene = Scene.from_drawing(
+        "#.#\n###",
+        legend={"#": "steel", ".": "air"},
+        cell_size=1.0,
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0, -1]}, {"side": "left", "force": [1, 0]}],
+    )
+    assert rows(scene.applied()) == [
+        ((0, 0), LEFT, (0.5, 0)),
+        ((0, 1), LEFT, (0.5, 0)),
+        ((0, 1), TOP, (0, -0.5)),
+        ((2, 1), TOP, (0, -0.5)),
+    ]
+
+
+def test_pressure_pushes_against_each_face():
+    applied = plate({"side": "left", "pressure": 100.0}).applied()
+    # 0.1 m x 0.5 m x 100 Pa
+    assert rows(applied) == [((0, j), LEFT, (5.0, 0)) for j in range(3)]
+    applied = plate({"side": "top", "pressure": 100.0}, cells=(2, 1, 1)).applied()
+    assert rows(applied) == [((i, 0, 0), 5, (0, 0, -1.0)) for i in range(2)]
+
+
+def test_pressure_on_one_face_of_a_cell():
+    applied = plate({"cell": [3, 1], "side": "right", "pressure": -100.0}).applied()
+    assert rows(applied) == [((3, 1), RIGHT, (5.0, 0))]
+
+
+def test_a_box_without_thickness_is_the_surface_on_its_plane():
+    applied = plate({"region": {"box": [[0.1, 0.3], [0.3, 0.3]]}, "force": [0, -1]}).applied()
+    assert rows(applied) == [((1, 2), TOP, (0, -0.5)), ((2, 2), TOP, (0, -0.5))]
+
+
+def test_a_face_covered_in_part_takes_part_of_the_force():
+    box = [[0.15, 0.3], [0.3, 0.3]]
+    applied = plate({"region": {"box": box}, "force": [0, -3]}).applied()
+    assert rows(applied) == [((1, 2), TOP, (0, -1)), ((2, 2), TOP, (0, -2))]
+    applied = plate({"region": {"box": box}, "pressure": 100.0}).applied()
+    assert rows(applied) == [((1, 2), TOP, (0, -2.5)), ((2, 2), TOP, (0, -5))]
+
+
+def test_the_walls_of_a_hole():
+    hole = {"box": [[0.1, 0.1], [0.3, 0.2]], "material": "air"}
+    pressed = {"region": {"box": [[0.1, 0.1], [0.3, 0.1]]}, "pressure": 20.0}
+    applied = plate(pressed, regions=[hole]).applied()
+    assert rows(applied) == [((1, 0), TOP, (0, -1)), ((2, 0), TOP, (0, -1))]
+    lifted = {"region": {"box": [[0.1, 0.2], [0.3, 0.2]]}, "pressure": 20.0}
+    applied = plate(lifted, regions=[hole]).applied()
+    assert rows(applied) == [((1, 2), BOTTOM, (0, 1)), ((2, 2), BOTTOM, (0, 1))]
+
+
+def test_a_box_with_thickness_takes_the_cells_inside():
+    applied = plate({"region": {"box": [[0.1, 0.1], [0.3, 0.2]]}, "force": [1, 0]}).applied()
+    assert rows(applied) == [((1, 1), MIDDLE, (0.5, 0)), ((2, 1), MIDDLE, (0.5, 0))]
+
+
+def test_a_box_in_space():
+    box = [[0.0, 0.1, 0.2], [0.2, 0.2, 0.2]]
+    applied = plate({"region": {"box": box}, "force": [0, 0, -1]}, cells=(2, 2, 2)).applied()
+    assert rows(applied) == [((i, 1, 1), 5, (0, 0, -0.5)) for i in range(2)]
+
+
+def test_gravity_pulls_every_cell_of_the_body():
+    scene = plate(
+        cells=(2, 2),
+        gravity=[0.0, -10.0],
+        regions=[
+            {"box": [[0, 0.1], [0.1, 0.2]], "material": "air"},
+            {"box": [[0.1, 0.1], [0.2, 0.2]], "material": "ice"},
+        ],
+    )
+    # density x 0.1 m x 0.1 m x 0.5 m x 10 m/s²
+    assert rows(scene.applied()) == [
+        ((0, 0), MIDDLE, (0, -392.5)),
+        ((1, 0), MIDDLE, (0, -392.5)),
+        ((1, 1), MIDDLE, (0, -45.85)),
+    ]
+    assert scene.applied().force[:, 0].tolist() == [0, 0, 0]
+
+
+def test_gravity_adds_to_the_loads_in_every_stage():
+    scene = plate({"cell": [0, 0], "force": [0, -8], "steps": 2}, cells=(1, 1), gravity=[0, -10])
+    assert rows(scene.applied(1)) == [((0, 0), MIDDLE, (0, -392.5)), ((0, 0), TOP, (0, -4))]
+
+
+def test_a_hexagon_side_has_two_faces():
+    scene = plate({"side": "top", "force": [0, -1]}, cells=(2, 2), lattice="hexagon")
+    assert rows(scene.applied()) == [((i, 1), arm, (0, -0.25)) for i in range(2) for arm in (1, 2)]
+
+
+def test_the_ragged_left_side_of_hexagons():
+    scene = plate({"side": "left", "pressure": 1.0}, cells=(2, 3), lattice="hexagon")
+    applied = scene.applied()
+    faces = {
+        (tuple(cell), int(arm)) for cell, arm in zip(applied.cells, applied.direction, strict=True)
+    }
+    assert faces == {((0, 0), 2), ((0, 0), 3), ((0, 1), 3), ((0, 2), 3), ((0, 2), 4)}
+    edge = 0.1 / np.sqrt(3.0) * 0.5
+    assert np.allclose(np.linalg.norm(applied.force, axis=1), edge, rtol=1e-14)
+    assert np.allclose(applied.force.sum(axis=0), [4 * edge, 0.0], rtol=1e-14)
+
+
+def test_a_force_straight_at_a_corner_of_a_hexagon_enters_in_the_middle():
+    hexagons = {"cells": (3, 3), "lattice": "hexagon"}
+    assert rows(plate({"cell": [1, 2], "force": [0, -1]}, **hexagons).applied()) == [
+        ((1, 2), MIDDLE, (0, -1))
+    ]
+    assert rows(plate({"cell": [1, 1], "force": [1, 0]}, **hexagons).applied()) == [
+        ((1, 1), 3, (1, 0))
+    ]
+
+
+def test_a_box_of_hexagons():
+    load = {"region": {"box": [[0, 0], [10, 0.1]]}, "force": [0, -1]}
+    scene = plate(load, cells=(2, 2), lattice="hexagon")
+    assert rows(scene.applied()) == [((i, 0), MIDDLE, (0, -0.5)) for i in range(2)]
+
+
+def test_a_million_loads_on_a_large_block():
+    scene = plate({"side": "top", "force": [0, 0, -1e6]}, cells=(1000, 1000, 100))
+    applied = scene.applied()
+    assert applied.cells.shape == (10**6, 3)
+    assert np.all(applied.cells[:, 2] == 99)
+    assert len(np.unique(scene.lattice.key(applied.cells))) == 10**6
+    assert np.all(applied.force == [0, 0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("load", "told"),
+    [
+        ({"cell": [4, 0], "force": [0, 1]}, r"loads.0.cell: \[4, 0\] lies outside .* 4 x 3 cells"),
+        ({"cell": [0, -1], "force": [0, 1]}, r"loads.0.cell: \[0, -1\] lies outside"),
+        ({"cell": [0, 2], "force": [0, 1]}, r"loads.0.cell: \[0, 2\] is air, not body"),
+        ({"cell": [1, 2], "force": [0, 1]}, r"loads.0.cell: \[1, 2\] is rigid, not body"),
+        ({"cell": [1], "force": [0, 1]}, r"loads.0.cell: \[1\] should have 2 numbers"),
+        ({"cell": [1, 1], "force": [0, 1, 0]}, "loads.0.force: .* should have 2 numbers"),
+        ({"cell": [1, 1], "force": [0, 0]}, "loads.0.force: is zero along every axis"),
+        ({"cell": [1, 1], "pressure": 1.0}, "loads.0.side: is needed to press on a single cell"),
+        ({"cell": [1, 1], "side": "top", "pressure": 0.0}, "loads.0.pressure: is zero"),
+        ({"cell": [1, 1], "side": "tip", "force": [0, 1]}, r"no side 'tip' \(did you mean 'top'"),
+        ({"cell": [1, 1], "side": "front", "force": [0, 1]}, "there is left, right, bottom, top"),
+        ({"cell": [1, 1], "point": [0, 0], "force": [0, 1]}, "a load acts in one place"),
+        ({"force": [0, 1]}, "loads.0.cell: a load acts in one place"),
+        ({"cell": [1, 1]}, "loads.0.force: give either force"),
+        ({"cell": [1, 1], "force": [0, 1], "pressure": 1.0}, "force .* or pressure .*not both"),
+        ({"cell": [1, 1], "force": [0, 1], "steps": 0}, "loads.0.steps: must be above 0, got 0"),
+        ({"cell": [1, 1], "force": [0, 1], "steps": 1.5}, "loads.0.steps: must be a whole number"),
+        ({"cell": [1, 1], "force": [0, 1], "steps": "2"}, "loads.0.steps: must be a whole number"),
+        ({"cell": [1, 1], "force": [0, float("nan")]}, "loads.0.force.1: must be finite, got nan"),
+        ({"cell": [1.5, 1], "force": [0, 1]}, "loads.0.cell.0: must be a whole number, got 1.5"),
+        ({"cell": [1, 1], "forse": [0, 1]}, r"loads.0.forse: unknown key \(did you mean 'force'"),
+        ({"point": [0.5, 0.1], "force": [0, 1]}, "loads.0.point: .* lies outside the array"),
+        ({"point": [1e12, 0.1], "force": [0, 1]}, "loads.0.point: .* lies outside the array"),
+        ({"point": [0.05, 0.25], "force": [0, 1]}, "where there is air, not body"),
+        (
+            {"side": "bottom", "force": [0, 1]},
+            "loads.0.side: 4 of its faces are held, first .*rigid",
+        ),
+        ({"region": {"box": [[0, 0.25], [1, 0.25]]}, "force": [0, 1]}, "no faces .* y = 0.25 m"),
+        ({"region": {"box": [[0, 0.1], [1, 0.1]]}, "force": [0, 1]}, "it is inside the body"),
+        ({"region": {"box": [[0, 0.3], [0.1, 0.3]]}, "force": [0, 1]}, "in the air or on the gr"),
+        ({"region": {"box": [[0.5, 0.3], [0.6, 0.3]]}, "force": [0, 1]}, "lies outside the array"),
+        ({"region": {"box": [[0, 0], [1, 1]]}, "pressure": 1.0}, "a pressure acts on a surface"),
+        ({"region": {"box": [[0, 0], [0, 0]]}, "force": [0, 1]}, "no thickness along x and y"),
+        ({"region": {"box": [[1, 0], [0, 0]]}, "force": [0, 1]}, "must be the lower one"),
+        ({"region": {"box": [[0, 0, 0], [1, 1, 1]]}, "force": [0, 1]}, "should have 2 numbers"),
+        ({"region": {"box": [[0, 0.2], [0.1, 0.3]]}, "force": [0, 1]}, "no cell of the body in th"),
+        ({"region": {"box": [[0, 0.2], [0.1, 0.3]]}, "side": "top", "force": [0, 1]}, "leave side"),
+    ],
+)
+def test_a_load_that_cannot_be(load, told):
+    regions = [
+        {"box": [[0, 0.2], [0.1, 0.3]], "material": "air"},
+        {"box": [[0.1, 0.2], [0.2, 0.3]], "material": "rigid"},
+    ]
+    with pytest.raises(ValueError, match=told):
+        plate(load, regions=regions)
+
+
+def test_a_side_without_body():
+    air = {"box": [[0, 0.2], [0.4, 0.3]], "material": "air"}
+    with pytest.raises(ValueError, match=r"loads.0.side: no cell of the body lies at the top"):
+        plate({"side": "top", "force": [0, -1]}, regions=[air])
+
+
+def test_too_many_faces():
+    with pytest.raises(ValueError, match=r"loads.0.side: selects up to 1e\+10 cells, more than 5e"):
+        plate({"side": "top", "force": [0, 0, -1]}, cells=(10**5, 10**5, 10))
+
+
+def test_hexagons_have_no_faces_in_a_plane():
+    load = {"region": {"box": [[0, 0.1], [1, 0.1]]}, "force": [0, 1]}
+    with pytest.raises(ValueError, match=r"hexagons have no faces in a plane"):
+        plate(load, cells=(2, 2), lattice="hexagon")
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ({"gravity": [0, -9.81, 0]}, "body.gravity: 2 numbers are needed"),
+        ({"gravity": [0, -9.81], "material": "mud"}, "materials.mud.density: is needed"),
+        ({"gravity": [0, -9.81], "cells": [10**5, 10**5]}, r"body.gravity: .* 1e\+10 cells"),
+        ({"gravity": [0, float("inf")]}, "body.gravity.1: must be finite, got inf"),
+    ],
+)
+def test_gravity_that_cannot_be(body, told):
+    with pytest.raises(ValueError, match=told):
+        Scene(
+            body={"cells": [2, 2], "cell_size": 0.1, "material": "steel", **body},
+            materials={"mud": {"youngs_modulus": 1e3, "poissons_ratio": 0.4}},
+            sides={"bottom": "rigid"},
+        )
+
+
+def test_air_takes_no_weight():
+    scene = plate(cells=(2, 1), gravity=[0.0, -1.0], regions=[
+        {"box": [[0, 0], [0.1, 0.1]], "material": "air"}])  # fmt: skip
+    assert scene.kinds(scene.applied().cells).tolist() == [0]
+    assert scene.kinds([[0, 0]]).tolist() == [AIR]

@@ -1,0 +1,215 @@
+"""Bodies: plates, drawings, images, arrays; what is where, and beyond the sides."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from kaju.agents.rules import PrescribedRule
+from kaju.model.scene import Scene
+from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
+
+PLATE = """
+[body]
+size = [0.2, 0.2]
+cells = [20, 20]
+thickness = 0.002
+material = "steel"
+[materials.steel]
+youngs_modulus = 206e9
+poissons_ratio = 0.3
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [10, 19]
+force = [0.0, -2.0]
+steps = 20
+[rule]
+kind = "prescribed"
+alpha = [0.5, 0.5, 0.25]
+beta = 0.5
+threshold = 0.01
+"""
+DRAWN = """
+[body]
+cell_size = 0.01
+thickness = 0.005
+drawing = '''
+..##.
+.###.
+=====
+'''
+[legend]
+"." = "air"
+"#" = "rubber"
+"=" = "rigid"
+"""
+HELD = {"left": "rigid", "bottom": "rigid"}
+LEGEND = {".": "air", "#": "rubber", "=": "rigid", "s": "steel"}
+
+
+def test_the_worked_plate():
+    scene = Scene.from_toml(PLATE)
+    assert scene.lattice.kind == "square"
+    assert scene.lattice.shape == (20, 20)
+    assert scene.lattice.cell_size == 0.01
+    assert (scene.plane, scene.thickness, scene.stages) == ("stress", 0.002, 20)
+    assert scene.rule == PrescribedRule((0.5, 0.5, 0.25), 0.5, 0.01)
+    (steel,) = scene.cell_materials
+    assert (steel.name, steel.youngs_modulus, steel.poissons_ratio) == ("steel", 206e9, 0.3)
+    assert str(scene) == (
+        "20 x 20 squares of 0.01 m (steel), 1 loads in 20 stages, prescribed rule"
+    )
+
+
+def test_a_plate_is_material_inside_and_its_sides_outside():
+    scene = Scene.from_toml(PLATE)
+    around = [[0, 0], [19, 19], [5, -1], [5, 20], [-1, 5], [20, 5]]
+    assert scene.kinds(around).tolist() == [0, 0, RIGID, AIR, AIR, AIR]
+    lower, upper = scene.bounds()
+    assert (lower.tolist(), upper.tolist()) == ([0, 0], [20, 20])
+    assert np.all(scene.rasterise() == 0)
+
+
+def test_every_kind_of_side():
+    sides = {
+        "left": "roller",
+        "right": {"stiffness": 1e9},
+        "bottom": "rigid",
+        "top": {"displacement": [0.0, -1e-4]},
+    }
+    scene = Scene(body={"cell_size": 1.0, "cells": [2, 2], "material": "steel"}, sides=sides)
+    beyond = [[-1, 0], [2, 0], [0, -1], [0, 2]]
+    assert scene.kinds(beyond).tolist() == [ROLLER, FOUNDATION, RIGID, DISPLACED]
+    assert scene.side_condition("right").stiffness == 1e9
+    assert scene.side_condition("top").displacement == (0.0, -1e-4)
+    assert scene.side_condition("bottom").kind == "rigid"
+
+
+def test_the_first_line_of_a_drawing_is_the_top():
+    scene = Scene.from_toml(DRAWN)
+    a, r = AIR, RIGID
+    assert scene.rasterise().T[::-1].tolist() == [[a, a, 0, 0, a], [a, 0, 0, 0, a], [r] * 5]
+    assert scene.kinds([[2, 2], [0, 0], [0, 2], [1, 1]]).tolist() == [0, RIGID, AIR, 0]
+    lower, upper = scene.bounds()
+    assert (lower.tolist(), upper.tolist()) == ([1, 1], [4, 3])
+
+
+def test_a_drawing_may_be_indented():
+    scene = Scene.from_drawing("  ##\n  ##\n", legend=LEGEND, cell_size=1.0, sides=HELD)
+    assert scene.lattice.shape == (2, 2)
+
+
+def test_a_letter_may_be_a_space():
+    legend = {" ": "air", "#": "steel"}
+    scene = Scene.from_drawing("# \n##", legend=legend, cell_size=1.0, sides=HELD)
+    assert scene.rasterise().T[::-1].tolist() == [[0, AIR], [0, 0]]
+
+
+def test_two_letters_may_mean_one_material():
+    legend = {"a": "steel", "b": "steel", "c": "rubber"}
+    scene = Scene.from_drawing("abc", legend=legend, cell_size=1.0, sides=HELD)
+    assert scene.rasterise()[:, 0].tolist() == [0, 0, 1]
+    assert [material.name for material in scene.cell_materials] == ["steel", "rubber"]
+
+
+def test_an_array_is_indexed_by_x_then_y():
+    codes = np.array([[0, 7], [7, 7], [0, 0]])
+    scene = Scene.from_array(codes, legend={0: "air", 7: "ice"}, cell_size=0.1, sides=HELD)
+    assert scene.rasterise().tolist() == [[AIR, 0], [0, 0], [AIR, AIR]]
+
+
+def test_cubes_from_a_file_of_codes(tmp_path):
+    codes = np.zeros((2, 3, 4), dtype=np.uint8)
+    codes[0] = 1
+    np.save(tmp_path / "body.npy", codes)
+    scene = Scene.from_array(
+        tmp_path / "body.npy",
+        legend={1: "steel", 0: "rigid"},
+        cell_size=0.1,
+    )
+    assert scene.lattice.kind == "cube"
+    assert (scene.plane, scene.thickness) == (None, 1.0)
+    assert scene.rasterise()[0].tolist() == [[0] * 4] * 3
+    assert scene.rasterise()[1].tolist() == [[RIGID] * 4] * 3
+
+
+def test_an_image_is_read_by_its_colours(tmp_path):
+    pixels = np.array(
+        [
+            [[0, 0, 0, 0], [255, 0, 0, 255], [0, 0, 0, 0]],
+            [[255, 0, 0, 255], [255, 0, 0, 255], [18, 52, 86, 255]],
+        ],
+        dtype=np.uint8,
+    )
+    Image.fromarray(pixels).save(tmp_path / "body.png")
+    scene = Scene.from_image(
+        tmp_path / "body.png",
+        legend={"transparent": "air", "red": "rubber", "#123456": "rigid"},
+        cell_size=0.01,
+    )
+    assert scene.rasterise().T[::-1].tolist() == [[AIR, 0, AIR], [0, 0, RIGID]]
+
+
+def test_hexagons():
+    scene = Scene(
+        body={"lattice": "hexagon", "cells": [3, 4], "cell_size": 0.1, "material": "oak"},
+        sides={"bottom": "rigid"},
+    )
+    assert scene.lattice.kind == "hexagon"
+    assert scene.kinds([[0, 0], [-1, 0], [0, -1]]).tolist() == [0, AIR, RIGID]
+
+
+def test_numpy_numbers_are_numbers():
+    scene = Scene(
+        body={
+            "size": np.array([0.2, 0.1]),
+            "cells": np.array([4, 2]),
+            "material": "steel",
+            "thickness": np.float64(0.01),
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"cell": (np.int64(1), 1), "force": np.array([0.0, -1.0]), "steps": np.int32(3)}],
+    )
+    assert scene.lattice.shape == (4, 2)
+    assert scene.loads[0].force == (0.0, -1.0)
+    assert scene.stages == 3
+
+
+def test_a_material_may_have_a_base():
+    scene = Scene(
+        body={"cells": [2, 2], "cell_size": 1.0, "material": "soft steel"},
+        materials={"soft steel": {"base": "steel", "youngs_modulus": 1e9}},
+        sides={"bottom": "rigid"},
+    )
+    (soft,) = scene.cell_materials
+    assert (soft.name, soft.youngs_modulus, soft.density) == ("soft steel", 1e9, 7850.0)
+
+
+def test_a_giant_plate_costs_nothing_until_it_is_asked():
+    scene = Scene(
+        body={
+            "cells": [10**6, 10**6],
+            "cell_size": 1e-5,
+            "material": "steel",
+            "regions": [{"disk": {"centre": [5.0, 5.0], "radius": 1.0}, "material": "air"}],
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [500_000, 10**6 - 1], "force": [0.0, -2.0]}],
+    )
+    assert scene.kinds([[500_000, 500_000], [0, 0], [500_000, 10**6 - 1]]).tolist() == [AIR, 0, 0]
+    assert scene.applied().cells.tolist() == [[500_000, 10**6 - 1]]
+    with pytest.raises(ValueError, match=r"1000000 x 1000000 cells are more than the 2e"):
+        scene.rasterise()
+
+
+def test_equality_is_by_value():
+    one = Scene.from_toml(PLATE)
+    assert one == Scene.from_toml(PLATE)
+    assert one == Scene.from_toml(PLATE.replace("size = [0.2, 0.2]", "cell_size = 0.01"))
+    assert one != Scene.from_toml(PLATE.replace("-2.0", "-2.1"))
+    assert one != Scene.from_toml(PLATE.replace("206e9", "205e9"))
+    assert one != Scene.from_toml(PLATE.replace('"rigid"', '"roller"'))
+    assert one != 5
+    drawn = Scene.from_toml(DRAWN)
+    assert drawn == Scene.from_toml(DRAWN.replace("#", "o"))
+    assert drawn != Scene.from_toml(DRAWN.replace("..##.", "..#.."))

@@ -1,0 +1,92 @@
+"""Single values changed by their key path, as the command's --set does."""
+
+import pytest
+
+from kaju.errors import SceneError
+from kaju.model.scene import Scene, load_scene
+
+PLATE = """
+[body]
+size = [0.2, 0.2]
+cells = [20, 20]
+material = "steel"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [10, 19]
+force = [0.0, -2.0]
+steps = 20
+"""
+
+
+def changed(**changes):
+    return Scene.from_toml(PLATE).with_overrides(
+        {key.replace("__", "."): value for key, value in changes.items()}
+    )
+
+
+def test_values_are_read_as_toml_writes_them():
+    scene = changed(
+        loads__0__steps="1",
+        rule__threshold="0.001",
+        rule__accumulate="true",
+        loads__0__force="[1, 0]",
+    )
+    assert scene.stages == 1
+    assert scene.rule.threshold == 0.001
+    assert scene.rule.accumulate is True
+    assert scene.loads[0].force == (1.0, 0.0)
+
+
+def test_what_is_no_toml_is_a_text():
+    assert changed(body__material="rubber").cell_materials[0].name == "rubber"
+    assert changed(body__material='"rubber"').cell_materials[0].name == "rubber"
+    assert changed(sides__left="roller").side_condition("left").kind == "roller"
+
+
+def test_items_of_lists_and_new_tables():
+    scene = changed(loads__0__force__1="-3", materials__steel__base="steel",
+                    sides__left="{stiffness = 1e6}", body__cells=[40, 40])  # fmt: skip
+    scene_again = Scene.from_toml(PLATE)
+    assert scene_again.loads[0].force == (0.0, -2.0)
+    assert scene.loads[0].force == (0.0, -3.0)
+    assert scene.side_condition("left").stiffness == 1e6
+    assert scene.lattice.shape == (40, 40)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("rule.treshold", "1", r"rule.treshold: unknown key \(did you mean 'threshold'\?\)"),
+        ("bodi.cells", "1", r"bodi: unknown key \(did you mean 'body'\?\)"),
+        (
+            "loads.1.steps",
+            "1",
+            "loads.1: loads is a list; its items are 0 to 0, there is no item '1'",
+        ),
+        ("loads.first.steps", "1", "loads.first: loads is a list; .* there is no item 'first'"),
+        ("loads.-1.steps", "1", "there is no item '-1'"),
+        ("loads.0.steps.0", "1", "loads.0.steps.0: loads.0.steps is 20, which has no parts"),
+        ("loads.0.force.2", "1", "loads.0.force is a list; its items are 0 to 1"),
+        ("body..cells", "1", "is not a key path"),
+        ("", "1", "is not a key path"),
+        ("loads.0.steps", "many", "loads.0.steps: must be a whole number, got 'many'"),
+        ("rule.threshold", "nan", "rule.threshold: must be finite, got nan"),
+    ],
+)
+def test_paths_and_values_that_cannot_be(key, value, told):
+    with pytest.raises(SceneError, match=told):
+        Scene.from_toml(PLATE).with_overrides({key: value})
+
+
+def test_one_value_cannot_smuggle_in_another():
+    with pytest.raises(SceneError, match=r"loads.0.steps: must be a whole number"):
+        changed(loads__0__steps="1\nother = 2")
+
+
+def test_a_file_may_be_mended_while_it_is_read(tmp_path):
+    path = tmp_path / "plate.toml"
+    path.write_text(PLATE.replace("steps = 20", "steps = 0"))
+    with pytest.raises(SceneError, match=r"plate.toml: loads.0.steps: must be above 0, got 0"):
+        load_scene(path)
+    assert load_scene(path, {"loads.0.steps": "2"}).stages == 2

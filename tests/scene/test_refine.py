@@ -1,0 +1,162 @@
+"""Refinement: the same body, supports and loads on finer cells."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kaju.errors import KajuError, ParameterError, SceneError
+from kaju.model.scene import Scene
+
+
+def plate(*loads, cells=(4, 3), **body):
+    return Scene(
+        body={"cells": cells, "cell_size": 0.1, "material": "steel", **body},
+        sides={"bottom": "rigid"},
+        loads=list(loads),
+    )
+
+
+def resultant(scene):
+    """Total force and its moment about the origin, forces at their faces' middles."""
+    lattice, applied = scene.lattice, scene.applied()
+    faces = np.vstack([lattice.normals, np.zeros(lattice.dimension)])[applied.direction]
+    place = lattice.centres(applied.cells) + 0.5 * lattice.cell_size * faces
+    moments = place[:, :, None] * applied.force[:, None, :]
+    return applied.force.sum(axis=0), (moments - moments.transpose(0, 2, 1)).sum(axis=0)
+
+
+def test_a_plate_keeps_its_size():
+    fine = plate().refine(3)
+    assert fine.lattice.shape == (12, 9)
+    assert np.allclose(fine.lattice.extent, plate().lattice.extent, rtol=1e-15)
+    sized = Scene(
+        body={"size": [0.2, 0.2], "cells": [20, 20], "material": "ice"}, sides={"top": "rigid"}
+    )
+    assert sized.refine(2).body.size == (0.2, 0.2)
+
+
+def test_by_one_nothing_changes():
+    scene = plate({"point": [0.1, 0.3], "force": [0, -1]})
+    assert scene.refine(1) == scene
+
+
+def test_pictures_repeat_their_cells():
+    scene = Scene.from_drawing(
+        "#.\n##", legend={"#": "ice", ".": "air"}, cell_size=0.1, sides={"bottom": "rigid"}
+    )
+    expected = np.kron(scene.rasterise(), np.ones((3, 3), dtype=int))
+    assert np.array_equal(scene.refine(3).rasterise(), expected)
+    assert scene.refine(2).refine(3) == scene.refine(6)
+
+
+def test_round_regions_become_rounder():
+    disk = {"disk": {"centre": [0.2, 0.2], "radius": 0.15}, "material": "air"}
+    scene = plate(cells=(4, 4), regions=[disk])
+    hole = [
+        np.count_nonzero(scene.refine(k).rasterise() < 0) * (0.1 / k) ** 2 for k in (1, 4, 16, 64)
+    ]
+    error = np.abs(np.array(hole) - np.pi * 0.15**2)
+    assert error[-1] < 1e-4
+    assert error[-1] < error[0] / 20
+
+
+def test_a_load_on_a_surface_cell_becomes_a_load_on_that_surface():
+    fine = plate({"cell": [1, 2], "force": [0, -2], "steps": 5}).refine(2)
+    (load,) = fine.loads
+    assert load.region is not None
+    assert fine.stages == 5
+    applied = fine.applied()
+    assert applied.cells.tolist() == [[2, 5], [3, 5]]
+    assert applied.direction.tolist() == [3, 3]
+    assert applied.force.tolist() == [[0, -1], [0, -1]]
+
+
+def test_a_load_inside_is_spread_over_the_same_face():
+    applied = plate({"cell": [1, 1], "force": [0, -2]}).refine(2).applied()
+    assert applied.cells.tolist() == [[2, 3], [3, 3]]
+    assert applied.direction.tolist() == [3, 3]
+    assert applied.force.tolist() == [[0, -1], [0, -1]]
+
+
+def test_a_load_in_the_middle_is_spread_over_the_cell():
+    applied = plate({"cell": [1, 1], "force": [2, -2]}).refine(2).applied()
+    assert sorted(applied.cells.tolist()) == [[2, 2], [2, 3], [3, 2], [3, 3]]
+    assert np.all(applied.direction == -1)
+    assert np.allclose(applied.force, [0.5, -0.5])
+
+
+def test_pressure_on_a_cell_stays_a_pressure():
+    load = {"cell": [0, 1], "side": "left", "pressure": 100.0}
+    coarse, fine = plate(load), plate(load).refine(4)
+    assert fine.loads[0].pressure == 100.0
+    assert np.allclose(fine.applied().force.sum(axis=0), coarse.applied().force.sum(axis=0))
+
+
+def test_a_load_against_ground_stays_on_its_face():
+    applied = plate({"cell": [1, 0], "force": [0, 2]}).refine(2).applied()
+    assert applied.cells.tolist() == [[2, 0], [3, 0]]
+    assert applied.direction.tolist() == [2, 2]
+
+
+def test_a_load_where_the_finer_body_has_no_cell_any_more():
+    hole = [[0.0, 0.27], [0.1, 0.27], [0.1, 0.2], [0.2, 0.2], [0.2, 0.3], [0.0, 0.3]]
+    region = {"polygon": hole, "material": "air"}
+    scene = plate({"cell": [0, 2], "force": [0, -4]}, regions=[region])
+    assert scene.kinds([[0, 2], [1, 2]]).tolist() == [0, -1]
+    total, _ = resultant(scene.refine(10))
+    assert np.allclose(total, [0, -4])
+
+
+sides = st.sampled_from(["left", "right", "bottom", "top"])
+forces = st.tuples(st.sampled_from([-2.0, -1.0, 0.0, 3.0]), st.sampled_from([-1.0, 2.0]))
+cells = st.tuples(st.integers(0, 3), st.integers(0, 2))
+boxes = st.tuples(st.floats(0.0, 0.15), st.floats(0.2, 0.4)).map(
+    lambda x: {"region": {"box": [[x[0], 0.3], [x[1], 0.3]]}}
+)
+places = st.one_of(
+    cells.map(lambda cell: {"cell": cell}),
+    st.tuples(cells, sides).map(lambda c: {"cell": c[0], "side": c[1]}),
+    st.tuples(st.floats(0.0, 0.4), st.floats(0.0, 0.3)).map(lambda p: {"point": p}),
+    boxes,
+    st.just({"side": "top"}),
+)
+
+
+@given(places, forces, st.integers(1, 5))
+def test_total_force_is_kept_and_moment_for_loads_on_faces(place, force, k):
+    scene = plate({**place, "force": force})
+    total, moment = resultant(scene)
+    fine_total, fine_moment = resultant(scene.refine(k))
+    assert np.allclose(fine_total, total, rtol=1e-12, atol=1e-12)
+    if "point" not in place and "region" not in place:
+        assert np.allclose(fine_moment, moment, rtol=1e-12, atol=1e-12)
+
+
+@given(st.tuples(st.integers(0, 1), st.integers(0, 1), st.integers(0, 1)), st.integers(2, 3))
+def test_cubes(cell, k):
+    scene = plate({"cell": cell, "force": [0, 0, -1]}, cells=(2, 2, 2))
+    fine = scene.refine(k)
+    assert len(fine.applied().cells) == k * k
+    for ours, theirs in zip(resultant(scene), resultant(fine), strict=True):
+        assert np.allclose(ours, theirs, rtol=1e-12, atol=1e-14)
+
+
+def test_hexagons_do_not_nest():
+    with pytest.raises(SceneError, match=r"a hexagon is not made of smaller hexagons"):
+        plate(lattice="hexagon").refine(2)
+
+
+@pytest.mark.parametrize("k", [0, -1, 1.5, True, "2"])
+def test_by_what_is_no_whole_number(k):
+    with pytest.raises(ParameterError, match=r"k: must be a whole number from 1 upwards"):
+        plate().refine(k)
+
+
+def test_too_fine():
+    scene = Scene.from_array(np.ones((9, 9), int), legend={1: "ice"}, cell_size=1.0,
+                             sides={"top": "rigid"})  # fmt: skip
+    with pytest.raises(SceneError, match=r"body: 18000 x 18000 cells are more than the 2e"):
+        scene.refine(2000)
+    with pytest.raises(KajuError, match=r"can be counted"):
+        plate().refine(10**9)

@@ -1,0 +1,178 @@
+"""Regions: shapes over a background, evaluated at the cells' centres."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from kaju.errors import SceneError
+from kaju.model.scene import Scene
+from kaju.model.scene.filling import grid
+from kaju.model.scene.kinds import AIR, RIGID
+
+
+def plate(*regions, cells=(8, 8), **body):
+    return Scene(
+        body={
+            "cells": cells,
+            "cell_size": 1.0,
+            "material": "steel",
+            "allow_floating": True,
+            **body,
+        },
+        regions=list(regions),
+    )
+
+
+def picture(scene):
+    return scene.rasterise().T[::-1].tolist()
+
+
+def test_a_box_takes_the_cells_whose_centres_it_holds():
+    scene = plate({"box": [[1, 1], [2.4, 2.6]], "material": "air"}, cells=(3, 3))
+    assert picture(scene) == [[0, AIR, 0], [0, AIR, 0], [0, 0, 0]]
+
+
+def test_the_edge_belongs_to_the_region():
+    scene = plate({"box": [[0.5, 0.5], [2.5, 0.5 + 1.0]], "material": "air"}, cells=(4, 3))
+    assert np.argwhere(scene.rasterise() == AIR).tolist() == [
+        [0, 0], [0, 1], [1, 0], [1, 1], [2, 0], [2, 1],
+    ]  # fmt: skip
+
+
+def test_later_regions_cover_earlier_ones():
+    scene = plate(
+        {"box": [[0, 0], [3, 3]], "material": "rubber"},
+        {"box": [[1, 1], [2, 2]], "material": "rigid"},
+        cells=(3, 3),
+    )
+    assert [material.name for material in scene.cell_materials] == ["steel", "rubber"]
+    assert picture(scene) == [[1, 1, 1], [1, RIGID, 1], [1, 1, 1]]
+
+
+def test_a_disk():
+    scene = plate({"disk": {"centre": [4, 4], "radius": 1.6}, "material": "air"})
+    # the centres nearest to (4, 4) lie at distance 0.71 and 1.58
+    assert np.argwhere(scene.rasterise() == AIR).tolist() == [
+        [2, 3], [2, 4], [3, 2], [3, 3], [3, 4], [3, 5],
+        [4, 2], [4, 3], [4, 4], [4, 5], [5, 3], [5, 4],
+    ]  # fmt: skip
+
+
+def test_a_triangle_includes_the_centres_on_its_long_side():
+    scene = plate({"polygon": [[0, 0], [4, 0], [0, 4]], "material": "air"}, cells=(4, 4))
+    i, j = np.indices((4, 4))
+    assert np.array_equal(scene.rasterise() == AIR, i + j <= 3)
+
+
+def test_the_order_of_corners_does_not_matter():
+    corners = [[1, 1], [7, 2], [5, 6], [2, 7]]
+    one = plate({"polygon": corners, "material": "air"})
+    other = plate({"polygon": corners[::-1], "material": "air"})
+    assert np.array_equal(one.rasterise(), other.rasterise())
+
+
+def test_a_ball():
+    scene = plate(
+        {"ball": {"centre": [2, 2, 2], "radius": 1.0}, "material": "air"}, cells=(4, 4, 4)
+    )
+    assert np.argwhere(scene.rasterise() == AIR).tolist() == [
+        [i, j, k] for i in (1, 2) for j in (1, 2) for k in (1, 2)
+    ]
+
+
+def test_the_dark_pixels_of_an_image(tmp_path):
+    pixels = np.array([[255, 0], [0, 0]], dtype=np.uint8)
+    Image.fromarray(pixels).save(tmp_path / "hole.png")
+    hole = {"file": tmp_path / "hole.png", "box": [[1, 1], [5, 5]]}
+    scene = plate({"image": hole, "material": "air"}, cells=(6, 6))
+    expected = np.zeros((6, 6), dtype=bool)
+    expected[1:5, 1:3] = expected[3:5, 3:5] = True
+    assert np.array_equal(scene.rasterise() == AIR, expected)
+
+
+def test_a_body_of_regions_only():
+    scene = plate({"box": [[2, 3], [4, 5]], "material": "ice"}, cells=(100, 100), material="air")
+    lower, upper = scene.bounds()
+    inside = grid(lower, upper)
+    assert np.count_nonzero(scene.kinds(inside) == 0) == 4
+    assert np.count_nonzero(scene.rasterise() == 0) == 4
+    assert np.all(upper - lower <= 5)
+
+
+def test_regions_over_a_drawing():
+    scene = Scene.from_drawing(
+        "##\n##",
+        legend={"#": "steel"},
+        cell_size=1.0,
+        regions=[{"box": [[0, 0], [1, 1]], "material": "rubber"}],
+        sides={"bottom": "rigid"},
+    )
+    assert picture(scene) == [[0, 0], [1, 0]]
+
+
+def test_hexagons_are_asked_at_their_centres():
+    scene = plate(
+        {"box": [[0, 0], [1.2, 10]], "material": "air"},
+        cells=(3, 2),
+        lattice="hexagon",
+    )
+    # centres at x = 0.5, 1.5, 2.5 in the even row and 1.0, 2.0, 3.0 in the odd one
+    assert picture(scene) == [[AIR, 0, 0], [AIR, 0, 0]]
+
+
+numbers = st.floats(-1.0, 9.0).map(lambda x: round(x, 2))
+points = st.tuples(numbers, numbers)
+boxes = st.tuples(points, points).map(
+    lambda p: {"box": [np.minimum(*p).tolist(), (np.maximum(*p) + 1.0).tolist()]}
+)
+disks = st.builds(
+    lambda centre, radius: {"disk": {"centre": centre, "radius": radius}},
+    points,
+    st.floats(1.0, 4.0),
+)
+polygons = st.lists(points, min_size=3, max_size=6, unique=True).map(lambda p: {"polygon": p})
+shapes = st.one_of(boxes, disks, polygons)
+
+
+@given(st.lists(st.tuples(shapes, st.sampled_from(["air", "rigid", "rubber"])), max_size=4))
+def test_asking_cell_by_cell_is_rasterising(described):
+    regions = [{**shape, "material": material} for shape, material in described]
+    try:
+        scene = plate(*regions)
+    except SceneError:
+        with pytest.raises(SceneError, match=r"no extent|outside|no cell's centre|is body"):
+            plate(*regions)
+        return
+    i, j = np.indices((8, 8))
+    cells = np.stack([i.ravel(), j.ravel()], axis=1)
+    raster = scene.rasterise()
+    assert np.array_equal(scene.kinds(cells), raster.ravel())
+    lower, upper = scene.bounds()
+    outside = np.any((cells < lower) | (cells >= upper), axis=1)
+    assert np.all(raster.ravel()[outside] < 0)
+
+
+@given(shapes)
+def test_a_mirrored_region_fills_the_mirrored_cells(shape):
+    def mirrored(point):
+        return [8.0 - point[0], point[1]]
+
+    if "box" in shape:
+        (x0, y0), (x1, y1) = shape["box"]
+        other = {"box": [[8.0 - x1, y0], [8.0 - x0, y1]]}
+    elif "disk" in shape:
+        other = {"disk": {**shape["disk"], "centre": mirrored(shape["disk"]["centre"])}}
+    else:
+        other = {"polygon": [mirrored(corner) for corner in shape["polygon"]]}
+    try:
+        one = plate({**shape, "material": "rigid"}, {"box": [[0, 0], [1, 1]], "material": "ice"},
+                    {"box": [[7, 0], [8, 1]], "material": "ice"})  # fmt: skip
+    except ValueError:
+        with pytest.raises(ValueError, match=r"no extent|outside|no cell's centre"):
+            plate({**other, "material": "rigid"})
+        return
+    two = plate({**other, "material": "rigid"}, {"box": [[0, 0], [1, 1]], "material": "ice"},
+                {"box": [[7, 0], [8, 1]], "material": "ice"})  # fmt: skip
+    assert np.array_equal(one.rasterise(), two.rasterise()[::-1])

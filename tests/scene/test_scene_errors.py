@@ -1,0 +1,335 @@
+"""Each wrong description is one clear error: key path, rule, value, remedy."""
+
+import math
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from kaju.errors import KajuError, SceneError, SceneFileError
+from kaju.model.scene import Body, Load, Region, Scene, SideCondition
+
+BODY = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"}
+GIVEN = {"sides": {"bottom": "rigid"}, "loads": [{"cell": [10, 19], "force": [0, -2]}]}
+
+
+def scene(body=None, without=(), **parts):
+    merged = {key: value for key, value in {**BODY, **(body or {})}.items() if key not in without}
+    return Scene(**{"body": merged, **GIVEN, **parts})
+
+
+def drawn(**body):
+    return {"without": ("size", "cells", "material"), "body": {"cell_size": 0.1, **body}}
+
+
+BODIES = [
+    ({"size": [0.2, -0.2]}, "body.size.1: must be above 0, got -0.2; size is the edges"),
+    ({"size": [0.0, 0.2]}, "body.size.0: must be above 0, got 0.0"),
+    ({"size": [math.nan, 0.2]}, "body.size.0: must be finite, got nan"),
+    ({"size": [math.inf, 0.2]}, "body.size.0: must be finite, got inf"),
+    ({"size": [1e13, 1e13]}, r"body.size.0: must be 1e\+12 or less"),
+    ({"size": "big"}, "body.size: must be a list, got 'big'"),
+    ({"size": [True, 0.2]}, "body.size.0: must be a number, got True"),
+    ({"size": ["0.2", 0.2]}, "body.size.0: must be a number, got '0.2'"),
+    ({"size": [0.2, 0.1]}, "cells must be as high as wide, .* 0.01 x 0.005 m; change size or cel"),
+    ({"size": [0.2]}, "body.size: 1 edges are given for 2 axes"),
+    ({"size": [1e-11, 1e-11]}, "body.size: cells would be 5e-13 m wide"),
+    ({"cell_size": 0.01}, "body.size: give either size or cell_size"),
+    ({"size": None}, "body.size: give either size or cell_size"),
+    ({"cells": [20]}, r"body.cells: two or three numbers are needed, got \[20\]"),
+    ({"cells": [20, 0]}, "body.cells.1: must be above 0, got 0"),
+    ({"cells": [20.0, 20]}, "body.cells.0: must be a whole number, got 20.0"),
+    ({"cells": None}, "body.cells: is needed"),
+    ({"cells": [10**10, 10**10]}, r"cells are more than can be counted \(2\^62\)"),
+    ({"material": None}, 'body.material: is needed, such as "steel"'),
+    ({"material": "stele"}, r"body.material: there is no material 'stele' \(did you mean 'steel'"),
+    ({"material": "air"}, "body: none of the 20 x 20 cells is body"),
+    ({"material": "rigid"}, "body: none of the 20 x 20 cells is body"),
+    ({"material": 5}, "body.material: must be a text, got 5"),
+    ({"thickness": 0}, "body.thickness: must be above 0, got 0"),
+    (
+        {"plane": "strian"},
+        r"must be 'stress' or 'strain', got 'strian' \(did you mean 'strain'\?\)",
+    ),
+    ({"lattice": "hexagon"}, "body.size: rows of hexagons overlap; give cell_size"),
+    ({"lattice": "cube"}, "body.lattice: 'cube' has 3 axes, but body.cells names 2"),
+    ({"cells": [2, 2, 2], "size": [1, 1, 1]}, "body.thickness: belongs to two dimensions"),
+    ({"cells": [2, 2, 2], "lattice": "square"}, "body.lattice: 'square' has 2 axes"),
+    ({"allow_floating": "yes"}, "body.allow_floating: must be true or false, got 'yes'"),
+    ({"sise": [1, 1]}, r"body.sise: unknown key \(did you mean 'size'\?\); known are size, cells"),
+    ({"drawing": "##"}, "body.cells: the drawing has its own"),
+]
+
+
+@pytest.mark.parametrize(("body", "told"), BODIES)
+def test_bodies(body, told):
+    with pytest.raises(SceneError, match=told):
+        scene(body)
+
+
+PARTS = [
+    ({"bodi": 1}, r"bodi: unknown key \(did you mean 'body'\?\); known are body, legend"),
+    ({"legend": {"#": "steel"}}, "legend: explains a drawing, an image or an array; the body has"),
+    ({"legend": {"#": 5}}, "legend.#: must be a text, got 5"),
+    ({"materials": {"m": {"base": "stel"}}}, r"materials.m.base: .* 'stel' \(did you mean 'steel'"),
+    (
+        {"materials": {"m": {"youngs_modulus": 1}}},
+        "materials.m.poissons_ratio: is needed, or a base",
+    ),
+    ({"materials": {"m": {"base": "ice", "density": 0}}}, "materials.m.density: must be above 0"),
+    (
+        {"materials": {"m": {"base": "ice", "density": "9"}}},
+        "materials.m.density: must be a number",
+    ),
+    (
+        {"materials": {"m": {"base": "ice", "nu": 0.3}}},
+        "materials.m.nu: unknown key; known are base",
+    ),
+    ({"materials": {"m": "soft"}}, "materials.m: must be a table of youngs_modulus, .* got 'soft'"),
+    ({"materials": {"air": {"base": "ice"}}}, "materials.air: is not a material's name"),
+    (
+        {"materials": {"m": {"youngs_modulus": -1, "poissons_ratio": 0.3}}},
+        "materials.m.youngs_modulus: must be above 0 Pa, got -1",
+    ),
+    (
+        {"materials": {"m": {"youngs_modulus": 1, "poissons_ratio": 0.51}}},
+        "materials.m.poissons_ratio: must lie above -1 and up to 0.5, got 0.51",
+    ),
+    ({"sides": {"botom": "rigid"}}, r"sides.botom: .* \(did you mean 'bottom'\?\); there is left"),
+    ({"sides": {"front": "rigid"}}, "sides.front: there is no such side"),
+    ({"sides": {"bottom": "rigd"}}, r"sides.bottom: there is no 'rigd' \(did you mean 'rigid'\?\)"),
+    ({"sides": {"bottom": 5}}, "sides.bottom: must be a word or a table, got 5"),
+    ({"sides": {"bottom": {"stiffness": -1}}}, "sides.bottom.stiffness: must be above 0, got -1"),
+    ({"sides": {"bottom": {"stifness": 1}}}, r"sides.bottom.stifness: .* mean 'stiffness'"),
+    ({"sides": {"bottom": {"displacement": [0]}}}, "sides.bottom.displacement: 2 numbers are need"),
+    ({"sides": {"bottom": {"kind": "foundation"}}}, "sides.bottom: a foundation, and nothing els"),
+    ({"sides": {"bottom": {"kind": "displaced"}}}, "sides.bottom: a displaced side, and nothing"),
+    ({"sides": "rigid"}, "sides: must be a table, got 'rigid'"),
+    ({"loads": {"cell": [0, 0]}}, "loads: must be a list"),
+    ({"loads": [5]}, "loads.0: must be a table, got 5"),
+    ({"rule": "prescribed"}, "rule: must be a table or a rule, got 'prescribed'"),
+    ({"rule": {"kind": "elastik"}}, r"rule.kind: .* 'elastik' \(did you mean 'elastic'\?\)"),
+    ({"rule": {"kind": ["elastic"]}}, "rule.kind: there is no rule"),
+    ({"rule": {"treshold": 1.0}}, r"rule.treshold: unknown key \(did you mean 'threshold'\?\)"),
+    ({"rule": {"threshold": 0.0}}, "rule.threshold: must be a load above 0 N, got 0.0"),
+    ({"rule": {"alpha": [0.5, 0.5]}}, "rule.alpha: three shares .* are needed"),
+    ({"rule": {"alpha": [0.5, 0.5, -1]}}, "rule.alpha: α₃ must be a number from 0 upwards"),
+    ({"rule": {"beta": 2.0}}, "rule.beta: must lie between 0 and 1, got 2.0"),
+    ({"rule": {"accumulate": 1}}, "rule.accumulate: must be true or false, got 1"),
+    ({"rule": {"materials": {"steel": {"beta": 3.0}}}}, "rule.materials.steel.beta: must lie betw"),
+    ({"rule": {"materials": {"stel": {}}}}, r"rule.materials.stel: .* \(did you mean 'steel'\?\)"),
+    ({"rule": {"kind": "elastic", "alpha": [1, 1, 1]}}, "rule.alpha: unknown key; known are kind"),
+    ({"rule": {"kind": "elastic", "order": "waves"}}, "rule.order: must be one of 'wave'"),
+    ({"rule": {"kind": "elastic", "tolerance": 2.0}}, "rule.tolerance: must lie between 0 and 1"),
+]
+
+
+@pytest.mark.parametrize(("parts", "told"), PARTS)
+def test_parts(parts, told):
+    with pytest.raises(SceneError, match=told):
+        scene(**parts)
+
+
+REGIONS = [
+    ({"box": [[0, 0], [0.1, 0.1]]}, "body.regions.0.material: is needed"),
+    ({"material": "air"}, "body.regions.0.box: a region has exactly one shape .* got none"),
+    ({"box": [[0, 0], [0.1, 0.1]], "material": "gold"}, "body.regions.0.material: .* 'gold'"),
+    ({"box": [[1, 1], [2, 2]], "material": "air"}, "body.regions.0.box: lies outside the array"),
+    ({"box": [[0, 0], [0, 1]], "material": "air"}, "body.regions.0.box: .*must be the lower one"),
+    ({"box": [[0, 0, 0], [1, 1, 1]], "material": "air"}, "should have 2 coordinates"),
+    ({"box": [[0, 0]], "material": "air"}, "body.regions.0.box.1: is needed"),
+    ({"ball": {"centre": [0, 0], "radius": 1}, "material": "air"}, "three dimensions; use disk"),
+    ({"disk": {"centre": [0, 0], "radius": -1}, "material": "air"}, "0.disk.radius: must be above"),
+    ({"disk": {"center": [0, 0], "radius": 1}, "material": "air"}, "0.disk.center: .*'centre'"),
+    ({"disk": {"centre": [0.1, 0.1], "radius": 1e-3}, "material": "air"}, "holds no cell's centre"),
+    ({"polygon": [[0, 0], [1, 1]], "material": "air"}, "polygon: must have at least 3 entries"),
+    ({"polygon": [[0, 0], [0, 1], [0, 2]], "material": "air"}, "corners lie on one line"),
+    ({"image": {"file": "no.png"}, "material": "air"}, "0.image.file: there is no image no.png"),
+]
+
+
+@pytest.mark.parametrize(("region", "told"), REGIONS)
+def test_regions(region, told):
+    with pytest.raises(SceneError, match=told):
+        scene({"regions": [region]})
+
+
+def test_a_disk_has_no_place_in_space():
+    disk = {"disk": {"centre": [0, 0, 0], "radius": 1}, "material": "air"}
+    body = {"cells": [2, 2, 2], "cell_size": 1.0, "material": "ice", "regions": [disk]}
+    with pytest.raises(SceneError, match=r"body.regions.0.disk: belongs to two .* box or ball"):
+        Scene(body=body)
+
+
+def test_regions_are_given_once():
+    region = {"box": [[0, 0], [0.1, 0.1]], "material": "ice"}
+    with pytest.raises(SceneError, match=r"regions: belong into body; give them once"):
+        scene({"regions": [region]}, regions=[region])
+
+
+def test_several_problems_are_told_together():
+    with pytest.raises(SceneError, match=r"2 problems:\n  body.thickness: .*\n  loads.0.steps: "):
+        scene({"thickness": -1}, loads=[{"cell": [0, 0], "force": [0, -1], "steps": 0}])
+
+
+@pytest.mark.parametrize(
+    ("drawing", "legend", "told"),
+    [
+        ("##\n#", {"#": "ice"}, "line 2 has 1 letters, line 1 has 2; all rows must be equally"),
+        ("##\n#x", {"#": "ice"}, r"line 2, letter 2 is 'x', which \[legend\] does not explain"),
+        ("##", {"##": "ice"}, "legend: '##' is not a letter"),
+        ("##", {"#": "icy"}, r"legend: there is no material 'icy' \(did you mean 'ice'"),
+        ("\n\n", {"#": "ice"}, "body.drawing: is empty"),
+        ("##", {}, "legend: is needed to explain the drawing"),
+    ],
+)
+def test_drawings(drawing, legend, told):
+    with pytest.raises(SceneError, match=told):
+        scene(**drawn(drawing=drawing), legend=legend)
+
+
+@pytest.mark.parametrize(
+    ("array", "legend", "told"),
+    [
+        (np.zeros((3, 3)), {0: "ice"}, "must hold whole numbers, got float64"),
+        (np.zeros((3, 3), int), {1: "ice"}, r"9 cells have a code .* first 0 in cell \[0, 0\]"),
+        (np.zeros(3, int), {0: "ice"}, r"two or three axes, got shape \(3,\)"),
+        (np.zeros((0, 3), int), {0: "ice"}, r"two or three axes, got shape \(0, 3\)"),
+        (np.zeros((3, 3), int), {"x": "ice"}, "legend: 'x' is not a whole number"),
+        ("no.npy", {0: "ice"}, "body.array: there is no array no.npy"),
+    ],
+)
+def test_arrays(array, legend, told):
+    with pytest.raises(SceneError, match=told):
+        scene(**drawn(array=array), legend=legend)
+
+
+def test_a_billion_cells_are_not_held_cell_by_cell():
+    dense = np.broadcast_to(np.int8(1), (1000, 1000, 1000))
+    with pytest.raises(SceneError, match=r"1000 x 1000 x 1000 cells are more than the 2e"):
+        Scene.from_array(dense, legend={1: "steel"}, cell_size=0.1)
+
+
+def test_pickles_are_not_opened(tmp_path):
+    np.save(tmp_path / "body.npy", np.array([[{}]]), allow_pickle=True)
+    with pytest.raises(SceneFileError, match=r"cannot be read as an array of numbers"):
+        Scene.from_array(tmp_path / "body.npy", legend={1: "steel"}, cell_size=0.1)
+    np.savez(tmp_path / "two.npz", np.zeros((2, 2)))
+    with pytest.raises(SceneFileError, match=r"holds several arrays"):
+        Scene.from_array(tmp_path / "two.npz", legend={1: "steel"}, cell_size=0.1)
+
+
+def test_an_unknown_colour_is_named_with_its_place(tmp_path):
+    pixels = np.zeros((4, 5, 3), dtype=np.uint8)
+    pixels[1, 3] = [1, 2, 3]
+    Image.fromarray(pixels).save(tmp_path / "body.png")
+    told = r"1 pixels .* first #010203 in row 2 from the top, column 4; it explains 'black' \(ice\)"
+    with pytest.raises(SceneError, match=told):
+        Scene.from_image(tmp_path / "body.png", legend={"black": "ice"}, cell_size=0.1)
+    with pytest.raises(SceneError, match=r"legend: 'blakc' is not a colour"):
+        Scene.from_image(tmp_path / "body.png", legend={"blakc": "ice"}, cell_size=0.1)
+
+
+def png_of(width, height):
+    """The head of a PNG that claims to be of some size, with hardly any data."""
+
+    def chunk(kind, data):
+        check = struct.pack(">I", zlib.crc32(kind + data))
+        return struct.pack(">I", len(data)) + kind + data + check
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    data = chunk(b"IDAT", zlib.compress(b"\x00"))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + data + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"no picture", "cannot be read as an image .*save it as PNG"),
+        (b"", "cannot be read as an image"),
+        (png_of(100, 100), "cannot be read as an image"),
+        (png_of(10_000, 10_000), "has 10000 x 10000 pixels, more than 5e"),
+        (png_of(100_000, 100_000), "unpacks to an enormous image"),
+    ],
+)
+def test_images_that_cannot_be_read(tmp_path, content, told):
+    path = tmp_path / "body.png"
+    path.write_bytes(content)
+    with pytest.raises(SceneFileError, match=told):
+        Scene.from_image(path, legend={"black": "ice"}, cell_size=0.1)
+
+
+def test_python_is_as_strict_as_files():
+    with pytest.raises(SceneError, match=r"^size.0: must be above 0, got -1"):
+        Body(size=[-1, 1], cells=[1, 1], material="ice")
+    with pytest.raises(SceneError, match=r"^force.0: must be a number, got 'much'"):
+        Load(cell=[0, 0], force=["much", 0])
+    with pytest.raises(SceneError, match=r"^box: a region has exactly one shape"):
+        Region(material="ice")
+    with pytest.raises(SceneError, match=r"^stiffness: must be above 0"):
+        SideCondition(kind="foundation", stiffness=0)
+    with pytest.raises(SceneError, match=r"^body: is needed"):
+        Scene()
+    with pytest.raises(SceneError, match=r"^body: must be a table, got 5"):
+        Scene(body=5)
+
+
+def test_descriptions_cannot_be_changed():
+    load = Load(cell=[0, 0], force=[0, -1])
+    with pytest.raises(ValueError, match=r"frozen"):
+        load.steps = 5
+
+
+def test_an_error_is_no_chain_of_errors():
+    with pytest.raises(SceneError) as caught:
+        scene({"size": -1})
+    assert caught.value.__cause__ is None
+    assert caught.value.__suppress_context__
+
+
+anything = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**20), 10**20)
+    | st.floats()
+    | st.text(max_size=4)
+    | st.sampled_from(["air", "rigid", "steel", "top", 0.1, 3]),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=2)
+    ),
+    max_leaves=5,
+)
+PLACES = [
+    *[f"body.{key}" for key in Body.model_fields if key not in ("image", "array")],
+    *[f"loads.0.{key}" for key in Load.model_fields],
+    "body", "legend", "materials", "materials.steel", "materials.m.youngs_modulus", "sides",
+    "sides.bottom", "sides.left", "loads", "loads.0", "rule", "rule.kind", "rule.alpha",
+    "rule.beta", "rule.threshold", "rule.materials", "regions", "nothing",
+]  # fmt: skip
+
+
+@given(st.sampled_from(PLACES), anything)
+def test_whatever_is_given_ends_in_a_scene_or_in_a_named_error(place, value):
+    table = {
+        "body": dict(BODY),
+        "sides": {"bottom": "rigid"},
+        "materials": {"steel": {"base": "ice"}},
+        "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+        "rule": {},
+    }
+    *path, last = place.split(".")
+    inner = table
+    for key in path:
+        inner = inner[int(key)] if isinstance(inner, list) else inner.setdefault(key, {})
+    inner[int(last) if isinstance(inner, list) else last] = value
+    try:
+        made = Scene(**table)
+    except KajuError:
+        with pytest.raises(SceneError, match=r"^[^ ]+: .{5}|problems:"):
+            Scene(**table)
+    else:
+        assert np.all(np.isfinite(made.applied().force))

@@ -1,0 +1,81 @@
+"""The noodle example: it runs, and shows what its page says it shows."""
+
+import json
+import sys
+from dataclasses import replace
+from importlib import util
+from math import inf
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "examples" / "noodle_bite"
+
+
+def _load(file: str, name: str) -> ModuleType:
+    spec = util.spec_from_file_location(name, FOLDER / file)
+    module = util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+noodle = _load("noodle.py", "noodle")
+SHORT = noodle.Meal(chews=1, hold=2.0, rest=3.0)
+
+
+@pytest.fixture(scope="module")
+def firm():
+    return noodle.eat(noodle.FIRM, 5, SHORT)
+
+
+@pytest.fixture(scope="module")
+def soft():
+    return noodle.eat(noodle.SOFT, 5, SHORT)
+
+
+def test_the_force_fades_while_the_teeth_hold(firm):
+    held = (firm.times >= 0.3) & (firm.times <= 2.3)
+    assert np.all(np.diff(firm.force[held]) < 0.0)
+    assert np.all(firm.force[firm.released : firm.released + 20] == 0.0)
+
+
+def test_the_next_bite_takes_less_force_and_what_flowed_stays(firm, soft):
+    for bite in (firm, soft):
+        first, second = bite.peaks
+        assert second < first
+        assert bite.dent[bite.released - 1] == pytest.approx(0.25 * noodle.HEIGHT, rel=1e-9)
+        recovered = bite.dent[-1] / bite.dent[bite.released - 1]
+        assert 0.0 < recovered < 0.5
+    assert firm.peaks[0] > soft.peaks[0]
+    assert firm.dent[-1] < soft.dent[-1]
+
+
+def test_without_flow_nothing_stays():
+    springy = replace(noodle.FIRM, flow_time=inf)
+    bite = noodle.eat(springy, 5, noodle.Meal(chews=0, hold=0.5, rest=3.0))
+    assert abs(bite.dent[-1]) < 1e-6 * noodle.HEIGHT
+
+
+def test_work_becomes_heat(firm):
+    assert np.all(np.diff(firm.dissipated) >= 0.0)
+    assert firm.dissipated[-1] == pytest.approx(firm.work[-1], rel=5e-3)
+
+
+def test_more_nodes_leave_the_material_alone(firm):
+    finer = noodle.eat(noodle.FIRM, 9, noodle.Meal(chews=0, hold=2.0, rest=3.0))
+    after_first = firm.dent[firm.rested]
+    assert finer.dent[-1] == pytest.approx(after_first, rel=0.02)
+    assert finer.peaks[0] < firm.peaks[0]
+
+
+def test_the_script_writes_pictures_and_figures(tmp_path):
+    run = _load("run.py", "noodle_bite_run")
+    summary = run.main(
+        ["--out", str(tmp_path), "--rows", "5", "--compare", "3", "--chews", "0", "--frames", "3"]
+    )
+    assert json.loads((tmp_path / "summary.json").read_text()) == summary
+    for name in ("force_time.png", "shapes.png", "nodes_and_material.png", "bite.gif"):
+        assert (tmp_path / name).stat().st_size > 1000

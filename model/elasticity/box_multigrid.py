@@ -13,17 +13,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID
+
 from .krylov import dot
 from .moduli import Moduli
 from .problem import (
     ACTIVE,
-    AIR,
-    FOUNDATION,
-    RIGID,
     ElasticProblem,
-    Scales,
     FaceFields,
     Floats,
+    Scales,
     rim_layer,
 )
 from .sparse_multigrid import SparseMultigrid
@@ -73,7 +72,9 @@ def face_views(vector: Vector, shape: tuple[int, ...]) -> FaceFields:
 
 def face_count(shape: tuple[int, ...]) -> int:
     """Return the number of faces of a box of cells."""
-    return sum(int(np.prod([n + (a == axis) for a, n in enumerate(shape)])) for axis in range(len(shape)))
+    return sum(
+        int(np.prod([n + (a == axis) for a, n in enumerate(shape)])) for axis in range(len(shape))
+    )
 
 
 def is_box(problem: ElasticProblem) -> bool:
@@ -204,7 +205,9 @@ class _Coarsest:
         active = [s[problem.inner] == ACTIVE for s in states]
         self._active = np.flatnonzero(np.concatenate([a.ravel() for a in active]))
         numbering = Numbering(states)
-        self._solver = SparseMultigrid(stiffness_matrix(problem, numbering), numbering, coarsest=2500)
+        self._solver = SparseMultigrid(
+            stiffness_matrix(problem, numbering), numbering, coarsest=2500
+        )
         self.depth = len(self._solver.levels)
 
     def solve(self, load: Vector) -> Vector:
@@ -220,7 +223,9 @@ def _describe(
     kinds[(slice(1, -1),) * kinds.ndim] = 0
     for index, kind in enumerate(sides):
         kinds[rim_layer(kinds.ndim, index)] = kind
-    shapes = [tuple(n + (a == axis) for a, n in enumerate(kinds.shape)) for axis in range(kinds.ndim)]
+    shapes = [
+        tuple(n + (a == axis) for a, n in enumerate(kinds.shape)) for axis in range(kinds.ndim)
+    ]
     spring = tuple(np.zeros(shape) for shape in shapes)
     for index, stiffness in enumerate(level.spring):
         layer = list(rim_layer(kinds.ndim, index))

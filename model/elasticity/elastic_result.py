@@ -89,7 +89,7 @@ class ElasticResult(Result):
 
     @cached_property
     def corner_displacement(self) -> Floats:
-        """Displacement (m) of the cells' corners, shape (n + 1, ..., dimension); NaN off the body."""
+        """Displacement (m) of the cells' corners, shape (n + 1, ..., dimension), else NaN."""
         nodes = fields.node_displacement(self.problem, self.solution.displacement)
         return self.problem.scales.displacement * nodes
 

@@ -111,7 +111,9 @@ def solve_problem(problem: ElasticProblem, tolerance: float | None = None) -> So
     matrix = stiffness_matrix(problem, system.numbering)
     hierarchy = SparseMultigrid(matrix, system.numbering)
     solution = _solve_multigrid(system, hierarchy, "Galerkin multigrid", tolerance)
-    return solution if solution.converged else _change_method(system, solution, hierarchy, tolerance)
+    return (
+        solution if solution.converged else _change_method(system, solution, hierarchy, tolerance)
+    )
 
 
 class _System:
@@ -126,7 +128,9 @@ class _System:
         self._given = 0.0
         if any(values.any() for values in problem.fixed):
             pull = internal_force(problem, problem.fixed)
-            self._given = sum(float(np.vdot(a, b)) for a, b in zip(pull, problem.fixed, strict=True))
+            self._given = sum(
+                float(np.vdot(a, b)) for a, b in zip(pull, problem.fixed, strict=True)
+            )
             self.right = self.load - self.gather(pull)
 
     @property
@@ -166,7 +170,9 @@ class _System:
 class _Watch:
     """Decide after every iteration whether to go on."""
 
-    def __init__(self, tolerance: float | None, discretisation: Callable[[Iteration], float]) -> None:
+    def __init__(
+        self, tolerance: float | None, discretisation: Callable[[Iteration], float]
+    ) -> None:
         self._tolerance = tolerance
         self._estimate = discretisation
         self.discretisation = inf
@@ -191,8 +197,10 @@ class _Watch:
 def _at_rounding(run: Iteration) -> bool:
     """Tell whether the residual has stopped falling because no digits are left."""
     recent = run.residuals[-4:]
-    return len(run.residuals) > 8 and min(recent) > 0.5 * min(run.residuals[:-4]) and (
-        run.errors[-1] < 1e-9
+    return (
+        len(run.residuals) > 8
+        and min(recent) > 0.5 * min(run.residuals[:-4])
+        and (run.errors[-1] < 1e-9)
     )
 
 

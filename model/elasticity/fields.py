@@ -31,16 +31,12 @@ def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
         for across in range(problem.dimension):
             if across != axis:
                 field = _between(field, across, _wall(problem, axis, across, field))
-        inner = tuple(
-            slice(1, -1) if a == axis else slice(None) for a in range(problem.dimension)
-        )
+        inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(problem.dimension))
         nodes.append(field[inner])
     return np.stack(nodes, axis=-1)
 
 
-def _wall(
-    problem: ElasticProblem, axis: int, across: int, field: Floats
-) -> NDArray[np.bool_]:
+def _wall(problem: ElasticProblem, axis: int, across: int, field: Floats) -> NDArray[np.bool_]:
     """Tell which values belong to ghost faces inside rigid ground."""
     rigid = problem.kinds == RIGID
     d = problem.dimension

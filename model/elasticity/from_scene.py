@@ -59,7 +59,9 @@ def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticPro
     box = tuple(slice(int(a), int(b) + 2) for a, b in zip(lower, upper, strict=True))
     applied = scene.applied(stage)
     inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
-    loads = CellLoads(applied.cells[inside] - lower, applied.direction[inside], applied.force[inside])
+    loads = CellLoads(
+        applied.cells[inside] - lower, applied.direction[inside], applied.force[inside]
+    )
     constants = [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
     try:
         problem = problem_of(

@@ -10,7 +10,6 @@ One pass runs several sweeps at once, each two rows behind the one before, so a 
 stays in the cache until all sweeps have passed over it. The values are those of sweeps run
 one after the other. Within a row, even faces yield before odd ones.
 """
-# ruff: noqa: D103
 # mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations

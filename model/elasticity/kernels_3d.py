@@ -67,8 +67,7 @@ def balance_x(u, load, i, j, law, wall, spring, share, out):
             + pull_front * ux[i, before, k]
             + cross_back * (uy[i, j + 1, k] - uy[i - 1, j + 1, k])
             - cross_front * (uy[i, j, k] - uy[i - 1, j, k])
-            + cross
-            * ((uz[i, j, k + 1] - uz[i - 1, j, k + 1]) - (uz[i, j, k] - uz[i - 1, j, k]))
+            + cross * ((uz[i, j, k + 1] - uz[i - 1, j, k + 1]) - (uz[i, j, k] - uz[i - 1, j, k]))
         )
     low, high = mu * wall[4], mu * wall[5]
     out[0] += (mu - low) * (uz[i, j, 0] - uz[i - 1, j, 0])
@@ -104,8 +103,7 @@ def balance_y(u, load, i, j, law, wall, spring, share, out):
             + pull_left * uy[before, j, k]
             + cross_right * (ux[i + 1, j, k] - ux[i + 1, j - 1, k])
             - cross_left * (ux[i, j, k] - ux[i, j - 1, k])
-            + cross
-            * ((uz[i, j, k + 1] - uz[i, j - 1, k + 1]) - (uz[i, j, k] - uz[i, j - 1, k]))
+            + cross * ((uz[i, j, k + 1] - uz[i, j - 1, k + 1]) - (uz[i, j, k] - uz[i, j - 1, k]))
         )
     low, high = mu * wall[4], mu * wall[5]
     out[0] += (mu - low) * (uz[i, j, 0] - uz[i, j - 1, 0])

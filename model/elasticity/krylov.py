@@ -151,7 +151,7 @@ def minimal_residuals(
         delta = float(az @ z)
         v_new = az - (delta / gamma) * v - (gamma / gamma_old) * v_old
         z_new = precondition(v_new)
-        gamma_new = float(np.sqrt(max(v_new @ z_new, 0.0)))
+        gamma_new = float(np.sqrt(max(float(v_new @ z_new), 0.0)))
         a0 = c * delta - c_old * s * gamma
         a1 = float(np.hypot(a0, gamma_new))
         a2 = s * delta + c_old * c * gamma

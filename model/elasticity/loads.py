@@ -12,7 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .problem import ACTIVE, AIR, ElasticProblem, Floats
+from kaju.model.scene.kinds import AIR
+
+from .problem import ACTIVE, ElasticProblem, Floats
 
 
 def face_forces(
@@ -49,7 +51,11 @@ def face_forces(
 
 
 def _add(
-    field: Floats, cells: NDArray[np.int64], axis: int, offset: int | NDArray[np.int64], value: Floats
+    field: Floats,
+    cells: NDArray[np.int64],
+    axis: int,
+    offset: int | NDArray[np.int64],
+    value: Floats,
 ) -> None:
     index = list(cells.T)
     index[axis] = index[axis] + offset

@@ -31,7 +31,10 @@ FaceFields = tuple[Floats, ...]
 ABSENT, FIXED, ACTIVE = 0, 1, 2
 """States of a face: no body beside it; its displacement is given; it is free to move."""
 
-SIDES = {2: ("left", "right", "bottom", "top"), 3: ("left", "right", "front", "back", "bottom", "top")}
+SIDES = {
+    2: ("left", "right", "bottom", "top"),
+    3: ("left", "right", "front", "back", "bottom", "top"),
+}
 
 STIFF_PRESSURE = 9.0
 """λ/μ (0.45 in ν) from which on the mixed form is the quicker one."""

@@ -12,9 +12,7 @@ INSIDE = "rigid"
 """Name of the support that rigid cells inside the array give."""
 
 
-def reactions(
-    problem: ElasticProblem, u: FaceFields, names: tuple[str, ...]
-) -> dict[str, Floats]:
+def reactions(problem: ElasticProblem, u: FaceFields, names: tuple[str, ...]) -> dict[str, Floats]:
     """Return the force (scaled) of every support on the body.
 
     Parameters

@@ -23,7 +23,7 @@ def at_nodes(nodes: Floats, cells: Index, local: Floats) -> Floats:
     local : array, shape (points, dimension)
         Place within the cell, 0 to 1 along every axis.
     """
-    total = np.zeros((len(cells), nodes.shape[-1]))
+    total: Floats = np.zeros((len(cells), nodes.shape[-1]))
     for corner in product((0, 1), repeat=cells.shape[1]):
         weight = np.prod(np.where(corner, local, 1.0 - local), axis=1)
         total += weight[:, None] * nodes[tuple((cells + corner).T)]
@@ -46,7 +46,7 @@ def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Index, local: Flo
 
 
 def _between_edges(tau: Floats, pair: Pair, cells: Index, local: Floats) -> Floats:
-    total = np.zeros(len(cells))
+    total: Floats = np.zeros(len(cells))
     for first, second in product((0, 1), repeat=2):
         at = cells.copy()
         at[:, pair[0]] += first
@@ -56,11 +56,9 @@ def _between_edges(tau: Floats, pair: Pair, cells: Index, local: Floats) -> Floa
     return total
 
 
-def _along_slopes(
-    stress: Floats, kinds: NDArray[np.int32], cells: Index, local: Floats
-) -> Floats:
+def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Index, local: Floats) -> Floats:
     own, kind = stress[tuple(cells.T)], kinds[tuple(cells.T)]
-    total = own.copy()
+    total: Floats = own.copy()
     for axis in range(cells.shape[1]):
         rise, count = np.zeros(len(cells)), np.zeros(len(cells))
         for step in (-1, 1):

@@ -80,9 +80,7 @@ def solve(
     return result
 
 
-def _halved(
-    scene: Scene, division: int, stage: int | None
-) -> tuple[Scene, ElasticProblem, Origin]:
+def _halved(scene: Scene, division: int, stage: int | None) -> tuple[Scene, ElasticProblem, Origin]:
     grid = scene.refine(division)
     problem, origin = problem_of_scene(grid, stage)
     cell = slender_cell(problem)

@@ -104,6 +104,7 @@ class SparseMultigrid:
         x, energy = np.asarray(self._direct.solve(loads[-1])), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             level = self.levels[at]
+            assert level.prolong is not None
             coarser = np.asarray(level.prolong @ x)
             left = loads[at] - level.matrix @ coarser
             energy = -0.5 * float(dot(loads[at], coarser) + dot(left, coarser))

@@ -20,8 +20,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from kaju.model.scene.kinds import AIR, RIGID
+
 from .moduli import REENTRANT_WEIGHT, Moduli
-from .problem import ACTIVE, AIR, RIGID, ElasticProblem, FaceFields, Floats
+from .problem import ACTIVE, ElasticProblem, FaceFields, Floats
 
 Pair = tuple[int, int]
 
@@ -51,7 +53,9 @@ def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
     return np.where(kinds >= 0, np.append(per_material, 0.0)[np.maximum(kinds, -1)], 0.0)
 
 
-def edge_modulus(problem: ElasticProblem, pair: Pair, reentrant: float = REENTRANT_WEIGHT) -> Floats:
+def edge_modulus(
+    problem: ElasticProblem, pair: Pair, reentrant: float = REENTRANT_WEIGHT
+) -> Floats:
     """Return the shear modulus of the edges between the axes of a pair.
 
     Shape: one more than the cells (rim included) along both axes of the pair.
@@ -134,7 +138,9 @@ def internal_force(problem: ElasticProblem, u: FaceFields) -> FaceFields:
 
 def strain_energy(problem: ElasticProblem, u: FaceFields) -> float:
     """Return the energy stored in body and foundation (scaled)."""
-    return 0.5 * float(sum(np.vdot(f, v) for f, v in zip(internal_force(problem, u), u, strict=True)))
+    return 0.5 * float(
+        sum(np.vdot(f, v) for f, v in zip(internal_force(problem, u), u, strict=True))
+    )
 
 
 class Numbering:

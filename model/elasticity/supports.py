@@ -37,7 +37,8 @@ def check_supports(problem: ElasticProblem, origin: tuple[int, ...] | None = Non
 
     if is_box(problem):
         problem = _miniature(problem)
-    parts, count = label(problem.kinds >= 0)
+    labelled, count = label(problem.kinds >= 0)
+    parts: NDArray[np.int32] = labelled.astype(np.int32)
     stops = [_stops(problem, parts, axis) for axis in range(problem.dimension)]
     for part in range(1, count + 1):
         rows = _modes_of_part(stops, part)
@@ -59,15 +60,14 @@ def _miniature(problem: ElasticProblem) -> ElasticProblem:
     keep = np.r_[0:3, -3:0]
     d = problem.dimension
 
-    def few(values: Floats) -> Floats:
-        return np.ascontiguousarray(values[np.ix_(*[keep] * d)])
-
     faces = [np.r_[0:3, -4:0], keep]
     spring = tuple(
         np.ascontiguousarray(values[np.ix_(*[faces[int(a != axis)] for a in range(d)])])
         for axis, values in enumerate(problem.spring)
     )
-    return replace(problem, kinds=few(problem.kinds), spring=spring)
+    return replace(
+        problem, kinds=np.ascontiguousarray(problem.kinds[np.ix_(*[keep] * d)]), spring=spring
+    )
 
 
 def _modes_of_part(stops: list[tuple[Index, Floats]], part: int) -> Floats:
@@ -77,9 +77,7 @@ def _modes_of_part(stops: list[tuple[Index, Floats]], part: int) -> Floats:
     if not len(everything):
         return np.empty((0, 0))
     centre, span = everything.mean(axis=0), np.ptp(everything, axis=0).max() or 1.0
-    return np.concatenate(
-        [_modes((p - centre) / span, axis) for axis, p in enumerate(points)]
-    )
+    return np.concatenate([_modes((p - centre) / span, axis) for axis, p in enumerate(points)])
 
 
 def _modes(points: Floats, axis: int) -> Floats:

@@ -12,6 +12,8 @@ there, so holes, odd numbers of cells and ragged outlines need no special case.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -27,11 +29,11 @@ def coarsen(fine: Numbering) -> tuple[Numbering, sp.csr_array]:
     """Return the parents' numbering and the interpolation from parents to children."""
     states, blocks = [], []
     for axis, state in enumerate(fine.states):
-        matrix: sp.csr_array | None = None
+        matrix = sp.eye_array(int(np.count_nonzero(state == ACTIVE)), format="csr")
         for along in range(state.ndim):
             parents = _parents(state, along, normal=along == axis)
             step = _interpolation(state, parents, along, normal=along == axis)
-            matrix = step if matrix is None else sp.csr_array(matrix @ step)
+            matrix = sp.csr_array(matrix @ step)
             state = parents
         states.append(state)
         blocks.append(matrix)
@@ -53,14 +55,15 @@ def _parents_normal(lines: States) -> States:
     kept = padded[1 : 2 * cells + 2 : 2]
     before, after = padded[0 : 2 * cells + 1 : 2], padded[2 : 2 * cells + 3 : 2]
     revived = (kept == ABSENT) & ((before == ACTIVE) | (after == ACTIVE))
-    return np.concatenate([rim, np.where(revived, ACTIVE, kept).astype(np.int8), rim])
+    inner: States = np.where(revived, ACTIVE, kept).astype(np.int8)
+    return np.concatenate([rim, inner, rim])
 
 
 def _parents_across(lines: States) -> States:
     """Two children have one parent, which moves if either of them does."""
     odd = len(lines) % 2
     padded = np.concatenate([lines[:1], lines, *[lines[-1:]] * (1 + odd)])
-    return np.maximum(padded[0::2], padded[1::2])
+    return np.asarray(np.maximum(padded[0::2], padded[1::2]), dtype=np.int8)
 
 
 def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> sp.csr_array:
@@ -89,7 +92,9 @@ def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> 
     return sp.csr_array((weight, (row, column)), shape=size)
 
 
-def _across(look, toward: Index, zero: Index):  # type: ignore[no-untyped-def]
+def _across(
+    look: Callable[[Index], tuple[Index, States]], toward: Index, zero: Index
+) -> list[tuple[Index, NDArray[np.float64]]]:
     """Return the three parents of a child across the normal and their weights."""
     own, _ = look(zero)
     near, near_state = look(toward)

@@ -249,7 +249,7 @@ class AgentEngine:
             )
             for rows in self.record
         ]
-        return collect_history(record, np.arange(len(agents)))
+        return collect_history(record)
 
     def _by_direction(self, amounts: list[dict[int, float]]) -> FloatArray:
         table = np.zeros((len(amounts), self.lattice.directions))

@@ -16,7 +16,7 @@ _UNKNOWN = np.int16(-1000)
 
 
 class AgentTable:
-    """Material agents as columns, in the order in which they spawned.
+    """Material agents as columns, ordered by spawn step and key.
 
     Attributes
     ----------

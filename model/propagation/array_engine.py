@@ -122,11 +122,11 @@ class ArrayEngine:
         share_number = share_number.reshape(-1, shares.shape[2])
         product_number = product_number.ravel()
 
-        state = self.agents.material[agent] * self.lattice.directions + self.waiting.direction
+        waiting, agent, state = self._audible(agent)
         ended = np.zeros(len(agent))
         parts = []
         for emission in range(shares.shape[2]):
-            product = share_number[:, emission][state] * len(self.values) + self.waiting.magnitude
+            product = share_number[:, emission][state] * len(self.values) + waiting.magnitude
             number = product_number[product]
             ended += quiet_value[number]
             loud = np.flatnonzero(loud_value[number])
@@ -134,12 +134,33 @@ class ArrayEngine:
             place = agent[loud] * self.lattice.directions + arm
             direction = directions[..., emission].ravel()[state[loud]]
             bits = (1 << self.lattice.opposite)[arm]
-            parts.append(_rows(place, direction, number[loud], self.waiting.copies[loud], bits))
-        ended *= self.waiting.copies
-        np.add.at(self.agents.dropped, agent, ended)
-        self.dropped += float(ended.sum())
+            parts.append(_rows(place, direction, number[loud], waiting.copies[loud], bits))
+        self._drop(agent, ended * waiting.copies)
         self.values = values
         return _joined(parts)
+
+    def _audible(self, agent: IntArray) -> tuple[Rows, IntArray, IntArray]:
+        """Drop all that loads too small for any emission would send out; return the others.
+
+        Returns
+        -------
+        rows, agent, state
+            The waiting loads of which something is passed on, by whom, and the agent's
+            material and the load's direction as one number.
+        """
+        shares = self.transfer.tables[2]
+        state = self.agents.material[agent] * self.lattice.directions + self.waiting.direction
+        if self.accumulate:
+            return self.waiting, agent, state
+        largest = shares.max(axis=2).ravel()[state] * self.values[self.waiting.magnitude]
+        silent = np.flatnonzero(largest <= self.threshold)
+        self._drop(agent[silent], (shares.sum(axis=2).ravel()[state] * self.load)[silent])
+        rest = np.flatnonzero(largest > self.threshold)
+        return self.waiting.where(rest), agent[rest], state[rest]
+
+    def _drop(self, agent: IntArray, load: FloatArray) -> None:
+        np.add.at(self.agents.dropped, agent, load)
+        self.dropped += float(load.sum())
 
     def _hand_over(self, sent: Rows) -> Rows:
         """Bring emissions to the neighbours, or back from a boundary to the sender."""
@@ -222,7 +243,6 @@ class ArrayEngine:
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""
         table, kinds = self.agents, self.scene.kinds
-        order = np.lexsort((table.key, table.spawn_step))
         boundary_key, boundary_step, returned = collect_boundary(self.boundary)
         boundary_cells = self.lattice.cells(boundary_key)
         taken = table.taken.sum(axis=1)
@@ -240,18 +260,18 @@ class ArrayEngine:
             factor=factor,
             outcome=outcome,
             generations=self.generation,
-            cells=table.cells[order],
-            material=table.material[order],
-            spawn_step=table.spawn_step[order],
-            woken_by=table.woken_by[order],
-            taken=table.taken[order],
-            passed=table.passed[order],
-            dropped=table.dropped[order],
+            cells=table.cells,
+            material=table.material,
+            spawn_step=table.spawn_step,
+            woken_by=table.woken_by,
+            taken=table.taken,
+            passed=table.passed,
+            dropped=table.dropped,
             boundary_cells=boundary_cells,
             boundary_kind=kinds(boundary_cells),
             boundary_spawn_step=boundary_step,
             returned=returned,
-            history=collect_history(self.record, order),
+            history=collect_history(self.record),
             ledger=ledger,
         )
 

@@ -29,23 +29,66 @@ if TYPE_CHECKING:
 _MOST_AT_ONCE = 2**20
 
 
-def strain_and_stress(scene: Scene, stage: Stage) -> tuple[FloatArray, FloatArray]:
-    """Return the strain (1) and stress (Pa) of every agent, each (agents, dim, dim)."""
-    lattice, rule = scene.lattice, scene.rule
+@dataclass(frozen=True)
+class Squeeze:
+    """How much the agents of a stage are squeezed along the axes of the lattice.
+
+    Attributes
+    ----------
+    lattice : Lattice
+        Gives the axes.
+    pressure : array, shape (agents, axes)
+        α₁ΣPₖ / A (Pa).
+    strain : array, shape (agents, axes)
+        eₖ, the pressure over Young's modulus.
+    widening : array, shape (agents, axes)
+        βν eₖ, by which the other axes lengthen.
+    """
+
+    lattice: Lattice
+    pressure: FloatArray
+    strain: FloatArray
+    widening: FloatArray
+
+    def strains(self) -> FloatArray:
+        """Return the strain (1) of every agent, shape (agents, dim, dim)."""
+        along, across = self._projections()
+        strain: FloatArray = np.tensordot(self.widening, across, axes=1)
+        strain -= np.tensordot(self.strain, along, axes=1)
+        return strain
+
+    def stresses(self) -> FloatArray:
+        """Return the stress (Pa) of every agent, shape (agents, dim, dim)."""
+        stress: FloatArray = -np.tensordot(self.pressure, self._projections()[0], axes=1)
+        return stress
+
+    def elongation(self, axis: int) -> FloatArray:
+        """Return by how much every agent lengthens along an axis (m), shape (agents,)."""
+        along, across = self._projections()
+        normal = self.lattice.normals[self.lattice.axes[axis]]
+        length: FloatArray = self.widening @ (across @ normal @ normal)
+        length -= self.strain @ (along @ normal @ normal)
+        return length * self.lattice.cell_size
+
+    def _projections(self) -> tuple[FloatArray, FloatArray]:
+        """Return nₖnₖᵀ and 1 - nₖnₖᵀ, each (axes, dim, dim)."""
+        normals = self.lattice.normals[self.lattice.axes]
+        along = normals[:, :, None] * normals[:, None, :]
+        return along, np.eye(self.lattice.dimension) - along
+
+
+def squeeze(scene: Scene, stage: Stage) -> Squeeze:
+    """Work out how much the agents of a stage are squeezed by the loads they took."""
+    lattice, rule, materials = scene.lattice, scene.rule, scene.cell_materials
     assert isinstance(rule, PrescribedRule)
-    materials = scene.cell_materials
     own = np.array([rule.shares(m, lattice.dimension).own for m in materials])
     modulus = np.array([m.youngs_modulus for m in materials])
     free = np.array([rule.coefficients(m).beta * m.poissons_ratio for m in materials])
     area = lattice.cell_volume(scene.thickness) / lattice.cell_size
     loads = stage.taken[:, lattice.axes] + stage.taken[:, lattice.opposite[lattice.axes]]
-    pressure = own[stage.material, None] * loads / area
-    along = np.einsum("ki,kj->kij", lattice.normals[lattice.axes], lattice.normals[lattice.axes])
-    across = np.eye(lattice.dimension) - along
-    squeeze = pressure / modulus[stage.material, None]
-    widening = squeeze * free[stage.material, None]
-    strain = np.tensordot(widening, across, axes=1) - np.tensordot(squeeze, along, axes=1)
-    return strain, -np.tensordot(pressure, along, axes=1)
+    pressure = loads * (own / area)[stage.material, None]
+    strain = pressure / modulus[stage.material, None]
+    return Squeeze(lattice, pressure, strain, strain * free[stage.material, None])
 
 
 @dataclass(frozen=True)
@@ -117,14 +160,14 @@ class DisplacementField:
         The body.
     stage : Stage
         The agents and what they took.
-    strain : array, shape (agents, dim, dim)
-        Their strains.
+    squeezed : Squeeze
+        How they deform.
     """
 
-    def __init__(self, scene: Scene, stage: Stage, strain: FloatArray) -> None:
+    def __init__(self, scene: Scene, stage: Stage, squeezed: Squeeze) -> None:
         self.lattice: Lattice = scene.lattice
         self.axes = [
-            _displacement_along(scene, stage.cells, strain, axis)
+            _displacement_along(scene, stage.cells, squeezed.elongation(axis), axis)
             for axis in range(len(self.lattice.axes))
         ]
 
@@ -143,17 +186,13 @@ class DisplacementField:
 
 
 def _displacement_along(
-    scene: Scene, cells: IntArray, strain: FloatArray, axis: int
+    scene: Scene, cells: IntArray, elongation: FloatArray, axis: int
 ) -> LineDisplacement:
-    lattice = scene.lattice
-    normal = lattice.normals[lattice.axes[axis]]
-    along = np.outer(normal, normal).ravel()
-    line, position = lattice.line(cells, axis)
+    line, position = scene.lattice.line(cells, axis)
     order = np.lexsort((position, line))
-    line, position = line[order], position[order]
-    elongation = lattice.cell_size * (strain.reshape(-1, normal.size**2) @ along)[order]
+    line, position, elongation = line[order], position[order], elongation[order]
     lines, index = np.unique(line, return_inverse=True)
-    stride = int(max(lattice.shape)) + 4
+    stride = int(max(scene.lattice.shape)) + 4
     code = index * stride + position + 1
     run, start, stop, held = _runs(scene, line, position, axis)
 

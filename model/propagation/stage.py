@@ -151,21 +151,13 @@ def collect_boundary(
     return key[order], step[first][order], returned[order]
 
 
-def collect_history(
-    record: list[tuple[IntArray, IntArray, FloatArray]], order: IntArray
-) -> History:
-    """Gather the loads taken, from (agent, direction, load) of each generation.
-
-    `order` lists the agents in the order of the stage. Within a generation an agent and a
-    direction come once; rows keep their order.
-    """
-    rank = np.empty(len(order), dtype=np.int64)
-    rank[order] = np.arange(len(order))
+def collect_history(record: list[tuple[IntArray, IntArray, FloatArray]]) -> History:
+    """Gather the loads taken, from (agent, direction, load) of each generation."""
     nothing = np.empty(0, dtype=np.int64)
     generation = [np.full(len(agent), g) for g, (agent, _, _) in enumerate(record, start=1)]
     return History(
         np.concatenate([nothing, *generation]),
-        rank[np.concatenate([nothing, *(agent for agent, _, _ in record)])],
+        np.concatenate([nothing, *(agent for agent, _, _ in record)]),
         np.concatenate([nothing, *(direction for _, direction, _ in record)]),
         np.concatenate([np.empty(0), *(load for _, _, load in record)]),
     )

@@ -16,7 +16,7 @@ from kaju.model.result import Result, cells_of_points, read_archive, write_archi
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID
 
-from .deformation import DisplacementField, strain_and_stress
+from .deformation import DisplacementField, Squeeze, squeeze
 from .load_path import load_path
 from .stability import Certificate
 from .stage import FloatArray, History, Ledger, Stage
@@ -70,18 +70,18 @@ class TransferResult(Result):
         return TransferResult(self.scene, self.stages[:stage], self.certificate, self.seconds)
 
     @cached_property
-    def _strain_and_stress(self) -> tuple[FloatArray, FloatArray]:
-        return strain_and_stress(self.scene, self.last)
+    def _squeeze(self) -> Squeeze:
+        return squeeze(self.scene, self.last)
 
-    @property
+    @cached_property
     def strain(self) -> FloatArray:
         """Strain of every agent, shape (agents, dim, dim)."""
-        return self._strain_and_stress[0]
+        return self._squeeze.strains()
 
-    @property
+    @cached_property
     def stress(self) -> FloatArray:
         """Stress of every agent (Pa), shape (agents, dim, dim)."""
-        return self._strain_and_stress[1]
+        return self._squeeze.stresses()
 
     @cached_property
     def von_mises(self) -> FloatArray:
@@ -97,7 +97,7 @@ class TransferResult(Result):
     @cached_property
     def displacement_field(self) -> DisplacementField:
         """Displacement as a function of the place."""
-        return DisplacementField(self.scene, self.last, self.strain)
+        return DisplacementField(self.scene, self.last, self._squeeze)
 
     @cached_property
     def displacement(self) -> FloatArray:

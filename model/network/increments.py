@@ -18,7 +18,6 @@ from kaju.errors import ConvergenceError, ParameterError, TangentError
 
 from .assembler import Assembler
 from .equilibrium import Balance, elastic_law, find_balance, solve_tangent, weakness_of
-from .geometry import Geometry
 from .linear import Method, tangent_solver
 from .network_result import NetworkResult, Scheme
 from .springs import Floats, SpringNetwork
@@ -29,6 +28,10 @@ _FINEST = 2.0**-10
 
 _LARGEST_TURN = np.cos(np.pi / 4.0)
 """Cosine of the angle by which a spring may turn in one increment."""
+
+
+class JumpError(ConvergenceError):
+    """The balance that was found lies far from where the network was."""
 
 
 class Record(NamedTuple):
@@ -163,11 +166,11 @@ class IncrementalLoading:
         except GivesWayError as weakness:
             raise self._gives_way(last, weakness) from None
         record = self._record(goal, last.displacement + jump + step)
-        if not self._follows(geometry, record.displacement):
+        complaint = self._leap(last.displacement, record.displacement)
+        if complaint:
             raise ConvergenceError(
-                f"between stage {last.stage:.6g} and {goal:.6g} a spring turns by more than "
-                f"45° or changes its length by half: take more than {self.increments} "
-                "increments, or correct them (solve)"
+                f"between stage {last.stage:.6g} and {goal:.6g} {complaint}: take more than "
+                f"{self.increments} increments, or correct them (solve)"
             )
         return record
 
@@ -192,6 +195,8 @@ class IncrementalLoading:
                 size /= 2.0
                 if size >= finest:
                     continue
+                if isinstance(trouble, JumpError):
+                    trouble = self._weakest(last)
                 if isinstance(trouble, GivesWayError):
                     raise self._gives_way(last, trouble) from None
                 raise ConvergenceError(
@@ -214,18 +219,29 @@ class IncrementalLoading:
             force_scale=self._force_scale,
             tolerance=self.tolerance,
         )
-        before = self.assembler.geometry(last.displacement)
-        if not self._follows(before, balance.displacement):
-            raise ConvergenceError("a spring turns by more than 45° or loses half its length")
+        complaint = self._leap(last.displacement, balance.displacement)
+        if complaint:
+            raise JumpError(complaint)
         self._force_scale = max(self._force_scale, float(np.abs(balance.tension).max()))
         return balance
 
-    def _follows(self, before: Geometry, displacement: Floats) -> bool:
-        """Tell whether the springs have turned and stretched little enough to be followed."""
-        after = self.assembler.geometry(displacement)
+    def _leap(self, start: Floats, end: Floats) -> str:
+        """Say what shows that a step was a leap to another branch, nothing if it was none.
+
+        On the way from one stable state to a near one the network resists all along.
+        """
+        before, after = (self.assembler.geometry(state) for state in (start, end))
         turn = np.einsum("ij,ij->i", before.direction, after.direction)
         ratio = after.length / before.length
-        return bool((turn > _LARGEST_TURN).all() and (ratio > 0.5).all() and (ratio < 2.0).all())
+        if not ((turn > _LARGEST_TURN) & (ratio > 0.5) & (ratio < 2.0)).all():
+            return "a spring turns by more than 45° or changes its length by half"
+        way = np.where(self.network.held, 0.0, end - start)
+        for share in (0.25, 0.5, 0.75):
+            geometry = self.assembler.geometry(start + share * (end - start))
+            change = self.assembler.force_change(geometry, *self.law(geometry.elongation), way)
+            if np.vdot(change, way) > 0.0:
+                return "the network snaps through states that do not resist"
+        return ""
 
     def _check_stability(self, record: Record) -> None:
         geometry = self.assembler.geometry(record.displacement)
@@ -233,6 +249,16 @@ class IncrementalLoading:
         weakness = weakness_of(self.assembler, self.solver, geometry, record.tension, stiffness)
         if weakness is not None:
             raise self._gives_way(record, weakness)
+
+    def _weakest(self, record: Record) -> GivesWayError:
+        """Return the direction that a state resists least, by inverse iteration."""
+        geometry = self.assembler.geometry(record.displacement)
+        _, stiffness = self.law(geometry.elongation)
+        self.solver.factorise(self.assembler.tangent(geometry, record.tension, stiffness))
+        direction = np.random.default_rng(0).standard_normal(len(self.assembler.free))
+        for _ in range(6):
+            direction = self.solver.solve(direction / np.linalg.norm(direction))
+        return GivesWayError(direction / np.linalg.norm(direction))
 
     def _gives_way(self, last: Record, weakness: GivesWayError) -> TangentError:
         """Name the nodes that move, and attach what was computed up to here."""

@@ -111,7 +111,7 @@ def _weak_direction(tangent: csc_array) -> Floats:
     shift lets the elimination pass an exact zero; rows before k do not feel it.
     """
     diagonal = np.abs(tangent.diagonal())
-    diagonal[diagonal == 0.0] = diagonal.max()
+    diagonal[diagonal == 0.0] = np.abs(tangent.data).max(initial=0.0) or 1.0
     factors = _factors(csc_array(tangent + diags_array(1e-15 * diagonal)))
     share = factors.U.diagonal() / diagonal[factors.perm_c.argsort()]
     bad = np.flatnonzero(share <= _ROUNDING)

@@ -84,14 +84,21 @@ class MultigridSolver:
             presmoother=("gauss_seidel", {"sweep": "forward"}),
             postsmoother=("gauss_seidel", {"sweep": "backward"}),
             improve_candidates=None,  # the rigid body modes are smooth already
-            max_coarse=400,
+            max_coarse=60,
         )
         self._cycle = levels.aspreconditioner(cycle="V")
 
     def _conjugate_gradients(self, load: Floats, limit: int = 1000) -> tuple[Floats, int]:
-        """Solve; raise `GivesWayError` at the first direction without resistance."""
-        solution = np.zeros_like(load)
-        residual = load.copy()
+        """Solve; raise `GivesWayError` at the first direction without resistance.
+
+        The start is a little of everything, so that a symmetric load meets the directions in
+        which a symmetric network buckles.
+        """
+        solution = np.random.default_rng(0).standard_normal(len(load))
+        residual = self._tangent @ solution
+        share = 0.01 * float(np.linalg.norm(load) / np.linalg.norm(residual))
+        solution *= share
+        residual = load - share * residual
         direction = np.zeros_like(load)
         goal, former = self._tolerance * float(np.linalg.norm(load)), 1.0
         for iteration in range(limit):

@@ -229,12 +229,12 @@ def test_length_and_stiffness_only_set_the_units(scale, stiffness):
     assert other.residual.max() < 1e-12
 
 
-@given(forces=st.lists(st.floats(-0.005, 0.005), min_size=6, max_size=6), seed=st.integers(0, 30))
-def test_whatever_presses_the_supports_bear_it(forces, seed):
-    network = random_geometric(25, seed=seed)
+@given(forces=st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6))
+def test_whatever_presses_the_supports_bear_it(forces):
+    network = square_braced(4, 5)
     load = np.zeros_like(network.positions)
-    free = np.flatnonzero(~network.held.any(axis=1))[:3]
-    load[free] = np.reshape(forces, (3, 2))
+    load[[9, 14, 19]] = np.reshape(forces, (3, 2))
+    load[6, 0] = 0.01
     result = network.with_loads(load).solve(2)
     assert result.residual.max() < 1e-12
     assert result.reactions().sum(axis=0) == pytest.approx(-load.sum(axis=0), abs=1e-12)

@@ -1,0 +1,173 @@
+"""Mechanisms, buckling and elements turned inside out are reported, never hidden."""
+
+import numpy as np
+import pytest
+
+from kaju.errors import BucklingError, ConvergenceError, MechanismError
+from kaju.model.network import SpringNetwork, random_geometric, triangular
+from kaju.model.network.triangles import triangles, turned_over
+
+
+def chain(force, braced=False):
+    """Two springs in a line, pressed at the free end, held aside there but not in the middle."""
+    positions, springs = [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]]
+    held, forces = [[1, 1], [0, 0], [0, 1]], [[0, 0], [0, 0], [force, 0]]
+    stiffness = [1.0, 1.0]
+    if braced:  # soft springs across hold the middle against slipping aside
+        positions += [[1, 50], [1, -50]]
+        springs += [[1, 3], [1, 4]]
+        held += [[1, 1], [1, 1]]
+        forces += [[0, 0], [0, 0]]
+        stiffness += [0.05, 0.05]
+    return SpringNetwork.build(positions, springs, stiffness, held=held, forces=forces)
+
+
+def test_a_joint_in_a_straight_line_is_a_mechanism():
+    with pytest.raises(MechanismError, match="a mechanism: the nodes 1 ") as caught:
+        chain(0.1).solve()
+    assert caught.value.nodes == (1,)
+
+
+def test_four_bars_without_a_brace_are_a_mechanism():
+    network = SpringNetwork.build(
+        [[0, 0], [1, 0], [1, 1], [0, 1]],
+        [[0, 1], [1, 2], [2, 3], [3, 0]],
+        held=[1, 1, 0, 0],
+        forces=[[0, 0], [0, 0], [0, 0], [0.01, 0]],
+        names=["foot", "other foot", "right", "left"],
+    )
+    for load in (network.solve, network.load_in_increments):
+        with pytest.raises(MechanismError) as caught:
+            load()
+        assert set(caught.value.nodes) == {"left", "right"}
+
+
+def test_a_loose_node_is_named_among_many():
+    lattice = triangular(6)
+    loose = len(lattice.positions)
+    network = SpringNetwork.build(
+        np.concatenate([lattice.positions, [[2.5, 9.0]]]),
+        np.concatenate([lattice.springs, [[loose - 1, loose]]]),
+        held=np.concatenate([lattice.held, [[False, False]]]),
+        forces=np.concatenate([lattice.forces, np.zeros((1, 1, 2))], axis=1),
+    )
+    with pytest.raises(MechanismError) as caught:
+        network.solve()
+    assert caught.value.nodes == (loose,)
+
+
+def test_a_body_on_one_foot_can_turn():
+    lattice = triangular(4)
+    held = np.zeros_like(lattice.held)
+    held[0] = True
+    network = SpringNetwork.build(
+        lattice.positions, lattice.springs, held=held, forces=lattice.forces
+    )
+    with pytest.raises(MechanismError):
+        network.solve()
+
+
+def test_a_pulled_chain_is_stiffened_by_its_tension():
+    pulled = SpringNetwork.build(
+        [[0, 0], [1, 0], [2, 0]],
+        [[0, 1], [1, 2]],
+        1.0,
+        0.9,
+        held=[1, 0, 1],
+        forces=[[0, 0], [0, 0.001], [0, 0]],
+    )
+    sag = pulled.solve(1).displacement[-1, 1, 1]
+    assert sag == pytest.approx(0.001 / (2 * 0.1), rel=1e-3)
+
+
+def test_a_braced_chain_buckles_at_its_critical_force():
+    """The middle slips aside once 2 P/L exceeds the stiffness of the braces, 0.1."""
+    critical = 0.1 / (2.0 + 0.1)  # L = 1 - P, so 2 P = 0.1 (1 - P)
+    held = chain(-0.99 * critical, braced=True).solve(10)
+    assert held.displacement[-1, 1, 1] == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(BucklingError, match="buckles: under its pressed springs the nodes 1 ") as e:
+        chain(-2.0 * critical, braced=True).solve(10)
+    assert e.value.nodes == (1,)
+    reached = e.value.result
+    assert reached.stage[-1] == pytest.approx(0.5, abs=1e-3)
+    assert reached.tension[-1, 0] == pytest.approx(-critical, rel=3e-3)
+
+
+def test_what_was_computed_before_a_lattice_gave_way_is_handed_over():
+    with pytest.raises(BucklingError) as caught:
+        triangular(5, force=1.0).solve(10)
+    reached = caught.value.result
+    assert reached.stage[:4] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert 0.399 < reached.stage[-1] < 0.4
+    assert (4, 2) in caught.value.nodes
+    same = triangular(5, force=reached.stage[-1]).solve(10)
+    assert same.displacement[-1] == pytest.approx(reached.displacement[-1], abs=1e-8)
+
+
+def test_an_arch_snaps_through_at_its_limit():
+    """A shallow arch of two springs carries 2K (λ/L − 1) h/L at height h, at most so much."""
+    rise = 0.3
+    heights = np.linspace(0.0, rise, 100_001)
+    length = np.hypot(1.0, heights)
+    limit = (2.0 * (np.hypot(1.0, rise) / length - 1.0) * heights).max()
+
+    def arch(force):
+        return SpringNetwork.build(
+            [[-1, 0], [0, rise], [1, 0]],
+            [[0, 1], [1, 2]],
+            held=[[1, 1], [1, 0], [1, 1]],
+            forces=[[0, 0], [0, -force], [0, 0]],
+        )
+
+    assert arch(0.995 * limit).solve(10).residual.max() < 1e-12
+    with pytest.raises(BucklingError) as caught:
+        arch(2.0 * limit).solve(10)
+    assert caught.value.result.stage[-1] == pytest.approx(0.5, abs=2e-3)
+
+
+def test_a_sliver_that_snaps_is_followed_no_further():
+    network = random_geometric(25, seed=28)
+    force = np.zeros_like(network.positions)
+    force[3, 0] = 0.004
+    with pytest.raises(BucklingError) as caught:
+        network.with_loads(force).solve(2)
+    assert 0.0 < caught.value.result.stage[-1] < 0.5
+
+
+def test_increments_too_coarse_to_follow_are_refused():
+    with pytest.raises(ConvergenceError, match="take more than 2 increments"):
+        triangular(5, force=4.0).load_in_increments(2)
+
+
+def test_without_correction_an_indefinite_tangent_is_seen_too():
+    with pytest.raises(BucklingError):
+        chain(-0.1, braced=True).load_in_increments(40)
+
+
+def test_without_correction_a_leap_across_the_limit_is_refused():
+    with pytest.raises(ConvergenceError, match="snaps through"):
+        triangular(5, force=0.5).load_in_increments(40)
+
+
+def test_triangles_are_found_once():
+    network = triangular(5, 5)
+    corners = triangles(network.springs)
+    assert len(corners) == 28  # 4 strips of 5 + 4 - 2 triangles
+    assert len({frozenset(c) for c in corners.tolist()}) == 28
+    complete = np.array([[a, b] for a in range(5) for b in range(a)])
+    assert len(triangles(complete)) == 10
+
+
+def test_a_triangle_pulled_through_its_base_is_reported():
+    network = SpringNetwork.build(
+        [[0, 0], [2, 0], [1, 1]],
+        [[0, 1], [1, 2], [2, 0]],
+        held=[1, 1, 1],
+        displacements=[[0, 0], [0, 0], [0, -3]],
+        names="abc",
+    )
+    result = network.solve(30)
+    assert result.triangles_turned_over(9) == []
+    assert [set(corners) for corners in result.triangles_turned_over()] == [{"a", "b", "c"}]
+    assert result.summary()["triangles_turned_over"] == 1
+    assert len(turned_over(network, np.zeros((3, 2)))) == 0

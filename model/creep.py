@@ -21,10 +21,12 @@ from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
 
 from .creep_body import CreepingAgents, TransferCreepResult
+from .creep_elastic_result import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
 from .creep_elements import Elements
 from .creep_march import Drive, Log, Pace, march
 from .creep_network import CreepingNetwork
 from .creep_state import CreepResult, CreepState
+from .elasticity.solve import solve
 from .network.springs import SpringNetwork
 from .propagation.load_model import LoadModel
 from .scene import Scene
@@ -32,7 +34,10 @@ from .scene import Scene
 Floats = NDArray[np.float64]
 
 
-System = Elements | CreepingNetwork
+System = Elements | CreepingNetwork | SteppedBody
+_STATIC_TOLERANCE = 1e-10
+"""Accuracy (energy norm) of the elastic answer that the correspondence principle scales."""
+
 Drives = Literal["both", "forces", "displacements"]
 
 
@@ -47,7 +52,7 @@ def creep(
 @overload
 def creep(
     subject: Scene, history: History, duration: float | None = ..., **how: Any
-) -> TransferCreepResult: ...
+) -> TransferCreepResult | ElasticCreepResult: ...
 def creep(  # type: ignore[misc]
     subject: ThreeElement | SpringNetwork | Scene,
     history: History,
@@ -62,7 +67,7 @@ def creep(  # type: ignore[misc]
     mass: ArrayLike | None = None,
     resume: CreepState | None = None,
     most_steps: int = 100_000,
-) -> CreepResult | TransferCreepResult:
+) -> CreepResult | TransferCreepResult | ElasticCreepResult:
     """Let a body creep under a history of loads or displacements.
 
     Parameters
@@ -105,6 +110,9 @@ def creep(  # type: ignore[misc]
         Of an element or a network.
     TransferCreepResult
         Of a scene with a prescribed rule.
+    ElasticCreepResult
+        Of a scene with an elastic rule. Large bodies of several materials keep arrays for
+        every time asked for, so ask for few.
 
     Raises
     ------
@@ -148,7 +156,9 @@ def _system(
     if isinstance(subject, Scene):
         if mass is not None:
             raise ParameterError("mass: the cells of a scene creep without inertia; leave it out")
-        return CreepingAgents(LoadModel(subject).run())
+        if subject.rule.kind == "prescribed":
+            return CreepingAgents(LoadModel(subject).run())
+        return elastic_body(solve(subject, tolerance=_STATIC_TOLERANCE))
     laws = rheology_steps.Laws.of([subject])
     weight = None if mass is None else np.atleast_1d(np.asarray(mass, dtype=np.float64))
     return Elements(laws, np.ones(1), stretched=drive == "displacements", mass=weight)
@@ -165,7 +175,7 @@ def _drives(history: History, drive: Drives) -> Drive:
 
 def _result(
     system: System, history: History, log: Log, state: CreepState
-) -> CreepResult | TransferCreepResult:
+) -> CreepResult | TransferCreepResult | ElasticCreepResult:
     """Put together what was seen."""
     records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
     work, stored, dissipated, numerical = np.array(log.energies).T
@@ -180,6 +190,13 @@ def _result(
     }
     if isinstance(system, CreepingAgents):
         return TransferCreepResult(**course, static=system.static, growth=records[0])
+    if isinstance(system, CorrespondingBody):
+        return ElasticCreepResult(**course, static=system.static, growth=records[0][:, 0])
+    if isinstance(system, SteppedBody):
+        faces, cells, edges = records
+        return ElasticCreepResult(
+            **course, static=system.static, body=system, faces=faces, cells=cells, edges=edges
+        )
     if isinstance(system, Elements):
         records = [record[:, 0] for record in records]
     return CreepResult(**course, displacement=records[0], force=records[1])

@@ -8,7 +8,7 @@ history of a unit stress). Displacements are summed up from the grown strains as
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from kaju.errors import ResultError
 
 from .creep_elements import Elements
 from .creep_state import Course
-from .propagation.deformation import DisplacementField
+from .propagation.deformation import DisplacementField, Squeeze, squeeze
 from .propagation.transfer_result import TransferResult
 from .result import cells_of_points
 
@@ -47,10 +47,15 @@ class TransferCreepResult(Course):
     static: TransferResult
     growth: Floats
 
+    def squeezed(self, record: int = -1) -> Squeeze:
+        """Return how much the agents are squeezed, their pressures at a factor of 1."""
+        static = squeeze(self.static.scene, self.static.last)
+        grown = self.growth[record, self.static.last.material][:, None]
+        return replace(static, strain=static.strain * grown, widening=static.widening * grown)
+
     def strain(self, record: int = -1) -> Floats:
         """Return the strain of every agent, shape (agents, dimension, dimension)."""
-        grown = self.growth[record, self.static.last.material]
-        return np.asarray(self.static.strain * grown[:, None, None])
+        return self.squeezed(record).strains()
 
     def stress(self, record: int = -1) -> Floats:
         """Return the stress of every agent (Pa), shape (agents, dimension, dimension)."""
@@ -60,7 +65,7 @@ class TransferCreepResult(Course):
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         scene = self.static.scene
         points, cells = cells_of_points(scene, points)
-        field = DisplacementField(scene, self.static.last, self.strain(record))
+        field = DisplacementField(scene, self.static.last, self.squeezed(record))
         return field.at(points, cells)
 
     def displacement(self, record: int = -1) -> Floats:
@@ -81,7 +86,7 @@ class CreepingAgents(Elements):
     """The agents of a load-transfer run, all those of a material as one element.
 
     Its stretch is the growth of the material. It is as large as all those agents together,
-    Σ V (σ/E)² for a stretch of 1, so that its energies are theirs.
+    Σ V e² for a stretch of 1, e the squeeze along each axis, so that its energies are theirs.
     """
 
     def __init__(self, static: TransferResult) -> None:
@@ -89,10 +94,9 @@ class CreepingAgents(Elements):
         scene = static.scene
         modulus = np.array([material.youngs_modulus for material in scene.cell_materials])
         volume = scene.lattice.cell_volume(scene.thickness)
-        pressed = np.einsum("nij,nij->n", static.stress, static.stress)
-        kind = static.last.material
+        squeezed = np.square(squeeze(scene, static.last).strain).sum(axis=1)
         size = volume * np.bincount(
-            kind, pressed / modulus[kind] ** 2, minlength=len(scene.cell_materials)
+            static.last.material, squeezed, minlength=len(scene.cell_materials)
         )
         laws = Laws.of([law_of(material) for material in scene.cell_materials])
         used = np.where(size > 0.0, size, 1.0)

@@ -53,7 +53,7 @@ class CreepingBody:
 
     Its state, in the problem's scaled units: stretches of both parts for every cell and axis
     (axes, cells) and for every material at every edge (materials, edges); the displacement
-    of the active faces.
+    of the active faces; the stress of the cells along each axis, and the shear of the edges.
 
     Parameters
     ----------
@@ -92,7 +92,8 @@ class CreepingBody:
         """Return the state at time 0: nothing stretched."""
         cells = np.zeros((self.problem.dimension, self.cells))
         edges = np.zeros_like(self.share)
-        return (cells, cells.copy(), edges, edges.copy(), np.zeros(self.numbering.size))
+        faces = np.zeros(self.numbering.size)
+        return (cells, cells, edges, edges, faces, cells, np.zeros(edges.shape[1]))
 
     def rates(self, fields: Fields, push: Push) -> tuple[Fields, Energy]:
         """Return the rates in an implicit step, and what it adds to the balance."""
@@ -112,12 +113,15 @@ class CreepingBody:
         after = self._solve(stress, modulus[:, 0], load, before)
         strain = self.rows @ after + free
         cells, edges = self._part(strain)
-        force, tau = cell_modulus * cells, edge_shear * edges / self.shear
+        force, shear = cell_modulus * cells, edge_shear * edges
         cell_rate = rates(self.cell_laws, substep, in_cells, force)
-        edge_rate = rates(self.edge_laws, substep, at_edges, tau)
+        edge_rate = rates(self.edge_laws, substep, at_edges, shear / self.shear)
         speed = (after - before) / substep
-        energy = self._energies(push, (force, cell_rate), (tau, edge_rate), after, speed)
-        return (*cell_rate, *edge_rate, speed), energy
+        carried = ((self._tensor(force) - fields[5]) / substep, (shear - fields[6]) / substep)
+        energy = self._energies(
+            push, (force, cell_rate), (shear / self.shear, edge_rate), after, speed
+        )
+        return (*cell_rate, *edge_rate, speed, *carried), energy
 
     def gauge(self, fields: Fields) -> Floats:
         """Return the stretches of both parts of all cells."""
@@ -132,8 +136,8 @@ class CreepingBody:
         return energy * self._joule
 
     def record(self, fields: Fields) -> tuple[Floats, ...]:
-        """Return the displacement of the active faces (m)."""
-        return (fields[4] * self.problem.scales.displacement,)
+        """Return displacement of the active faces, stress of cells and shear of edges."""
+        return fields[4:]
 
     @property
     def _joule(self) -> float:

@@ -48,7 +48,8 @@ def run(system, history=BITE, times=TIMES, step=0.05, scheme="sdirk2", tolerance
         np.asarray(times),
         Pace(step, tolerance, 10_000),
     )
-    return np.stack([record[0] for record in log.records]), np.array(log.energies)
+    unit = system.problem.scales.displacement
+    return unit * np.stack([record[0] for record in log.records]), np.array(log.energies)
 
 
 def inclusion(n=16):

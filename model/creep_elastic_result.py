@@ -1,0 +1,144 @@
+"""An elastic scene in time: by correspondence where that is exact, else step by step.
+
+If all materials take the same time, nothing but loads acts (no given displacement, no elastic
+bed), then the stresses are those without time, and displacements are those without time,
+multiplied by E · (creep under the history of a unit stress): the *correspondence principle*
+(R. M. Christensen, *Theory of Viscoelasticity*, section 2.1). One elastic problem answers for
+all times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.agents.rheology_steps import Laws
+from kaju.errors import ResultError
+
+from .creep_body import law_of
+from .creep_elastic import CreepingBody
+from .creep_elements import Elements
+from .creep_state import Course
+from .elasticity import fields
+from .elasticity.elastic_result import ElasticResult
+from .elasticity.staggered import Strains, axis_pairs, edge_modulus
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ElasticCreepResult(Course):
+    """What became of an elastic body in time.
+
+    In every query `record` is the index of a time asked for; the default -1 is the last.
+
+    Attributes
+    ----------
+    static : ElasticResult
+        The same scene without time, at a factor of 1.
+    growth : (k,) floats or None
+        Displacement as a multiple of the static one, where the correspondence principle holds.
+    body : SteppedBody or None
+        What was marched through time where it does not.
+    faces, cells, edges : arrays or None
+        Then: displacement of the active faces, stress of the cells along each axis, and shear
+        of the edges, in the scaled units of ``static.problem``, one row for each time.
+    """
+
+    static: ElasticResult
+    growth: Floats | None = None
+    body: SteppedBody | None = None
+    faces: Floats | None = None
+    cells: Floats | None = None
+    edges: Floats | None = None
+
+    def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+        if self.growth is not None:
+            return np.asarray(self.growth[record] * self.static.displacement_at(points))
+        return self._moved(record).displacement_at(points)
+
+    def cell_displacement(self, record: int = -1) -> Floats:
+        """Return the displacement of the cells' middles (m), as `ElasticResult` does."""
+        if self.growth is not None:
+            return np.asarray(self.growth[record] * self.static.cell_displacement)
+        return self._moved(record).cell_displacement
+
+    def stress(self, record: int = -1) -> Floats:
+        """Return the stress tensors of the cells (Pa), shape (n, ..., dimension, dimension)."""
+        if self.growth is not None:
+            return np.asarray(self.factors[record] * self.static.stress)
+        problem = self.static.problem
+        solid = problem.kinds >= 0
+        cells = []
+        for values in self._stepped(self.cells)[record]:
+            field = np.zeros(problem.kinds.shape)
+            field[solid] = values
+            cells.append(field[problem.inner])
+        edges, start = {}, 0
+        for pair in axis_pairs(problem.dimension):
+            field = np.zeros_like(edge_modulus(problem, pair))
+            stiff = edge_modulus(problem, pair) > 0
+            count = int(np.count_nonzero(stiff))
+            field[stiff] = self._stepped(self.edges)[record, start : start + count]
+            start += count
+            field += float(self.factors[record]) * problem.surface_shear.get(pair, 0.0)
+            edges[pair] = field[(slice(1, -1),) * problem.dimension]
+        scales = problem.scales
+        unit = scales.modulus * scales.displacement / scales.length
+        return unit * fields.cell_tensor(problem, Strains(tuple(cells), edges))
+
+    def _moved(self, record: int) -> ElasticResult:
+        """Return a result with the displacements of a moment; its stresses mean nothing."""
+        problem = self.static.problem
+        assert self.body is not None
+        moved = tuple(float(self.factors[record]) * values for values in problem.fixed)
+        self.body.numbering.scatter(self._stepped(self.faces)[record], moved)
+        return replace(self.static, solution=replace(self.static.solution, displacement=moved))
+
+    def _stepped(self, values: Floats | None) -> Floats:
+        if values is None:
+            raise ResultError("this run followed the correspondence principle: scale `static`")
+        return values
+
+
+class CorrespondingBody(Elements):
+    """A body whose displacements all grow alike, as one element.
+
+    Its stretch is the growth; it is as large as the body, so that its energies are the body's.
+    """
+
+    def __init__(self, static: ElasticResult) -> None:
+        self.static = static
+        material = static.grid.cell_materials[0]
+        size = 2.0 * static.strain_energy / material.youngs_modulus
+        law = Laws.of([law_of(material)])
+        used = size or 1.0
+        share = np.array([size * material.youngs_modulus])
+        super().__init__(Laws(*(number * used for number in law)), share)
+
+
+class SteppedBody(CreepingBody):
+    """A body of several materials, which is solved anew in every step."""
+
+    def __init__(self, static: ElasticResult) -> None:
+        self.static = static
+        super().__init__(static.problem, static.grid.cell_materials)
+
+
+def elastic_body(static: ElasticResult) -> CorrespondingBody | SteppedBody:
+    """Return the cheapest thing to march for an elastic scene."""
+    materials, problem = static.grid.cell_materials, static.problem
+    table = np.array(
+        [
+            np.array([law.K_f, law.D_f, 1.0 / law.D_d]) * [1 / e, 1 / e, e]
+            for law, e in ((law_of(m), m.youngs_modulus) for m in materials)
+        ]
+    )
+    alike = np.allclose(table, table[0], rtol=1e-12, atol=0.0)
+    given = any(values.any() for values in (*problem.fixed, *problem.spring))
+    if alike and not given:
+        return CorrespondingBody(static)
+    return SteppedBody(static)

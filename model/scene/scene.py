@@ -264,9 +264,11 @@ class Scene(Description):
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.lattice.shape))
         materials = ", ".join(material.name for material in self.cell_materials)
+        loads = f"{len(self.loads)} load{'s' if len(self.loads) != 1 else ''}"
+        stages = f"{self.stages} stage{'s' if self.stages != 1 else ''}"
         return (
             f"{cells} {self.lattice.kind}s of {self.lattice.cell_size:g} m ({materials}), "
-            f"{len(self.loads)} loads in {self.stages} stages, {self.rule.kind} rule"
+            f"{loads} in {stages}, {self.rule.kind} rule"
         )
 
     def _in_words(self) -> tuple[object, ...]:

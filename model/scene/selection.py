@@ -17,7 +17,7 @@ from kaju.errors import SceneError
 from . import kinds
 from .filling import Filling
 from .lattice import Cells, Lattice
-from .loads import Load
+from .loads import Load, LoadRegion
 from .surfaces import Selection, cells_in_box, faces_on_plane, faces_on_side
 
 _HEXAGON_ARMS = {"left": [3], "right": [0], "bottom": [4, 5], "top": [1, 2]}
@@ -56,17 +56,20 @@ def select(filling: Filling, load: Load, where: str) -> Selection:
     if load.region is None:
         assert load.side is not None
         return faces_on_side(filling, load.side, f"{where}.side")
-    where = f"{where}.region.box"
-    for corner in load.region.box:
-        _check_axes(corner, lattice, where)
-    flat = load.region.flat_axis(lattice.cell_size, where)
+    return _in_region(filling, load, load.region, f"{where}.region.box")
+
+
+def _in_region(filling: Filling, load: Load, region: LoadRegion, where: str) -> Selection:
+    for corner in region.box:
+        _check_axes(corner, filling.lattice, where)
+    flat = region.flat_axis(filling.lattice.cell_size, where)
     if flat is not None:
-        return faces_on_plane(filling, load.region.box, flat, where)
+        return faces_on_plane(filling, region.box, flat, where)
     if load.pressure is not None:
         raise SceneError(
             f"{where}: a pressure acts on a surface; give the box no thickness along one axis"
         )
-    return cells_in_box(filling, load.region.box, where)
+    return cells_in_box(filling, region.box, where)
 
 
 def _check_axes(numbers: tuple[float, ...], lattice: Lattice, where: str) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kaju.errors import SceneError
 
 from . import kinds
-from .filling import CellBox, Filling, count, grid
+from .filling import CellBox, Filling, count, grid, slabs
 from .lattice import Cells, Lattice
 from .loads import Load
 
@@ -101,21 +101,37 @@ def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) ->
     if count((lower, upper)) == 0:
         raise SceneError(f"{where}: lies outside the array, which goes from 0 to {lattice.extent}")
     _check_count((lower, upper), where)
-    above = grid(lower, upper)
-    below = above.copy()
-    below[:, axis] -= 1
-    body_above, body_below = filling.kinds(above) >= 0, filling.kinds(below) >= 0
-    top, bottom = body_below & ~body_above, body_above & ~body_below
-    cells = np.concatenate([below[top], above[bottom]])
+    cells, direction, covered = _split_faces(filling, (lower, upper), axis)
     if len(cells) == 0:
-        inside = "inside the body" if np.any(body_above) else "in the air or on the ground"
+        inside = "inside the body" if covered else "in the air or on the ground"
         raise SceneError(
             f"{where}: no surface of the body lies in this box at {'xyz'[axis]} = "
             f"{corners[0][axis]:g} m; it is {inside}"
         )
-    direction = np.repeat([2 * axis + 1, 2 * axis], [top.sum(), bottom.sum()])
     _check_free(filling, cells, direction, where)
     return Selection(cells, direction, _share(lattice, cells, corners, skip=axis))
+
+
+def _split_faces(
+    filling: Filling, box: CellBox, axis: int
+) -> tuple[Cells, NDArray[np.int64], bool]:
+    """Return where body and no body meet at the lower faces, across `axis`, of a box's cells.
+
+    The cells are the body's, on whichever side they lie; last comes whether there is any
+    body above those faces.
+    """
+    cells = [grid(box[0], box[0])]
+    direction = [np.empty(0, dtype=np.int64)]
+    covered = False
+    for above in slabs(box):
+        below = above.copy()
+        below[:, axis] -= 1
+        body_above, body_below = filling.kinds(above) >= 0, filling.kinds(below) >= 0
+        upwards, downwards = body_below & ~body_above, body_above & ~body_below
+        cells += [below[upwards], above[downwards]]
+        direction.append(np.repeat([2 * axis + 1, 2 * axis], [upwards.sum(), downwards.sum()]))
+        covered = covered or bool(body_above.any())
+    return np.concatenate(cells), np.concatenate(direction), covered
 
 
 def cells_in_box(filling: Filling, corners: Corners, where: str) -> Selection:
@@ -167,8 +183,8 @@ def _body_cells(filling: Filling, box: CellBox, where: str) -> Cells:
     lower, upper = box
     box = (lower, np.maximum(lower, upper))
     _check_count(box, where)
-    cells = grid(*box)
-    return cells[filling.kinds(cells) >= 0]
+    found = [cells[filling.kinds(cells) >= 0] for cells in slabs(box)]
+    return np.concatenate([grid(lower, lower), *found])
 
 
 def _check_count(box: CellBox, where: str) -> None:

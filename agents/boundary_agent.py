@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from mesa.discrete_space import Cell, FixedAgent
 
 from .load import Load
 
-if TYPE_CHECKING:
-    from .material_agent import Carrier
+
+class Clock(Protocol):
+    """What a boundary agent needs of the model it lives in."""
+
+    @property
+    def generation(self) -> int:
+        """Steps taken."""
 
 
 class BoundaryAgent(FixedAgent):
@@ -23,7 +28,7 @@ class BoundaryAgent(FixedAgent):
         Sum of the loads given back (N), unattenuated.
     """
 
-    def __init__(self, model: Carrier, cell: Cell) -> None:
+    def __init__(self, model: Clock, cell: Cell) -> None:
         super().__init__(model)
         self.cell = cell
         self.spawn_step = model.generation + 1

@@ -7,6 +7,7 @@ can be called again and again until nothing is left to do.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -39,8 +40,11 @@ class Faces(Protocol):
 class FaceModel(Protocol):
     """What a face agent needs of the model it lives in."""
 
-    generation: int
     share: float
+
+    @property
+    def generation(self) -> int:
+        """Steps taken."""
 
     def hand_over(self, sender: FaceAgent, target: int, load: float) -> None:
         """Bring a load (N) to another face of the level, or to a support."""
@@ -56,7 +60,8 @@ class Link(NamedTuple):
     share: float
 
 
-class Place(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Place:
     """Where a face agent stands.
 
     Attributes
@@ -92,7 +97,7 @@ class Place(NamedTuple):
     open_to: tuple[Link, ...] = ()
 
 
-class FaceAgent(FixedAgent):  # type: ignore[misc]
+class FaceAgent(FixedAgent):
     """A face between two cells, or two blocks of cells, that a load has woken.
 
     Subclass it to try a rule of your own: `due` says how much of its load the agent takes
@@ -144,7 +149,7 @@ class FaceAgent(FixedAgent):  # type: ignore[misc]
 
     def due(self) -> float:
         """Return the load to take now (N): in a wave a share of it, otherwise all."""
-        return self.model.share * self.left
+        return float(self.model.share) * self.left
 
     def take(self, load: float) -> None:
         """Yield to a load."""

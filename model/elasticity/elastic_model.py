@@ -32,7 +32,7 @@ MOST_GROWTH = 1e12
 """A run whose largest load exceeds that of the start by this factor is stopped."""
 
 
-class ElasticModel(mesa.Model):  # type: ignore[misc]
+class ElasticModel(mesa.Model):
     """Load transfer by shares that follow from the materials, step by step.
 
     An agent spawns on a face when the load left there exceeds the threshold γ. It yields,

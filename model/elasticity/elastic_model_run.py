@@ -240,9 +240,12 @@ def _faces(model: ElasticModel) -> tuple[Floats, ...]:
     """Return the displacements of all faces beside body, without the rim."""
     table, found = model.table, []
     fields = [np.full(table.problem.face_shape(a), np.nan) for a in range(table.problem.dimension)]
-    places = (table.levels[0].place, model.state.grounds[0].displacement), (
-        table.fixed_place,
-        table.given,
+    places = (
+        (table.levels[0].place, model.state.grounds[0].displacement),
+        (
+            table.fixed_place,
+            table.given,
+        ),
     )
     for (axis, index), value in places:
         for a, field in enumerate(fields):
@@ -289,7 +292,7 @@ def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
     for axis in range(dimension):
         carried = np.where(table.place_axes == axis, left[faces:], 0.0)
         reaction[:, axis] = -(holding.links @ carried)
-    returned = air.links @ state.grounds[0].taken
+    returned: Floats = np.asarray(air.links @ state.grounds[0].taken)
     steps = holding.first(state.place_step), air.first(state.grounds[0].spawn_step)
     orders = [_awake(step) for step in steps]
     cells = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
@@ -312,7 +315,8 @@ def _ledger(model: ElasticModel) -> PushLedger:
     table, left = model.table, model.state.grounds[0].left
     n, dimension = table.levels[0].size, table.problem.dimension
     axis = table.levels[0].place[0]
-    resting = np.bincount(axis, weights=left[:n], minlength=dimension)
-    carried = np.bincount(table.place_axes, weights=left[n:], minlength=dimension)
+    resting, carried = np.zeros(dimension), np.zeros(dimension)
+    np.add.at(resting, axis, left[:n])
+    np.add.at(carried, table.place_axes, left[n:])
     turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
     return PushLedger(table.applied, resting, carried, turnover)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.scene.kinds import AIR
+from kaju.model.scene.kinds import AIR, FOUNDATION, ROLLER
 
 from .problem import ACTIVE, ElasticProblem, Floats
 
@@ -69,7 +69,8 @@ def _drag(
     normal, upper = divmod(side, 2)
     beyond = cells.copy()
     beyond[:, normal] += 2 * upper - 1
-    free = problem.kinds[tuple(beyond.T)] == AIR
+    # Smooth walls take no shear either: all of it stays with the body.
+    free = np.isin(problem.kinds[tuple(beyond.T)], (AIR, ROLLER, FOUNDATION))
     for end in (0, 1):
         _add(problem.force[axis], cells[free], axis, end, 0.5 * value[free])
         for layer in (cells[~free], beyond[~free]):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import networkx
 import numpy as np
-from mesa.discrete_space import Cell, Network
+from mesa.discrete_space import Cell, FixedAgent, Network
 
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
@@ -53,10 +53,10 @@ class AgentPushEngine:
 
     def reset(self) -> None:
         """Put the loads on the body, before anybody has yielded."""
-        levels = [agents.values() for agents in self.agents]
-        for group in (*levels, self.air.values(), self.supports.values()):
-            for agent in group:
-                agent.remove()
+        faces = [agent for agents in self.agents for agent in agents.values()]
+        everybody: list[FixedAgent] = [*faces, *self.air.values(), *self.supports.values()]
+        for agent in everybody:
+            agent.remove()
         self.state = PushState(self.table)
         self.space = Network(networkx.Graph(), random=self.model.random)
         self.cells: dict[tuple[object, ...], Cell] = {}

@@ -50,11 +50,10 @@ class ArrayPushEngine:
 
     def push_in_turn(self, level: int, backward: bool) -> int:
         """Let the agents of a level above the threshold act one after another."""
-        state, ground = self.state, self.state.grounds[level]
+        state = self.state
         pushes, released = push_in_turn(
             backward, state.threshold, state.generation, *self._arrays(level)
         )
-        assert len(ground.weight) == len(ground.spawn_step)
         return self._book(pushes, released)
 
     def push_largest(self, count: int) -> int:

@@ -12,7 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .problem import AIR, FOUNDATION, RIGID, ROLLER, ElasticProblem
+from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
+
+from .problem import ElasticProblem
 from .staggered import axis_pairs, edge_modulus
 
 Floats = NDArray[np.float64]
@@ -31,7 +33,12 @@ class Boundary:
     """
 
     def __init__(
-        self, problem: ElasticProblem, cells: Integers, column: Integers, weight: Floats, columns: int
+        self,
+        problem: ElasticProblem,
+        cells: Integers,
+        column: Integers,
+        weight: Floats,
+        columns: int,
     ) -> None:
         shape = problem.kinds.shape
         key = np.ravel_multi_index(tuple(cells.T), shape) if len(cells) else np.empty(0, np.int64)

@@ -103,6 +103,5 @@ def largest_eigenvalue(table: PushTable) -> float:
     from scipy.sparse.linalg import eigsh
 
     # The sharpest pattern is the one sought: it makes a good start, and the same every time.
-    axis, index = finest.place
-    start = np.where(index.sum(axis=1) % 2, 1.0, -1.0) + 0.01 * np.cos(np.arange(n))
+    start = np.where(finest.place[1].sum(axis=1) % 2, 1.0, -1.0) + 0.01 * np.cos(np.arange(n))
     return float(eigsh(matrix, k=1, which="LA", v0=start, tol=1e-8)[0][0])

@@ -74,9 +74,9 @@ class PushState:
             left = np.zeros(level.shares.shape[1])
             if number == 0:
                 left[: len(table.load)] = table.load
-            columns = (np.zeros(level.size) for _ in range(2))
+            moved, taken = np.zeros(level.size), np.zeros(level.size)
             step = np.zeros(level.size, dtype=np.int64)
-            self.grounds.append(Ground(left, *columns, step, table.weight(number)))
+            self.grounds.append(Ground(left, moved, taken, step, table.weight(number)))
         self.energy = 0.0
         self.pushes = 0
         self.generation = 0
@@ -113,7 +113,7 @@ class PushState:
 
     def note_supports(self) -> None:
         """Note which supports a load has reached by now."""
-        carried = self.grounds[0].left[-len(self.place_step) or len(self.grounds[0].left) :]
+        carried = self.grounds[0].left[self.table.levels[0].size :]
         reached = (carried != 0.0) & (self.place_step == 0)
         self.place_step[reached] = max(self.generation, 1)
 

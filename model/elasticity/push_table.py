@@ -48,8 +48,8 @@ class PushLevel:
     shares : sparse array, shape (faces, places)
         Row i: what becomes of each newton that agent i takes. On the finest level the
         columns go on with the supports.
-    prolong, restrict : sparse arrays or None
-        The way from the parents, and to them: restriction is the transpose.
+    prolong : sparse array or None
+        The way from the parents; the way to them is its transpose.
     """
 
     numbering: Numbering
@@ -193,7 +193,8 @@ class PushTable:
     @property
     def applied(self) -> Floats:
         """Sum of the applied forces per axis (N)."""
-        return self.problem.scales.force * np.array([f.sum() for f in self.problem.force])
+        total = np.array([float(f.sum()) for f in self.problem.force])
+        return np.asarray(total * self.problem.scales.force, dtype=np.float64)
 
     @cached_property
     def place_axes(self) -> Integers:
@@ -225,20 +226,10 @@ class PushTable:
     def positions(self, level: int) -> Floats:
         """Return where the faces of a level are (m), shape (faces, dimension)."""
         axis, index = self.levels[level].place
-        centre = index - 0.5
+        centre: Floats = index.astype(np.float64) - 0.5
         centre[np.arange(len(axis)), axis] -= 0.5
-        return centre * self.problem.scales.length * 2.0**level
-
-    @cached_property
-    def direct(self) -> Floats:
-        """Displacement (m) of the faces by a sparse direct solution: the truth of this grid."""
-        from scipy.sparse.linalg import spsolve
-
-        finest = self.levels[0]
-        n = finest.size
-        matrix = sp.diags_array(finest.stiffness) @ (sp.eye_array(n) - finest.shares[:, :n])
-        solution: Floats = spsolve(sp.csc_array(matrix), self.load[:n])
-        return solution
+        centre *= self.problem.scales.length * 2.0**level
+        return centre
 
 
 def make_level(
@@ -289,7 +280,7 @@ def problem_from(scene: Scene) -> ElasticProblem:
         else:
             sides[name] = condition.kind
     return make_problem(
-        scene.rasterise(),
+        scene.rasterise().astype(np.int64),
         [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials],
         lattice.cell_size,
         plane=scene.plane,

@@ -1,0 +1,141 @@
+"""Small bodies for the elastic rule, random ones as Hypothesis strategies, and their truth."""
+
+import numpy as np
+import scipy.sparse as sp
+from hypothesis import strategies as st
+from scipy.sparse.linalg import spsolve
+
+from kaju.agents.rules import ElasticRule
+from kaju.model.elasticity.elastic_model import ElasticModel
+from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
+from kaju.model.scene import Scene
+
+LEGEND = {"a": "steel", "b": "soft", ".": "air", "=": "rigid"}
+SOFT = {"youngs_modulus": 2e10, "poissons_ratio": 0.45}
+
+
+def plate(cells=8, force=(0.0, -2.0), at=None, sides=None, **rule):
+    """A square steel plate on rigid ground, pressed on by one cell of its top."""
+    body = {"size": [0.2, 0.2], "cells": [cells, cells], "thickness": 0.002, "material": "steel"}
+    return Scene(
+        body=body,
+        sides={"bottom": "rigid"} if sides is None else sides,
+        loads=[{"cell": at or [cells // 2, cells - 1], "force": list(force), "side": "top"}],
+        rule=ElasticRule(**rule),
+    )
+
+
+def drawn(drawing, loads, sides=None, plane="stress", **rule):
+    """A drawn body of cells of 10 mm."""
+    return Scene(
+        body={"cell_size": 0.01, "thickness": 0.002, "drawing": drawing, "plane": plane},
+        legend=LEGEND,
+        materials={"soft": SOFT},
+        sides=sides or {},
+        loads=loads,
+        rule=ElasticRule(**rule),
+    )
+
+
+RAGGED = """
+..aaabb.
+.aaaabbb
+aaa..bbb
+aaa..baa
+aaaaaaaa
+===..===
+"""
+
+
+def ragged(plane="stress", **rule):
+    """Two materials, a hole, steps, and ground under two feet."""
+    loads = [
+        {"cell": [3, 5], "side": "top", "force": [0.3, -2.0]},
+        {"cell": [7, 4], "side": "right", "force": [-1.0, 0.2]},
+    ]
+    return drawn(RAGGED, loads, plane=plane, **rule)
+
+
+def block(cells=(4, 3, 5), **rule):
+    """A block of cubes on rigid ground, pressed on obliquely."""
+    return Scene(
+        body={"cell_size": 0.01, "cells": list(cells), "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 1, cells[2] - 1], "side": "top", "force": [0.5, 0.2, -2.0]}],
+        rule=ElasticRule(**rule),
+    )
+
+
+def direct_solution(model):
+    """Displacement (m) of the free faces by factorising the solver's own matrix."""
+    problem = model.table.problem
+    numbering = Numbering(problem.face_states())
+    matrix = stiffness_matrix(problem, numbering)
+    assert matrix.shape[0] == model.table.levels[0].size
+    load = model.table.load[: matrix.shape[0]] / problem.scales.force
+    solution = spsolve(sp.csc_array(matrix), load)
+    return np.atleast_1d(solution) * problem.scales.displacement
+
+
+def energy_norm(model, displacement):
+    """√(u·Ku) (√J) of a field on the free faces."""
+    finest = model.table.levels[0]
+    left = displacement - finest.shares[:, : finest.size] @ displacement
+    return float(np.sqrt(displacement @ (finest.stiffness * left)))
+
+
+def displacement(model):
+    """Displacement (m) of the free faces."""
+    return model.state.grounds[0].displacement
+
+
+@st.composite
+def scenes(draw, order=None):
+    """Small drawn bodies with feet on the ground, pressed on at random."""
+    columns, rows = draw(st.integers(3, 7)), draw(st.integers(2, 5))
+    letters = st.text("aaaab", min_size=columns, max_size=columns)
+    upper = st.text("aaaabb..=", min_size=columns, max_size=columns)
+    lines = [draw(upper) for _ in range(rows - 2)] + [draw(letters), draw(letters)]
+    spots = [
+        [column, rows - 1 - row]
+        for row, line in enumerate(lines)
+        for column, letter in enumerate(line)
+        if letter in "ab"
+    ]
+    force = st.floats(-5.0, 5.0)
+    loads = [
+        {
+            "cell": draw(st.sampled_from(spots)),
+            "force": [draw(force), draw(force) or 1.0],
+            "side": draw(st.sampled_from(["left", "right", "bottom", "top"])),
+        }
+        for _ in range(draw(st.integers(1, 3)))
+    ]
+    sides = {
+        side: draw(st.sampled_from(["free", "free", "roller", {"stiffness": 1e12}]))
+        for side in ("left", "right", "top")
+    }
+    bottom = draw(st.sampled_from(["rigid", {"displacement": [1e-10, -2e-10]}]))
+    return Scene(
+        body={
+            "cell_size": 0.01,
+            "thickness": 0.002,
+            "drawing": "\n".join(lines),
+            "plane": draw(st.sampled_from(["stress", "strain"])),
+            "allow_floating": True,
+        },
+        legend=LEGEND,
+        materials={"soft": SOFT},
+        sides={**sides, "bottom": bottom},
+        loads=loads,
+        rule=ElasticRule(
+            threshold=draw(st.sampled_from([0.03, 0.1, 0.4])),
+            order=order or draw(st.sampled_from(["wave", "largest first", "multilevel"])),
+        ),
+    )
+
+
+def run(scene, engine="arrays", **options):
+    """Run a scene to the end and return model and run."""
+    model = ElasticModel(scene, engine=engine, **options)
+    return model, model.run()

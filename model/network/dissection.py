@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-_SMALL = 48
+_SMALL = 24
 """Parts up to this size are not cut further: the factorisation treats them as one block."""
 
 

@@ -17,7 +17,9 @@ from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.result import Result
 
 from .files import scratch_beside
+from .network_plots import increments
 from .reels import Reel, loading, spawning
+from .subject import is_network
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -27,6 +29,8 @@ ReelMaker = Callable[..., Reel]
 
 TRANSFER: dict[str, ReelMaker] = {"generations": spawning, "stages": loading}
 """What can be animated of a run of load transfer."""
+NETWORK: dict[str, ReelMaker] = {"increments": increments}
+"""What can be animated of a loaded spring network."""
 
 
 def animate(
@@ -87,7 +91,9 @@ def animate(
 
 
 def _maker(result: Result, what: str | None) -> ReelMaker:
-    known = TRANSFER if isinstance(result, TransferResult) else {}
+    known = NETWORK if is_network(result) else {}
+    if isinstance(result, TransferResult):
+        known = TRANSFER
     name = next(iter(known), "") if what is None else what
     if name not in known:
         there = f"there is {', '.join(known)}" if known else "there is none"
@@ -121,7 +127,7 @@ def _image(reel: Reel, frame: int) -> Image.Image:
 
 def _write_gif(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
     # One palette for all frames, or colours would flicker; the last frame has most of them.
-    palette = _image(reel, frames[-1]).quantize(256)
+    palette = _image(reel, frames[-1]).quantize(256, kmeans=3)
     images = [
         _image(reel, frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import colormaps
@@ -14,17 +14,18 @@ from matplotlib.colors import Normalize
 from kaju.errors import ParameterError
 
 from .body import draw_body, finish
+from .cropping import section_of
 from .forces import draw_forces
-from .section import Section, section_of
+from .section import Section
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
-from .subject import focus_of, stage_number
+from .subject import focus_of, grid_of, stage_number
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.scene import Scene
+    from kaju.model.result import Result
 
     from .section import Floats, Ints
 
@@ -33,16 +34,7 @@ _UNMOVED = 1e-4  # of the largest displacement
 _LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
 
 
-class Deformed(Protocol):
-    """A result that knows how points move."""
-
-    @property
-    def scene(self) -> Scene: ...  # noqa: D102
-
-    def displacement_at(self, points: Floats) -> Floats: ...  # noqa: D102
-
-
-def corner_displacements(result: Deformed, section: Section, tiles: Ints) -> Floats:
+def corner_displacements(result: Result, section: Section, tiles: Ints) -> Floats:
     """Return how the corners of tiles move in the plane (m), shape (n, corners, 2).
 
     Cells that share a corner move it together: by the mean of what each of them would.
@@ -60,17 +52,17 @@ def corner_displacements(result: Deformed, section: Section, tiles: Ints) -> Flo
     return together
 
 
-def sizes_of(result: Deformed, section: Section, tiles: Ints) -> Floats:
+def sizes_of(result: Result, section: Section, tiles: Ints) -> Floats:
     """Return how far the middles of tiles move (m), shape (n,)."""
     moved = _within(result, section.in_body(section.centres(tiles)))
     size: Floats = np.linalg.norm(moved, axis=1)
     return size
 
 
-def _within(result: Deformed, points: Floats) -> Floats:
+def _within(result: Result, points: Floats) -> Floats:
     """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
-    lattice = result.scene.lattice
-    body = result.scene.kinds(lattice.locate(points)) >= 0
+    grid = grid_of(result)
+    body = grid.kinds(grid.lattice.locate(points)) >= 0
     moved = np.zeros_like(points)
     moved[body] = result.displacement_at(points[body])
     return moved
@@ -117,7 +109,7 @@ def draw_deformed(
 
 
 def plot_deformed(
-    result: Deformed,
+    result: Result,
     ax: Axes | None = None,
     *,
     magnification: float | None = None,
@@ -129,7 +121,7 @@ def plot_deformed(
     Parameters
     ----------
     result : Result
-        Anything with a scene and `displacement_at`.
+        A run of load transfer, or an elastic result.
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     magnification : float, optional
@@ -149,7 +141,7 @@ def plot_deformed(
     """
     if magnification is not None and not (isfinite(magnification) and magnification > 0.0):
         raise ParameterError(f"magnification: a number above 0 is needed, got {magnification}")
-    section = section_of(result.scene, focus_of(result), cut, crop)
+    section = section_of(grid_of(result), focus_of(result), cut, crop)
     ax = new_axes(ax)
     every, kind = section.ground
     tiles = every[kind >= 0]

@@ -76,8 +76,13 @@ def told(applied: AppliedLoads) -> list[str]:
     return [f"applied: {quantity(total, 'N')}{where}"]
 
 
-def draw_forces(ax: Axes, section: Section, stage: int | None = None) -> list[str]:
-    """Draw the applied forces of a section; return notes that say how much they are."""
+def draw_forces(
+    ax: Axes, section: Section, stage: int | None = None, share: float = 1.0
+) -> list[str]:
+    """Draw the applied forces of a section; return notes that say how much they are.
+
+    `share` shortens all arrows, for forces that have not grown to the full yet.
+    """
     applied = section.scene.applied(stage)
     rows = np.flatnonzero(section.holds(applied.cells))
     arrows = force_arrows(section.scene, applied, rows)
@@ -89,7 +94,7 @@ def draw_forces(ax: Axes, section: Section, stage: int | None = None) -> list[st
     force, place, size, pulls = force[seen], place[seen], size[seen], arrows.pulls[seen]
     lower, upper = section.box
     span = float((upper - lower).max())
-    along = (span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
+    along = (share * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
     head = np.where(pulls[:, None], place + along, place)
     width = np.full(len(head), min(0.011, 0.2 / len(head) + 0.004) * span)
     outlines = arrow_polygons(head - along, head, width)

@@ -14,9 +14,10 @@ from kaju.model.propagation.load_path import load_path
 
 from .arrows import arrow_polygons
 from .body import draw_body, finish
+from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
 from .loads import CLOSE_UP, load_norm
-from .section import WHOLE_UP_TO, Floats, Section, section_of
+from .section import Floats, Section
 from .style import INK, LOADS, add_polygons, colour_bar, new_axes
 from .subject import focus_of, stage_number
 from .units import counted, grouped

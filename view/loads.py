@@ -12,8 +12,9 @@ from kaju.errors import ParameterError
 
 from .arrows import arrow_polygons
 from .body import draw_body, finish
+from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
-from .section import WHOLE_UP_TO, Section, section_of
+from .section import Section
 from .style import FORCE, LOADS, add_polygons, colour_bar, new_axes
 from .subject import focus_of, stage_number
 from .units import quantity
@@ -76,9 +77,10 @@ def draw_loads(
     row, direction, load = (column[lightest_first] for column in (row, direction, load))
     share = np.sqrt(np.clip(load / norm.vmax, 0.0, 1.0)) if len(load) else load
     size = float(section.tile_size.min())
+    least = 0.36 if plain else 0.24
     tail = section.centres(tiles)[row]
-    head = tail + (size * (0.24 + 0.25 * share))[:, None] * normals[direction]
-    outlines = arrow_polygons(tail, head, size * (0.045 + 0.06 * share))
+    head = tail + (size * (least + (0.49 - least) * share))[:, None] * normals[direction]
+    outlines = arrow_polygons(tail, head, size * (0.2 * least + 0.06 * share))
     look = {"fc": FORCE, "ec": "white", "lw": 0.4} if plain else {"array": load, "cmap": LOADS}
     drawn = add_polygons(ax, outlines, "loads taken", norm=norm, zorder=6, **look)
     return drawn, bool(across.any())

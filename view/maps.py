@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -12,33 +12,19 @@ from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError
 
 from .body import draw_body, finish
+from .cropping import section_of
 from .forces import draw_forces
 from .loads import load_norm
-from .section import Floats, Ints, Section, section_of
+from .section import Floats, Ints, Section
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
-from .subject import cells_of, focus_of, stage_number, taken_of
+from .subject import cells_of, field_of, focus_of, grid_of, stage_number, taken_of
 from .units import quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.scene import Scene
-
-
-class Fields(Protocol):
-    """A result with fields over cells."""
-
-    @property
-    def scene(self) -> Scene: ...  # noqa: D102
-    @property
-    def displacement(self) -> Floats: ...  # noqa: D102
-    @property
-    def stress(self) -> Floats: ...  # noqa: D102
-    @property
-    def strain(self) -> Floats: ...  # noqa: D102
-    @property
-    def von_mises(self) -> Floats: ...  # noqa: D102
+    from kaju.model.result import Result
 
 
 class Quantity(NamedTuple):
@@ -51,7 +37,7 @@ class Quantity(NamedTuple):
     logarithmic: bool = False
 
 
-def quantity_of(result: Fields, what: str, component: str | None) -> Quantity:
+def quantity_of(result: Result, what: str, component: str | None) -> Quantity:
     """Return a field of a result, or one component of it.
 
     Raises
@@ -60,7 +46,7 @@ def quantity_of(result: Fields, what: str, component: str | None) -> Quantity:
         If there is no such component.
     """
     if what == "von_mises":
-        return Quantity(result.von_mises, "Von Mises stress", "Pa", signed=False)
+        return Quantity(field_of(result, "von_mises"), "Von Mises stress", "Pa", signed=False)
     if what == "taken":
         return Quantity(taken_of(result).sum(axis=1), "Loads taken", "N", False, True)
     names = "xyz"[: result.scene.lattice.dimension]
@@ -68,11 +54,11 @@ def quantity_of(result: Fields, what: str, component: str | None) -> Quantity:
         known = ("magnitude", *names)
         chosen = _known(component or "magnitude", known)
         if chosen == "magnitude":
-            size = np.linalg.norm(result.displacement, axis=1)
+            size = np.linalg.norm(field_of(result, "displacement"), axis=1)
             return Quantity(size, "Displacement", "m", signed=False)
-        values = result.displacement[:, names.index(chosen)]
+        values = field_of(result, "displacement")[:, names.index(chosen)]
         return Quantity(values, f"Displacement along {chosen}", "m", signed=True)
-    tensor, unit = (result.stress, "Pa") if what == "stress" else (result.strain, "")
+    tensor, unit = field_of(result, what), "Pa" if what == "stress" else ""
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
     largest = max(pairs, key=lambda pair: float(np.abs(tensor[:, *pairs[pair]]).max(initial=0.0)))
     chosen = _known(component or largest, tuple(pairs))
@@ -127,7 +113,7 @@ def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCo
 
 
 def plot_map(
-    result: Fields,
+    result: Result,
     what: str,
     ax: Axes | None = None,
     *,
@@ -160,7 +146,7 @@ def plot_map(
     ParameterError
         If there is no such component.
     """
-    section = section_of(result.scene, focus_of(result), cut, crop)
+    section = section_of(grid_of(result), focus_of(result), cut, crop)
     shown = quantity_of(result, what, component)
     ax = new_axes(ax)
     entries = draw_body(ax, section)

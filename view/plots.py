@@ -16,15 +16,17 @@ from kaju.model.scene import Scene
 
 from .agents import plot_agents
 from .body import draw_scene
+from .cropping import section_of
 from .deformed import plot_deformed
 from .files import save
 from .ledger import plot_ledger
 from .load_path import plot_load_path
 from .loads import plot_loads
 from .maps import plot_map
-from .section import section_of
+from .network_plots import plot_network, plot_response
 from .stages import plot_both, plot_stages
 from .style import figure_of
+from .subject import is_network
 from .voxels import plot_body_in_space, plot_voxels
 
 if TYPE_CHECKING:
@@ -75,6 +77,9 @@ TRANSFER: dict[str, Picture] = {
 }
 """Pictures of a run of load transfer."""
 
+NETWORK: dict[str, Picture] = {"deformed": plot_network, "response": plot_response}
+"""Pictures of a loaded spring network."""
+
 USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
 
 
@@ -82,6 +87,8 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
     """Return the pictures that can be made of a subject, by name, the usual one first."""
     if isinstance(subject, Scene):
         return {"scene": plot_scene}
+    if is_network(subject):
+        return NETWORK
     known = TRANSFER if isinstance(subject, TransferResult) else FIELDS
 
     def scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:

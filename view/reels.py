@@ -16,10 +16,10 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
 from .body import draw_body, finish
+from .cropping import section_of
 from .deformed import corner_displacements, draw_deformed, draw_rest, magnification_for, sizes_of
 from .forces import draw_forces
 from .loads import ARROWS_ACROSS, draw_loads, load_norm, taken_in
-from .section import section_of
 from .space import box_around, draw_arrows, draw_frame
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes
@@ -34,6 +34,9 @@ if TYPE_CHECKING:
 
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
+
+
+TWO_LINES = ["…", "…"]  # kept free for the text of the frames
 
 
 @dataclass
@@ -89,7 +92,7 @@ def spawning(
     norm = spawn_norm(stage.generations)
     spawn_bar(ax, norm, stage.generations)
     entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
-    notes = finish(ax, section, "Agents spawn and pass their loads on", ["\n", "\n"], entries)
+    notes = finish(ax, section, "Agents spawn and pass their loads on", TWO_LINES, entries)
     loads = load_norm(stage.history.load)
     legible = int((section.upper - section.lower).max()) <= ARROWS_ACROSS
 
@@ -118,7 +121,7 @@ def _spawning_in_space(result: TransferResult) -> Reel:
     norm = spawn_norm(stage.generations)
     spawn_bar(ax, norm, stage.generations)
     legend(ax, boundary_entries(stage.boundary_kind))
-    notes = caption(ax, "Agents spawn", ["\n", "\n"])
+    notes = caption(ax, "Agents spawn", TWO_LINES)
     told = "; ".join(box.notes)
     return Reel(
         figure_of(ax),
@@ -163,8 +166,9 @@ def loading(
     draw_forces(ax, section, stage_number(result))
     last = draw_deformed(ax, section, tiles, moved[-1], size[-1], factor, norm)
     colour_bar(ax, last, "displacement", "m")
-    notes = finish(ax, section, "The body deforms", ["\n", "\n"], entries)
-    last.set_visible(False)
+    notes = finish(ax, section, "The body deforms", TWO_LINES, entries)
+    for moving in (last, *(drawn for drawn in ax.collections if drawn.get_gid() == "forces")):
+        moving.set_visible(False)
     told = "; ".join([f"deformation shown {times(factor)}", *section.notes])
 
     def words(number: int) -> str:
@@ -173,6 +177,10 @@ def loading(
         return f"applied: {applied}; {counted(agents, 'material agent')}\n{told}"
 
     def draw(number: int) -> list[Artist]:
-        return [draw_deformed(ax, section, tiles, moved[number], size[number], factor, norm)]
+        still = len(ax.collections)
+        draw_deformed(ax, section, tiles, moved[number], size[number], factor, norm)
+        if number:
+            draw_forces(ax, section, number, share=load[number] / load[-1] if load[-1] else 1.0)
+        return [*ax.collections[still:]]
 
     return Reel(figure_of(ax), len(states), draw, notes, words)

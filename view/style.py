@@ -151,7 +151,8 @@ def label_axis(axis: Axis, name: str, values: Sequence[float], unit: str) -> Non
 def colour_bar(ax: Axes, mappable: ScalarMappable, label: str, unit: str = "") -> Colorbar:
     """Add a colour bar in a prefixed unit."""
     norm = mappable.norm
-    bar = figure_of(ax).colorbar(mappable, ax=ax, shrink=0.85, aspect=28, pad=0.02)
+    pad = 0.02 if ax.name != "3d" else 0.1
+    bar = figure_of(ax).colorbar(mappable, ax=ax, shrink=0.85, aspect=28, pad=pad)
     low, high = cast(float, norm.vmin), cast(float, norm.vmax)
     if isinstance(norm, LogNorm):
         decades = log10(high / low)

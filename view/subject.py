@@ -1,24 +1,29 @@
-"""What a picture is about: the cells to look at, and the stage of loading they show.
+"""What a picture is about: cells, the fields on them, and the stage of loading they show.
 
-Results differ in what they know. Whatever has `stages` of agents is looked at where these
-are; any other result where it is loaded.
+Results differ in what they know. A run of load transfer is looked at where its agents are,
+an elastic result on all cells that were solved.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import ResultError
+from kaju.errors import ParameterError
 from kaju.model.propagation.transfer_result import TransferResult
 
 if TYPE_CHECKING:
+    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.network.network_result import NetworkResult
+    from kaju.model.result import Result
+    from kaju.model.scene import Scene
+
     from .section import Floats, Ints
 
 
-def focus_of(result: object) -> Ints | None:
+def focus_of(result: Result) -> Ints | None:
     """Return the cells that a picture is about; None for all of the body."""
     if not isinstance(result, TransferResult):
         return None
@@ -28,9 +33,9 @@ def focus_of(result: object) -> Ints | None:
     return result.scene.applied().cells
 
 
-def stage_number(result: object) -> int | None:
+def stage_number(result: Result) -> int | None:
     """Return the stage of loading that a result stands at, counted from 1; None: the last."""
-    return len(result.stages) if isinstance(result, TransferResult) else None
+    return len(result.stages) if isinstance(result, TransferResult) else _elastic(result).stage
 
 
 def threshold_of(result: TransferResult) -> float:
@@ -40,22 +45,51 @@ def threshold_of(result: TransferResult) -> float:
     return rule.threshold
 
 
-def cells_of(result: object) -> Ints:
+def is_network(result: object) -> TypeGuard[NetworkResult]:
+    """Tell whether a result is that of a spring network."""
+    if isinstance(result, TransferResult):
+        return False
+    from kaju.model.network.network_result import NetworkResult
+
+    return isinstance(result, NetworkResult)
+
+
+def grid_of(result: Result) -> Scene:
+    """Return the scene on the cells that a result's fields belong to."""
+    return result.scene if isinstance(result, TransferResult) else _elastic(result).grid
+
+
+def cells_of(result: Result) -> Ints:
     """Return the cells that a result's fields belong to, in their order."""
-    cells: Ints = result.last.cells if isinstance(result, TransferResult) else result.cells  # type: ignore[attr-defined]
+    if isinstance(result, TransferResult):
+        return result.last.cells
+    elastic = _elastic(result)
+    cells: Ints = np.argwhere(elastic.body) + np.asarray(elastic.origin)
     return cells
 
 
-def taken_of(result: object) -> Floats:
-    """Return the loads taken by direction (N), shape (agents, directions).
+def field_of(result: Result, name: str) -> Floats:
+    """Return "displacement", "strain", "stress" or "von_mises" of the cells, in their order."""
+    values: Floats
+    if isinstance(result, TransferResult):
+        values = getattr(result, name)
+    else:
+        elastic = _elastic(result)
+        own = "cell_displacement" if name == "displacement" else name
+        values = getattr(elastic, own)[elastic.body]
+    return values
 
-    Raises
-    ------
-    ResultError
-        If the result knows no agents that take loads.
-    """
-    if not isinstance(result, TransferResult):
-        raise ResultError(
-            f"taken: a {type(result).__name__} has no loads taken; it is no run of load transfer"
-        )
+
+def taken_of(result: Result) -> Floats:
+    """Return the loads taken by direction (N), shape (agents, directions)."""
+    assert isinstance(result, TransferResult)
     return result.last.taken
+
+
+def _elastic(result: Result) -> ElasticResult:
+    # The solver's modules are large; whoever has such a result has loaded them already.
+    from kaju.model.elasticity.elastic_result import ElasticResult
+
+    if not isinstance(result, ElasticResult):
+        raise ParameterError(f"a {type(result).__name__} has no fields over cells to be drawn")
+    return result

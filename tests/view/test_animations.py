@@ -1,0 +1,123 @@
+"""Animations of stored runs."""
+
+from __future__ import annotations
+
+import pytest
+from PIL import Image, ImageSequence
+
+from kaju.errors import MissingExtraError, ParameterError, ResultFileError
+from kaju.model.network.lattices import triangular
+from kaju.model.propagation import load_model
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.scene import Scene
+from kaju.view import animate
+
+BLOCK = """
+[body]
+cells = [6, 5]
+cell_size = 0.01
+material = "oak"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [3, 4]
+force = [0.0, -1.0]
+steps = 3
+[rule]
+threshold = 0.1
+"""
+
+CUBE = """
+[body]
+cells = [4, 4, 4]
+cell_size = 0.01
+material = "oak"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [2, 2, 3]
+force = [0.0, 0.0, -1.0]
+[rule]
+threshold = 0.1
+"""
+
+
+@pytest.fixture(scope="module")
+def result() -> TransferResult:
+    return LoadModel(Scene.from_toml(BLOCK)).run()
+
+
+def durations(path) -> list[int]:
+    with Image.open(path) as gif:
+        return [frame.info["duration"] for frame in ImageSequence.Iterator(gif)]
+
+
+def test_there_is_a_frame_before_and_one_for_each_generation(result, tmp_path) -> None:
+    path = animate(result, tmp_path / "spawning.gif", fps=4.0, hold=2.0)
+    shown = durations(path)
+    assert len(shown) == result.last.generations + 1
+    assert shown[:-1] == [250] * (len(shown) - 1)
+    assert shown[-1] == 2250
+
+
+def test_stages_have_a_frame_each(result, tmp_path) -> None:
+    assert len(durations(animate(result, tmp_path / "stages.gif", "stages"))) == 4
+
+
+def test_cubes_are_animated_in_space_and_in_sections(tmp_path) -> None:
+    cube = LoadModel(Scene.from_toml(CUBE)).run()
+    frames = cube.last.generations + 1
+    assert len(durations(animate(cube, tmp_path / "space.gif"))) == frames
+    assert len(durations(animate(cube, tmp_path / "cut.gif", cut={"x": 2}))) == frames
+
+
+def test_networks_have_a_frame_for_each_increment(tmp_path) -> None:
+    loaded = triangular(3).solve(5)
+    assert len(durations(animate(loaded, tmp_path / "network.gif"))) == 6
+
+
+def test_a_stored_run_is_animated_without_running_again(result, tmp_path, monkeypatch) -> None:
+    stored = TransferResult.load(result.save(tmp_path / "result.npz"))
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("the model was run again")
+
+    monkeypatch.setattr(load_model.LoadModel, "__init__", refuse)
+    monkeypatch.setattr(load_model.LoadModel, "step", refuse)
+    for what in ("generations", "stages"):
+        first = animate(stored, tmp_path / "stored.gif", what).read_bytes()
+        assert first == animate(result, tmp_path / "fresh.gif", what).read_bytes()
+
+
+def test_a_run_in_which_nothing_happens_is_one_frame(tmp_path) -> None:
+    quiet = LoadModel(Scene.from_toml(BLOCK.replace("0.1", "3.0"))).run()
+    assert len(durations(animate(quiet, tmp_path / "quiet.gif", hold=0.0))) == 1
+
+
+def test_an_mp4_needs_ffmpeg(result, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(MissingExtraError, match="ffmpeg"):
+        animate(result, tmp_path / "film.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("film.avi", {}, "gif or .mp4"),
+        ("film.gif", {"fps": 0.0}, "fps"),
+        ("film.gif", {"fps": float("nan")}, "fps"),
+        ("film.gif", {"hold": -1.0}, "hold"),
+        ("film.gif", {"what": "generation"}, "did you mean 'generations'"),
+    ],
+)
+def test_what_cannot_be_is_refused(result, tmp_path, name, options, message) -> None:
+    with pytest.raises(ParameterError, match=message):
+        animate(result, tmp_path / name, **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_missing_folder_is_told(result, tmp_path) -> None:
+    with pytest.raises(ResultFileError, match="cannot be written"):
+        animate(result, tmp_path / "nowhere" / "film.gif")

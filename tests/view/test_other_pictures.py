@@ -1,0 +1,116 @@
+"""Pictures of elastic results and of spring networks, and the words that go with numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from kaju.errors import ParameterError
+from kaju.model.elasticity.solve import solve
+from kaju.model.network.lattices import face_centred, triangular
+from kaju.model.scene import Scene
+from kaju.view import plot, plot_all
+from kaju.view.arrows import arrow_polygons
+from kaju.view.network_plots import plot_network
+from kaju.view.units import grouped, quantity, round_down, scale_for, times
+
+BLOCK = """
+[body]
+cells = [8, 6]
+cell_size = 0.01
+material = "oak"
+[sides]
+bottom = "rigid"
+[[loads]]
+side = "top"
+pressure = 1e5
+"""
+
+
+def part(figure, name: str):
+    (found,) = (part for part in figure.axes[0].collections if part.get_gid() == name)
+    return found
+
+
+def test_an_elastic_result_is_drawn_on_the_cells_that_were_solved() -> None:
+    result = solve(Scene.from_toml(BLOCK))
+    cells = np.count_nonzero(result.body)
+    assert len(part(plot(result, "deformed"), "moved").get_paths()) == cells
+    field = part(plot(result, "von_mises"), "map")
+    assert field.get_array().max() == pytest.approx(np.nanmax(result.von_mises))
+
+
+def test_an_elastic_result_has_no_agents_to_draw() -> None:
+    with pytest.raises(ParameterError, match="there is deformed, displacement"):
+        plot(solve(Scene.from_toml(BLOCK)), "agents")
+
+
+def test_the_springs_of_a_network_are_coloured_by_tension() -> None:
+    result = triangular(5).solve(4)
+    figure = plot(result)
+    springs = part(figure, "springs")
+    assert len(springs.get_segments()) == len(result.network.springs)
+    assert springs.get_array().tolist() == result.tension[-1].tolist()
+    assert springs.norm.vmin == -springs.norm.vmax
+    strains = part(plot(result, colour="strain", record=2), "springs")
+    assert strains.get_array().tolist() == result.strain(2).tolist()
+
+
+def test_large_displacements_of_a_network_are_drawn_as_they_are() -> None:
+    result = triangular(5, force=0.3).solve(4)
+    figure = plot(result)
+    segments = np.array(part(figure, "springs").get_segments())
+    np.testing.assert_allclose(segments, result.positions()[result.network.springs])
+    notes = [text.get_text() for text in figure.axes[0].texts]
+    assert any("deformation shown ×1" in text for text in notes)
+
+
+def test_networks_in_space_and_all_pictures_of_networks(tmp_path) -> None:
+    paths = plot_all(face_centred(1, 1, 1).solve(2), tmp_path)
+    assert [path.name for path in paths] == ["deformed.png", "response.png"]
+
+
+@pytest.mark.parametrize(
+    "options", [{"record": 9}, {"record": -9}, {"colour": "age"}, {"magnification": 0.0}]
+)
+def test_what_a_network_does_not_know_is_refused(options) -> None:
+    with pytest.raises(ParameterError, match=next(iter(options))):
+        plot_network(triangular(3).solve(2), **options)
+
+
+def test_arrows_end_at_their_heads_and_keep_their_length() -> None:
+    tail, head = np.array([[0.0, 0.0]]), np.array([[3.0, 4.0]])
+    (outline,) = arrow_polygons(tail, head, np.array([0.2]))
+    assert outline[0].tolist() == [3.0, 4.0]
+    back = outline @ np.array([0.6, 0.8])
+    assert back.min() == pytest.approx(0.0)
+    assert back.max() == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (5.0449e-9, "m", "5.045 nm"),
+        (0.01, "N", "0.01 N"),
+        (1e-6, "N", "1 µN"),
+        (-56290.0, "Pa", "−56.29 kPa"),
+        (0.0, "m", "0 m"),
+        (999.9999999999, "Pa", "1 kPa"),
+    ],
+)
+def test_quantities_read_well(value: float, unit: str, text: str) -> None:
+    assert quantity(value, unit) == text
+
+
+def test_magnifications_are_round() -> None:
+    values = [round_down(value) for value in (1.0, 1.99, 4.9, 5.0, 9.99, 10.0, 0.037, 123456.0)]
+    assert values == pytest.approx([1.0, 1.0, 2.0, 5.0, 5.0, 10.0, 0.02, 100000.0])
+    assert times(1e4) == "×10\u202f000"
+    assert times(0.02) == "×0.02"
+    assert grouped(1234567) == "1\u202f234\u202f567"
+
+
+def test_prefixes_stay_within_what_there_is() -> None:
+    assert scale_for([1e30], "m").unit == "Em"
+    assert scale_for([1e-30], "m").unit == "am"
+    assert scale_for([float("inf")], "m").unit == "m"

@@ -1,0 +1,354 @@
+"""What the pictures show, told by the artists in them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from kaju.errors import ParameterError, ResultFileError
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.scene import Scene
+from kaju.view import PICTURES, plot, plot_all
+from kaju.view.agents import plot_agents
+from kaju.view.cropping import section_of
+from kaju.view.deformed import plot_deformed
+from kaju.view.loads import plot_loads
+from kaju.view.stages import plot_stages
+
+PLATE = """
+[body]
+size = [0.2, 0.2]
+cells = [20, 20]
+thickness = 0.002
+material = "steel"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [10, 19]
+force = [0.0, -2.0]
+steps = {steps}
+[rule]
+threshold = {threshold}
+"""
+
+CUBE = """
+[body]
+size = [1.0, 1.0, 1.0]
+cells = [10, 10, 10]
+material = "steel"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [5, 5, 9]
+force = [0.0, 0.0, -2.0]
+"""
+
+HEXAGONS = """
+[body]
+cells = [9, 8]
+cell_size = 0.01
+lattice = "hexagon"
+material = "oak"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [4, 7]
+force = [0.0, -2.0]
+"""
+
+DRAWN = """
+[body]
+cell_size = 0.01
+drawing = '''
+####
+#.##
+oooo
+===='''
+[legend]
+"#" = "rubber"
+"o" = "oak"
+"." = "air"
+"=" = "rigid"
+[[loads]]
+cell = [2, 3]
+force = [0.0, -2.0]
+[rule]
+threshold = 0.1
+"""
+
+
+@cache
+def run(toml: str) -> TransferResult:
+    return LoadModel(Scene.from_toml(toml)).run()
+
+
+def plate(threshold: float = 0.01, steps: int = 1) -> TransferResult:
+    return run(PLATE.format(threshold=threshold, steps=steps))
+
+
+def drawn(ax: Axes, name: str) -> list[np.ndarray]:
+    """The polygons of the collection called `name`."""
+    found = [part for part in ax.collections if part.get_gid() == name]
+    assert len(found) == 1, [part.get_gid() for part in ax.collections]
+    return [path.vertices for path in found[0].get_paths()]
+
+
+def notes(ax: Axes) -> str:
+    return " ".join(text.get_text() for text in ax.texts if text.get_gid() == "notes")
+
+
+def legend(ax: Axes) -> list[str]:
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_every_agent_is_one_tile_in_the_colour_of_its_spawn_step() -> None:
+    ax = plot_agents(plate())
+    assert len(drawn(ax, "material agents")) == 34
+    assert len(drawn(ax, "free boundary agents")) == 4
+    assert len(drawn(ax, "material steel")) == 400
+    agents = next(part for part in ax.collections if part.get_gid() == "material agents")
+    assert sorted(agents.get_array()) == sorted(plate().last.spawn_step)
+    assert "34 material agents, 4 boundary agents after 8 generations" in notes(ax)
+    assert legend(ax) == ["steel", "rigid", "free boundary agent"]
+
+
+def test_agents_lie_where_their_cells_are() -> None:
+    tiles = drawn(plot_agents(plate()), "material agents")
+    centres = np.array([tile[:4].mean(axis=0) for tile in tiles])
+    expected = plate().scene.lattice.centres(plate().last.cells)
+    order = [np.lexsort(points.round(9).T) for points in (centres, expected)]
+    np.testing.assert_allclose(centres[order[0]], expected[order[1]], atol=1e-12)
+
+
+def test_the_applied_force_ends_on_the_face_it_presses() -> None:
+    (arrow,) = drawn(plot_agents(plate()), "forces")
+    np.testing.assert_allclose(arrow[0], [0.105, 0.2])
+    assert (arrow[:, 1] >= 0.2).all()
+
+
+def test_ground_is_hatched_and_kinds_of_boundary_differ_in_form() -> None:
+    tall = plate(threshold=1e-7)
+    ax = plot_agents(tall)
+    ground = next(part for part in ax.collections if part.get_gid() == "support rigid")
+    assert ground.get_hatch() == "////"
+    rigid = drawn(ax, "rigid boundary agents")
+    assert len(rigid) == (tall.last.boundary_kind == -2).sum() > 0
+    assert len(rigid[0]) == 4  # a closed triangle
+    assert len(drawn(ax, "free boundary agents")[0]) == 21
+
+
+def test_materials_are_told_apart_without_colour() -> None:
+    ax = plot_agents(run(DRAWN))
+    hatches = {
+        part.get_gid(): part.get_hatch()
+        for part in ax.collections
+        if str(part.get_gid()).startswith("material ") and part.get_gid() != "material agents"
+    }
+    assert set(hatches) == {"material rubber", "material oak"}
+    assert len(set(hatches.values())) == 2
+    assert len(drawn(ax, "material rubber")) == 7
+
+
+def test_a_run_in_which_nothing_happens_says_so() -> None:
+    quiet = plate(threshold=5.0, steps=3)
+    for what in ("agents", "loads", "load_path"):
+        assert "nothing happens" in notes(plot(quiet, what).axes[0])
+    assert "nothing has moved" in notes(plot(quiet, "deformed").axes[0])
+    assert "no cell has taken a load" in notes(plot(quiet, "von_mises").axes[0])
+    assert "nothing happens" in notes(plot_stages(quiet))
+
+
+def test_the_magnification_is_round_and_stated() -> None:
+    ax = plot_deformed(plate())
+    assert "deformation shown ×1\u202f000\u202f000;" in notes(ax)
+    assert len(drawn(ax, "moved")) == 400
+    by_hand = plot_deformed(plate(), magnification=1234.0)
+    assert "×1\u202f234;" in notes(by_hand)
+
+
+def test_the_deformed_grid_sinks_by_magnification_times_displacement() -> None:
+    result = plate()
+    ax = plot_deformed(result, magnification=1e6)
+    lowest = min(tile[:, 1].min() for tile in drawn(ax, "moved"))
+    assert lowest == 0.0
+    top = max(drawn(ax, "moved"), key=lambda tile: tile[:4].mean(axis=0) @ [0.0, 1.0])
+    assert top[:, 1].max() == pytest.approx(0.2, abs=1e-4)
+    colours = next(part for part in ax.collections if part.get_gid() == "moved").get_array()
+    assert colours.max() == pytest.approx(result.summary()["max_displacement"])
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_magnification_must_be_positive(wrong: float) -> None:
+    with pytest.raises(ParameterError, match="magnification"):
+        plot_deformed(plate(), magnification=wrong)
+
+
+def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load() -> None:
+    result = plate()
+    ax = plot_loads(result)
+    assert len(drawn(ax, "loads taken")) == np.count_nonzero(result.last.taken)
+    first = plot_loads(result, generation=1)
+    (arrow,) = drawn(first, "loads taken")
+    assert arrow[0][1] < 0.195  # it points down from the middle of the loaded cell
+
+
+def test_only_generations_that_were_can_be_shown() -> None:
+    with pytest.raises(ParameterError, match="1 to 8, got 9"):
+        plot_loads(plate(), generation=9)
+
+
+def test_the_load_path_has_the_edges_of_the_graph() -> None:
+    result = plate()
+    ax = plot(result, "load_path").axes[0]
+    assert len(drawn(ax, "edges")) == result.load_path().number_of_edges()
+    (free,) = (line for line in ax.lines if line.get_gid() == "free nodes")
+    assert len(free.get_xdata()) == 4
+
+
+def test_maps_have_units_and_signed_ones_are_centred() -> None:
+    figure = plot(plate(), "stress")
+    field = next(part for part in figure.axes[0].collections if part.get_gid() == "map")
+    assert field.norm.vmin == -field.norm.vmax
+    assert figure.axes[1].get_ylabel() == "stress σyy (kPa)"
+    assert plot(plate(), "displacement").axes[1].get_ylabel() == "displacement (nm)"
+    with pytest.raises(ParameterError, match=r"there is no 'yx'.*there is xx, xy, yy"):
+        plot(plate(), "stress", component="yx")
+
+
+def test_stages_show_load_against_displacement_and_agents() -> None:
+    result = plate(steps=20)
+    left, right = plot(result, "stages").axes
+    curve = next(line for line in left.lines if line.get_label() == "load transfer")
+    assert len(curve.get_xdata()) == 21
+    assert curve.get_xdata()[-1] == pytest.approx(2.0)
+    assert curve.get_ydata()[0] == 0.0
+    counts = next(line for line in right.lines if line.get_label() == "material agents")
+    assert counts.get_ydata()[-1] == 34
+    assert left.get_xlabel() == "sum of the applied loads (N)"
+
+
+def test_the_bars_of_the_ledger_balance() -> None:
+    ax = plot(plate(), "ledger").axes[0]
+    rows: dict[int, float] = {}
+    for bar in ax.patches:
+        row = round(bar.get_y() + 0.5 * bar.get_height())
+        rows[row] = rows.get(row, 0.0) + bar.get_width()
+    assert rows[0] == pytest.approx(rows[1], rel=1e-12)
+    assert rows[0] == pytest.approx(plate().last.ledger.emitted + 2.0)
+
+
+def test_hexagons_have_six_corners() -> None:
+    ax = plot_agents(run(HEXAGONS))
+    tiles = drawn(ax, "material agents")
+    assert len(tiles) == len(run(HEXAGONS).last.cells)
+    assert {len(tile) for tile in tiles} == {7}  # closed
+
+
+def test_cubes_show_only_faces_that_nothing_hides() -> None:
+    figure = plot(run(CUBE))
+    (agents,) = (part for part in figure.axes[0].collections if part.get_gid() == "material agents")
+    cells = {tuple(cell) for cell in run(CUBE).last.cells.tolist()}
+    steps = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
+    bare = sum(tuple(np.add(cell, step)) not in cells for cell in cells for step in steps)
+    assert len(agents.get_facecolor()) == bare
+
+
+def test_a_cut_shows_one_layer_and_says_which() -> None:
+    ax = plot(run(CUBE), "agents", cut={"y": 5}).axes[0]
+    assert len(drawn(ax, "material agents")) == (run(CUBE).last.cells[:, 1] == 5).sum()
+    assert "section through the cells y = 5" in notes(ax)
+    assert ax.get_ylabel() == "z (m)"
+
+
+@pytest.mark.parametrize("cut", [{"y": 10}, {"y": -1}, {"w": 1}, {"y": 1.5}, {"x": 1, "y": 1}])
+def test_a_cut_must_lie_in_the_body(cut: dict[str, int]) -> None:
+    with pytest.raises(ParameterError, match="cut"):
+        plot(run(CUBE), "agents", cut=cut)
+
+
+def test_a_plane_body_cannot_be_cut() -> None:
+    with pytest.raises(ParameterError, match="only bodies of cubes"):
+        plot(plate(), "agents", cut={"y": 1})
+
+
+def test_a_giant_body_is_cropped_to_its_agents_and_says_so() -> None:
+    giant = PLATE.format(threshold=1e-3, steps=1)
+    giant = giant.replace("[20, 20]", "[1000000, 1000000]").replace("[0.2, 0.2]", "[1e4, 1e4]")
+    giant = giant.replace("[10, 19]", "[500000, 999999]")
+    ax = plot_agents(run(giant))
+    assert len(drawn(ax, "material agents")) == len(run(giant).last.cells)
+    assert "of 1\u202f000\u202f000 × 1\u202f000\u202f000 cells" in notes(ax)
+    assert ax.get_xlabel() == "x − 5 km (mm)"
+    whole = plot(run(giant), "scene").axes[0]
+    assert len(drawn(whole, "material steel")) < 100_000
+
+
+def test_too_many_cells_are_drawn_as_blocks() -> None:
+    wide = PLATE.format(threshold=1e-3, steps=1).replace("[20, 20]", "[600, 600]")
+    scene = run(wide.replace("[0.2, 0.2]", "[6.0, 6.0]").replace("[10, 19]", "[300, 599]"))
+    ax = plot_agents(scene, crop=False)
+    assert "each tile stands for 3 × 3 cells" in notes(ax)
+    blocks = {tuple(cell) for cell in (scene.last.cells // 3).tolist()}
+    assert len(drawn(ax, "material agents")) == len(blocks)
+
+
+def test_gathering_adds_up_and_keeps_extremes() -> None:
+    section = section_of(plate().scene, most_across=10)
+    cells = np.array([[0, 0], [1, 1], [2, 0], [99, 0]])
+    tiles, total = section.gather(cells, np.array([1.0, 2.0, 4.0, 8.0]), "sum")
+    assert tiles.tolist() == [[0, 0], [1, 0]]
+    assert total.tolist() == [3.0, 4.0]
+    _, least = section.gather(cells, np.array([1.0, 2.0, 4.0, 8.0]), "min")
+    assert least.tolist() == [1.0, 4.0]
+
+
+def test_a_picture_goes_into_given_axes() -> None:
+    figure = Figure()
+    left, right = figure.subplots(1, 2)
+    assert plot(plate(), "agents", left) is figure
+    assert len(drawn(left, "material agents")) == 34
+    assert not right.collections
+    assert tuple(figure.get_size_inches()) == tuple(Figure().get_size_inches())
+
+
+def test_an_unknown_picture_is_refused_with_a_suggestion() -> None:
+    with pytest.raises(ParameterError, match=r"'agent' of a TransferResult .did you mean 'agents'"):
+        plot(plate(), "agent")
+    with pytest.raises(ParameterError, match="there is scene"):
+        plot(plate().scene, "agents")
+
+
+@pytest.mark.parametrize("toml", [PLATE.format(threshold=0.01, steps=3), CUBE])
+def test_plot_all_writes_well_named_pictures(tmp_path, toml: str) -> None:
+    paths = plot_all(run(toml), tmp_path)
+    assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
+    assert {path.name for path in paths} <= set(PICTURES)
+    assert paths[0].name == "agents.png"
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths)
+    assert ((tmp_path / "stages.png") in paths) == (len(run(toml).stages) > 1)
+
+
+def test_pictures_need_a_directory(tmp_path) -> None:
+    with pytest.raises(ResultFileError, match="no such directory"):
+        plot_all(plate(), tmp_path / "nowhere")
+
+
+def test_views_load_no_drawing_library_and_never_pyplot(tmp_path) -> None:
+    code = (
+        "import sys, kaju.view\n"
+        "assert 'matplotlib' not in sys.modules\n"
+        "from kaju.view import plot_all\n"
+        "from kaju.model.propagation.load_model import LoadModel\n"
+        "from kaju.model.scene import Scene\n"
+        f"plot_all(LoadModel(Scene.from_toml({PLATE.format(threshold=0.1, steps=2)!r})).run(), "
+        f"{str(tmp_path)!r})\n"
+        "assert 'matplotlib.pyplot' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True)

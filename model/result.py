@@ -6,6 +6,7 @@ import json
 import os
 import tempfile
 from abc import ABC, abstractmethod
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -78,8 +79,9 @@ def cells_of_points(
     cells = lattice.locate(points)
     outside = scene.kinds(cells) < 0
     # A point on the surface belongs to the body, on whichever side rounding has put it.
-    for shift in lattice.normals * (1e-6 * lattice.cell_size):
-        moved = lattice.locate(points[outside] + shift)
+    corners = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
+    for shift in np.concatenate([lattice.normals, corners]):
+        moved = lattice.locate(points[outside] + 1e-6 * lattice.cell_size * shift)
         inside = scene.kinds(moved) >= 0
         place = np.flatnonzero(outside)[inside]
         cells[place] = moved[inside]

@@ -59,7 +59,9 @@ def algebraic_preconditioner(
         return None
     modes = rigid_motions(numbering)
     csr = sp.csr_matrix(matrix)
-    hierarchy = pyamg.smoothed_aggregation_solver(csr, B=modes, strength=("symmetric", 0.0))
+    hierarchy = pyamg.smoothed_aggregation_solver(
+        csr, B=modes, strength=("symmetric", {"theta": 0.0})
+    )
     cycle = hierarchy.aspreconditioner(cycle="V")
 
     def precondition(load: Vector) -> Vector:

@@ -104,7 +104,8 @@ def conjugate_gradients(
         z = precondition(r)
         product = float(dot(r, z))
         whole = abs(float(dot(load, x)) if energy is None else energy(x))
-        run.errors.append(float(np.sqrt(max(product, 0.0) / whole)) if whole else np.inf)
+        positive = product > 0.0 and whole > 0.0
+        run.errors.append(float(np.sqrt(product / whole)) if positive else np.inf)
         if done(run):
             # The last correction is at hand; its own error is smaller by the cycle's rate.
             run.converged = True

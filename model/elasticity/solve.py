@@ -62,7 +62,6 @@ def solve(
     division = resolution or 1
     grid = scene if division == 1 else scene.refine(division)
     problem, origin = problem_of_scene(grid, stage)
-    check_supports(problem, origin)
     notes = []
     cell = slender_cell(problem)
     if cell is not None:
@@ -70,6 +69,7 @@ def solve(
         notes.append(f"a member is one cell wide at ({place}): the cells were halved")
         division *= 2
         grid, problem, origin = _halved(scene, division, stage)
+    check_supports(problem, origin, division)
     solution = solve_problem(problem, tolerance)
     solution.notes[:0] = notes
     result = ElasticResult(

@@ -25,13 +25,16 @@ from .staggered import cut, edge_modulus
 Index = NDArray[np.int64]
 
 
-def check_supports(problem: ElasticProblem, origin: tuple[int, ...] | None = None) -> None:
+def check_supports(
+    problem: ElasticProblem, origin: tuple[int, ...] | None = None, division: int = 1
+) -> None:
     """Refuse a body of which a part could move without straining.
 
     Raises
     ------
     SupportError
-        Naming a cell of the part (counted from `origin`) and how it could move.
+        Naming a cell of the part (counted from `origin`, `division` times as large as the
+        problem's cells) and how it could move.
     """
     from scipy.ndimage import label
 
@@ -46,7 +49,7 @@ def check_supports(problem: ElasticProblem, origin: tuple[int, ...] | None = Non
         if motion:
             cell = np.argwhere(parts == part)[0] - 1
             first = np.zeros(problem.dimension, int) if origin is None else np.asarray(origin)
-            place = ", ".join(str(int(i)) for i in cell + first)
+            place = ", ".join(str(int(i)) for i in (cell + first) // division)
             held_by = "nothing holds" if not len(rows) else "the supports do not hold"
             raise SupportError(
                 f"sides: {held_by} the part of the body with cell ({place}): it could "
@@ -99,13 +102,12 @@ def _free_motion(rows: Floats, dimension: int) -> str:
     if not len(rows):
         return "move anywhere"
     gram = rows.T @ rows
-    values, vectors = np.linalg.eigh(gram)
+    values = np.linalg.eigvalsh(gram)
     if values[0] > 1e-10 * values[-1]:
         return ""
-    motion = vectors[:, 0]
-    largest = int(np.argmax(np.abs(motion[:dimension])))
-    if abs(motion[largest]) > 0.3:
-        return f"move along {'xyz'[largest]}"
+    for axis in range(dimension):
+        if gram[axis, axis] <= 1e-10 * values[-1]:
+            return f"move along {'xyz'[axis]}"
     return "turn"
 
 

@@ -29,7 +29,7 @@ def moment(place, force):
 @given(bodies())
 def test_forces_and_moments_balance(case):
     body, _ = case
-    u, problem, solution = body.solve()
+    _, problem, solution = body.solve()
     d = problem.dimension
     force_unit = problem.scales.force
     inner = internal_force(problem, solution.displacement)
@@ -146,8 +146,8 @@ def test_units_do_not_matter(modulus, size, force, shape):
         ratio = [(e, 0.3), (2 * e, 0.2)]
         return Body(np.zeros(shape, int), ratio, {"bottom": "rigid"}, loads, None, h)
 
-    u, plain, _ = body(1.0, 1.0, 1.0).solve()
-    v, scaled, _ = body(modulus, size, force).solve()
+    u, _, _ = body(1.0, 1.0, 1.0).solve()
+    v, _, _ = body(modulus, size, force).solve()
     # In two dimensions u is F/(E t) whatever the size, in three F/(E h).
     factor = force / modulus / (size if d == 3 else 1.0)
     for a, b in zip(u, v, strict=True):

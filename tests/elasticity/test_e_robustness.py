@@ -1,0 +1,112 @@
+"""Iterations to 1e-8 on holes, contrasts and nearly incompressible bodies."""
+
+import numpy as np
+import pytest
+from elastic_cases import cube, pixel_body, plate
+from scipy.sparse.linalg import spsolve
+
+from kaju.model.elasticity.engine import solve_problem
+from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
+
+
+def reference(problem):
+    """The answer of a sparse direct solver, and ours, on the active faces."""
+    numbering = Numbering(problem.face_states())
+    matrix = stiffness_matrix(problem, numbering).tocsc()
+    return numbering, spsolve(matrix, numbering.gather(problem.force))
+
+
+def solved(problem, most):
+    solution = solve_problem(problem, 1e-8)
+    assert solution.converged
+    assert solution.iterations <= most
+    numbering, exact = reference(problem)
+    mine = numbering.gather(solution.displacement)
+    assert np.abs(mine - exact).max() <= 1e-6 * np.abs(exact).max()
+    return solution
+
+
+@pytest.mark.parametrize("n", [32, 80, 128])
+def test_a_plain_plate_takes_at_most_twelve(n):
+    assert solve_problem(plate(n - n % 20 or 20), 1e-8).iterations <= 12
+    solution = solve_problem(pixel_body("plain", n), 1e-8)
+    assert solution.method == "full multigrid"
+    assert solution.iterations <= 12
+
+
+def test_a_plain_block_takes_at_most_twelve():
+    for n in (16, 32):
+        solution = solve_problem(cube(n), 1e-8)
+        assert solution.method == "full multigrid"
+        assert solution.iterations <= 12
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "hole",
+        "square-hole",
+        "top 1e3",
+        "top 1e6",
+        "top 1e-6",
+        "bottom 1e6",
+        "inclusion 1e-6",
+        "inclusion 1e3",
+        "inclusion 1e6",
+    ],
+)
+@pytest.mark.parametrize("n", [64, 75])
+def test_voids_and_contrast_take_at_most_thirty(name, n):
+    solution = solved(pixel_body(name, n), 30)
+    assert solution.method == "Galerkin multigrid"
+    assert not solution.notes
+
+
+@pytest.mark.parametrize("name", ["ratio -0.9", "ratio 0.49", "strain -0.9", "strain 0.44"])
+def test_poissons_ratio(name):
+    solved(pixel_body(name, 48), 30)
+
+
+@pytest.mark.parametrize("ratio", [0.46, 0.49, 0.499, 0.4999, 0.499999])
+def test_nearly_incompressible_in_plane_strain(ratio):
+    counts = [solved(pixel_body(f"strain {ratio}", n), 60).iterations for n in (32, 64)]
+    assert abs(counts[0] - counts[1]) <= 6
+
+
+@pytest.mark.parametrize("ratio", [0.46, 0.4999])
+def test_nearly_incompressible_in_space(ratio):
+    solution = solved(cube(8, ratio), 60)
+    assert solution.method == "mixed form"
+
+
+@pytest.mark.parametrize("name", ["frame", "comb", "checkers 1e3", "checkers 1e6"])
+def test_what_defeats_multigrid_is_solved_all_the_same(name):
+    problem = pixel_body(name, 96)
+    solution = solve_problem(problem, 1e-8)
+    assert solution.converged
+    assert solution.method in ("direct", "Galerkin multigrid")
+    if solution.method == "direct":
+        assert "slow" in solution.notes[0]
+    numbering, exact = reference(problem)
+    mine = numbering.gather(solution.displacement)
+    assert np.abs(mine - exact).max() <= 2e-5 * np.abs(exact).max()
+
+
+def test_algebraic_multigrid_takes_over_where_a_factor_would_be_too_large(monkeypatch):
+    pytest.importorskip("pyamg")
+    monkeypatch.setattr("kaju.model.elasticity.engine.DIRECT_LIMIT", {2: 0, 3: 0})
+    problem = pixel_body("comb", 96)
+    solution = solve_problem(problem, 1e-8)
+    assert solution.method == "algebraic multigrid"
+    assert "slow" in solution.notes[0]
+    numbering, exact = reference(problem)
+    mine = numbering.gather(solution.displacement)
+    assert np.abs(mine - exact).max() <= 1e-5 * np.abs(exact).max()
+
+
+def test_by_default_the_iteration_stops_below_the_error_of_the_grid():
+    for problem in (plate(160), pixel_body("hole", 100), pixel_body("inclusion 1e3", 64)):
+        rough, exact = solve_problem(problem), solve_problem(problem, 1e-11)
+        assert rough.iterations < exact.iterations
+        gap = rough.energy / exact.energy - 1
+        assert abs(gap) < (0.02 * exact.discretisation) ** 2 + 1e-6

@@ -1,0 +1,278 @@
+"""`kaju.solve`: from scenes to results, and what is refused."""
+
+import numpy as np
+import pytest
+
+from kaju import Scene
+from kaju.errors import (
+    ConvergenceError,
+    ParameterError,
+    ResultError,
+    ResultFileError,
+    SceneError,
+    SupportError,
+)
+from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elasticity.from_scene import problem_of_scene
+from kaju.model.elasticity.problem import make_problem
+from kaju.model.elasticity.solve import solve
+from kaju.model.elasticity.supports import check_supports, slender_cell
+
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0], "steps": 20}],
+}
+
+
+def bar(**changes):
+    """A bar of 8 × 4 cells of 10 mm, E = 1 MPa and ν = 0.25, 10 mm thick."""
+    scene = {
+        "body": {"size": [0.08, 0.04], "cells": [8, 4], "thickness": 0.01, "material": "soft"},
+        "materials": {"soft": {"youngs_modulus": 1e6, "poissons_ratio": 0.25, "density": 1000.0}},
+        "sides": {"left": "roller", "bottom": "roller"},
+        "loads": [{"side": "right", "pressure": -1000.0}],
+    }
+    return Scene(**(scene | changes))
+
+
+def test_a_pulled_bar_stretches_as_it_must():
+    result = solve(bar())
+    points = np.array([[0.08, 0.0], [0.08, 0.04], [0.04, 0.02], [0.013, 0.037]])
+    expected = points * [1e-3, -0.25e-3]
+    np.testing.assert_allclose(result.displacement_at(points), expected, atol=1e-15)
+    np.testing.assert_allclose(
+        result.stress_at(points), np.broadcast_to([[1000, 0], [0, 0]], (4, 2, 2)), atol=1e-6
+    )
+    np.testing.assert_allclose(result.strain[..., 0, 0], 1e-3, rtol=1e-9)
+    np.testing.assert_allclose(result.strain[..., 1, 1], -0.25e-3, rtol=1e-9)
+    np.testing.assert_allclose(result.von_mises, 1000.0, rtol=1e-9)
+    np.testing.assert_allclose(result.principal_stress, [[[0, 1000]] * 4] * 8, atol=1e-6)
+    assert result.strain_energy == pytest.approx(0.5 * 1000 * 1e-3 * 0.08 * 0.04 * 0.01)
+    assert result.reactions["left"][0] == pytest.approx(-1000 * 0.04 * 0.01)
+
+
+def test_confined_compression_in_plane_strain():
+    sides = {"left": "roller", "right": "roller", "bottom": "roller"}
+    body = bar().body.model_copy(update={"plane": "strain"})
+    result = solve(bar(body=body, sides=sides, loads=[{"side": "top", "pressure": 100.0}]))
+    lame, shear = 1e6 * 0.25 / (1.25 * 0.5), 1e6 / 2.5
+    strain = -100.0 / (lame + 2 * shear)
+    np.testing.assert_allclose(result.strain[..., 1, 1], strain, rtol=1e-9)
+    np.testing.assert_allclose(result.stress[..., 0, 0], lame * strain, rtol=1e-9)
+    across = 0.25 * (lame * strain - 100.0)
+    x, y, z = lame * strain, -100.0, across
+    expected = np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2))
+    np.testing.assert_allclose(result.von_mises, expected, rtol=1e-9)
+
+
+def test_pure_shear_by_tractions_on_the_surface():
+    stress, h, t = 500.0, 0.01, 0.01
+    force = stress * h * t
+    loads = [{"cell": [i, 3], "side": "top", "force": [force, 0.0]} for i in range(8)]
+    loads += [{"cell": [7, j], "side": "right", "force": [0.0, force]} for j in range(4)]
+    loads += [{"cell": [0, j], "side": "left", "force": [0.0, -force]} for j in range(4)]
+    loads += [{"cell": [i, 0], "side": "bottom", "force": [-force, 0.0]} for i in range(8)]
+    body = bar().body.model_copy(update={"allow_floating": True})
+    problem, _ = problem_of_scene(bar(body=body, sides={}, loads=loads))
+    for force_on_faces in problem.force:
+        # Loads in balance, and none but on the outermost faces.
+        assert abs(force_on_faces.sum()) < 1e-12
+    (shear,) = problem.surface_shear.values()
+    unit = problem.scales.force / (h * t)
+    np.testing.assert_allclose(unit * shear[2:-2, 1], stress)
+    np.testing.assert_allclose(unit * shear[1, 2:-2], stress)
+
+
+def test_gravity_and_a_foundation():
+    body = bar().body.model_copy(update={"gravity": (0.0, -10.0)})
+    sides = {"left": "roller", "right": "roller", "bottom": {"stiffness": 1e5}}
+    result = solve(bar(body=body, sides=sides, loads=[]))
+    weight = 1000 * 10 * 0.08 * 0.04 * 0.01
+    assert result.reactions["bottom"][1] == pytest.approx(weight)
+    sunk = result.displacement_at(np.array([[0.04, 0.0]]))
+    assert sunk[0, 1] == pytest.approx(-1000 * 10 * 0.04 / 1e5)
+
+
+def test_a_displaced_side_pulls():
+    sides = {"left": "rigid", "right": {"displacement": [1e-4, 0.0]}}
+    result = solve(bar(sides=sides, loads=[]), resolution=4, tolerance=1e-10)
+    corner = result.displacement_at(np.array([[0.08, 0.02], [0.0, 0.02], [0.04, 0.02]]))
+    np.testing.assert_allclose(corner[:, 0], [1e-4, 0.0, 0.5e-4], atol=1e-12)
+    pull = result.reactions["right"]
+    np.testing.assert_allclose(pull, -result.reactions["left"], atol=1e-9)
+    # Clamped ends stiffen the bar a little.
+    assert pull[0] == pytest.approx(1e6 * (1e-4 / 0.08) * 0.04 * 0.01, rel=0.05)
+    assert result.strain_energy == pytest.approx(0.5 * pull[0] * 1e-4, rel=1e-6)
+
+
+def test_the_worked_plate_against_finite_elements():
+    result = solve(Scene(**PLATE), resolution=16, tolerance=1e-9)
+    assert result.strain_energy == pytest.approx(1.32295e-8, rel=3e-3)
+    corners = result.displacement_at(np.array([[0.1, 0.2], [0.11, 0.2]]))
+    np.testing.assert_allclose(
+        corners, [[2.173e-9, -1.16709e-8], [-1.040e-9, -1.17022e-8]], atol=1.2e-10
+    )
+    stress = result.stress[..., 1, 1]
+    assert stress[160:176, 304:320].mean() == pytest.approx(-7.2061e4, rel=0.01)
+    assert stress[160:176, 0:16].mean() == pytest.approx(-4.94857e3, rel=1e-4)
+    assert result.subdivision == 16
+    assert result.reactions["bottom"] == pytest.approx([0.0, 2.0], abs=1e-8)
+
+
+def test_stages_are_proportional():
+    half, whole = (solve(Scene(**PLATE), 1e-11, stage=stage) for stage in (10, None))
+    np.testing.assert_allclose(half.cell_displacement * 2, whole.cell_displacement, atol=1e-17)
+
+
+def test_summary_has_the_keys_that_scripts_rely_on():
+    summary = solve(Scene(**PLATE)).summary()
+    keys = (
+        "rule plane strain_energy error_estimate agents levels iterations residual reaction "
+        "max_displacement seconds kaju_version"
+    )
+    assert set(keys.split()) <= set(summary)
+    assert summary["rule"] == "elastic"
+    assert summary["agents"] == 400
+    assert summary["reaction"]["bottom"][1] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_saved_and_loaded(tmp_path):
+    result = solve(bar(), resolution=2)
+    again = ElasticResult.load(result.save(tmp_path / "bar"))
+    assert again.summary() == result.summary()
+    np.testing.assert_array_equal(again.stress, result.stress)
+    (tmp_path / "other.npz").write_bytes(b"nothing")
+    with pytest.raises(ResultFileError, match="other"):
+        ElasticResult.load(tmp_path / "other.npz")
+
+
+def test_tables_and_files_for_others(tmp_path):
+    result = solve(Scene(**PLATE))
+    frame = result.to_dataframe()
+    assert len(frame) == 400
+    row = frame[(frame.cell_x == 10) & (frame.cell_y == 19)].iloc[0]
+    assert row["stress_yy (Pa)"] == result.stress[10, 19, 1, 1]
+    dataset = result.to_xarray()
+    assert dataset.stress.attrs["units"] == "Pa"
+    np.testing.assert_array_equal(dataset.face_displacement_y, result.face_displacement[1])
+    import meshio
+
+    mesh = meshio.read(result.to_vtk(tmp_path / "plate"))
+    assert len(mesh.cells[0].data) == 400
+    first = mesh.cells[0].data[0]
+    assert mesh.points[first][:, :2] == pytest.approx(
+        np.array([[0, 0], [0.01, 0], [0.01, 0.01], [0, 0.01]])
+    )
+
+
+def test_a_member_one_cell_wide_is_solved_on_halved_cells():
+    drawing = "######\n#....#\n#....#\n#....#"
+    scene = Scene.from_drawing(
+        drawing,
+        legend={"#": "steel", ".": "air"},
+        cell_size=0.01,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [2, 3], "force": [1.0, -1.0]}],
+    )
+    result = solve(scene)
+    assert result.subdivision == 2
+    assert "one cell wide" in result.summary()["notes"][0]
+    assert np.isfinite(result.max_displacement)
+
+
+def test_a_part_that_touches_at_a_corner_only_is_not_held():
+    kinds = np.full((8, 8), -1)
+    kinds[:4, :4] = 0
+    kinds[4:, 4:] = 0
+    problem = make_problem(kinds, [(1.0, 0.3)], 1.0, sides={"bottom": "rigid"})
+    with pytest.raises(SupportError, match=r"cell \(4, 4\)"):
+        check_supports(problem)
+
+
+@pytest.mark.parametrize(
+    ("sides", "how"),
+    [
+        ({"bottom": "roller"}, "move along x"),
+        ({"left": "roller"}, "move along y"),
+        ({"bottom": ("foundation", 1.0)}, "move along x"),
+    ],
+)
+def test_a_body_that_can_slide_is_refused(sides, how):
+    problem = make_problem(np.zeros((32, 16), int), [(1.0, 0.3)], 1.0, sides=sides)
+    with pytest.raises(SupportError, match=how):
+        check_supports(problem)
+    ragged = np.zeros((9, 5), int)
+    ragged[8, 4] = -1
+    with pytest.raises(SupportError, match=how):
+        check_supports(make_problem(ragged, [(1.0, 0.3)], 1.0, sides=sides))
+
+
+def test_a_body_that_can_turn_is_refused():
+    kinds = np.zeros((2, 2), int)
+    # One face held along x and one along y stop the shifts but not the turn.
+    kinds = np.array([[0, 0], [0, -1]])
+    sides = {"right": "roller", "top": "roller"}
+    problem = make_problem(kinds, [(1.0, 0.3)], 1.0, sides=sides)
+    with pytest.raises(SupportError, match="turn"):
+        check_supports(problem)
+    both = make_problem(np.zeros((2, 2), int), [(1.0, 0.3)], 1.0, sides=sides)
+    check_supports(both)
+
+
+def test_slender_members_are_found():
+    def narrow(kinds, **sides):
+        return slender_cell(make_problem(np.array(kinds), [(1.0, 0.3)], 1.0, sides=sides))
+
+    assert narrow(np.zeros((1, 5), int), bottom="rigid") is not None
+    assert narrow(np.zeros((1, 5), int), left="roller", right="roller", bottom="rigid") is None
+    assert narrow(np.zeros((2, 5), int), bottom="rigid") is None
+    assert narrow(np.zeros((1, 4, 4), int), bottom="rigid") is not None
+
+
+def test_no_convergence_gives_the_best_field(monkeypatch):
+    monkeypatch.setattr("kaju.model.elasticity.engine.DIRECT_LIMIT", {2: 0, 3: 0})
+    monkeypatch.setattr(
+        "kaju.model.elasticity.engine.algebraic_preconditioner",
+        lambda matrix, numbering: lambda load: np.zeros_like(load),
+    )
+    kinds = np.zeros((96, 96), int)
+    kinds[(np.arange(96) // 4) % 2 == 1, 24:] = 1
+    scene = Scene.from_array(
+        kinds,
+        legend={0: "steel", 1: "air"},
+        cell_size=0.01,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [8 * i, 95], "force": [1.0, -1.0]} for i in range(12)],
+    )
+    with pytest.raises(ConvergenceError, match="residual") as caught:
+        solve(scene, tolerance=1e-12)
+    assert isinstance(caught.value.best, ElasticResult)
+    assert caught.value.residuals
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"resolution": 0}, "resolution"),
+        ({"resolution": 1.5}, "resolution"),
+        ({"strategy": "guess"}, "strategy"),
+    ],
+)
+def test_arguments_are_checked(arguments, word):
+    with pytest.raises(ParameterError, match=word):
+        solve(Scene(**PLATE), **arguments)
+
+
+def test_points_off_the_body_are_refused():
+    with pytest.raises(ResultError, match="outside"):
+        solve(Scene(**PLATE)).displacement_at(np.array([[0.3, 0.1]]))
+
+
+def test_hexagons_are_sent_elsewhere():
+    body = {"cells": [4, 4], "cell_size": 0.01, "lattice": "hexagon", "material": "steel"}
+    loads = [{"cell": [1, 3], "force": [0.0, -1.0]}]
+    with pytest.raises(SceneError, match="SpringNetwork"):
+        solve(Scene(body=body, sides={"bottom": "rigid"}, loads=loads))

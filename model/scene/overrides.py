@@ -18,7 +18,8 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
         A scene's table; it is not changed.
     changes : mapping of str to value
         New values by key path, list items by their index. A text is read as TOML writes
-        values; what TOML does not understand stays a text.
+        values; what TOML does not understand stays a text. A new ``rule.kind`` starts a new
+        rule, since each kind has keys of its own.
 
     Raises
     ------
@@ -26,6 +27,9 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
         If a path leads through something that has no parts, or to a missing list item.
     """
     result: Any = _copied(table)
+    kind = changes.get("rule.kind")
+    if kind is not None and kind != result.get("rule", {}).get("kind", "prescribed"):
+        result["rule"] = {}
     for path, value in changes.items():
         keys = path.split(".")
         if not all(keys):

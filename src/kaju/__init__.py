@@ -12,18 +12,28 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from kaju.agents.elastic_rule import ElasticRule as ElasticRule
+    from kaju.agents.history import History as History
     from kaju.agents.material_agent import MaterialAgent as MaterialAgent
     from kaju.agents.materials import Material as Material
     from kaju.agents.materials import material as material
+    from kaju.agents.rheology import ThreeElement as ThreeElement
     from kaju.agents.rules import Coefficients as Coefficients
     from kaju.agents.rules import PrescribedRule as PrescribedRule
     from kaju.errors import KajuError as KajuError
+    from kaju.model.creep import creep as creep
+    from kaju.model.elasticity.elastic_model import ElasticModel as ElasticModel
+    from kaju.model.elasticity.elastic_result import ElasticResult as ElasticResult
+    from kaju.model.network import NetworkResult as NetworkResult
+    from kaju.model.network import SpringNetwork as SpringNetwork
+    from kaju.model.network.network_model import NetworkModel as NetworkModel
     from kaju.model.propagation.load_model import LoadModel as LoadModel
     from kaju.model.propagation.stability import stability as stability
     from kaju.model.propagation.transfer_result import TransferResult as TransferResult
     from kaju.model.result import Result as Result
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
+    from kaju.model.solving import solve as solve
     from kaju.view import animate as animate
     from kaju.view import plot as plot
 
@@ -31,18 +41,28 @@ if TYPE_CHECKING:
 # pandas with it, the views bring matplotlib.
 _HOME = {
     "Coefficients": "kaju.agents.rules",
+    "ElasticModel": "kaju.model.elasticity.elastic_model",
+    "ElasticResult": "kaju.model.elasticity.elastic_result",
+    "ElasticRule": "kaju.agents.elastic_rule",
+    "History": "kaju.agents.history",
     "KajuError": "kaju.errors",
     "LoadModel": "kaju.model.propagation.load_model",
     "Material": "kaju.agents.materials",
     "MaterialAgent": "kaju.agents.material_agent",
+    "NetworkModel": "kaju.model.network.network_model",
+    "NetworkResult": "kaju.model.network",
     "PrescribedRule": "kaju.agents.rules",
     "Result": "kaju.model.result",
     "Scene": "kaju.model.scene",
+    "SpringNetwork": "kaju.model.network",
+    "ThreeElement": "kaju.agents.rheology",
     "TransferResult": "kaju.model.propagation.transfer_result",
     "animate": "kaju.view",
+    "creep": "kaju.model.creep",
     "load_scene": "kaju.model.scene",
     "material": "kaju.agents.materials",
     "plot": "kaju.view",
+    "solve": "kaju.model.solving",
     "stability": "kaju.model.propagation.stability",
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -34,6 +34,9 @@ Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw p
 Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
 AllowUnstable = Annotated[
     bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
+]
+Resolution = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
 ]
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]
 
@@ -69,11 +72,13 @@ def run(
     pictures: Pictures = True,
     force: Force = False,
     allow_unstable: AllowUnstable = False,
+    resolution: Resolution = None,
 ) -> None:
     """Run a scene and write summary.json, result.npz and pictures."""
     described = _scene(scene, settings)
     folder = out or Path(f"{scene.stem}-result")
-    _run_into(folder, described, pictures, force, allow_unstable)
+    options = {"allow_unstable": allow_unstable, "resolution": resolution}
+    _run_into(folder, described, pictures, force, **options)
 
 
 @app.command(name="animate")
@@ -173,23 +178,14 @@ def _refuse_to_replace(path: Path, force: bool) -> None:
         raise ParameterError(f"{path}: exists already; take another name, or --force to replace it")
 
 
-def _run_into(
-    folder: Path, scene: Scene, pictures: bool, force: bool, allow_unstable: bool = False
-) -> Result:
+def _run_into(folder: Path, scene: Scene, pictures: bool, force: bool, **options: Any) -> Result:
     """Run a scene, print its key figures and write the folder."""
-    from kaju.model.propagation.load_model import LoadModel
-
     from .output import Folder
 
     target = Folder(folder, force)
-    model = LoadModel(scene, allow_unstable=allow_unstable)
-    interrupted = False
-    try:
-        result = model.run()
-    except KeyboardInterrupt:
-        interrupted = True
-        result = model.result()
-    typer.echo(result.last.outcome)
+    result, interrupted = (
+        _solve(scene, **options) if scene.rule.kind == "elastic" else _step(scene, **options)
+    )
     for key, value in result.summary().items():
         typer.echo(f"  {key:22} {value}")
     for path in target.write(result, pictures and not interrupted):
@@ -198,6 +194,37 @@ def _run_into(
         typer.echo("interrupted: what was computed until then has been kept", err=True)
         raise typer.Exit(130)
     return result
+
+
+def _step(
+    scene: Scene, allow_unstable: bool = False, resolution: int | None = None
+) -> tuple[Result, bool]:
+    """Let agents pass the loads on; return the result, and whether it was interrupted."""
+    from kaju.model.propagation.load_model import LoadModel
+
+    if resolution is not None:
+        scene = scene.refine(resolution)
+    model = LoadModel(scene, allow_unstable=allow_unstable)
+    interrupted = False
+    try:
+        model.run()
+    except KeyboardInterrupt:
+        interrupted = True
+    result = model.result()
+    typer.echo(result.last.outcome)
+    return result, interrupted
+
+
+def _solve(
+    scene: Scene, allow_unstable: bool = False, resolution: int | None = None
+) -> tuple[Result, bool]:
+    """Solve a scene with the elastic rule."""
+    from kaju.model.solving import solve
+
+    if allow_unstable:
+        raise ParameterError("--allow-unstable: the solver of the elastic rule is always stable")
+    result = solve(scene, resolution=resolution)
+    return result, False
 
 
 def main() -> None:

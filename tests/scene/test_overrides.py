@@ -90,3 +90,10 @@ def test_a_file_may_be_mended_while_it_is_read(tmp_path):
     with pytest.raises(SceneError, match=r"plate.toml: loads.0.steps: must be above 0, got 0"):
         load_scene(path)
     assert load_scene(path, {"loads.0.steps": "2"}).stages == 2
+
+
+def test_a_new_kind_of_rule_starts_a_new_rule():
+    scene = Scene.from_toml(PLATE)
+    elastic = scene.with_overrides({"rule.threshold": "0.5", "rule.kind": "elastic"})
+    assert (elastic.rule.kind, elastic.rule.threshold) == ("elastic", 0.5)
+    assert scene.with_overrides({"rule.kind": "prescribed"}).rule == scene.rule

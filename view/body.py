@@ -61,14 +61,16 @@ def draw_body(ax: Axes, section: Section, *, filled: bool = True) -> list[Artist
     tiles, kind = section.ground
     entries: list[Artist] = []
     across = int((section.upper - section.lower).max()) // section.block
-    edge = LINE if across <= _EDGES_UP_TO else "none"
+    separate = across <= _EDGES_UP_TO
+    edge = LINE if separate else "none"
     for number, material in enumerate(section.scene.cell_materials if filled else ()):
         chosen = kind == number
         if chosen.any():
+            some = tiles[chosen]
             colour, hatch = BODY[number % len(BODY)], BODY_HATCHES[number % len(BODY_HATCHES)]
             add_polygons(
                 ax,
-                section.polygons(tiles[chosen]),
+                section.polygons(some) if separate else section.stripes(some),
                 f"material {material.name}",
                 facecolors=colour,
                 edgecolors="#b5b5b5" if hatch else edge,
@@ -96,7 +98,7 @@ def _draw_supports(ax: Axes, section: Section, tiles: Ints, kind: Ints) -> list[
             continue
         add_polygons(
             ax,
-            section.polygons(tiles[chosen]),
+            section.stripes(tiles[chosen]),
             f"support {name}",
             facecolors="white",
             edgecolors="#6b6b6b",

@@ -79,7 +79,8 @@ def _around(flat: Ints, lower: Ints, upper: Ints) -> tuple[Ints, Ints]:
     if not len(flat):
         return lower, upper
     first, last = flat.min(axis=0), flat.max(axis=0) + 1
-    margin = max(3, round(0.15 * int((last - first).max())))
+    span = last - first
+    margin = np.maximum(3, np.rint(np.maximum(0.15 * span, 0.05 * span.max())).astype(np.int64))
     return np.maximum(first - margin, lower), np.minimum(last + margin, upper)
 
 
@@ -114,12 +115,13 @@ def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, int] | None) -> tuple[i
 def _fullest_layer(scene: Scene, cells: Ints) -> tuple[int, int]:
     """Return the layer with most of the cells, out of those that the loads run along.
 
-    Layers lie across y, or across x if the loads mainly run along y. Without cells it is the
-    middle layer.
+    Layers lie across y, or across x if the loads mainly run along y. Of layers with about as
+    many cells it is the middle one; without cells that of the body.
     """
     along = np.abs(scene.applied().force).sum(axis=0)
     axis = 0 if along[1] > along[[0, 2]].max() else 1
     if not len(cells):
         return axis, scene.lattice.shape[axis] // 2
     layers, counts = np.unique(cells[:, axis], return_counts=True)
-    return axis, int(layers[np.argmax(counts)])
+    full = layers[counts >= 0.95 * counts.max()]
+    return axis, int(full[len(full) // 2])

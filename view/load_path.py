@@ -32,18 +32,25 @@ if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult
 
 MOST_AGENTS = 4000
-"""Of more agents than this, only those that took most are drawn."""
+"""Of more agents than this, only those around the one that took most are drawn."""
+REACH = 30
+"""How far around it (cells)."""
 
 _MARKERS = {"material": "s", "free": "o", "rigid": "^", "roller": "D"}
 
 
-def heaviest(stage: Stage, most: int = MOST_AGENTS) -> Stage:
-    """Return a stage with only the agents that took most, and the boundaries beside them."""
+def around_heaviest(stage: Stage, most: int = MOST_AGENTS) -> Stage:
+    """Return a stage with only the agents around the one that took most, if there are many."""
     if len(stage.cells) <= most:
         return stage
-    kept = np.sort(np.argpartition(-stage.taken.sum(axis=1), most)[:most])
+    heaviest = stage.cells[np.argmax(stage.taken.sum(axis=1))]
+    kept = np.abs(stage.cells - heaviest).max(axis=1) <= REACH
     names = ("cells", "material", "spawn_step", "woken_by", "taken", "passed", "dropped")
-    return replace(stage, **{name: getattr(stage, name)[kept] for name in names})
+    beside = np.abs(stage.boundary_cells - heaviest).max(axis=1) <= REACH + 1
+    edge = ("boundary_cells", "boundary_kind", "boundary_spawn_step", "returned")
+    columns = {name: getattr(stage, name)[kept] for name in names}
+    columns |= {name: getattr(stage, name)[beside] for name in edge}
+    return replace(stage, **columns)
 
 
 def edges_in(section: Section, graph: networkx.DiGraph) -> tuple[Floats, Floats, Floats]:
@@ -125,7 +132,7 @@ def plot_load_path(
     matplotlib Axes
     """
     whole = result.last
-    stage = heaviest(whole)
+    stage = around_heaviest(whole)
     graph = load_path(result.scene, stage)
     focus, close = (stage.cells, CLOSE_UP) if len(stage.cells) else (focus_of(result), WHOLE_UP_TO)
     section = section_of(result.scene, focus, cut, crop, 2**62, close)
@@ -140,8 +147,8 @@ def plot_load_path(
         notes.insert(0, f"{counted(len(load), 'edge')}; each is drawn to the right of its own way")
         if stage is not whole:
             notes.append(
-                f"only the {grouped(len(stage.cells))} agents that took most of "
-                f"{grouped(len(whole.cells))} are drawn"
+                f"only the {grouped(len(stage.cells))} agents around the one that took most, "
+                f"of {grouped(len(whole.cells))}, are drawn"
             )
     else:
         notes = [whole.outcome, *notes]

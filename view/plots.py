@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,18 +35,29 @@ if TYPE_CHECKING:
 Picture = Callable[..., "Axes | Figure"]
 
 
-def plot_scene(scene: Scene, ax: Axes | None = None, **options: Any) -> Axes:
-    """Draw what is asked: body, supports and forces; options as for `plot_agents`."""
-    if scene.lattice.dimension == 3 and options.get("cut") is None:
+Cut = Mapping[str, int]
+
+
+def plot_scene(
+    scene: Scene, ax: Axes | None = None, *, cut: Cut | None = None, crop: bool = False
+) -> Axes:
+    """Draw what is asked: body, supports and forces; all of it, or where the forces are."""
+    if scene.lattice.dimension == 3 and cut is None:
         return plot_body_in_space(scene, ax)
-    cells = scene.applied().cells if options.get("crop") else None
-    return draw_scene(scene, section_of(scene, cells, **options), ax)
+    cells = scene.applied().cells if crop else None
+    return draw_scene(scene, section_of(scene, cells, cut, crop), ax)
 
 
-def _agents(result: TransferResult, ax: Axes | None = None, **options: Any) -> Axes:
-    if result.scene.lattice.dimension == 3 and options.get("cut") is None:
-        return plot_voxels(result, ax)
-    return plot_agents(result, ax, **options)
+def _agents(
+    result: TransferResult,
+    ax: Axes | None = None,
+    *,
+    cut: Cut | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    if result.scene.lattice.dimension == 3 and cut is None:
+        return plot_voxels(result, ax, crop=crop)
+    return plot_agents(result, ax, cut=cut, crop=crop)
 
 
 def _stages(result: TransferResult, ax: Axes | None = None, **options: Any) -> Axes | Figure:

@@ -141,6 +141,19 @@ class Section:
             shape = (_SQUARE - 0.5) * self.tile_size
         return self.centres(tiles)[:, None] + share * shape
 
+    def stripes(self, tiles: Ints) -> Floats:
+        """Return tiles like `polygons`, but rows of neighbouring rectangles as one each."""
+        if self.hexagonal:
+            return self.polygons(tiles)
+        tiles = tiles[np.lexsort(tiles.T)]
+        follows = np.zeros(len(tiles), dtype=np.bool_)
+        follows[1:] = np.all(tiles[1:] == tiles[:-1] + np.array([1, 0]), axis=1)
+        first = np.flatnonzero(~follows)
+        last = np.append(first[1:], len(tiles))[: len(first)] - 1
+        corners = self.polygons(tiles[first])
+        corners[:, 1:3] = self.polygons(tiles[last])[:, 1:3]
+        return corners
+
     @cached_property
     def ground(self) -> tuple[Ints, Ints]:
         """All tiles of the picture, shape (n, 2), and their kinds, shape (n,)."""

@@ -58,12 +58,14 @@ class Box(NamedTuple):
     notes: list[str]
 
 
-def box_around(scene: Scene, cells: Ints) -> Box:
+def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> Box:
     """Return a box around cells, cropped as pictures of a plane are."""
     lower, upper = scene.bounds()
     whole = upper - lower
     notes = []
-    if whole.max() > 2 * MOST_ACROSS and len(cells):
+    if crop is None:
+        crop = bool(whole.max() > 2 * MOST_ACROSS)
+    if crop and len(cells):
         first, last = cells.min(axis=0), cells.max(axis=0) + 1
         margin = max(2, round(0.15 * int((last - first).max())))
         lower, upper = np.maximum(first - margin, lower), np.minimum(last + margin, upper)

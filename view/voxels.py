@@ -59,7 +59,9 @@ def draw_agents_in_space(
     return artists
 
 
-def plot_voxels(result: TransferResult, ax: Axes | None = None) -> Axes:
+def plot_voxels(
+    result: TransferResult, ax: Axes | None = None, *, crop: bool | None = None
+) -> Axes:
     """Draw the agents of a body of cubes in space, coloured by their spawn step.
 
     Only material agents are solid; of the body there is the outline. Boundary agents are
@@ -71,6 +73,8 @@ def plot_voxels(result: TransferResult, ax: Axes | None = None) -> Axes:
         A run of a three-dimensional scene.
     ax : matplotlib Axes3D, optional
         Where to draw; a new figure unless given.
+    crop : bool, optional
+        Whether to show only the surroundings of the agents; by itself for large bodies.
 
     Returns
     -------
@@ -79,7 +83,7 @@ def plot_voxels(result: TransferResult, ax: Axes | None = None) -> Axes:
     scene, stage = result.scene, result.last
     cells = focus_of(result)
     assert cells is not None
-    box = box_around(scene, cells)
+    box = box_around(scene, cells, crop)
     ax = new_axes(ax, _SIZE, "3d")
     space = cast(Axes3D, ax)
     draw_frame(space, scene, box)

@@ -73,6 +73,15 @@ class Assembler:
         blocks = self._blocks(geometry, tension, stiffness)
         return nodal_forces(self.network, -np.einsum("iab,ib->ia", blocks, moved))
 
+    def resistance(
+        self, geometry: Geometry, tension: Floats, stiffness: Floats, displacement: Floats
+    ) -> float:
+        """Return uᵀ A u of the tangent A and a small displacement u (n, dimension), in J."""
+        moved = along_springs(self.network, displacement)
+        along = np.einsum("ij,ij->i", moved, geometry.direction) ** 2
+        across = np.einsum("ij,ij->i", moved, moved) - along
+        return float(stiffness @ along + (tension / geometry.length) @ across)
+
     def restrict(self, field: Floats) -> Floats:
         """Pick the free coordinates of a field over the nodes, in the tangent's order."""
         return field.ravel()[self.free]

@@ -152,6 +152,11 @@ class IncrementalLoading:
             balance = self._balance(start, 0.0)
         except GivesWayError as weakness:
             raise self._gives_way(start, weakness) from None
+        except ConvergenceError as trouble:
+            raise ConvergenceError(
+                f"rest_length: so far from the first lengths that the springs alone, before any "
+                f"load, find no balance near by ({trouble}); place the nodes nearer to it"
+            ) from trouble
         self.records[0] = Record(0.0, *balance)
 
     def _euler_step(self, last: Record, goal: float) -> Record:
@@ -238,8 +243,7 @@ class IncrementalLoading:
         way = np.where(self.network.held, 0.0, end - start)
         for share in (0.25, 0.5, 0.75):
             geometry = self.assembler.geometry(start + share * (end - start))
-            change = self.assembler.force_change(geometry, *self.law(geometry.elongation), way)
-            if np.vdot(change, way) > 0.0:
+            if self.assembler.resistance(geometry, *self.law(geometry.elongation), way) < 0.0:
                 return "the network snaps through states that do not resist"
         return ""
 

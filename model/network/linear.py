@@ -23,7 +23,7 @@ from .weakness import GivesWayError
 
 Method = Literal["auto", "direct", "multigrid"]
 
-_DIRECT_UP_TO = {2: 600_000, 3: 60_000}
+_DIRECT_UP_TO = {2: 400_000, 3: 40_000}
 """Free coordinates up to which the factors fit into about 2 GB, by dimension."""
 
 _ROUNDING = 1e-13

@@ -57,9 +57,10 @@ class MultigridSolver:
         self._tangent = csr_matrix(
             (tangent.data, tangent.indices, tangent.indptr), shape=tangent.shape
         )
-        if np.any(self._tangent.diagonal() <= 0.0):
+        self._diagonal = self._tangent.diagonal()
+        if np.any(self._diagonal <= 0.0):
             unit = np.zeros(tangent.shape[0])
-            unit[int(np.argmin(self._tangent.diagonal()))] = 1.0
+            unit[int(np.argmin(self._diagonal))] = 1.0
             raise GivesWayError(unit)
 
     def solve(self, load: Floats) -> Floats:
@@ -109,7 +110,7 @@ class MultigridSolver:
             direction = proposed + (gain / former) * direction
             answer = self._tangent @ direction
             curvature = float(direction @ answer)
-            scale = float((direction * self._tangent.diagonal()) @ direction)
+            scale = float((direction * self._diagonal) @ direction)
             if curvature <= 1e-14 * scale:
                 raise GivesWayError(direction / np.linalg.norm(direction))
             step = gain / curvature

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kaju.errors import SceneError
+
 from .validation import as_stages, check_network
 
 if TYPE_CHECKING:
@@ -222,7 +224,16 @@ class SpringNetwork:
         return _between(self.displacements, stage)
 
     def node(self, name: Hashable) -> int:
-        """Return the number of the node of that name."""
+        """Return the number of the node of that name.
+
+        Raises
+        ------
+        SceneError
+            If there is none.
+        """
+        if name not in self._numbers:
+            some = ", ".join(repr(known) for known in self.names[:4])
+            raise SceneError(f"node: there is no {name!r}; the nodes are named {some}, ...")
         return self._numbers[name]
 
     @cached_property

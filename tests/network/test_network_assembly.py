@@ -59,6 +59,9 @@ def test_tangent_and_force_are_those_of_the_definition(network):
     assert assembler.force_change(geometry, tension, stiffness, step).ravel() == pytest.approx(
         -tangent @ step.ravel(), abs=1e-12
     )
+    assert assembler.resistance(geometry, tension, stiffness, step) == pytest.approx(
+        step.ravel() @ tangent @ step.ravel()
+    )
 
 
 def test_the_tangent_is_how_the_force_changes():

@@ -72,6 +72,13 @@ def test_a_part_that_is_joined_to_nothing_held_is_named():
         square(springs=[[0, 1], [2, 3]])
 
 
+def test_a_node_is_found_by_its_name():
+    network = square(names=["a", "b", "c", "d"])
+    assert network.node("c") == 2
+    with pytest.raises(SceneError, match="there is no 'x'; the nodes are named 'a', 'b'"):
+        network.node("x")
+
+
 def test_loads_that_disagree_in_stages_are_refused():
     with pytest.raises(SceneError, match="2 stages and displacements 3"):
         square(forces=np.zeros((2, 4, 2)), displacements=np.zeros((3, 4, 2)))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from kaju.errors import ParameterError
+from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network import (
     SpringNetwork,
     face_centred,
@@ -182,6 +182,22 @@ def test_springs_stretched_from_the_start_settle_first():
     result = network.solve(1)
     assert result.displacement[0, 1, 0] == pytest.approx(-0.25)
     assert result.tension[0] == pytest.approx([0.25, 0.25])
+
+
+def test_rest_lengths_far_from_the_first_are_refused():
+    network = SpringNetwork.build(
+        [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]], 1.0, [0.01, 5.0], held=[[1, 1], [0, 1], [1, 1]]
+    )
+    with pytest.raises(ConvergenceError, match="rest_length: so far from the first lengths"):
+        network.solve()
+
+
+def test_a_given_displacement_may_be_large_in_one_increment():
+    network, top = given_displacement(0.6)
+    at_once, slowly = network.solve(1), network.solve(12)
+    assert at_once.displacement[-1] == pytest.approx(slowly.displacement[-1], abs=1e-11)
+    assert at_once.corrections[-1] > 0
+    assert at_once.displacement[-1, top, 1] == pytest.approx(-0.6)
 
 
 def test_everything_held_leaves_nothing_to_solve():

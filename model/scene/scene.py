@@ -20,6 +20,7 @@ from .description import Description
 from .filling import CellBox
 from .lattice import Cells, Lattice
 from .overrides import overridden
+from .purity import Purity
 from .reading import table_from, table_from_archive
 from .refinement import refined_body, refined_loads
 from .rule_tables import check_rule
@@ -187,6 +188,10 @@ class Scene(Description):
     def bounds(self) -> CellBox:
         """Return a box outside of which there is no body: lower <= cell < upper."""
         return self._contents.filling.bounds()
+
+    def purity(self) -> Purity:
+        """Return what tells the kinds of whole boxes of cells."""
+        return Purity(self._contents.filling)
 
     def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, shape `lattice.shape`.

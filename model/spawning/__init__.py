@@ -1,0 +1,1 @@
+"""Agents of many sizes: fine ones spawn where load is left unbalanced."""

@@ -11,7 +11,7 @@ the energy's gradient is a symmetric matrix whose forces balance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -129,7 +129,7 @@ class Composite:
         shared_leaf, shared_side = np.nonzero((other == own_size) & ~upper)
         opposite = self.beside[shared_leaf, shared_side]
         self.master[shared_leaf, shared_side] = self.master[opposite, shared_side + 1]
-        self.axis, self._owner, self._side = side // 2, leaf, side
+        self.axis, self.owner, self._side = side // 2, leaf, side
         self.area = self.length[leaf] ** (d - 1)
         self.place = leaves.lower[leaf] + 0.5 * leaves.size[leaf, None]
         self.place[np.arange(len(leaf)), self.axis] += np.where(side % 2, 0.5, -0.5) * leaves.size[leaf]
@@ -176,8 +176,8 @@ class Composite:
         self.value, self.spring = np.zeros(self.size), np.zeros(self.size)
         self.support = np.full(self.size, -1, dtype=np.int64)
         for side in range(2 * d):
-            bare = np.flatnonzero((self._side == side) & (self.beside[self._owner, side] < 0))
-            point = self._past(side)[self._owner[bare]]
+            bare = np.flatnonzero((self._side == side) & (self.beside[self.owner, side] < 0))
+            point = self._past(side)[self.owner[bare]]
             kind = self.ground.kinds_at(point)
             outside = self._outside(point, side)
             held = np.isin(kind, (RIGID, DISPLACED, ROLLER))
@@ -217,8 +217,9 @@ class Composite:
             grads.append(gradient)
             spans.append(span)
         weight = spans[0] * spans[1] * reach / self.ground.cell
-        of_leaf = np.moveaxis(inverse.reshape(2, 2, n), 2, 0)
-        return Edges((grads[0], grads[1]), modulus, weight, np.ascontiguousarray(of_leaf))
+        of_leaf = np.ascontiguousarray(np.moveaxis(inverse.reshape(2, 2, n), 2, 0))
+        edges = Edges((grads[0], grads[1]), modulus, weight, of_leaf)
+        return _with_concave_corners(edges, around, np.where(around >= 0, leaves.size[around], 0))
 
     def _corner(self, pair: Pair, ends: tuple[int, ...]) -> Index:
         point = self.leaves.lower.copy()
@@ -325,6 +326,47 @@ class Composite:
             parts.append((each[face], own[face], np.full(len(face), 0.5)))
             parts.append((each[face], other[face], np.full(len(face), 0.5)))
         return present, 0.5 * self.length[chosen], parts
+
+
+def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
+    """Put right the edges where one leaf of four is larger.
+
+    The middle of a large leaf stands in for its sides at the edges that hang on it. Where it
+    is met by small leaves on two adjacent sides, both sides do so, and a quarter of a small
+    leaf's area is counted twice, at the corner between them. The corner's weight is less by
+    that quarter, and its gradients are those of the remaining area,
+    (g - ¼ Σ g_hanging) / (1 - ¼ m) for m large leaves: constant stresses then balance.
+    """
+    large = (size > size.min(axis=0)) & (around.min(axis=0) >= 0)
+    count = large.sum(axis=0)
+    diagonal = (large[0] & large[3]) | (large[1] & large[2])
+    concave = (count == 1) | ((count == 2) & diagonal)
+    large &= concave
+    rest = 1.0 - 0.25 * np.where(concave, count, 0)
+    everything = np.arange(len(rest))
+    changed = []
+    for number, gradient in enumerate(edges.gradients):
+        row, column, weight = [everything], [everything], [1.0 / rest]
+        for quadrant in range(4):
+            first, second = divmod(quadrant, 2)
+            at = np.flatnonzero(large[quadrant])
+            beside = (1 - first, second) if number == 0 else (first, 1 - second)
+            small = around[2 * beside[0] + beside[1], at]
+            row.append(at)
+            column.append(edges.of_leaf[small, first, second])
+            weight.append(-0.25 / rest[at])
+        mix = sp.csr_array(
+            (np.concatenate(weight), (np.concatenate(row), np.concatenate(column))),
+            shape=(len(rest), len(rest)),
+        )
+        changed.append(
+            replace(
+                gradient,
+                matrix=sp.csr_array(mix @ gradient.matrix),
+                constant=np.asarray(mix @ gradient.constant),
+            )
+        )
+    return replace(edges, gradients=(changed[0], changed[1]), weight=edges.weight * rest)
 
 
 def _quadrants(point: Index, pair: Pair) -> list[Index]:

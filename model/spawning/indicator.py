@@ -1,0 +1,78 @@
+"""Where load is left unbalanced, and the error that this stands for.
+
+Children that take their parents' displacements by interpolation feel none of its
+curvature: the stress that changes from one agent to the next, ahead and beside, is the load
+that they leave unbalanced. Interpolated linearly over an edge h, a displacement with the
+second derivative u″ is off by a strain whose mean square is (h u″)²/12. So
+
+    η² = V h²/12 · (2μ Σ u_a,aa² + λ Σ (div u),a² + μ Σ u_a,bb²)
+
+is the square of the error of one agent in the energy norm, and √(Σ η² / 2U) the relative
+error of all (U: strain energy).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .balance import Balance
+from .composite import Composite, Floats
+from .field import gradients
+
+
+class Indicator(NamedTuple):
+    """Per leaf the square of its error (energy norm) and its unbalanced load; both scaled."""
+
+    square: Floats
+    load: Floats
+
+
+def indicate(balance: Balance, u: Floats) -> Indicator:
+    """Return what every agent would leave unbalanced if its children only followed it."""
+    grid, d = balance.grid, balance.grid.dimension
+    n, kind, h = len(grid.leaves), grid.leaves.kind, grid.length
+    moduli = grid.ground.moduli
+    shear, lateral = moduli.shear[kind], moduli.lateral[kind]
+    stretch = (balance.strains[: n * d] @ u).reshape(d, n)
+    volume_change = stretch.sum(axis=0)
+    total, load = np.zeros(n), np.zeros(n)
+    for a in range(d):
+        ahead = _change_ahead(grid, stretch[a], a)
+        pressure = np.maximum(lateral, 0.0) * _change_ahead(grid, volume_change, a)
+        own = (2 * shear) ** 2 * ahead
+        total += 2 * shear * ahead + pressure
+        for b in range(d):
+            if b != a:
+                beside = _change_beside(grid, u, a, b) ** 2
+                total += shear * beside
+                own += shear**2 * beside
+        load = np.maximum(load, np.sqrt(own))
+    volume = h**d
+    return Indicator(volume * h**2 / 12.0 * total, volume * load)
+
+
+def _change_ahead(grid: Composite, value: Floats, axis: int) -> Floats:
+    """Return the mean square slope of a leaf's value along an axis, within its material."""
+    kind, h = grid.leaves.kind, grid.length
+    total, count = np.zeros(len(h)), np.zeros(len(h))
+    for side in (2 * axis, 2 * axis + 1):
+        other = grid.beside[:, side]
+        alike = (other >= 0) & (kind[other] == kind)
+        slope = (value[other] - value) / (0.5 * (h[other] + h))
+        total += np.where(alike, slope**2, 0.0)
+        count += alike
+    return np.asarray(total / np.maximum(count, 1))
+
+
+def _change_beside(grid: Composite, u: Floats, a: int, b: int) -> Floats:
+    """Return ∂²u_a/∂b² of every leaf, from the gradients at its edges."""
+    value, valid = gradients(grid, u, a, b)
+    table = grid.edges[min(a, b), max(a, b)].of_leaf
+    if a > b:
+        table = table.swapaxes(1, 2)
+    count = valid[table].sum(axis=1)
+    mean = np.where(valid[table], value[table], 0.0).sum(axis=1) / np.maximum(count, 1)
+    known = (count > 0).all(axis=1)
+    return np.asarray(np.where(known, (mean[:, 1] - mean[:, 0]) / grid.length, 0.0))

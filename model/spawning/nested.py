@@ -28,7 +28,8 @@ DIRECT = {2: 6_000, 3: 2_500}
 class NestedMultigrid:
     """A hierarchy that grows by a generation at a time, the finest last."""
 
-    def __init__(self, balance: Balance) -> None:
+    def __init__(self, balance: Balance, direct: int) -> None:
+        self._direct_limit = direct
         self._levels: list[Level] = []
         self._balance = balance
         self._factorise(balance)
@@ -41,7 +42,7 @@ class NestedMultigrid:
     def grow(self, balance: Balance) -> sp.csr_array:
         """Add a generation; return the interpolation to all its faces."""
         whole = prolongation(self._balance.grid, balance.grid)
-        if len(balance.free) <= DIRECT[balance.grid.dimension]:
+        if len(balance.free) <= self._direct_limit:
             self._factorise(balance)
         else:
             prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
@@ -52,7 +53,10 @@ class NestedMultigrid:
         return whole
 
     def solve(
-        self, right: Floats, start: Floats, done: Callable[[Iteration], bool],
+        self,
+        right: Floats,
+        start: Floats,
+        done: Callable[[Iteration], bool],
         energy: Callable[[Floats], float],
     ) -> Iteration:
         """Return the displacements of the free faces of the finest generation."""

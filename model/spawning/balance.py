@@ -12,6 +12,7 @@ from kaju.model.elasticity.reactions import INSIDE
 from kaju.model.scene.kinds import AIR, FOUNDATION, ROLLER
 
 from .composite import Composite, Edges, Floats
+from .field import oriented
 from .ground import LeafForces
 from .leaves import Index
 
@@ -170,9 +171,7 @@ def _couple(
     """
     axis, normal, upper = place
     outward = 2.0 * upper - 1.0
-    turned = edges.of_leaf if axis == pair[0] else edges.of_leaf.swapaxes(1, 2)
-    tilt = edges.gradients[int(axis == pair[0])]  # of u_n along the axis
-    slope = edges.gradients[int(axis != pair[0])]  # of u_a along the normal
+    (slope, tilt), turned = oriented(edges, axis == pair[0])  # of u_a outwards, of u_n along
     outer, inner = turned[leaf, :, upper], turned[leaf, :, 1 - upper]
     tilts = (tilt.valid & (tilt.wall < 0))[outer]
     lonely = ~tilts.any(axis=1)

@@ -46,6 +46,8 @@ class Gradient:
         Side of the array on which the wall lies, 2·dimension inside, -1 without a wall.
     pull : array, shape (edges,)
         Derivative by the wall's displacement.
+    jump : bool array, shape (edges,)
+        Whether the material changes along b, so that ∂u_a/∂b differs on both sides.
     """
 
     matrix: sp.csr_array
@@ -54,6 +56,7 @@ class Gradient:
     one_sided: Floats
     wall: Index
     pull: Floats
+    jump: Flags
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +222,8 @@ class Composite:
         weight = spans[0] * spans[1] * reach / self.ground.cell
         of_leaf = np.ascontiguousarray(np.moveaxis(inverse.reshape(2, 2, n), 2, 0))
         edges = Edges((grads[0], grads[1]), modulus, weight, of_leaf)
-        return _with_concave_corners(edges, around, np.where(around >= 0, leaves.size[around], 0))
+        size = np.where(around >= 0, leaves.size[around], 0)
+        return _with_concave_corners(edges, around, np.where(kinds == kinds[0], size, 0))
 
     def _corner(self, pair: Pair, ends: tuple[int, ...]) -> Index:
         point = self.leaves.lower.copy()
@@ -291,7 +295,10 @@ class Composite:
         matrix = sp.csr_array(sp.csr_array((weight, (rows, index)), shape=shape) @ self.mean)
         both = sides[0][0] & sides[1][0]
         one_sided = np.where(both, 1.0, 2.0)
-        return Gradient(matrix, constant, both | (wall >= 0), one_sided, wall, pull), span
+        body = np.all(kinds >= 0, axis=0)
+        jump = body & ((kinds[0] != kinds[1]) | (kinds[2] != kinds[3]))
+        valid = both | (wall >= 0)
+        return Gradient(matrix, constant, valid, one_sided, wall, pull, jump), span
 
     def _toward(self, point: Index, axis: int, end: int) -> Index:
         moved = point.copy()
@@ -337,7 +344,7 @@ def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
     that quarter, and its gradients are those of the remaining area,
     (g - ¼ Σ g_hanging) / (1 - ¼ m) for m large leaves: constant stresses then balance.
     """
-    large = (size > size.min(axis=0)) & (around.min(axis=0) >= 0)
+    large = (size > size.min(axis=0)) & (size.min(axis=0) > 0)
     count = large.sum(axis=0)
     diagonal = (large[0] & large[3]) | (large[1] & large[2])
     concave = (count == 1) | ((count == 2) & diagonal)

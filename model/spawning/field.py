@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from .composite import Composite, Edges, Floats, Gradient
-from .leaves import Index
+from .leaves import Flags, Index
 
 
 def interpolation(
@@ -41,38 +38,67 @@ def interpolation(
         if axis not in (a, b):
             continue
         across = a + b - axis
-        gradient, table = oriented(edges, axis == a)
+        gradients, table = oriented(edges, axis == a)
         distance = (local[:, across] - 0.5) * grid.length[leaf]
         near = (distance > 0).astype(np.int64)
+        shear = grid.ground.moduli.shear[leaves.kind[leaf]]
         for end in (0, 1):
-            edge, found = _nearest_valid(gradient, table[leaf], end, near)
-            weight = np.where(found, along[end] * distance * gradient.one_sided[edge], 0.0)
-            pick = _pick(rows, edge, weight, len(gradient.valid))
-            total = total + pick @ gradient.matrix
-            constant += weight * gradient.constant[edge]
+            edge = _nearest_known(gradients, table[leaf], end, near)
+            slopes = slope_weights(edges, gradients, edge, shear)
+            for gradient, weight in zip(gradients, slopes, strict=True):
+                weight = along[end] * distance * weight
+                total = total + _pick(rows, edge, weight, len(gradient.valid)) @ gradient.matrix
+                constant += weight * gradient.constant[edge]
     return sp.csr_array(total), constant
 
 
-def oriented(edges: Edges, first: bool) -> tuple[Gradient, Index]:
-    """Return ∂u_a/∂b of a pair, or the other, and the edges of leaves by end along a, then b."""
+def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Index]:
+    """Return ∂u_a/∂b and ∂u_b/∂a, and the edges of leaves by end along a, then b.
+
+    (a, b) is the pair of the edges, or the pair reversed unless `first`.
+    """
     if first:
-        return edges.gradients[0], edges.of_leaf
-    return edges.gradients[1], edges.of_leaf.swapaxes(1, 2)
+        return edges.gradients, edges.of_leaf
+    return edges.gradients[::-1], edges.of_leaf.swapaxes(1, 2)
 
 
-def _nearest_valid(
-    gradient: Gradient, table: Index, end: int, near: Index
-) -> tuple[Index, NDArray[np.bool_]]:
-    """Return the nearest edge with a gradient: at this end and the near side, if it has one."""
+def slope_weights(
+    edges: Edges, gradients: tuple[Gradient, Gradient], edge: Index, shear: Floats
+) -> tuple[Floats, Floats]:
+    """Return how a leaf's own ∂u_a/∂b at an edge follows from ∂u_a/∂b and ∂u_b/∂a there.
+
+    Where the material changes along b the stress τ is common to both sides, and not the
+    slope: ∂u_a/∂b = τ/μ - ∂u_b/∂a with the leaf's own μ. On a free surface τ is zero.
+    """
+    own, other = gradients
+    ratio = edges.modulus[edge] / shear
+    jump = own.jump[edge] & (ratio > 0)
+    crossed = jump & other.jump[edge]
+    known, surface = own.valid[edge], other.valid[edge] & ~own.valid[edge]
+    first = np.where(jump, ratio, np.where(known, own.one_sided[edge], 0.0))
+    second = np.where(jump, ratio - 1.0, np.where(surface, -1.0, 0.0))
+    # Where it changes along both axes, strain and turn are told apart instead.
+    first = np.where(crossed, 0.5 * ratio + 0.5, first)
+    return first, np.where(crossed, 0.5 * ratio - 0.5, second)
+
+
+def known_slopes(gradients: tuple[Gradient, Gradient]) -> Flags:
+    """Tell at which edges the leaves' slopes are known: not where the material changes twice."""
+    own, other = gradients
+    return np.asarray((own.valid | other.valid) & ~(own.jump & other.jump))
+
+
+def _nearest_known(
+    gradients: tuple[Gradient, Gradient], table: Index, end: int, near: Index
+) -> Index:
+    """Return the nearest edge with a slope: at this end and on the near side, if it has one."""
+    known = known_slopes(gradients)
     rows = np.arange(len(near))
     edge = table[rows, end, near]
-    found = gradient.valid[edge]
-    for other_end, flip in list(product((0, 1), repeat=2))[1:]:
+    for other_end, flip in ((0, 1), (1, 0), (1, 1)):
         candidate = table[rows, end ^ other_end, near ^ flip]
-        better = ~found & gradient.valid[candidate]
-        edge = np.where(better, candidate, edge)
-        found |= better
-    return edge, found
+        edge = np.where(~known[edge] & known[candidate], candidate, edge)
+    return edge
 
 
 def _pick(rows: Index, columns: Index, weight: Floats, width: int) -> sp.csr_array:
@@ -93,16 +119,3 @@ def prolongation(coarse: Composite, fine: Composite) -> sp.csr_array:
     stacked = sp.csr_array(sp.vstack(blocks, format="csr"))
     back = np.argsort(np.concatenate(order), kind="stable")
     return sp.csr_array(stacked[back])
-
-
-def gradients(grid: Composite, u: Floats, a: int, b: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return ∂u_a/∂b at the edges of the two axes, and where there is any.
-
-    A free surface carries no shear: there ∂u_a/∂b is −∂u_b/∂a.
-    """
-    edges = grid.edges[min(a, b), max(a, b)]
-    own, other = edges.gradients if a < b else edges.gradients[::-1]
-    value = own.one_sided * (own.matrix @ u + own.constant)
-    opposite = -(other.matrix @ u + other.constant)
-    take = ~own.valid & other.valid
-    return np.where(own.valid, value, np.where(take, opposite, 0.0)), own.valid | take

@@ -13,13 +13,14 @@ error of all (U: strain energy).
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from .balance import Balance
 from .composite import Composite, Floats
-from .field import gradients
+from .field import known_slopes, oriented, slope_weights
 
 
 class Indicator(NamedTuple):
@@ -67,12 +68,20 @@ def _change_ahead(grid: Composite, value: Floats, axis: int) -> Floats:
 
 
 def _change_beside(grid: Composite, u: Floats, a: int, b: int) -> Floats:
-    """Return ∂²u_a/∂b² of every leaf, from the gradients at its edges."""
-    value, valid = gradients(grid, u, a, b)
-    table = grid.edges[min(a, b), max(a, b)].of_leaf
-    if a > b:
-        table = table.swapaxes(1, 2)
-    count = valid[table].sum(axis=1)
-    mean = np.where(valid[table], value[table], 0.0).sum(axis=1) / np.maximum(count, 1)
-    known = (count > 0).all(axis=1)
-    return np.asarray(np.where(known, (mean[:, 1] - mean[:, 0]) / grid.length, 0.0))
+    """Return ∂²u_a/∂b² of every leaf, from the slopes at its edges."""
+    edges = grid.edges[min(a, b), max(a, b)]
+    gradients, table = oriented(edges, a < b)
+    values = [gradient.matrix @ u + gradient.constant for gradient in gradients]
+    known = known_slopes(gradients)
+    shear = grid.ground.moduli.shear[grid.leaves.kind]
+    total, count = np.zeros((len(shear), 2)), np.zeros((len(shear), 2))
+    for end, far in product((0, 1), repeat=2):
+        edge = table[:, end, far]
+        own, other = slope_weights(edges, gradients, edge, shear)
+        slope = own * values[0][edge] + other * values[1][edge]
+        total[:, far] += np.where(known[edge], slope, 0.0)
+        count[:, far] += known[edge]
+    mean = total / np.maximum(count, 1)
+    return np.asarray(
+        np.where((count > 0).all(axis=1), (mean[:, 1] - mean[:, 0]) / grid.length, 0.0)
+    )

@@ -126,17 +126,22 @@ class Leaves:
         )
 
     def balanced(self, step: int) -> Leaves:
-        """Return leaves of which no two neighbours differ by more than a factor of two."""
+        """Return leaves of which no two neighbours differ by more than a factor of two.
+
+        Where two materials meet at a face, the leaves on both sides are of one size: small
+        faces on a stiff large leaf would be held by its soft neighbours only.
+        """
         leaves = self
         directions = np.array([s for s in product((-1, 0, 1), repeat=self.dimension) if any(s)])
         young = np.ones(len(leaves), dtype=np.bool_)
         while young.any():
             chosen = np.zeros(len(leaves), dtype=np.bool_)
-            size, lower = leaves.size[young], leaves.lower[young]
+            size, lower, kind = leaves.size[young], leaves.lower[young], leaves.kind[young]
             for way in directions:
                 beside = leaves.find(lower + way * size[:, None])
-                large = (beside >= 0) & (leaves.size[beside] > 2 * size)
-                chosen[beside[large]] = True
+                ratio = leaves.size[beside] // size
+                other = (leaves.kind[beside] != kind) & (np.abs(way).sum() == 1)
+                chosen[beside[(beside >= 0) & ((ratio > 2) | ((ratio > 1) & other))]] = True
             if not chosen.any():
                 break
             fresh = leaves.code[chosen]

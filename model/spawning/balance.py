@@ -11,7 +11,8 @@ from kaju.model.elasticity.problem import ACTIVE, FIXED
 from kaju.model.elasticity.reactions import INSIDE
 from kaju.model.scene.kinds import AIR, FOUNDATION, ROLLER
 
-from .composite import Composite, Edges, Floats
+from .composite import Composite, Floats
+from .edges import Edges
 from .field import oriented
 from .ground import LeafForces
 from .leaves import Index
@@ -29,6 +30,8 @@ class Balance:
         The strains that displaced walls cause by themselves.
     load : array, shape (faces,)
         External force on every face.
+    surface_shear : dict from pair of axes to array
+        Shear stress that loads along the surface put on the edges.
     """
 
     def __init__(self, grid: Composite) -> None:
@@ -47,6 +50,7 @@ class Balance:
             constants.append(np.where(edges.modulus > 0, first.constant + second.constant, 0.0))
         self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
         self.offset = np.concatenate(constants)
+        self.surface_shear = {p: np.zeros(len(e.modulus)) for p, e in grid.edges.items()}
         self.load = self._loads(grid.ground.forces(grid.leaves))
 
     @cached_property
@@ -141,9 +145,7 @@ class Balance:
                 couple += self._drag(share, axis, int(side), leaf[here], value[here])
         return np.asarray(grid.mean.T @ share + couple)
 
-    def _drag(
-        self, share: Floats, axis: int, side: int, leaf: Index, value: Floats
-    ) -> Floats:
+    def _drag(self, share: Floats, axis: int, side: int, leaf: Index, value: Floats) -> Floats:
         """Enter forces along `axis` by the side `side`: a drag and, on a surface, a couple."""
         grid, d = self.grid, self.grid.dimension
         normal, upper = divmod(side, 2)
@@ -157,32 +159,30 @@ class Balance:
             np.add.at(share, leaf * 2 * d + 2 * axis + end, whole)
             np.add.at(share, beyond[~bare] * 2 * d + 2 * axis + end, 0.25 * value[~bare])
         pair = (min(axis, normal), max(axis, normal))
-        half = 0.5 * grid.length[leaf[surface]] * value[surface]
-        return _couple(grid.edges[pair], pair, (axis, normal, upper), leaf[surface], half)
+        edges, taken = grid.edges[pair], leaf[surface]
+        turned = oriented(edges, axis == pair[0])[1]
+        outward = (2.0 * upper - 1.0) * value[surface]
+        stress = 0.5 * outward / grid.length[taken] ** (d - 1)
+        np.add.at(self.surface_shear[pair], turned[taken, :, upper], stress[:, None])
+        moment = 0.5 * grid.length[taken] * outward
+        return _couple(edges, (axis == pair[0], upper), taken, moment)
 
 
-def _couple(
-    edges: Edges, pair: tuple[int, int], place: tuple[int, int, int], leaf: Index, half: Floats
-) -> Floats:
+def _couple(edges: Edges, place: tuple[bool, int], leaf: Index, moment: Floats) -> Floats:
     """Return the couples of tractions: the surface moves by more than the leaf's middle.
 
     By (h/2)·∂u_a/∂n outwards, which is −(h/2)·∂u_n/∂a beside a known shear strain. Where no
     surface lies beside, ∂u_a/∂n is taken from the inner edges.
     """
-    axis, normal, upper = place
-    outward = 2.0 * upper - 1.0
-    (slope, tilt), turned = oriented(edges, axis == pair[0])  # of u_a outwards, of u_n along
+    first, upper = place
+    (slope, tilt), turned = oriented(edges, first)  # of u_a along the normal, of u_n along a
     outer, inner = turned[leaf, :, upper], turned[leaf, :, 1 - upper]
-    tilts = (tilt.valid & (tilt.wall < 0))[outer]
-    lonely = ~tilts.any(axis=1)
-    slopes = slope.valid[inner] & lonely[:, None]
-    weight = np.zeros(len(edges.modulus))
-    share = np.where(tilts, 1.0, 0.0) / np.maximum(tilts.sum(axis=1), 1)[:, None]
-    np.add.at(weight, outer, -outward * half[:, None] * share)
-    total = np.asarray(tilt.matrix.T @ weight)
-    weight = np.zeros(len(edges.modulus))
-    share = np.where(slopes, 1.0, 0.0) / np.maximum(slopes.sum(axis=1), 1)[:, None]
-    np.add.at(weight, inner, outward * half[:, None] * share)
-    return total + np.asarray(slope.matrix.T @ weight)
-
-
+    tilts = np.asarray(tilt.valid & (tilt.wall < 0))[outer]
+    slopes = slope.valid[inner] & ~tilts.any(axis=1)[:, None]
+    total = np.zeros(slope.matrix.shape[1])
+    for gradient, edge, some, sign in ((tilt, outer, tilts, -1.0), (slope, inner, slopes, 1.0)):
+        share = some / np.maximum(some.sum(axis=1), 1)[:, None]
+        weight = np.zeros(len(edges.modulus))
+        np.add.at(weight, edge, sign * moment[:, None] * share)
+        total += gradient.matrix.T @ weight
+    return total

@@ -1,84 +1,29 @@
-"""The staggered grid on leaves of several sizes.
+"""The faces of leaves of several sizes.
 
 Unknown is, as on equal cells, the normal displacement of every face. Where a large leaf
-meets small ones, the small ones' faces are the unknowns and the large leaf's face moves by
-their mean. An edge has a shear strain like any other edge: the normal displacements on its
-four sides, each taken from the smaller of the leaves there (or from the middle of a leaf
-that reaches round the edge), over the distances between them. All this is exact for
+meets small ones, the small ones' faces are the unknowns and the large leaf's side moves by
+their mean. The edges between the faces are laid in `edges`. All this is exact for
 displacements that vary linearly, so shifts and turns of the whole body strain nothing, and
 the energy's gradient is a symmetric matrix whose forces balance.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from kaju.model.elasticity.moduli import REENTRANT_WEIGHT
 from kaju.model.elasticity.problem import ACTIVE, FIXED
 from kaju.model.elasticity.staggered import Pair, axis_pairs
-from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
 
+from .edges import Edges, lay_edges
 from .ground import Ground
-from .leaves import Flags, Index, Leaves, morton
+from .leaves import Flags, Index, Leaves
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Gradient:
-    """∂u_a/∂b at the edges of a pair of axes: ``matrix @ u + constant``.
-
-    Attributes
-    ----------
-    matrix : sparse array, shape (edges, faces)
-    constant : array, shape (edges,)
-        From displaced walls.
-    valid : bool array, shape (edges,)
-        Whether there is a face, or a wall, on both sides.
-    one_sided : array, shape (edges,)
-        1; 2 at a wall, where the face is only half the distance away.
-    wall : int array, shape (edges,)
-        Side of the array on which the wall lies, 2·dimension inside, -1 without a wall.
-    pull : array, shape (edges,)
-        Derivative by the wall's displacement.
-    jump : bool array, shape (edges,)
-        Whether the material changes along b, so that ∂u_a/∂b differs on both sides.
-    """
-
-    matrix: sp.csr_array
-    constant: Floats
-    valid: Flags
-    one_sided: Floats
-    wall: Index
-    pull: Floats
-    jump: Flags
-
-
-@dataclass(frozen=True, eq=False)
-class Edges:
-    """The edges along one axis (in two dimensions: the corners), between a pair of axes.
-
-    Attributes
-    ----------
-    gradients : pair of Gradient
-        ∂u_a/∂b and ∂u_b/∂a for the pair (a, b).
-    modulus : array, shape (edges,)
-        Shear modulus, zero at free surfaces.
-    weight : array, shape (edges,)
-        Volume that each edge stands for.
-    of_leaf : int array, shape (leaves, 2, 2)
-        Edge at the lower or upper end of a leaf along a and along b.
-    """
-
-    gradients: tuple[Gradient, Gradient]
-    modulus: Floats
-    weight: Floats
-    of_leaf: Index
 
 
 class Composite:
@@ -110,7 +55,9 @@ class Composite:
         self.length = leaves.size / ground.cell
         self._lay_faces()
         self._hold_faces()
-        self.edges = {pair: self._lay_edges(pair) for pair in axis_pairs(self.dimension)}
+        self.edges: dict[Pair, Edges] = {
+            pair: lay_edges(self, pair) for pair in axis_pairs(self.dimension)
+        }
 
     @property
     def size(self) -> int:
@@ -135,7 +82,9 @@ class Composite:
         self.axis, self.owner, self._side = side // 2, leaf, side
         self.area = self.length[leaf] ** (d - 1)
         self.place = leaves.lower[leaf] + 0.5 * leaves.size[leaf, None]
-        self.place[np.arange(len(leaf)), self.axis] += np.where(side % 2, 0.5, -0.5) * leaves.size[leaf]
+        self.place[np.arange(len(leaf)), self.axis] += (
+            np.where(side % 2, 0.5, -0.5) * leaves.size[leaf]
+        )
         self.mean = self._means(other < own_size)
 
     def _past(self, side: int) -> Index:
@@ -182,7 +131,7 @@ class Composite:
             bare = np.flatnonzero((self._side == side) & (self.beside[self.owner, side] < 0))
             point = self._past(side)[self.owner[bare]]
             kind = self.ground.kinds_at(point)
-            outside = self._outside(point, side)
+            outside = self.outside(point, side)
             held = np.isin(kind, (RIGID, DISPLACED, ROLLER))
             self.state[bare[held]] = FIXED
             self.value[bare[kind == DISPLACED]] = self.ground.given(side)[side // 2]
@@ -191,198 +140,8 @@ class Composite:
             some = held | (kind == FOUNDATION)
             self.support[bare[some]] = np.where(outside[some], side, 2 * d)
 
-    def _outside(self, point: Index, side: int) -> Flags:
+    def outside(self, point: Index, side: int) -> Flags:
+        """Tell which unit cells lie beyond a side of the array."""
         axis, upper = divmod(side, 2)
         end = self.ground.scene.lattice.shape[axis] * self.ground.cell
         return np.asarray(point[:, axis] >= end if upper else point[:, axis] < 0)
-
-    def _lay_edges(self, pair: Pair) -> Edges:
-        leaves, n = self.leaves, len(self.leaves)
-        corner = [self._corner(pair, ends) for ends in product((0, 1), repeat=2)]
-        point = np.concatenate(corner)
-        along = [a for a in range(self.dimension) if a not in pair]
-        if along:
-            around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
-            reach = np.where(around >= 0, leaves.size[around], 0).max(axis=0)
-            point[:, along[0]] -= point[:, along[0]] % reach
-        _, first, inverse = np.unique(morton(point), return_index=True, return_inverse=True)
-        point = point[first]
-        reach = reach[first] if along else np.full(len(point), self.ground.cell)
-        around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
-        kinds = self._kinds_around(point, pair, around)
-        modulus = self._edge_modulus(kinds)
-        grads, spans = [], []
-        for a, b in (pair, pair[::-1]):
-            quads, kind = (around, kinds) if a == pair[0] else (around[[0, 2, 1, 3]], kinds[[0, 2, 1, 3]])
-            far = self._second_half(point, pair, reach)
-            far = None if far is None else (far if a == pair[0] else far[[0, 2, 1, 3]])
-            gradient, span = self._gradient(a, b, point, quads, far, kind, modulus > 0)
-            grads.append(gradient)
-            spans.append(span)
-        weight = spans[0] * spans[1] * reach / self.ground.cell
-        of_leaf = np.ascontiguousarray(np.moveaxis(inverse.reshape(2, 2, n), 2, 0))
-        edges = Edges((grads[0], grads[1]), modulus, weight, of_leaf)
-        size = np.where(around >= 0, leaves.size[around], 0)
-        return _with_concave_corners(edges, around, np.where(kinds == kinds[0], size, 0))
-
-    def _corner(self, pair: Pair, ends: tuple[int, ...]) -> Index:
-        point = self.leaves.lower.copy()
-        for axis, end in zip(pair, ends, strict=True):
-            point[:, axis] += end * self.leaves.size
-        return point
-
-    def _second_half(self, point: Index, pair: Pair, reach: Index) -> Index | None:
-        """Return the leaves round the second half of every edge, where small ones change."""
-        if self.dimension == 2:
-            return None
-        middle = point.copy()
-        middle[:, 3 - pair[0] - pair[1]] += reach // 2
-        return np.stack([self.leaves.find(q) for q in _quadrants(middle, pair)])
-
-    def _kinds_around(self, point: Index, pair: Pair, around: Index) -> Index:
-        kinds = np.where(around >= 0, self.leaves.kind[around], AIR)
-        for row, quadrant in enumerate(_quadrants(point, pair)):
-            bare = around[row] < 0
-            kinds[row, bare] = self.ground.kinds_at(quadrant[bare])
-        return kinds
-
-    def _edge_modulus(self, kinds: Index) -> Floats:
-        """Harmonic mean of the four leaves round an edge; see `staggered.edge_modulus`."""
-        rigid = (kinds == RIGID) | (kinds == DISPLACED)
-        body = kinds >= 0
-        compliance = np.where(body, 1.0 / self.ground.moduli.shear[np.maximum(kinds, 0)], 0.0)
-        total = compliance.sum(axis=0)
-        count = (body | rigid).sum(axis=0)
-        corner = (body.sum(axis=0) == 3) & ((kinds == AIR).sum(axis=0) == 1)
-        safe = np.where(total > 0, total, 1.0)
-        modulus = np.where((count == 4) & (total > 0), 4.0 / safe, 0.0)
-        return np.where(corner, REENTRANT_WEIGHT * 3.0 / safe, modulus)
-
-    def _gradient(
-        self,
-        a: int,
-        b: int,
-        point: Index,
-        quads: Index,
-        far: Index | None,
-        kinds: Index,
-        stiff: Flags,
-    ) -> tuple[Gradient, Floats]:
-        """Return ∂u_a/∂b and the distance between its two ends.
-
-        `quads` are the leaves (a-, b-), (a-, b+), (a+, b-), (a+, b+) of the edge.
-        """
-        count = len(point)
-        sides = [self._sample(a, quads[[e, 2 + e]], None if far is None else far[[e, 2 + e]])
-                 for e in (0, 1)]
-        offsets = [np.where(s[0], s[1], 0.0) for s in sides]
-        span = np.where(sides[0][0], offsets[0], offsets[1]) + np.where(sides[1][0], offsets[1], offsets[0])
-        span = np.where(span > 0, span, 1.0)
-        constant, pull = np.zeros(count), np.zeros(count)
-        wall = np.full(count, -1, dtype=np.int64)
-        terms = []
-        for end, (present, _, parts) in enumerate(sides):
-            sign = 2.0 * end - 1.0
-            terms += [(rows, index, sign * w / span[rows]) for rows, index, w in parts]
-            bare = ~present & stiff & sides[1 - end][0]
-            pull[bare] = sign / span[bare]
-            outside = self._outside(self._toward(point, b, end), 2 * b + end)
-            wall[bare] = np.where(outside[bare], 2 * b + end, 2 * self.dimension)
-            moved = bare & outside & np.any(kinds[[end, 2 + end]] == DISPLACED, axis=0)
-            constant[moved] += pull[moved] * self.ground.given(2 * b + end)[a]
-        rows, index, weight = (np.concatenate(column) for column in zip(*terms, strict=True))
-        shape = (count, len(self.leaves) * 2 * self.dimension)
-        matrix = sp.csr_array(sp.csr_array((weight, (rows, index)), shape=shape) @ self.mean)
-        both = sides[0][0] & sides[1][0]
-        one_sided = np.where(both, 1.0, 2.0)
-        body = np.all(kinds >= 0, axis=0)
-        jump = body & ((kinds[0] != kinds[1]) | (kinds[2] != kinds[3]))
-        valid = both | (wall >= 0)
-        return Gradient(matrix, constant, valid, one_sided, wall, pull, jump), span
-
-    def _toward(self, point: Index, axis: int, end: int) -> Index:
-        moved = point.copy()
-        moved[:, axis] += end - 1
-        return moved
-
-    def _sample(
-        self, a: int, quads: Index, far: Index | None
-    ) -> tuple[Flags, Floats, list[tuple[Index, Index, Floats]]]:
-        """Return u_a on one side of the edges: whether there is any, how far off, and from where.
-
-        The parts are (edge, row of `mean`, weight).
-        """
-        low, high = quads
-        size = self.leaves.size
-        same = (low >= 0) & (low == high)
-        take_low = (low >= 0) & ((high < 0) | (size[low] <= size[high]))
-        chosen = np.where(take_low, low, high)
-        present = chosen >= 0
-        d2, each = 2 * self.dimension, np.arange(len(low))
-        own = np.where(take_low, chosen * d2 + 2 * a + 1, chosen * d2 + 2 * a)
-        parts = []
-        inside = np.flatnonzero(same)
-        for end in (0, 1):
-            parts.append((each[inside], low[inside] * d2 + 2 * a + end, np.full(len(inside), 0.5)))
-        face = np.flatnonzero(present & ~same)
-        if far is None:
-            parts.append((each[face], own[face], np.ones(len(face))))
-        else:
-            beyond = np.where(take_low, far[0], far[1])
-            other = np.where(take_low, beyond * d2 + 2 * a + 1, beyond * d2 + 2 * a)
-            parts.append((each[face], own[face], np.full(len(face), 0.5)))
-            parts.append((each[face], other[face], np.full(len(face), 0.5)))
-        return present, 0.5 * self.length[chosen], parts
-
-
-def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
-    """Put right the edges where one leaf of four is larger.
-
-    The middle of a large leaf stands in for its sides at the edges that hang on it. Where it
-    is met by small leaves on two adjacent sides, both sides do so, and a quarter of a small
-    leaf's area is counted twice, at the corner between them. The corner's weight is less by
-    that quarter, and its gradients are those of the remaining area,
-    (g - ¼ Σ g_hanging) / (1 - ¼ m) for m large leaves: constant stresses then balance.
-    """
-    large = (size > size.min(axis=0)) & (size.min(axis=0) > 0)
-    count = large.sum(axis=0)
-    diagonal = (large[0] & large[3]) | (large[1] & large[2])
-    concave = (count == 1) | ((count == 2) & diagonal)
-    large &= concave
-    rest = 1.0 - 0.25 * np.where(concave, count, 0)
-    everything = np.arange(len(rest))
-    changed = []
-    for number, gradient in enumerate(edges.gradients):
-        row, column, weight = [everything], [everything], [1.0 / rest]
-        for quadrant in range(4):
-            first, second = divmod(quadrant, 2)
-            at = np.flatnonzero(large[quadrant])
-            beside = (1 - first, second) if number == 0 else (first, 1 - second)
-            small = around[2 * beside[0] + beside[1], at]
-            row.append(at)
-            column.append(edges.of_leaf[small, first, second])
-            weight.append(-0.25 / rest[at])
-        mix = sp.csr_array(
-            (np.concatenate(weight), (np.concatenate(row), np.concatenate(column))),
-            shape=(len(rest), len(rest)),
-        )
-        changed.append(
-            replace(
-                gradient,
-                matrix=sp.csr_array(mix @ gradient.matrix),
-                constant=np.asarray(mix @ gradient.constant),
-            )
-        )
-    return replace(edges, gradients=(changed[0], changed[1]), weight=edges.weight * rest)
-
-
-def _quadrants(point: Index, pair: Pair) -> list[Index]:
-    """Return the unit cells round edges: (a-, b-), (a-, b+), (a+, b-), (a+, b+)."""
-    around = []
-    for ends in product((-1, 0), repeat=2):
-        quadrant = point.copy()
-        for axis, end in zip(pair, ends, strict=True):
-            quadrant[:, axis] += end
-        around.append(quadrant)
-    return around
-

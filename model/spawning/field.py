@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from .composite import Composite, Edges, Floats, Gradient
+from .composite import Composite, Floats
+from .edges import Edges, Gradient
 from .leaves import Flags, Index
 
 

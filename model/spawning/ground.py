@@ -170,7 +170,8 @@ class Ground:
         first = np.zeros((len(group), self.dimension))
         first[inverse[::-1]] = self._force[large][::-1]
         uneven = np.any(
-            np.abs(self._force[large] - first[inverse]) > 1e-9 * np.abs(first[inverse]).max(initial=0),
+            np.abs(self._force[large] - first[inverse])
+            > 1e-9 * np.abs(first[inverse]).max(initial=0),
             axis=1,
         )
         unfit[owner[uneven]] = True

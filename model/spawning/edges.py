@@ -1,0 +1,283 @@
+"""The edges between the faces of leaves of several sizes, and the shear strain they carry.
+
+An edge has a shear strain like any other edge of the staggered grid: the normal
+displacements on its four sides, each taken from the smaller of the leaves there (or from
+the middle of a leaf that reaches round the edge), over the distances between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from kaju.model.elasticity.moduli import REENTRANT_WEIGHT
+from kaju.model.elasticity.staggered import Pair
+from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
+
+from .leaves import Flags, Index, morton
+
+if TYPE_CHECKING:
+    from .composite import Composite
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Gradient:
+    """∂u_a/∂b at the edges of a pair of axes: ``matrix @ u + constant``.
+
+    Attributes
+    ----------
+    matrix : sparse array, shape (edges, faces)
+    constant : array, shape (edges,)
+        From displaced walls.
+    valid : bool array, shape (edges,)
+        Whether there is a face, or a wall, on both sides.
+    one_sided : array, shape (edges,)
+        1; 2 at a wall, where the face is only half the distance away.
+    wall : int array, shape (edges,)
+        Side of the array on which the wall lies, 2·dimension inside, -1 without a wall.
+    pull : array, shape (edges,)
+        Derivative by the wall's displacement.
+    jump : bool array, shape (edges,)
+        Whether the material changes along b, so that ∂u_a/∂b differs on both sides.
+    """
+
+    matrix: sp.csr_array
+    constant: Floats
+    valid: Flags
+    one_sided: Floats
+    wall: Index
+    pull: Floats
+    jump: Flags
+
+
+@dataclass(frozen=True, eq=False)
+class Edges:
+    """The edges along one axis (in two dimensions: the corners), between a pair of axes.
+
+    Attributes
+    ----------
+    gradients : pair of Gradient
+        ∂u_a/∂b and ∂u_b/∂a for the pair (a, b).
+    modulus : array, shape (edges,)
+        Shear modulus, zero at free surfaces.
+    weight : array, shape (edges,)
+        Volume that each edge stands for.
+    of_leaf : int array, shape (leaves, 2, 2)
+        Edge at the lower or upper end of a leaf along a and along b.
+    """
+
+    gradients: tuple[Gradient, Gradient]
+    modulus: Floats
+    weight: Floats
+    of_leaf: Index
+
+
+def lay_edges(grid: Composite, pair: Pair) -> Edges:
+    leaves, n = grid.leaves, len(grid.leaves)
+    corner = [_corner(grid, pair, ends) for ends in product((0, 1), repeat=2)]
+    point = np.concatenate(corner)
+    along = [a for a in range(grid.dimension) if a not in pair]
+    if along:
+        around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
+        reach = np.where(around >= 0, leaves.size[around], 0).max(axis=0)
+        point[:, along[0]] -= point[:, along[0]] % reach
+    _, first, inverse = np.unique(morton(point), return_index=True, return_inverse=True)
+    point = point[first]
+    reach = reach[first] if along else np.full(len(point), grid.ground.cell)
+    around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
+    kinds = _kinds_around(grid, point, pair, around)
+    modulus = _edge_modulus(grid, kinds)
+    grads, spans = [], []
+    for a, b in (pair, pair[::-1]):
+        quads, kind = (
+            (around, kinds) if a == pair[0] else (around[[0, 2, 1, 3]], kinds[[0, 2, 1, 3]])
+        )
+        far = _second_half(grid, point, pair, reach)
+        far = None if far is None else (far if a == pair[0] else far[[0, 2, 1, 3]])
+        gradient, span = _gradient(grid, a, b, point, quads, far, kind, modulus > 0)
+        grads.append(gradient)
+        spans.append(span)
+    weight = spans[0] * spans[1] * reach / grid.ground.cell
+    of_leaf = np.ascontiguousarray(np.moveaxis(inverse.reshape(2, 2, n), 2, 0))
+    edges = Edges((grads[0], grads[1]), modulus, weight, of_leaf)
+    size = np.where(around >= 0, leaves.size[around], 0)
+    return _with_concave_corners(edges, around, np.where(kinds == kinds[0], size, 0))
+
+
+def _corner(grid: Composite, pair: Pair, ends: tuple[int, ...]) -> Index:
+    point = grid.leaves.lower.copy()
+    for axis, end in zip(pair, ends, strict=True):
+        point[:, axis] += end * grid.leaves.size
+    return point
+
+
+def _second_half(grid: Composite, point: Index, pair: Pair, reach: Index) -> Index | None:
+    """Return the leaves round the second half of every edge, where small ones change."""
+    if grid.dimension == 2:
+        return None
+    middle = point.copy()
+    middle[:, 3 - pair[0] - pair[1]] += reach // 2
+    return np.stack([grid.leaves.find(q) for q in _quadrants(middle, pair)])
+
+
+def _kinds_around(grid: Composite, point: Index, pair: Pair, around: Index) -> Index:
+    kinds = np.where(around >= 0, grid.leaves.kind[around], AIR)
+    for row, quadrant in enumerate(_quadrants(point, pair)):
+        bare = around[row] < 0
+        kinds[row, bare] = grid.ground.kinds_at(quadrant[bare])
+    return kinds
+
+
+def _edge_modulus(grid: Composite, kinds: Index) -> Floats:
+    """Harmonic mean of the four leaves round an edge; see `staggered.edge_modulus`."""
+    rigid = (kinds == RIGID) | (kinds == DISPLACED)
+    body = kinds >= 0
+    compliance = np.where(body, 1.0 / grid.ground.moduli.shear[np.maximum(kinds, 0)], 0.0)
+    total = compliance.sum(axis=0)
+    count = (body | rigid).sum(axis=0)
+    corner = (body.sum(axis=0) == 3) & ((kinds == AIR).sum(axis=0) == 1)
+    safe = np.where(total > 0, total, 1.0)
+    modulus = np.where((count == 4) & (total > 0), 4.0 / safe, 0.0)
+    return np.where(corner, REENTRANT_WEIGHT * 3.0 / safe, modulus)
+
+
+def _gradient(
+    grid: Composite,
+    a: int,
+    b: int,
+    point: Index,
+    quads: Index,
+    far: Index | None,
+    kinds: Index,
+    stiff: Flags,
+) -> tuple[Gradient, Floats]:
+    """Return ∂u_a/∂b and the distance between its two ends.
+
+    `quads` are the leaves (a-, b-), (a-, b+), (a+, b-), (a+, b+) of the edge.
+    """
+    count = len(point)
+    sides = [
+        _sample(grid, a, quads[[e, 2 + e]], None if far is None else far[[e, 2 + e]])
+        for e in (0, 1)
+    ]
+    offsets = [np.where(s[0], s[1], 0.0) for s in sides]
+    span = np.where(sides[0][0], offsets[0], offsets[1]) + np.where(
+        sides[1][0], offsets[1], offsets[0]
+    )
+    span = np.where(span > 0, span, 1.0)
+    constant, pull = np.zeros(count), np.zeros(count)
+    wall = np.full(count, -1, dtype=np.int64)
+    terms = []
+    for end, (present, _, parts) in enumerate(sides):
+        sign = 2.0 * end - 1.0
+        terms += [(rows, index, sign * w / span[rows]) for rows, index, w in parts]
+        bare = ~present & stiff & sides[1 - end][0]
+        pull[bare] = sign / span[bare]
+        outside = grid.outside(_toward(point, b, end), 2 * b + end)
+        wall[bare] = np.where(outside[bare], 2 * b + end, 2 * grid.dimension)
+        moved = bare & outside & np.any(kinds[[end, 2 + end]] == DISPLACED, axis=0)
+        constant[moved] += pull[moved] * grid.ground.given(2 * b + end)[a]
+    rows, index, weight = (np.concatenate(column) for column in zip(*terms, strict=True))
+    shape = (count, len(grid.leaves) * 2 * grid.dimension)
+    matrix = sp.csr_array(sp.csr_array((weight, (rows, index)), shape=shape) @ grid.mean)
+    both = sides[0][0] & sides[1][0]
+    one_sided = np.where(both, 1.0, 2.0)
+    body = np.all(kinds >= 0, axis=0)
+    jump = body & ((kinds[0] != kinds[1]) | (kinds[2] != kinds[3]))
+    valid = both | (wall >= 0)
+    return Gradient(matrix, constant, valid, one_sided, wall, pull, jump), span
+
+
+def _toward(point: Index, axis: int, end: int) -> Index:
+    moved = point.copy()
+    moved[:, axis] += end - 1
+    return moved
+
+
+def _sample(
+    grid: Composite, a: int, quads: Index, far: Index | None
+) -> tuple[Flags, Floats, list[tuple[Index, Index, Floats]]]:
+    """Return u_a on one side of the edges: whether there is any, how far off, and from where.
+
+    The parts are (edge, row of `mean`, weight).
+    """
+    low, high = quads
+    size = grid.leaves.size
+    same = (low >= 0) & (low == high)
+    take_low = (low >= 0) & ((high < 0) | (size[low] <= size[high]))
+    chosen = np.where(take_low, low, high)
+    present = chosen >= 0
+    d2, each = 2 * grid.dimension, np.arange(len(low))
+    own = np.where(take_low, chosen * d2 + 2 * a + 1, chosen * d2 + 2 * a)
+    parts = []
+    inside = np.flatnonzero(same)
+    for end in (0, 1):
+        parts.append((each[inside], low[inside] * d2 + 2 * a + end, np.full(len(inside), 0.5)))
+    face = np.flatnonzero(present & ~same)
+    if far is None:
+        parts.append((each[face], own[face], np.ones(len(face))))
+    else:
+        beyond = np.where(take_low, far[0], far[1])
+        other = np.where(take_low, beyond * d2 + 2 * a + 1, beyond * d2 + 2 * a)
+        parts.append((each[face], own[face], np.full(len(face), 0.5)))
+        parts.append((each[face], other[face], np.full(len(face), 0.5)))
+    return present, 0.5 * grid.length[chosen], parts
+
+
+def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
+    """Put right the edges where one leaf of four is larger.
+
+    The middle of a large leaf stands in for its sides at the edges that hang on it. Where it
+    is met by small leaves on two adjacent sides, both sides do so, and a quarter of a small
+    leaf's area is counted twice, at the corner between them. The corner's weight is less by
+    that quarter, and its gradients are those of the remaining area,
+    (g - ¼ Σ g_hanging) / (1 - ¼ m) for m large leaves: constant stresses then balance.
+    """
+    large = (size > size.min(axis=0)) & (size.min(axis=0) > 0)
+    count = large.sum(axis=0)
+    diagonal = (large[0] & large[3]) | (large[1] & large[2])
+    concave = (count == 1) | ((count == 2) & diagonal)
+    large &= concave
+    rest = 1.0 - 0.25 * np.where(concave, count, 0)
+    everything = np.arange(len(rest))
+    changed = []
+    for number, gradient in enumerate(edges.gradients):
+        row, column, weight = [everything], [everything], [1.0 / rest]
+        for quadrant in range(4):
+            first, second = divmod(quadrant, 2)
+            at = np.flatnonzero(large[quadrant])
+            beside = (1 - first, second) if number == 0 else (first, 1 - second)
+            small = around[2 * beside[0] + beside[1], at]
+            row.append(at)
+            column.append(edges.of_leaf[small, first, second])
+            weight.append(-0.25 / rest[at])
+        mix = sp.csr_array(
+            (np.concatenate(weight), (np.concatenate(row), np.concatenate(column))),
+            shape=(len(rest), len(rest)),
+        )
+        changed.append(
+            replace(
+                gradient,
+                matrix=sp.csr_array(mix @ gradient.matrix),
+                constant=np.asarray(mix @ gradient.constant),
+            )
+        )
+    return replace(edges, gradients=(changed[0], changed[1]), weight=edges.weight * rest)
+
+
+def _quadrants(point: Index, pair: Pair) -> list[Index]:
+    """Return the unit cells round edges: (a-, b-), (a-, b+), (a+, b-), (a+, b+)."""
+    around = []
+    for ends in product((-1, 0), repeat=2):
+        quadrant = point.copy()
+        for axis, end in zip(pair, ends, strict=True):
+            quadrant[:, axis] += end
+        around.append(quadrant)
+    return around

@@ -1,0 +1,94 @@
+"""`kaju.solve` with a tolerance: agents spawn where load is left unbalanced."""
+
+from __future__ import annotations
+
+from math import isfinite
+from time import perf_counter
+
+from kaju.errors import ConvergenceError, ParameterError
+from kaju.model.scene import Scene
+
+from .generations import spawn
+from .spawned_result import SpawnedResult, ground_of
+
+MOST_AGENTS = {2: 2_000_000, 3: 400_000}
+"""What fits in about 10 GB."""
+SMALLEST_TOLERANCE = 1e-6
+
+
+def solve_spawning(
+    scene: Scene,
+    tolerance: float = 1e-2,
+    resolution: int | None = None,
+    *,
+    stage: int | None = None,
+    most_agents: int | None = None,
+) -> SpawnedResult:
+    """Solve a scene as linear elasticity by agents of many sizes.
+
+    The first agents are as large as the body, its materials, supports and loads let them
+    be. Those that leave most load unbalanced spawn 4 (in three dimensions 8) children of
+    half their size, and all settle again, until the estimated error is within the tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of square or cubic cells. Its cells say where the body is; agents may be smaller and
+        larger than they are, and the body is never rasterised as a whole.
+    tolerance : float
+        Relative error in the energy norm. Its square is the relative error of the energy.
+    resolution : int, optional
+        The body is described by cells that are this many times smaller (regions are asked
+        again, so that round shapes become rounder), and no agent is smaller than these. By
+        default agents become as small as the tolerance asks.
+    stage : int, optional
+        Stage of loading; by default the last.
+    most_agents : int, optional
+        Give up before there are more; by default 2 million, 400,000 in three dimensions.
+
+    Returns
+    -------
+    SpawnedResult
+        Short of the tolerance only if the `resolution` ended it, which its notes say.
+
+    Raises
+    ------
+    SupportError
+        If a part of the body could move without straining.
+    ConvergenceError
+        If the tolerance asks for too many agents; `best` holds the result so far.
+    ParameterError, SceneError
+        If an argument or the scene breaks a rule.
+    """
+    start = perf_counter()
+    _check(tolerance, resolution, most_agents)
+    ground = ground_of(scene, stage, resolution)
+    limit = most_agents or MOST_AGENTS[ground.dimension]
+    spawning = spawn(ground, tolerance, limit)
+    if spawning.stopped == "depth":
+        spawning.notes.append(
+            f"the smallest agents allowed leave an estimated error of {spawning.error:.2g}, above "
+            f"the tolerance of {tolerance:g}; a larger resolution allows smaller ones"
+        )
+    result = SpawnedResult(scene, stage, tolerance, resolution, spawning, perf_counter() - start)
+    if spawning.stopped == "agents":
+        raise ConvergenceError(
+            f"solve: {result.agents} agents leave an estimated error of {spawning.error:.2g}, and "
+            f"a tolerance of {tolerance:g} needs more than the {limit} allowed; take a larger "
+            "tolerance, or allow more by most_agents. The error's `best` holds the result so far",
+            result.residuals,
+            result,
+        )
+    return result
+
+
+def _check(tolerance: float, resolution: int | None, most_agents: int | None) -> None:
+    if not (isfinite(tolerance) and SMALLEST_TOLERANCE <= tolerance < 1.0):
+        raise ParameterError(
+            f"tolerance: must lie between {SMALLEST_TOLERANCE:g} and 1 for spawning agents, got "
+            f"{tolerance}; equal cells (strategy='uniform') solve their equations to less"
+        )
+    for name, value in (("resolution", resolution), ("most_agents", most_agents)):
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        if value is not None and not (whole and value >= 1):
+            raise ParameterError(f"{name}: must be a whole number from 1 upwards, got {value}")

@@ -1,0 +1,326 @@
+"""The answer of agents of many sizes: who spawned where, when and why, and what they carry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju import __version__
+from kaju.errors import ResultFileError
+from kaju.model.elasticity import fields
+from kaju.model.result import Result, cells_of_points, read_archive, write_archive
+from kaju.model.scene import Scene
+
+from .agent_fields import AgentFields
+from .balance import Balance
+from .composite import Composite, Floats
+from .generations import Generation, Spawning
+from .ground import Ground
+from .indicator import indicate
+from .leaves import Index, Leaves
+
+if TYPE_CHECKING:
+    import pandas
+
+_ARRAYS = ("lower", "size", "kind", "step", "cause")
+
+
+@dataclass(frozen=True, eq=False)
+class SpawnedResult(Result):
+    """Linear elasticity of a scene by agents that are small only where they have to be.
+
+    Arrays over agents are in the order of `agents`: a space-filling curve through the body.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    stage : int or None
+        Stage of loading; None is the last.
+    tolerance : float
+        Relative error in the energy norm that was asked for.
+    resolution : int or None
+        Smallest agents allowed, per cell of the scene; None is no limit.
+    spawning : Spawning
+        Agents and displacements in scaled units, and the history.
+    seconds : float
+    """
+
+    scene: Scene
+    stage: int | None
+    tolerance: float
+    resolution: int | None
+    spawning: Spawning
+    seconds: float
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that describe the body to the agents."""
+        return self._ground.scene
+
+    @property
+    def _ground(self) -> Ground:
+        return self.spawning.balance.grid.ground
+
+    @property
+    def _leaves(self) -> Leaves:
+        return self.spawning.balance.grid.leaves
+
+    @property
+    def _stress_unit(self) -> float:
+        scales = self._ground.scales
+        return scales.modulus * scales.displacement / scales.length
+
+    @cached_property
+    def _fields(self) -> AgentFields:
+        return AgentFields(self.spawning.balance, self.spawning.displacement)
+
+    @property
+    def agents(self) -> int:
+        """Number of agents."""
+        return len(self._leaves)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners (m) of the agents, shape (agents, dimension)."""
+        return np.asarray(self._leaves.lower * self._metre)
+
+    @property
+    def size(self) -> Floats:
+        """Edges (m) of the agents, shape (agents,)."""
+        return np.asarray(self._leaves.size * self._metre)
+
+    @property
+    def _metre(self) -> float:
+        return self.grid.lattice.cell_size / self._ground.cell
+
+    @property
+    def level(self) -> Index:
+        """How often the largest agent would be halved to give each agent, shape (agents,)."""
+        size = self._leaves.size
+        return np.rint(np.log2(size.max() / size)).astype(np.int64)
+
+    @property
+    def spawn_step(self) -> Index:
+        """Step in which each agent spawned; 0 for the first ones."""
+        return self._leaves.step
+
+    @property
+    def cause(self) -> Floats:
+        """Load (N) its parent left unbalanced, for which each agent spawned.
+
+        0 for the first agents, NaN for those that keep neighbours alike in size.
+        """
+        return self._leaves.cause
+
+    @property
+    def unbalanced_load(self) -> Floats:
+        """Load (N) each agent leaves unbalanced, as its children would feel it."""
+        return np.asarray(self.spawning.indicator.load * self._ground.scales.force)
+
+    @property
+    def error_share(self) -> Floats:
+        """Share of each agent in the square of the error; the sum is 1."""
+        square = self.spawning.indicator.square
+        return np.asarray(square / (square.sum() or 1.0))
+
+    @property
+    def material(self) -> Index:
+        """Index into `scene.cell_materials` of each agent."""
+        return self._leaves.kind
+
+    @cached_property
+    def agent_displacement(self) -> Floats:
+        """Displacement (m) of the agents' middles, shape (agents, dimension)."""
+        return self._ground.scales.displacement * self._fields.displacement
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors (Pa) of the agents, shape (agents, dimension, dimension)."""
+        return self._stress_unit * self._fields.stress
+
+    @cached_property
+    def von_mises(self) -> Floats:
+        """Equivalent stress (Pa) of the agents."""
+        across: Floats | float = 0.0
+        if self.scene.plane == "strain":
+            moduli, kind = self._ground.moduli, self._leaves.kind
+            lateral, shear = moduli.lateral[kind], moduli.shear[kind]
+            trace = np.trace(self.stress, axis1=1, axis2=2)
+            across = lateral / (2 * (lateral + shear)) * trace
+        return fields.von_mises(self.stress, across)
+
+    @property
+    def strain_energy(self) -> float:
+        """Energy (J) stored in the body, and in a foundation if there is one."""
+        scales = self._ground.scales
+        return self.spawning.energy * scales.force * scales.displacement
+
+    @property
+    def error_estimate(self) -> float:
+        """Estimated error in the energy norm, relative to the solution.
+
+        Its square estimates the relative error of the strain energy.
+        """
+        return self.spawning.error
+
+    @property
+    def generations(self) -> tuple[Generation, ...]:
+        """Agents, estimated error, strain energy (J) and iterations of every step of spawning."""
+        unit = self._ground.scales.force * self._ground.scales.displacement
+        return tuple(g._replace(energy=g.energy * unit) for g in self.spawning.generations)
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """Relative residual before every iteration of the last generation."""
+        return tuple(self.spawning.residuals)
+
+    @cached_property
+    def reactions(self) -> dict[str, Floats]:
+        """Force (N) of each support on the body; "rigid" are rigid cells inside the array."""
+        found = self.spawning.balance.reactions(self.spawning.displacement)
+        return {name: force * self._ground.scales.force for name, force in found.items()}
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest displacement of an agent's middle (m)."""
+        return float(np.linalg.norm(self.agent_displacement, axis=1).max())
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        size = self._leaves.size
+        return {
+            "rule": "elastic",
+            "plane": self.scene.plane,
+            "strain_energy": self.strain_energy,
+            "error_estimate": self.error_estimate,
+            "tolerance": self.tolerance,
+            "agents": self.agents,
+            "levels": len(np.unique(size)),
+            "iterations": max(len(self.residuals) - 1, 0),
+            "residual": self.residuals[-1] if self.residuals else 0.0,
+            "reaction": {name: force.tolist() for name, force in self.reactions.items()},
+            "max_displacement": self.max_displacement,
+            "seconds": self.seconds,
+            "method": "spawning",
+            "generations": len(self.spawning.generations),
+            "smallest_agent": float(size.min() * self._metre),
+            "largest_agent": float(size.max() * self._metre),
+            "notes": list(self.spawning.notes),
+            "kaju_version": __version__,
+        }
+
+    def displacement_at(self, points: NDArray[np.float64]) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+        place, leaf = self._locate(points)
+        return self._ground.scales.displacement * self._fields.displacement_at(place, leaf)
+
+    def stress_at(self, points: NDArray[np.float64]) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+        place, leaf = self._locate(points)
+        return self._stress_unit * self._fields.stress_at(place, leaf)
+
+    def _locate(self, points: NDArray[np.float64]) -> tuple[Floats, Index]:
+        """Return points in units, and the agent that each lies in or on."""
+        points, cells = cells_of_points(self.grid, points)
+        first = cells * self._ground.cell
+        place = np.clip(points / self._metre, first, first + self._ground.cell)
+        unit = np.clip(np.floor(place).astype(np.int64), first, first + self._ground.cell - 1)
+        return place, self._leaves.find(unit)
+
+    def own_displacement(self, local: Floats) -> Floats:
+        """Return every agent's displacement (m) at one place within it, 0 to 1 along each axis."""
+        place = self._leaves.lower + np.asarray(local) * self._leaves.size[:, None]
+        moved = self._fields.displacement_at(place, np.arange(self.agents))
+        return self._ground.scales.displacement * moved
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per agent: place, size, level, when and why it spawned, what it bears."""
+        from .export import dataframe
+
+        return dataframe(self)
+
+    def to_vtk(self, path: str | Path) -> Path:
+        """Write the agents as an unstructured grid that ParaView reads (.vtu or .vtk).
+
+        Raises
+        ------
+        MissingExtraError
+            If meshio is not installed.
+        """
+        from .export import write_vtk
+
+        return write_vtk(self, path)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to one ``.npz`` file, whole or not at all.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        text, scene_arrays = self.scene.to_archive()
+        arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
+        arrays |= {name: getattr(self._leaves, name) for name in _ARRAYS}
+        arrays["displacement"] = self.spawning.displacement
+        history = {
+            name: getattr(self.spawning, name)
+            for name in ("energy", "error", "residuals", "levels", "reached", "stopped", "notes")
+        }
+        about = {
+            "kind": "spawned",
+            "scene": text,
+            "stage": self.stage,
+            "tolerance": self.tolerance,
+            "resolution": self.resolution,
+            "spawning": history,
+            "generations": [list(g) for g in self.spawning.generations],
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        }
+        return write_archive(path, arrays, about)
+
+    @classmethod
+    def load(cls, path: str | Path) -> SpawnedResult:
+        """Read a result that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, or holds something else.
+        """
+        arrays, about = read_archive(path)
+        if about.get("kind") != "spawned":
+            raise ResultFileError(
+                f"{path}: holds a result of kind {about.get('kind')!r}, not of spawned agents"
+            )
+        own = {k.removeprefix("scene."): v for k, v in arrays.items() if k.startswith("scene.")}
+        scene = Scene.from_archive(about["scene"], own)
+        ground = ground_of(scene, about["stage"], about["resolution"])
+        leaves = Leaves.of(*(arrays[name] for name in _ARRAYS))
+        balance = Balance(Composite(ground, leaves))
+        u = arrays["displacement"]
+        generations = [Generation(*entry) for entry in about["generations"]]
+        spawning = Spawning(
+            balance, u, indicate(balance, u), generations=generations, **about["spawning"]
+        )
+        return cls(
+            scene,
+            about["stage"],
+            about["tolerance"],
+            about["resolution"],
+            spawning,
+            about["seconds"],
+        )
+
+
+def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> Ground:
+    """Return the ground of a scene: on finer cells, and not below them, at a resolution."""
+    grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
+    return Ground(grid, stage, at_cells=resolution is not None)

@@ -115,8 +115,7 @@ class IncrementalLoading:
         goal = (self.steps + 1) / self.increments
         take = self._newton_step if self.scheme == "newton" else self._euler_step
         record = take(last, goal)
-        last_of_all = self.steps + 1 == self.increments * self.network.stages
-        if last_of_all and self.scheme == "newton":
+        if self.scheme == "newton" and self.steps + 1 == self.increments * self.network.stages:
             self._check_stability(record)
         self.records.append(record)
 
@@ -295,7 +294,4 @@ def solve(
 
     Arguments and errors are those of `IncrementalLoading` and its `step`.
     """
-    loading = IncrementalLoading(
-        network, increments, scheme="newton", method=method, tolerance=tolerance
-    )
-    return loading.run()
+    return IncrementalLoading(network, increments, method=method, tolerance=tolerance).run()

@@ -73,7 +73,7 @@ class Place:
     axis : int
         Axis of the normal, along which the face moves.
     index : tuple of int
-        Cell, or block, on the upper side of the face.
+        Cell on the upper side of the face; of parents, block, counted from the body's box.
     position : array
         Middle of the face (m).
     materials : tuple of Material

@@ -46,7 +46,8 @@ class ElasticModel(mesa.Model):
       handed up as one load to *parent agents*, which stand for 2×2(×2) blocks; what these
       yield is handed down.
 
-    Elasticity is linear, so loads are applied at once, whatever their number of steps.
+    Elasticity is linear, so loads are applied at once, whatever their number of steps. Where a
+    member of the body is only one cell wide the cells are halved, so that it can carry shear.
 
     Parameters
     ----------
@@ -64,6 +65,8 @@ class ElasticModel(mesa.Model):
         In the order "largest first": how many agents act in a step, one after another.
     max_steps : int
         The run is stopped after this many steps.
+    stage : int, optional
+        Stage of loading; the last one by default.
     rng : int, optional
         Seed for Mesa; the rule itself draws no random numbers.
 
@@ -86,6 +89,8 @@ class ElasticModel(mesa.Model):
         If waves would grow and `allow_unstable` is False.
     SceneError
         If the cells are hexagons or the rule is another one.
+    SupportError
+        If a part of the body could move without straining.
     """
 
     def __init__(
@@ -96,13 +101,15 @@ class ElasticModel(mesa.Model):
         allow_unstable: bool = False,
         pushes_per_step: int = 1,
         max_steps: int = 1_000_000,
+        stage: int | None = None,
         rng: int | None = None,
     ) -> None:
         super().__init__(rng=rng)
         if pushes_per_step < 1:
             raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
         self.scene = scene
-        self.table = PushTable(scene)
+        self.stage = stage
+        self.table = PushTable(scene, stage)
         self.certificate: WaveCertificate | None = None
         self.share = 1.0
         if self.table.rule.order == "wave":

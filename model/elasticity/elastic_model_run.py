@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 
+from .elastic_result import ElasticResult
+from .engine import Solution
 from .push_stability import WaveCertificate
+from .staggered import strain_energy
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
     from .elastic_model import ElasticModel
+    from .elastic_result import ElasticResult
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -140,13 +144,12 @@ class ElasticRun:
     ----------
     scene : Scene
         What was asked.
+    result : ElasticResult
+        Displacements, stresses and reactions, as of `kaju.solve`.
     outcome : str
         How the run ended, in words.
     threshold : float
         γ (N).
-    displacement : tuple of arrays
-        Per axis the displacement (m) of every face normal to it, NaN where there is no body
-        beside the face; shape of the cells plus one along the axis.
     agents : FaceAgents
         Who spawned.
     boundary : BoundaryAgents
@@ -164,9 +167,9 @@ class ElasticRun:
     """
 
     scene: Scene
+    result: ElasticResult
     outcome: str
     threshold: float
-    displacement: tuple[Floats, ...]
     agents: FaceAgents
     boundary: BoundaryAgents
     history: tuple[StepRecord, ...]
@@ -174,6 +177,11 @@ class ElasticRun:
     most_pushes: float
     certificate: WaveCertificate | None
     seconds: float
+
+    @property
+    def displacement(self) -> tuple[Floats, ...]:
+        """Per axis the displacement (m) of the faces normal to it; NaN where there is no body."""
+        return self.result.face_displacement
 
     @property
     def energy(self) -> Floats:
@@ -190,10 +198,15 @@ class ElasticRun:
         """Sum of the supports' forces on the body (N), shape (dimension,)."""
         return -self.ledger.carried
 
+    def to_result(self) -> ElasticResult:
+        """Return what the agents have settled to, with displacement and stress anywhere."""
+        from .settled import settled
+
+        return settled(self)
+
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
         levels = np.bincount(self.agents.level)
-        largest = [np.nanmax(np.abs(u), initial=0.0) for u in self.displacement]
         last = self.history[-1] if self.history else None
         return {
             "rule": "elastic",
@@ -211,7 +224,7 @@ class ElasticRun:
             "residual": last.loudest if last else 0.0,
             "error_estimate": last.error_estimate if last else 0.0,
             "reaction": self.reaction.tolist(),
-            "max_displacement": float(max(largest)),
+            "max_displacement": self.result.max_displacement,
             "seconds": self.seconds,
             "kaju_version": __version__,
         }
@@ -221,11 +234,12 @@ def collect(model: ElasticModel) -> ElasticRun:
     """Gather what a model has done so far."""
     state, table = model.state, model.table
     work = -2.0 * state.energy
+    outcome = model.outcome or f"interrupted after {model.generation} steps"
     return ElasticRun(
         scene=model.scene,
-        outcome=model.outcome or f"interrupted after {model.generation} steps",
+        result=_elastic_result(model, outcome),
+        outcome=outcome,
         threshold=model.threshold,
-        displacement=_faces(model),
         agents=_face_agents(model),
         boundary=_boundary_agents(model),
         history=tuple(model.history),
@@ -236,29 +250,34 @@ def collect(model: ElasticModel) -> ElasticRun:
     )
 
 
-def _faces(model: ElasticModel) -> tuple[Floats, ...]:
-    """Return the displacements of all faces beside body, without the rim."""
-    table, found = model.table, []
-    fields = [np.full(table.problem.face_shape(a), np.nan) for a in range(table.problem.dimension)]
-    places = (
-        (table.levels[0].place, model.state.grounds[0].displacement),
-        (
-            table.fixed_place,
-            table.given,
-        ),
+def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
+    """Return the faces' displacements as the answer of an elastic solver."""
+    table, scales = model.table, model.table.problem.scales
+    fields = tuple(values.copy() for values in table.problem.fixed)
+    moved = model.state.grounds[0].displacement / scales.displacement
+    table.levels[0].numbering.scatter(moved, fields)
+    meters = [record.error_estimate for record in model.history]
+    solution = Solution(
+        displacement=fields,
+        energy=strain_energy(table.problem, fields),
+        method=f"agents, {table.rule.order}",
+        discretisation=0.0,
+        algebraic=model.error_estimate,
+        levels=len(table.levels),
+        residuals=meters,
+        converged=model.at_rest,
+        notes=[outcome, "the error estimate is of the loads left; the grid's own is not in it"],
     )
-    for (axis, index), value in places:
-        for a, field in enumerate(fields):
-            chosen = axis == a
-            field[tuple(index[chosen].T)] = value[chosen]
-    kinds = table.problem.kinds
-    for a, field in enumerate(fields):
-        lines, solid = np.moveaxis(field, a, 0), np.moveaxis(kinds >= 0, a, 0)
-        # Held faces between two rigid cells belong to no cell of the body.
-        lines[1:-1][~(solid[:-1] | solid[1:])] = np.nan
-        inner = [slice(1, -1)] * field.ndim
-        found.append(field[tuple(inner)].copy())
-    return tuple(found)
+    return ElasticResult(
+        model.scene,
+        table.grid,
+        model.stage,
+        table.subdivision,
+        table.problem,
+        table.origin,
+        solution,
+        model.seconds,
+    )
 
 
 def _face_agents(model: ElasticModel) -> FaceAgents:
@@ -295,11 +314,12 @@ def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
     returned: Floats = np.asarray(air.links @ state.grounds[0].taken)
     steps = holding.first(state.place_step), air.first(state.grounds[0].spawn_step)
     orders = [_awake(step) for step in steps]
-    cells = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
+    cells: Integers = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
+    cells = cells + np.asarray(table.origin, dtype=np.int64)
     nothing = np.zeros((len(orders[1]), dimension))
     return BoundaryAgents(
         cells=cells,
-        kind=model.scene.kinds(cells),
+        kind=table.grid.kinds(cells),
         spawn_step=np.concatenate([step[o] for step, o in zip(steps, orders, strict=True)]),
         reaction=np.concatenate([reaction[orders[0]], nothing]),
         returned=np.concatenate([np.zeros(len(orders[0])), returned[orders[1]]]),

@@ -116,6 +116,26 @@ class TransferResult(Result):
         points, cells = cells_of_points(self.scene, points)
         return self.displacement_field.at(points, cells)
 
+    def stress_at(self, points: NDArray[np.float64]) -> FloatArray:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
+
+        Stress is the same all over a cell, and 0 in cells that no load reached.
+
+        Raises
+        ------
+        ResultError
+            If the points have another dimension or lie outside the body.
+        """
+        _, cells = cells_of_points(self.scene, points)
+        key, agents = self.scene.lattice.key(cells), self.scene.lattice.key(self.last.cells)
+        tensors = np.zeros((len(key), *self.stress.shape[1:]))
+        if len(agents):
+            order = np.argsort(agents)
+            place = order[np.minimum(np.searchsorted(agents[order], key), len(agents) - 1)]
+            awake = agents[place] == key
+            tensors[awake] = self.stress[place[awake]]
+        return tensors
+
     def load_path(self) -> networkx.DiGraph:
         """Return who loaded whom, with the loads as edge weights (N)."""
         return load_path(self.scene, self.last)

@@ -206,7 +206,7 @@ class _Coarsest:
         self._active = np.flatnonzero(np.concatenate([a.ravel() for a in active]))
         numbering = Numbering(states)
         self._solver = SparseMultigrid(
-            stiffness_matrix(problem, numbering), numbering, coarsest=2500
+            stiffness_matrix(problem, numbering), numbering, coarsest=800
         )
         self.depth = len(self._solver.levels)
 

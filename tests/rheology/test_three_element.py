@@ -82,6 +82,28 @@ def test_ramp_compliance_has_no_seam_between_series_and_formula(x):
 
 
 @pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2", "exact"])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        (2.0, 3.0, inf),
+        (1e-100, 1e100, 1.0),
+        (1e100, 1e-100, 1.0),
+        (5e-324, 1.0, 1.0),
+        (1.0, 5e-324, 1.0),
+    ],
+)
+@pytest.mark.parametrize("last", [1e-12, 1.0, 1e12])
+def test_numbers_of_any_size_are_steady(scheme, numbers, last):
+    times = np.linspace(0.0, last, 101)
+    element = ThreeElement(*numbers)
+    given_way = element.creep(force=1.0, times=times, scheme=scheme)
+    assert np.all(np.isfinite(given_way))
+    assert np.all(np.diff(given_way) >= 0.0)
+    ramp = History().ramp(1.0, last / 3).release(last / 7)
+    assert np.all(np.isfinite(element.relaxation(displacement=ramp, times=times, scheme=scheme)))
+
+
+@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2", "exact"])
 def test_each_limit_is_exact(scheme):
     t = np.linspace(0.0, 6.0, 7)
 

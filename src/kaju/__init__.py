@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
     from kaju.model.solving import solve as solve
+    from kaju.model.stored import load_result as load_result
     from kaju.view import animate as animate
     from kaju.view import plot as plot
 
@@ -60,6 +61,7 @@ _HOME = {
     "animate": "kaju.view",
     "creep": "kaju.model.creep",
     "load_scene": "kaju.model.scene",
+    "load_result": "kaju.model.stored",
     "material": "kaju.agents.materials",
     "plot": "kaju.view",
     "solve": "kaju.model.solving",

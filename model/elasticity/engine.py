@@ -262,7 +262,7 @@ def _change_method(
     method = "algebraic multigrid"
     if precondition is None:
         precondition, method = hierarchy.precondition, "Galerkin multigrid"
-        note += "; pyamg (pip install 'kaju[fem]') would be quicker"
+        note += "; pyamg (pip install 'kaju[amg]') would be quicker"
     else:
         note += ": algebraic multigrid instead"
     target = tolerance or max(ALGEBRAIC_SHARE * slow.discretisation, 1e-9)

@@ -114,6 +114,6 @@ def _remedy(result: ElasticResult, tolerance: float | None) -> str:
     return (
         f"solve: after {solution.iterations} iterations of {solution.method} the relative residual "
         f"is {result.residuals[-1]:.2g}, short of {asked}; install pyamg (pip install "
-        "'kaju[fem]'), take a larger tolerance, or a smaller contrast of the materials. The "
+        "'kaju[amg]'), take a larger tolerance, or a smaller contrast of the materials. The "
         "error's `best` holds the result so far, its `residuals` the history"
     )

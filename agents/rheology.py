@@ -106,16 +106,15 @@ class ThreeElement:
             given = np.where(t > 0.0, 1.0 / self.K_f, 0.0)
         else:
             pace = t * _rate(self.K_f, self.D_f)
-            given = self._part_given(t, pace, -np.expm1(-pace))
+            given = self._part_given(t, -np.expm1(-pace), _decay_mean(pace))
         return np.asarray(given + t / self.D_d)
 
-    def _part_given(self, times: Floats, pace: Floats, share: Floats) -> Floats:
-        """Return what the Voigt part gives under a force of 1, a `share` of 1/K_f.
+    def _part_given(self, times: Floats, share: Floats, mean: Floats) -> Floats:
+        """Return share/K_f, which is t/D_f · mean, in the form that keeps its digits.
 
-        Early it is t/D_f times a mean near 1, which keeps its digits and holds for K_f = 0.
+        The second holds for K_f = 0 too; it is used while little of 1/K_f has been given.
         """
-        mean = np.divide(share, pace, out=np.ones_like(pace), where=pace > 0.0)
-        early = pace < 1.0
+        early = share < 0.5
         scale = np.divide(times, self.D_f, out=np.zeros_like(times), where=early)
         return np.where(early, scale * mean, share / (self.K_f or 1.0))
 
@@ -126,7 +125,8 @@ class ThreeElement:
             given = t / self.K_f
         else:
             pace = t * _rate(self.K_f, self.D_f)
-            given = t * self._part_given(t, pace, pace * _decay_mean_twice(pace))
+            mean = _decay_mean_twice(pace)
+            given = t * self._part_given(t, pace * mean, mean)
         return np.asarray(given + 0.5 * t * (t / self.D_d))
 
     def relaxation_modulus(self, times: ArrayLike) -> Floats:
@@ -191,7 +191,8 @@ class ThreeElement:
         rate = _rate(self.K_f, self.D_f)
         lengths = np.diff(times, prepend=0.0)
         given = -np.expm1(_running_sum(method.log_factor(lengths * rate)))
-        return np.asarray(force * self._part_given(times, times * rate, given) + flow)
+        pace = times * rate
+        return np.asarray(force * self._part_given(times, given, _mean(given, pace)) + flow)
 
     def relaxation(
         self, *, displacement: float | History, times: ArrayLike, scheme: str = "backward_euler"
@@ -257,9 +258,14 @@ def _running_sum(values: Floats) -> Floats:
     return np.asarray((inner + before[:, None]).ravel()[: len(values)])
 
 
+def _mean(share: Floats, x: Floats) -> Floats:
+    """Return share/x, and 1 at x = 0."""
+    return np.divide(share, x, out=np.ones_like(x), where=x > 0.0)
+
+
 def _decay_mean(x: Floats) -> Floats:
-    """Return (1 - e⁻ˣ)/x, the mean of e⁻ˣ from 0 to x; 1 at x = 0."""
-    return np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0)
+    """Return (1 - e⁻ˣ)/x, the mean of e⁻ˣ from 0 to x."""
+    return _mean(-np.expm1(-x), x)
 
 
 def _decay_mean_twice(x: Floats) -> Floats:

@@ -25,6 +25,7 @@ from .creep_elastic_result import CorrespondingBody, ElasticCreepResult, Stepped
 from .creep_elements import Elements
 from .creep_march import Drive, Log, Pace, march
 from .creep_network import CreepingNetwork
+from .creep_network_result import NetworkCreepResult
 from .creep_state import CreepResult, CreepState
 from .elasticity.solve import solve
 from .network.springs import SpringNetwork
@@ -44,11 +45,12 @@ Drives = Literal["both", "forces", "displacements"]
 # The overloads only say which subject gives which result; options are checked by name below.
 @overload
 def creep(
-    subject: ThreeElement | SpringNetwork,
-    history: History,
-    duration: float | None = ...,
-    **how: Any,
+    subject: ThreeElement, history: History, duration: float | None = ..., **how: Any
 ) -> CreepResult: ...
+@overload
+def creep(
+    subject: SpringNetwork, history: History, duration: float | None = ..., **how: Any
+) -> NetworkCreepResult: ...
 @overload
 def creep(
     subject: Scene, history: History, duration: float | None = ..., **how: Any
@@ -107,7 +109,9 @@ def creep(  # type: ignore[misc]
     Returns
     -------
     CreepResult
-        Of an element or a network.
+        Of an element.
+    NetworkCreepResult
+        Of a network.
     TransferCreepResult
         Of a scene with a prescribed rule.
     ElasticCreepResult
@@ -197,8 +201,12 @@ def _result(
         return ElasticCreepResult(
             **course, static=system.static, body=system, faces=faces, cells=cells, edges=edges
         )
-    if isinstance(system, Elements):
-        records = [record[:, 0] for record in records]
+    if isinstance(system, CreepingNetwork):
+        moved, tension = records
+        return NetworkCreepResult(
+            **course, displacement=moved, force=tension, network=system.network
+        )
+    records = [record[:, 0] for record in records]
     return CreepResult(**course, displacement=records[0], force=records[1])
 
 

@@ -150,3 +150,13 @@ def test_times_and_schemes_are_checked():
         ELEMENT.creep(force=1.0, times=[1.0], scheme="euler")
     with pytest.raises(ParameterError, match="finite number"):
         ELEMENT.creep(force=nan, times=[1.0])
+
+
+@pytest.mark.parametrize("numbers", [(0.0, 4.0, 12.0), (2.0, 0.0, 5.0), (2.0, 3.0, inf)])
+def test_ramp_compliance_is_the_integral_of_the_compliance(numbers):
+    element = ThreeElement(*numbers)
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    for end in (0.05, 1.0, 7.0):
+        times = 0.5 * end * (nodes + 1.0)
+        integral = 0.5 * end * np.sum(weights * element.creep_compliance(times))
+        assert element.ramp_compliance(end) == pytest.approx(integral, rel=1e-10)

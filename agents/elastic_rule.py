@@ -114,7 +114,7 @@ class DerivedShares(Shares):
         sides = 2 * (dimension - 1)
         table.append(
             f"forward + backward + {sides} × friction = 1: what is taken is passed on, whole.\n"
-            f"In an endless body all may yield at once, by less than {self.stable_share:.4f} of P/k."
+            f"In an endless body all may yield at once by less than {self.stable_share:.4f} of P/k"
         )
         return "\n".join(table)
 

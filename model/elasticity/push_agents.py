@@ -13,7 +13,7 @@ from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.model.scene.kinds import AIR
 
 from .push_kernels import replay, seat
-from .push_state import PushState
+from .push_state import Floats, Integers, PushState
 from .push_table import PushTable
 
 if TYPE_CHECKING:
@@ -65,15 +65,14 @@ class AgentPushEngine:
         self.tree = seat(self.state.measured(0))
         self.post: list[tuple[int, float]] | None = None
 
-    def push_together(self) -> None:
-        """Let all agents above the threshold take the share ω of their loads at once."""
-        state, ground = self.state, self.state.grounds[0]
-        acting = np.flatnonzero(state.measured(0) > state.threshold)
-        agents = [self.agent(0, number) for number in acting.tolist()]
+    def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
+        """Let agents of a level take loads (N) at once, each its own."""
+        state, ground = self.state, self.state.grounds[level]
+        agents = [self.agent(level, number) for number in acting.tolist()]
         left, moved = ground.left[acting], ground.displacement[acting]
         self.post = []
-        for agent in agents:
-            agent.step()
+        for agent, load in zip(agents, loads.tolist(), strict=True):
+            agent.act(load)
         post, self.post = self.post, None
         for target, load in post:
             ground.left[target] += load
@@ -112,7 +111,7 @@ class AgentPushEngine:
         ground = self.state.grounds[level]
         before, moved = ground.left[number], ground.displacement[number]
         agent = self.agent(level, number)
-        agent.step()
+        agent.act(agent.left)
         yielded = ground.displacement[number] - moved
         self.state.energy -= 0.5 * float(yielded * (before + ground.left[number]))
         self.state.pushes += 1

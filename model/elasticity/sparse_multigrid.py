@@ -70,7 +70,8 @@ class SparseMultigrid:
     ) -> None:
         self.sweeps = sweeps
         self.levels = [_level(matrix)]
-        while self.levels[-1].matrix.shape[0] > coarsest:
+        # Even a small body has parents: what they miss is the estimate of the grid's error.
+        while self.levels[-1].matrix.shape[0] > (coarsest if len(self.levels) > 1 else 12):
             numbering, prolong = coarsen(numbering)
             fine = self.levels[-1]
             if prolong.shape[1] > 0.7 * prolong.shape[0]:

@@ -54,7 +54,7 @@ def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
 
 
 def edge_modulus(
-    problem: ElasticProblem, pair: Pair, reentrant: float = REENTRANT_WEIGHT
+    problem: ElasticProblem, pair: Pair, *, reentrant: float = REENTRANT_WEIGHT
 ) -> Floats:
     """Return the shear modulus of the edges between the axes of a pair.
 

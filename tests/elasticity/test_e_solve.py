@@ -44,6 +44,8 @@ def test_a_pulled_bar_stretches_as_it_must():
     np.testing.assert_allclose(
         result.stress_at(points), np.broadcast_to([[1000, 0], [0, 0]], (4, 2, 2)), atol=1e-6
     )
+    # Parents can stretch evenly too, so the grid has no error here, and says so.
+    assert result.error_estimate < 1e-6
     np.testing.assert_allclose(result.strain[..., 0, 0], 1e-3, rtol=1e-9)
     np.testing.assert_allclose(result.strain[..., 1, 1], -0.25e-3, rtol=1e-9)
     np.testing.assert_allclose(result.von_mises, 1000.0, rtol=1e-9)
@@ -135,6 +137,23 @@ def test_summary_has_the_keys_that_scripts_rely_on():
     assert summary["rule"] == "elastic"
     assert summary["agents"] == 400
     assert summary["reaction"]["bottom"][1] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_rigid_cells_inside_the_array_carry_reactions():
+    drawing = "..####..\n..####..\n..####..\n========"
+    scene = Scene.from_drawing(
+        drawing,
+        legend={"#": "steel", ".": "air", "=": "rigid"},
+        cell_size=0.01,
+        loads=[{"cell": [3, 3], "force": [1.0, -2.0]}],
+    )
+    result = solve(scene, 1e-12)
+    assert result.origin == (2, 1)
+    assert result.body.shape == (4, 3)
+    np.testing.assert_allclose(result.reactions["rigid"], [-1.0, 2.0], atol=1e-9)
+    assert list(result.reactions) == ["rigid"]
+    held = result.displacement_at(np.array([[0.03, 0.01], [0.05, 0.01]]))
+    np.testing.assert_allclose(held, 0.0, atol=1e-20)
 
 
 def test_saved_and_loaded(tmp_path):

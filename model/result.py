@@ -36,6 +36,11 @@ class Result(ABC):
     kind: ClassVar[str]
     seconds: float
 
+    def __repr__(self) -> str:
+        # The fields are arrays of thousands of agents; nobody wants to see them printed.
+        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
+        return f"{type(self).__name__}({figures})"
+
     @abstractmethod
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""

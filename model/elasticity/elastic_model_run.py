@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ElasticRun:
     """What the agents of the elastic rule have done.
 
@@ -66,6 +66,10 @@ class ElasticRun:
     most_pushes: float
     certificate: WaveCertificate | None
     seconds: float
+
+    def __repr__(self) -> str:
+        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
+        return f"{type(self).__name__}({figures})"
 
     @property
     def displacement(self) -> tuple[Floats, ...]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ElasticResult(BodyResult):
     """Linear elasticity of a scene on the staggered grid.
 

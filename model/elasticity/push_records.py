@@ -40,7 +40,7 @@ class StepRecord(NamedTuple):
     pushes: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FaceAgents:
     """The face agents, ordered by level, spawn step and number.
 
@@ -70,7 +70,7 @@ class FaceAgents:
     displacement: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BoundaryAgents:
     """The boundary agents: supports, then air; each ordered by spawn step and cell.
 

@@ -38,7 +38,7 @@ _NETWORK_ARRAYS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NetworkResult(Result):
     """States of a spring network along its load path.
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class TransferResult(BodyResult):
     """What the agents of a load-transfer run have taken, kept and passed on.
 

@@ -7,10 +7,10 @@ from kaju.agents import rheology_steps as steps
 from kaju.agents.history import History
 from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
-from kaju.model import creep_elastic
-from kaju.model.creep_elastic import CreepingBody
-from kaju.model.creep_march import Drive, Pace, march
-from kaju.model.creep_state import CreepState
+from kaju.model.creep import elastic as creep_elastic
+from kaju.model.creep.elastic import CreepingBody
+from kaju.model.creep.march import Drive, Pace, march
+from kaju.model.creep.state import CreepState
 from kaju.model.elasticity.problem import CellLoads, make_problem
 
 SOFT = ThreeElement(K_f=1e5, D_f=3e5, D_d=2e6)

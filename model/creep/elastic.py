@@ -33,15 +33,21 @@ from kaju.agents.rheology_steps import (
     stored_energy,
 )
 from kaju.errors import ConvergenceError
+from kaju.model.elasticity.fallback import DIRECT_LIMIT, algebraic_preconditioner
+from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
+from kaju.model.elasticity.moduli import moduli_of
+from kaju.model.elasticity.problem import ElasticProblem
+from kaju.model.elasticity.sparse_multigrid import SparseMultigrid
+from kaju.model.elasticity.staggered import (
+    Numbering,
+    axis_pairs,
+    edge_modulus,
+    strain_matrix,
+    strains,
+)
 
-from .creep_body import law_of
-from .creep_march import Fields, Push
-from .elasticity.fallback import DIRECT_LIMIT, algebraic_preconditioner
-from .elasticity.krylov import Iteration, conjugate_gradients
-from .elasticity.moduli import moduli_of
-from .elasticity.problem import ElasticProblem
-from .elasticity.sparse_multigrid import SparseMultigrid
-from .elasticity.staggered import Numbering, axis_pairs, edge_modulus, strain_matrix, strains
+from .body import law_of
+from .march import Fields, Push
 
 Floats = NDArray[np.float64]
 

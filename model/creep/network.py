@@ -18,15 +18,15 @@ from kaju.agents.rheology_steps import (
     stored_energy,
 )
 from kaju.errors import ConvergenceError, ParameterError
+from kaju.model.network.assembler import Assembler
+from kaju.model.network.equilibrium import SpringLaw, find_balance
+from kaju.model.network.geometry import spring_forces, spring_geometry
+from kaju.model.network.linear import Method, tangent_solver
+from kaju.model.network.springs import SpringNetwork
+from kaju.model.network.weakness import GivesWayError, tangent_error
 
-from .creep_inertia import HeavyAssembler
-from .creep_march import Fields, Push
-from .network.assembler import Assembler
-from .network.equilibrium import SpringLaw, find_balance
-from .network.geometry import spring_forces, spring_geometry
-from .network.linear import Method, tangent_solver
-from .network.springs import SpringNetwork
-from .network.weakness import GivesWayError, tangent_error
+from .inertia import HeavyAssembler
+from .march import Fields, Push
 
 Floats = NDArray[np.float64]
 

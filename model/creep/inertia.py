@@ -7,10 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, diags_array
 
 from kaju.errors import ParameterError
-
-from .network.assembler import Assembler
-from .network.geometry import Geometry
-from .network.springs import SpringNetwork
+from kaju.model.network.assembler import Assembler
+from kaju.model.network.geometry import Geometry
+from kaju.model.network.springs import SpringNetwork
 
 Floats = NDArray[np.float64]
 

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .creep_state import CreepResult
-from .network.geometry import spring_forces, spring_geometry
-from .network.network_result import NetworkResult
-from .network.springs import SpringNetwork
+from kaju.model.network.geometry import spring_forces, spring_geometry
+from kaju.model.network.network_result import NetworkResult
+from kaju.model.network.springs import SpringNetwork
+
+from .state import CreepResult
 
 Floats = NDArray[np.float64]
 

@@ -85,7 +85,8 @@ class PlaneProblem(ValidationProblem):
 
     def _z(self, points: Floats) -> Complex:
         x, y = (np.asarray(points, dtype=np.float64) - self.origin).T
-        return np.asarray(x + 1j * y)
+        z: Complex = x + 1j * y
+        return z
 
 
 def polar_points(
@@ -94,4 +95,5 @@ def polar_points(
     """Return points on rays from an origin, shape (n, 2)."""
     radius, angle = np.meshgrid(radii, np.deg2rad(degrees))
     x, y = radius * np.cos(angle), radius * np.sin(angle)
-    return np.stack([x.ravel(), y.ravel()], axis=1) + np.asarray(origin)
+    places: Floats = np.stack([x.ravel() + origin[0], y.ravel() + origin[1]], axis=1)
+    return places

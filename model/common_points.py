@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kaju.errors import ResultError
 from kaju.model.reference import Reference
-from kaju.model.result import Result
+from kaju.model.result import BodyResult
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -32,15 +32,6 @@ class Stressed(Protocol):
 
 
 @runtime_checkable
-class OnCells(Protocol):
-    """A result of a body of cells."""
-
-    @property
-    def scene(self) -> Scene:
-        """What was asked."""
-
-
-@runtime_checkable
 class OnOwnCells(Protocol):
     """A result on other cells than those of its scene."""
 
@@ -58,12 +49,12 @@ class Staged(Protocol):
         """The stage, from 1; None: the last."""
 
 
-def grid_of(result: Result) -> Scene:
+def grid_of(result: BodyResult) -> Scene:
     """Return the scene on the cells that a result's fields belong to."""
     return result.grid if isinstance(result, OnOwnCells) else result.scene
 
 
-def common_points(result: Result, other: Result | Reference) -> Floats:
+def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
     """Return where to compare: the middles of the larger cells, as far as both know them.
 
     Raises
@@ -109,7 +100,7 @@ def _cells_in(box: CellBox) -> NDArray[np.int64]:
     return cells
 
 
-def check_comparable(result: Result, other: Result | Reference) -> None:
+def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
     """Refuse what cannot be compared: other dimensions, materials, thickness or loads.
 
     Raises
@@ -118,7 +109,7 @@ def check_comparable(result: Result, other: Result | Reference) -> None:
         Naming what differs.
     """
     for answer in (result, other):
-        if not isinstance(answer, (OnCells, Reference)):
+        if not isinstance(answer, (BodyResult, Reference)):
             raise ResultError(
                 f"compare: a {type(answer).__name__} has no body of cells; give "
                 "results of load transfer or elasticity, or a Reference"
@@ -140,7 +131,7 @@ def check_comparable(result: Result, other: Result | Reference) -> None:
     _same_loads(result, other)
 
 
-def _same_loads(result: Result, other: Result) -> None:
+def _same_loads(result: BodyResult, other: BodyResult) -> None:
     totals = [_total_force(answer) for answer in (result, other)]
     largest = max(float(np.abs(total).max(initial=0.0)) for total in totals)
     if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * largest:
@@ -151,7 +142,7 @@ def _same_loads(result: Result, other: Result) -> None:
         )
 
 
-def _total_force(result: Result) -> Floats:
+def _total_force(result: BodyResult) -> Floats:
     from kaju.model.propagation.transfer_result import TransferResult
 
     stage: int | None = None

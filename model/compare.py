@@ -17,11 +17,10 @@ from kaju.errors import ResultError, ResultFileError
 from kaju.model.common_points import Stressed, check_comparable, common_points, grid_of, inside
 from kaju.model.pair import Pair, Profile
 from kaju.model.reference import Reference
-from kaju.model.result import Result, read_archive
+from kaju.model.result import BodyResult, read_archive
+from kaju.model.stored import load_result
 
 if TYPE_CHECKING:
-    from kaju.model.elasticity.elastic_result import ElasticResult
-    from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -33,9 +32,9 @@ class Comparison:
 
     Attributes
     ----------
-    result : Result
+    result : BodyResult
         The answer that is judged.
-    reference : Result or Reference
+    reference : BodyResult or Reference
         The answer that is believed.
     points : array, shape (n, dimension)
         Where they are compared (m).
@@ -47,8 +46,8 @@ class Comparison:
         Δσ is the difference of the stresses, σ the reference's.
     """
 
-    result: Result
-    reference: Result | Reference
+    result: BodyResult
+    reference: BodyResult | Reference
     points: Floats
     displacement: Pair
     stress: Pair | None
@@ -109,13 +108,13 @@ class Comparison:
 class Settling(Protocol):
     """A run of agents that can tell what they have settled to."""
 
-    def to_result(self) -> Result:
+    def to_result(self) -> BodyResult:
         """Return the displacements at the end as a result."""
 
 
 def compare(
-    result: Result | Settling,
-    reference: Result | Reference | Settling,
+    result: BodyResult | Settling,
+    reference: BodyResult | Reference | Settling,
     *,
     points: ArrayLike | None = None,
 ) -> Comparison:
@@ -123,9 +122,9 @@ def compare(
 
     Parameters
     ----------
-    result : Result or ElasticRun
+    result : BodyResult or ElasticRun
         The answer that is judged: of load transfer, or elastic.
-    reference : Result, ElasticRun or Reference
+    reference : BodyResult, ElasticRun or Reference
         The answer that is believed; on cells of any size.
     points : array, shape (n, dimension), optional
         Where to compare (m). By default in the middles of the larger cells of the two scenes;
@@ -163,7 +162,7 @@ def compare(
     return Comparison(judged, believed, chosen, displacement, stress, energy)
 
 
-def load_answer(path: str | Path) -> TransferResult | ElasticResult | Reference:
+def load_answer(path: str | Path) -> BodyResult | Reference:
     """Read a saved result or reference, whichever a file or a result's folder holds.
 
     Raises
@@ -171,26 +170,20 @@ def load_answer(path: str | Path) -> TransferResult | ElasticResult | Reference:
     ResultFileError
         If there is no such file, or it holds something that cannot be compared.
     """
-    from kaju.model.propagation.transfer_result import TransferResult
-
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
-    kind = read_archive(source)[1].get("kind")
-    if kind == "transfer":
-        return TransferResult.load(source)
-    if kind == "reference":
+    if read_archive(source)[1]["kind"] == "reference":
         return Reference.load(source)
-    if kind == "elastic":
-        from kaju.model.elasticity.elastic_result import ElasticResult
+    result = load_result(source)
+    if not isinstance(result, BodyResult):
+        raise ResultFileError(
+            f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
+            "and references can be compared"
+        )
+    return result
 
-        return ElasticResult.load(source)
-    raise ResultFileError(
-        f"{source}: holds a result of kind {kind!r}; results of load transfer, of elasticity "
-        "and references can be compared"
-    )
 
-
-def _answer(given: Result | Reference | Settling) -> Result | Reference:
-    if isinstance(given, (Result, Reference)):
+def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
+    if isinstance(given, (BodyResult, Reference)):
         return given
     if isinstance(given, Settling):
         return given.to_result()
@@ -198,7 +191,7 @@ def _answer(given: Result | Reference | Settling) -> Result | Reference:
 
 
 def _pairs(
-    result: Result, reference: Result | Reference, points: Floats
+    result: BodyResult, reference: BodyResult | Reference, points: Floats
 ) -> tuple[Pair, Pair | None]:
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
@@ -239,13 +232,13 @@ def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
     return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
 
 
-def _name(answer: Result | Reference) -> str:
+def _name(answer: BodyResult | Reference) -> str:
     if isinstance(answer, Reference):
         return answer.source or "reference"
     return f"{answer.scene.rule.kind} rule" if not _is_elastic(answer) else "elastic"
 
 
-def _is_elastic(answer: Result) -> bool:
+def _is_elastic(answer: BodyResult) -> bool:
     from kaju.model.propagation.transfer_result import TransferResult
 
     return not isinstance(answer, TransferResult)

@@ -22,7 +22,7 @@ from kaju.model.compare import Comparison, Settling, compare
 from kaju.model.pair import Pair
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
-from kaju.model.result import Result
+from kaju.model.result import BodyResult
 
 if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult
@@ -88,7 +88,7 @@ class Fit:
 
 def fit_rule(
     scene: Scene,
-    reference: Result | Reference | Settling,
+    reference: BodyResult | Reference | Settling,
     *,
     quantity: Quantity = "displacement",
     points: ArrayLike | None = None,
@@ -104,7 +104,7 @@ def fit_rule(
     scene : Scene
         With a `PrescribedRule`; its threshold and way of adding up are kept, coefficients of
         single materials are given up.
-    reference : Result, ElasticRun or Reference
+    reference : BodyResult, ElasticRun or Reference
         What to come close to.
     quantity : {"displacement", "stress"}
         Whose misfit to make small: the norm of the difference over that of the reference.
@@ -165,7 +165,7 @@ class _Search:
     def __init__(
         self,
         scene: Scene,
-        reference: Result | Reference | Settling,
+        reference: BodyResult | Reference | Settling,
         quantity: Quantity,
         points: ArrayLike | None,
         most_passed_on: float,
@@ -199,7 +199,7 @@ class _Search:
         across = self.beside * shares.friction / total if total > 0.0 else 0.5
         beside = (across - LEAST_BESIDE) / (1.0 - LEAST_BESIDE)
         box = np.array([shares.own, total / self.most, beside, self.own_rule.beta])
-        return np.clip(box, 0.0, 1.0)
+        return np.asarray(np.clip(box, 0.0, 1.0))
 
     def answer(self, rule: PrescribedRule) -> TransferResult:
         """Run the model."""
@@ -243,8 +243,7 @@ class _Search:
             bounds=[(0.0, 1.0)] * 4,
             options={"maxfev": left, "initial_simplex": _simplex(box), "xatol": 1e-5},
         )
-        found: Floats = nearby.x if nearby.fun < best else box
-        return found
+        return np.asarray(nearby.x if nearby.fun < best else box)
 
 
 def _simplex(box: Floats, size: float = 0.05) -> Floats:

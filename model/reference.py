@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kaju.errors import ParameterError, ResultError, ResultFileError
+from kaju.errors import ParameterError, ResultError
 from kaju.model.result import read_archive, write_archive
 
 if TYPE_CHECKING:
@@ -141,8 +141,8 @@ class Reference:
         }
         if self.stress is not None:
             arrays["stress"] = self.stress
-        about = {"kind": "reference", "strain_energy": self.strain_energy, "source": self.source}
-        return write_archive(path, arrays, about)
+        about = {"strain_energy": self.strain_energy, "source": self.source}
+        return write_archive(path, "reference", arrays, about)
 
     @classmethod
     def load(cls, path: str | Path) -> Reference:
@@ -153,11 +153,7 @@ class Reference:
         ResultFileError
             If the file is missing, or holds something else.
         """
-        arrays, about = read_archive(path)
-        if about.get("kind") != "reference":
-            raise ResultFileError(
-                f"{path}: holds a result of kind {about.get('kind')!r}, not a reference"
-            )
+        arrays, about = read_archive(path, "reference")
         return cls(**arrays, strain_energy=about["strain_energy"], source=about["source"])
 
 

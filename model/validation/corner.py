@@ -28,8 +28,8 @@ class LCorner(PlaneProblem):
 
     φ = Az^λ, ψ = Bz^λ about the bisector, free on both faces of the corner, with the exact
     displacement left and below and the exact traction at the two ends of the L
-    (Williams 1952, J. Applied Mechanics 19, 526-528; Szabó & Babuška, Finite Element
-    Analysis, §10.1). The singularity is felt everywhere: errors fall like
+    (Williams 1952, J. Applied Mechanics 19, 526-528; Szabó & Babuška 1991, Finite
+    Element Analysis). The singularity is felt everywhere: errors fall like
     h^2λ, power 1.09, in the end, and a little faster on coarse cells.
 
     Attributes

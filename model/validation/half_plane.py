@@ -47,7 +47,7 @@ class StripLoad(_HalfPlane):
     """Uniform pressure on a strip 2 m wide.
 
     Potentials are those of point forces, summed over the strip: φ' = (ip/2π) ln((z+a)/(z-a)),
-    ψ = φ - zφ' (Muskhelishvili, §93; Timoshenko & Goodier, §35).
+    ψ = φ - zφ' (Timoshenko & Goodier, §37, by other means).
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class StripLoad(_HalfPlane):
     pressure: float = 1e6
 
     title: ClassVar[str] = "Strip load on a half plane"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §35"
+    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §37"
     orders: ClassVar[dict[Quantity, tuple[float, float]]] = {
         "displacement": (1.8, 2.3),
         "stress": (1.8, 2.3),
@@ -87,7 +87,7 @@ class StripLoad(_HalfPlane):
 class Flamant(_HalfPlane):
     """A point force on the edge, seen from at least 1.5 m away.
 
-    φ' = -F/2πz and ψ' = F̄/2πz with F = X + iY (Flamant 1892; Muskhelishvili, §90). The grid
+    φ' = -F/2πz and ψ' = F̄/2πz with F = X + iY (Flamant 1892; Timoshenko & Goodier, §36). The grid
     spreads the force over two cells, which is not felt far away but to second order.
 
     Attributes

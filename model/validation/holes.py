@@ -57,7 +57,7 @@ class Kirsch(_Hole):
     """A plate with a free hole under tension S along x.
 
     φ = S/4 (z + 2a²/z), ψ = -S/2 (z + a²/z - a⁴/z³)
-    (Kirsch 1898; Muskhelishvili, §56a; Timoshenko & Goodier, §32).
+    (Kirsch 1898; Muskhelishvili, §56; Timoshenko & Goodier, §35).
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Kirsch(_Hole):
     tension: float = 1e6
 
     title: ClassVar[str] = "Kirsch's hole under tension"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §32"
+    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §35"
 
     def potentials(self, z: Complex) -> Potentials:
         """Return the potentials of the tension and of the hole's disturbance."""
@@ -87,7 +87,7 @@ class Lame(_Hole):
     """A thick tube, 1 m to 4.24 m in radius, under pressure from inside; 3 m each way of it.
 
     φ = Az, ψ = B/z with 2A = pa²/(b² - a²) and B = -2Ab²
-    (Lamé 1852; Muskhelishvili, §59a; Timoshenko & Goodier, §28). The pressure acts on
+    (Lamé 1852; Muskhelishvili, §59; Timoshenko & Goodier, §28). The pressure acts on
     every step of the stair.
 
     Attributes

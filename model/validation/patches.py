@@ -115,7 +115,7 @@ class RigidRotation(LinearField):
     """A small turn of the outline, u = θ(-y, x): no strain, no energy.
 
     The linear strain measures turns to first order only: the finite turn by θ, which
-    `finite` imposes, shows as a uniform shortening by 1 - cos θ (Timoshenko & Goodier, §83).
+    `finite` imposes, shows as a uniform shortening by 1 - cos θ (Timoshenko & Goodier, ch. 7).
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class RigidRotation(LinearField):
     finite: bool = False
 
     title: ClassVar[str] = "Rigid rotation"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §83"
+    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, ch. 7"
     orders: ClassVar[dict[Quantity, tuple[float, float]]] = {"displacement": (inf, inf)}
 
     def __post_init__(self) -> None:

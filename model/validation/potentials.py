@@ -1,7 +1,7 @@
 """Plane elasticity by two analytic functions of z = x + iy.
 
 Kolosov's formulas (Muskhelishvili, Some Basic Problems of the Mathematical Theory of
-Elasticity, §32; Timoshenko & Goodier, Theory of Elasticity, ch. 6)::
+Elasticity, §32; Timoshenko & Goodier, Theory of Elasticity, 3rd ed., ch. 6)::
 
     σ_xx + σ_yy          = 4 Re φ'
     σ_yy - σ_xx + 2i σ_xy = 2 (z̄ φ'' + ψ')

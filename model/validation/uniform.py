@@ -25,7 +25,7 @@ class UniformCompression(ValidationProblem):
     """A block between frictionless walls below and behind, pressed from above, free beside.
 
     Stress is -p along the load and zero across it; the block widens by Poisson's ratio
-    (Timoshenko & Goodier, §86). In plane strain ν is ν/(1-ν) and E is E/(1-ν²) (§16).
+    (Timoshenko & Goodier, §6). In plane strain ν is ν/(1-ν) and E is E/(1-ν²).
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class UniformCompression(ValidationProblem):
     pressure: float = 1e6
 
     title: ClassVar[str] = "Uniform compression"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §86"
+    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §6"
     orders = EXACT
     resolutions: ClassVar[tuple[int, ...]] = (4, 7)
 

@@ -53,7 +53,7 @@ def test_size_chooses_the_way(monkeypatch):
 
 def test_without_pyamg_the_remedy_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyamg", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'kaju\[fem\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'kaju\[amg\]'"):
         triangular(4).solve(method="multigrid")
 
 

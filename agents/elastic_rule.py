@@ -114,7 +114,7 @@ class DerivedShares(Shares):
         sides = 2 * (dimension - 1)
         table.append(
             f"forward + backward + {sides} × friction = 1: what is taken is passed on, whole.\n"
-            f"All at once agents may yield by less than {self.stable_share:.4f} of P/k."
+            f"In an endless body all may yield at once by less than {self.stable_share:.4f} of P/k"
         )
         return "\n".join(table)
 
@@ -181,9 +181,7 @@ class ElasticRule:
             )
 
     @staticmethod
-    def shares(
-        material: Material, dimension: int = 2, plane: Plane | None = None
-    ) -> DerivedShares:
+    def shares(material: Material, dimension: int = 2, plane: Plane | None = None) -> DerivedShares:
         """Return what an agent inside a body of `material` passes on.
 
         Parameters

@@ -40,8 +40,6 @@ class Faces(Protocol):
 class FaceModel(Protocol):
     """What a face agent needs of the model it lives in."""
 
-    share: float
-
     @property
     def generation(self) -> int:
         """Steps taken."""
@@ -73,7 +71,7 @@ class Place:
     axis : int
         Axis of the normal, along which the face moves.
     index : tuple of int
-        Cell, or block, on the upper side of the face.
+        Cell on the upper side of the face; of parents, block, counted from the body's box.
     position : array
         Middle of the face (m).
     materials : tuple of Material
@@ -141,15 +139,18 @@ class FaceAgent(FixedAgent):
         """Sum of the sizes of the loads that the agent has taken (N)."""
         return float(self.faces.taken[self.place.number])
 
-    def step(self) -> None:
-        """Take a load from what is left, and pass it on."""
-        load = self.due()
+    def act(self, asked: float) -> None:
+        """Take a load (N) and pass it on, when the order of work asks for it."""
+        load = self.due(asked)
         self.take(load)
         self.pass_on(load)
 
-    def due(self) -> float:
-        """Return the load to take now (N): in a wave a share of it, otherwise all."""
-        return float(self.model.share) * self.left
+    def due(self, asked: float) -> float:
+        """Return the load to take (N) when the order asks for `asked`.
+
+        In a wave that is the share ω of what is left, when agents act in turn all of it.
+        """
+        return asked
 
     def take(self, load: float) -> None:
         """Yield to a load."""

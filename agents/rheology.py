@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, isfinite, isnan
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,7 +58,7 @@ class ThreeElement:
         for name, value in (("K_f", self.K_f), ("D_f", self.D_f)):
             if not (isfinite(value) and value >= 0.0):
                 raise ParameterError(f"{name}: must be a finite number from 0 upwards, got {value}")
-        if isnan(self.D_d) or self.D_d <= 0.0:
+        if not self.D_d > 0.0:
             raise ParameterError(
                 f"D_d: must be above 0 (infinite: nothing flows), got {self.D_d}; "
                 "a damper of 0 would carry no force at all"
@@ -102,12 +102,21 @@ class ThreeElement:
     def creep_compliance(self, times: ArrayLike) -> Floats:
         """Return J(t): displacement per force held since time 0 (m/N or 1/Pa)."""
         t = _since(times)
-        voigt = self.K_f * t
         if self.D_f == 0.0:
             given = np.where(t > 0.0, 1.0 / self.K_f, 0.0)
         else:
-            given = t / self.D_f * _decay_mean(voigt / self.D_f)
+            pace = t * _rate(self.K_f, self.D_f)
+            given = self._part_given(t, -np.expm1(-pace), _decay_mean(pace))
         return np.asarray(given + t / self.D_d)
+
+    def _part_given(self, times: Floats, share: Floats, mean: Floats) -> Floats:
+        """Return share/K_f, which is t/D_f · mean, in the form that keeps its digits.
+
+        The second holds for K_f = 0 too; it is used while little of 1/K_f has been given.
+        """
+        early = share < 0.5
+        scale = np.divide(times, self.D_f, out=np.zeros_like(times), where=early)
+        return np.where(early, scale * mean, share / (self.K_f or 1.0))
 
     def ramp_compliance(self, times: ArrayLike) -> Floats:
         """Return ∫₀ᵗJ: displacement per rate of a force that has grown since time 0."""
@@ -115,19 +124,23 @@ class ThreeElement:
         if self.D_f == 0.0:
             given = t / self.K_f
         else:
-            given = t**2 / self.D_f * _decay_mean_twice(self.K_f * t / self.D_f)
+            pace = t * _rate(self.K_f, self.D_f)
+            mean = _decay_mean_twice(pace)
+            given = t * self._part_given(t, pace * mean, mean)
         return np.asarray(given + 0.5 * t * (t / self.D_d))
 
     def relaxation_modulus(self, times: ArrayLike) -> Floats:
         """Return G(t): force per displacement held since time 0, after its first impulse."""
         t = _since(times)
-        fading = self._series_share**2 * self.K_f * np.exp(-t / self.relaxation_time)
+        fading = (
+            self._series_share**2 * self.K_f * np.exp(-t * _rate(self.K_f, self.D_d + self.D_f))
+        )
         return np.asarray(np.where(t > 0.0, fading, 0.0))
 
     def ramp_force(self, times: ArrayLike) -> Floats:
         """Return force per speed of a displacement that has grown since time 0 (N s/m)."""
         t = _since(times)
-        share, pace = self._series_share, t / self.relaxation_time
+        share, pace = self._series_share, t * _rate(self.K_f, self.D_d + self.D_f)
         spring = share * self.K_f * t * _decay_mean(pace)
         return np.asarray(np.where(t > 0.0, spring + share * self.D_f * np.exp(-pace), 0.0))
 
@@ -175,15 +188,11 @@ class ThreeElement:
         flow = times * (force / self.D_d)
         if self.D_f == 0.0:
             return np.asarray(np.where(times > 0.0, force / self.K_f, 0.0) + flow)
+        rate = _rate(self.K_f, self.D_f)
         lengths = np.diff(times, prepend=0.0)
-        log_left = np.cumsum(method.log_factor(lengths * (self.K_f / self.D_f)))
-        given = -np.expm1(log_left)
-        pace = times * (self.K_f / self.D_f)
-        # Slow: F t/D_f times a mean near 1, which also holds for K_f = 0.
-        mean = np.divide(given, pace, out=np.ones_like(pace), where=pace > 0.0)
-        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            voigt = np.where(pace < 1.0, force * times / self.D_f * mean, force * given / self.K_f)
-        return np.asarray(voigt + flow)
+        given = -np.expm1(_running_sum(method.log_factor(lengths * rate)))
+        pace = times * rate
+        return np.asarray(force * self._part_given(times, given, _mean(given, pace)) + flow)
 
     def relaxation(
         self, *, displacement: float | History, times: ArrayLike, scheme: str = "backward_euler"
@@ -205,6 +214,15 @@ class ThreeElement:
         if scheme == "exact":
             return _superpose(history, t, self.relaxation_modulus, self.ramp_force)
         return steps.march(self, history, t, steps.scheme(scheme), "displacement")
+
+
+def _rate(stiffness: float, damping: float) -> float:
+    """Return K/D (1/s), above 0.
+
+    Where it would leave the range of floats it is 0, or so fast that no time is too short.
+    """
+    rate = stiffness / damping
+    return min(rate, 1e250) if rate >= 1e-250 else 0.0
 
 
 def _finite(value: float) -> float:
@@ -230,9 +248,24 @@ def _rising(times: ArrayLike) -> Floats:
     return t
 
 
+def _running_sum(values: Floats) -> Floats:
+    """Return the cumulative sum, block by block: rounding grows with the root of the length."""
+    width = 1024
+    blocks = np.zeros((-(-len(values) // width), width))
+    blocks.ravel()[: len(values)] = values
+    inner = np.cumsum(blocks, axis=1)
+    before = np.concatenate([[0.0], np.cumsum(inner[:-1, -1])]) if len(values) else np.zeros(0)
+    return np.asarray((inner + before[:, None]).ravel()[: len(values)])
+
+
+def _mean(share: Floats, x: Floats) -> Floats:
+    """Return share/x, and 1 at x = 0."""
+    return np.divide(share, x, out=np.ones_like(x), where=x > 0.0)
+
+
 def _decay_mean(x: Floats) -> Floats:
-    """Return (1 - e⁻ˣ)/x, the mean of e⁻ˣ from 0 to x; 1 at x = 0."""
-    return np.divide(-np.expm1(-x), x, out=np.ones_like(x), where=x > 0.0)
+    """Return (1 - e⁻ˣ)/x, the mean of e⁻ˣ from 0 to x."""
+    return _mean(-np.expm1(-x), x)
 
 
 def _decay_mean_twice(x: Floats) -> Floats:

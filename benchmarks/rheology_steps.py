@@ -18,9 +18,9 @@ import numpy as np
 from kaju.agents import rheology_steps as steps
 from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
-from kaju.model.creep_elastic import CreepingBody
-from kaju.model.creep_march import take_step
-from kaju.model.creep_network import CreepingNetwork
+from kaju.model.creep.elastic import CreepingBody
+from kaju.model.creep.march import take_step
+from kaju.model.creep.network import CreepingNetwork
 from kaju.model.elasticity.engine import solve_problem
 from kaju.model.elasticity.problem import CellLoads, make_problem
 from kaju.model.network.lattices import triangular

@@ -8,11 +8,12 @@ import tempfile
 from abc import ABC, abstractmethod
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
 
 if TYPE_CHECKING:
@@ -22,26 +23,27 @@ if TYPE_CHECKING:
 
 
 class Result(ABC):
-    """The answer to a scene.
+    """What a model or a solver has found out.
 
     Attributes
     ----------
-    scene : Scene
-        What was asked.
+    kind : str
+        Which model it came from, as stored results are labelled.
     seconds : float
         Time that the computation took (s).
     """
 
-    scene: Scene
+    kind: ClassVar[str]
     seconds: float
+
+    def __repr__(self) -> str:
+        # The fields are arrays of thousands of agents; nobody wants to see them printed.
+        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
+        return f"{type(self).__name__}({figures})"
 
     @abstractmethod
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
-
-    @abstractmethod
-    def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
     @abstractmethod
     def to_dataframe(self) -> pandas.DataFrame:
@@ -55,6 +57,22 @@ class Result(ABC):
     @abstractmethod
     def load(cls, path: str | Path) -> Self:
         """Read a result that `save` wrote."""
+
+
+class BodyResult(Result):
+    """What a model has found out about the body of a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    """
+
+    scene: Scene
+
+    @abstractmethod
+    def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
 
 def cells_of_points(
@@ -92,13 +110,17 @@ def cells_of_points(
     return points, cells
 
 
-def write_archive(path: str | Path, arrays: dict[str, NDArray[Any]], text: dict[str, Any]) -> Path:
+def write_archive(
+    path: str | Path, kind: str, arrays: dict[str, NDArray[Any]], text: dict[str, Any]
+) -> Path:
     """Write arrays and plain values to one ``.npz`` file, whole or not at all.
 
     Parameters
     ----------
     path : path
         The file; the ending ``.npz`` is added if it is missing.
+    kind : str
+        Label of the result, which `read_archive` checks.
     arrays : dict of str to array
         Numbers; no objects, so that reading needs no pickle.
     text : dict
@@ -112,7 +134,8 @@ def write_archive(path: str | Path, arrays: dict[str, NDArray[Any]], text: dict[
     target = Path(path)
     if target.suffix != ".npz":
         target = target.with_name(target.name + ".npz")
-    described = np.frombuffer(json.dumps(text).encode(), dtype=np.uint8)
+    labelled = {"kind": kind, "kaju_version": __version__, **text}
+    described = np.frombuffer(json.dumps(labelled).encode(), dtype=np.uint8)
     try:
         handle, scratch = tempfile.mkstemp(dir=target.parent, suffix=".part")
     except OSError as error:
@@ -129,13 +152,22 @@ def write_archive(path: str | Path, arrays: dict[str, NDArray[Any]], text: dict[
     return target
 
 
-def read_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_archive(
+    path: str | Path, kind: str | None = None
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Read what `write_archive` wrote.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    kind : str, optional
+        The label that is expected; None takes any.
 
     Raises
     ------
     ResultFileError
-        If the file is missing or is no archive of kaju's.
+        If the file is missing, is no archive of kaju's, or holds another kind of result.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:
@@ -145,4 +177,7 @@ def read_archive(path: str | Path) -> tuple[dict[str, NDArray[Any]], dict[str, A
         raise ResultFileError(f"{path}: there is no such file") from error
     except Exception as error:
         raise ResultFileError(f"{path}: is not a result that kaju has saved ({error})") from error
+    found = text.get("kind")
+    if kind not in (None, found):
+        raise ResultFileError(f"{path}: holds a result of kind {found!r}, not of {kind!r}")
     return arrays, text

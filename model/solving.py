@@ -10,13 +10,19 @@ from kaju.model.scene import Scene
 if TYPE_CHECKING:
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.network import NetworkResult, SpringNetwork
+    from kaju.model.spawning.spawned_result import SpawnedResult
+
+FINEST_SPAWNED = 1e-4
+"""Tolerances below this can only be meant for the equations of equal cells."""
 
 
 @overload
-def solve(subject: Scene, **how: Any) -> ElasticResult: ...
+def solve(subject: Scene, **how: Any) -> ElasticResult | SpawnedResult: ...
 @overload
 def solve(subject: SpringNetwork, **how: Any) -> NetworkResult: ...
-def solve(subject: Scene | SpringNetwork, **how: Any) -> ElasticResult | NetworkResult:
+def solve(
+    subject: Scene | SpringNetwork, **how: Any
+) -> ElasticResult | SpawnedResult | NetworkResult:
     """Return how a body or a network of springs answers its loads.
 
     Parameters
@@ -24,9 +30,13 @@ def solve(subject: Scene | SpringNetwork, **how: Any) -> ElasticResult | Network
     subject : Scene or SpringNetwork
         A scene is solved as linear elasticity, a network in large deformation.
     **how
-        For a scene: `tolerance`, `resolution`, `strategy`, as in
-        `kaju.model.elasticity.solve`. For a network: `increments`, `method`, `tolerance`, as
-        in `kaju.model.network.solve`.
+        For a scene: `tolerance`, `resolution`, `stage` and `strategy`. With the strategy
+        "spawning" agents are small only where the tolerance, an error in the energy norm,
+        asks for it: see `kaju.model.spawning.solve`. With "uniform" all cells are equal, and
+        the tolerance is that of their equations: see `kaju.model.elasticity.solve`. "auto",
+        which holds if none is named, takes spawning for a tolerance of 1e-4 or more, and
+        equal cells without a tolerance or for a smaller one, which hardly any grid keeps.
+        For a network: `increments`, `method`, `tolerance`, as in `kaju.model.network.solve`.
 
     Raises
     ------
@@ -34,9 +44,7 @@ def solve(subject: Scene | SpringNetwork, **how: Any) -> ElasticResult | Network
         If the subject is neither.
     """
     if isinstance(subject, Scene):
-        from kaju.model.elasticity.solve import solve as solve_scene
-
-        return solve_scene(subject, **how)
+        return _solve_scene(subject, **how)
     from kaju.model.network import SpringNetwork
     from kaju.model.network import solve as solve_network
 
@@ -45,3 +53,16 @@ def solve(subject: Scene | SpringNetwork, **how: Any) -> ElasticResult | Network
     raise ParameterError(
         f"subject: a Scene or a SpringNetwork is needed, got {type(subject).__name__}"
     )
+
+
+def _solve_scene(scene: Scene, strategy: str = "auto", **how: Any) -> ElasticResult | SpawnedResult:
+    from kaju.model.elasticity.solve import solve as solve_uniform
+    from kaju.model.spawning.solve import solve_spawning
+
+    if strategy not in ("auto", "uniform", "spawning"):
+        raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
+    tolerance = how.get("tolerance")
+    wide = tolerance is not None and FINEST_SPAWNED <= tolerance < 1.0
+    if strategy == "spawning" or (strategy == "auto" and wide):
+        return solve_spawning(scene, **{k: v for k, v in how.items() if v is not None})
+    return solve_uniform(scene, **how)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.result import Result
+    from kaju.model.result import BodyResult
 
     from .section import Floats, Ints
 
@@ -34,7 +34,7 @@ _UNMOVED = 1e-4  # of the largest displacement
 _LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
 
 
-def corner_displacements(result: Result, section: Section, tiles: Ints) -> Floats:
+def corner_displacements(result: BodyResult, section: Section, tiles: Ints) -> Floats:
     """Return how the corners of tiles move in the plane (m), shape (n, corners, 2).
 
     Cells that share a corner move it together: by the mean of what each of them would.
@@ -52,14 +52,14 @@ def corner_displacements(result: Result, section: Section, tiles: Ints) -> Float
     return together
 
 
-def sizes_of(result: Result, section: Section, tiles: Ints) -> Floats:
+def sizes_of(result: BodyResult, section: Section, tiles: Ints) -> Floats:
     """Return how far the middles of tiles move (m), shape (n,)."""
     moved = _within(result, section.in_body(section.centres(tiles)))
     size: Floats = np.linalg.norm(moved, axis=1)
     return size
 
 
-def _within(result: Result, points: Floats) -> Floats:
+def _within(result: BodyResult, points: Floats) -> Floats:
     """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
     grid = grid_of(result)
     body = grid.kinds(grid.lattice.locate(points)) >= 0
@@ -109,7 +109,7 @@ def draw_deformed(
 
 
 def plot_deformed(
-    result: Result,
+    result: BodyResult,
     ax: Axes | None = None,
     *,
     magnification: float | None = None,
@@ -120,7 +120,7 @@ def plot_deformed(
 
     Parameters
     ----------
-    result : Result
+    result : BodyResult
         A run of load transfer, or an elastic result.
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.

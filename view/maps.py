@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.result import Result
+    from kaju.model.result import BodyResult
 
 
 class Quantity(NamedTuple):
@@ -37,7 +37,7 @@ class Quantity(NamedTuple):
     logarithmic: bool = False
 
 
-def quantity_of(result: Result, what: str, component: str | None) -> Quantity:
+def quantity_of(result: BodyResult, what: str, component: str | None) -> Quantity:
     """Return a field of a result, or one component of it.
 
     Raises
@@ -113,7 +113,7 @@ def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCo
 
 
 def plot_map(
-    result: Result,
+    result: BodyResult,
     what: str,
     ax: Axes | None = None,
     *,
@@ -125,7 +125,7 @@ def plot_map(
 
     Parameters
     ----------
-    result : Result
+    result : BodyResult
         A result with fields over cells.
     what : {"displacement", "stress", "strain", "von_mises", "taken"}
         The field.

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.model.creep import creep
-from kaju.model.creep_state import CreepState
-from kaju.model.network.geometry import spring_forces, spring_geometry
+from kaju.model.creep.state import CreepState
 from kaju.model.network.lattices import triangular
 from kaju.model.network.springs import SpringNetwork
 
@@ -184,12 +183,6 @@ def grip(network: SpringNetwork, closing: float) -> SpringNetwork:
     return replace(network, held=held, displacements=shift[None])
 
 
-def tooth_force(network: SpringNetwork, displacement: Floats, tension: Floats) -> float:
-    """Return how strongly the upper tooth presses (N)."""
-    springs = spring_forces(network, spring_geometry(network, displacement), tension)
-    return float(springs[bitten(network)[0], 1].sum())
-
-
 def eat(noodle: Noodle, rows: int = 9, meal: Meal | None = None, width: int | None = None) -> Bite:
     """Bite a noodle, hold it, let it go, and chew it.
 
@@ -244,7 +237,8 @@ class _Seen:
         gripped = bool(network.displacements.any())
         for record, time in enumerate(result.times):
             moved = result.displacement[record]
-            force = tooth_force(network, moved, result.force[record]) if gripped else 0.0
+            pushed = result.outside_forces(record)[bitten(network)[0], 1]
+            force = -float(pushed.sum()) if gripped else 0.0
             self.times.append(self.clock + float(time))
             self.rows.append((force, moved, result.work[record], result.dissipated[record]))
         self.clock += history.duration

@@ -8,6 +8,7 @@ of cells. The V-cycle is symmetric, so it may precondition conjugate gradients.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 from typing import Any, Literal
 
 import numpy as np
@@ -64,7 +65,7 @@ def face_views(vector: Vector, shape: tuple[int, ...]) -> FaceFields:
     views, start = [], 0
     for axis in range(len(shape)):
         faces = tuple(n + (a == axis) for a, n in enumerate(shape))
-        size = int(np.prod(faces))
+        size = prod(faces)
         views.append(vector[start : start + size].reshape(faces))
         start += size
     return tuple(views)
@@ -72,9 +73,7 @@ def face_views(vector: Vector, shape: tuple[int, ...]) -> FaceFields:
 
 def face_count(shape: tuple[int, ...]) -> int:
     """Return the number of faces of a box of cells."""
-    return sum(
-        int(np.prod([n + (a == axis) for a, n in enumerate(shape)])) for axis in range(len(shape))
-    )
+    return sum(prod(n + (a == axis) for a, n in enumerate(shape)) for axis in range(len(shape)))
 
 
 def is_box(problem: ElasticProblem) -> bool:
@@ -206,7 +205,7 @@ class _Coarsest:
         self._active = np.flatnonzero(np.concatenate([a.ravel() for a in active]))
         numbering = Numbering(states)
         self._solver = SparseMultigrid(
-            stiffness_matrix(problem, numbering), numbering, coarsest=2500
+            stiffness_matrix(problem, numbering), numbering, coarsest=800
         )
         self.depth = len(self._solver.levels)
 

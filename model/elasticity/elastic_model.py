@@ -11,10 +11,11 @@ import mesa
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
 
-from .elastic_model_run import ElasticRun, StepRecord, collect
+from .elastic_model_run import ElasticRun, collect
 from .orders import Visit, largest_first, multilevel, wave
 from .push_agents import AgentPushEngine
 from .push_arrays import ArrayPushEngine
+from .push_records import StepRecord
 from .push_stability import WaveCertificate, certify_waves
 from .push_state import PushState
 from .push_table import PushTable
@@ -44,9 +45,12 @@ class ElasticModel(mesa.Model):
     - "largest first": the one agent with the largest load;
     - "multilevel": the agents of one level, in turn. What is unbalanced over many cells is
       handed up as one load to *parent agents*, which stand for 2×2(×2) blocks; what these
-      yield is handed down.
+      yield is handed down. The topmost parents, a handful, settle their loads at once, and
+      after each round over all levels the faces go on along the way they have come, as far
+      as that lowers the energy.
 
-    Elasticity is linear, so loads are applied at once, whatever their number of steps.
+    Elasticity is linear, so loads are applied at once, whatever their number of steps. Where a
+    member of the body is only one cell wide the cells are halved, so that it can carry shear.
 
     Parameters
     ----------
@@ -64,6 +68,8 @@ class ElasticModel(mesa.Model):
         In the order "largest first": how many agents act in a step, one after another.
     max_steps : int
         The run is stopped after this many steps.
+    stage : int, optional
+        Stage of loading; the last one by default.
     rng : int, optional
         Seed for Mesa; the rule itself draws no random numbers.
 
@@ -86,6 +92,8 @@ class ElasticModel(mesa.Model):
         If waves would grow and `allow_unstable` is False.
     SceneError
         If the cells are hexagons or the rule is another one.
+    SupportError
+        If a part of the body could move without straining.
     """
 
     def __init__(
@@ -96,13 +104,15 @@ class ElasticModel(mesa.Model):
         allow_unstable: bool = False,
         pushes_per_step: int = 1,
         max_steps: int = 1_000_000,
+        stage: int | None = None,
         rng: int | None = None,
     ) -> None:
         super().__init__(rng=rng)
         if pushes_per_step < 1:
             raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
         self.scene = scene
-        self.table = PushTable(scene)
+        self.stage = stage
+        self.table = PushTable(scene, stage)
         self.certificate: WaveCertificate | None = None
         self.share = 1.0
         if self.table.rule.order == "wave":
@@ -131,7 +141,7 @@ class ElasticModel(mesa.Model):
         small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
         if engine == "agents" or (engine == "auto" and (small or own_class)):
             return AgentPushEngine(self, self.table, face_agent)
-        return ArrayPushEngine(self.table, self.share)
+        return ArrayPushEngine(self.table)
 
     def reset(self) -> None:
         """Go back to the start, before any agent has yielded."""
@@ -146,7 +156,7 @@ class ElasticModel(mesa.Model):
 
     def _orders(self) -> Iterator[Visit]:
         if self.table.rule.order == "wave":
-            return wave(self.engine)
+            return wave(self.engine, self.share)
         if self.table.rule.order == "largest first":
             return largest_first(self.engine, self.pushes_per_step)
         return multilevel(self.engine)
@@ -210,8 +220,9 @@ class ElasticModel(mesa.Model):
     def error_estimate(self) -> float:
         """√(Σ P²/k) over all levels, over √(load · displacement): error in energy, as a share.
 
-        With parents the error is close to it. Without them it is a lower bound, and the
-        error of a smooth kind may be larger by the number of cells along the body.
+        With parents the error is close to it; where moduli jump by a million it may be some
+        tens of times larger. Without parents it is a lower bound, and a smooth error may be
+        larger by the number of cells along the body.
         """
         return self._meter
 

@@ -1,16 +1,20 @@
-"""What a run of the elastic rule leaves behind: agents, supports, history and ledger."""
+"""What a run of the elastic rule leaves behind, gathered from its model."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
 
+from .elastic_result import ElasticResult
+from .engine import Solution
+from .push_records import BoundaryAgents, FaceAgents, PushLedger, StepRecord
 from .push_stability import WaveCertificate
+from .staggered import strain_energy
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -21,118 +25,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-class StepRecord(NamedTuple):
-    """One step: what it was, and how things stood after it.
-
-    Attributes
-    ----------
-    level : int
-        Level that was visited.
-    way : str
-        "up" if loads were handed up to parents afterwards, "down" if what parents yielded
-        was handed down, "" in orders without levels.
-    energy : float
-        Energy of body and loads (J), 0 at the start.
-    loudest : float
-        Largest load left, as it counts against γ (N); as of the last visit to level 0.
-    error_estimate : float
-        √(Σ P²/k) over √(load · displacement), then.
-    pushes : int
-        How often agents have yielded so far.
-    """
-
-    level: int
-    way: str
-    energy: float
-    loudest: float
-    error_estimate: float
-    pushes: int
-
-
-@dataclass(frozen=True)
-class FaceAgents:
-    """The face agents, ordered by level, spawn step and number.
-
-    Attributes
-    ----------
-    level, spawn_step, number : arrays of int, shape (agents,)
-        Level, 0 for the cells' own faces; step of spawning, from 1; number of the face.
-    axis : array of int, shape (agents,)
-        Axis of the face's normal.
-    position : array, shape (agents, dimension)
-        Middle of the face (m).
-    taken : array, shape (agents,)
-        Sum of the sizes of the loads taken (N).
-    left : array, shape (agents,)
-        Load left (N).
-    displacement : array, shape (agents,)
-        Displacement (m) along the axis; of parents, in their last visit.
-    """
-
-    level: Integers
-    spawn_step: Integers
-    number: Integers
-    axis: Integers
-    position: Floats
-    taken: Floats
-    left: Floats
-    displacement: Floats
-
-
-@dataclass(frozen=True)
-class BoundaryAgents:
-    """The boundary agents: supports, then air; each ordered by spawn step and cell.
-
-    Attributes
-    ----------
-    cells : array of int, shape (agents, dimension)
-        Where they are.
-    kind : array of int, shape (agents,)
-        What they are, from `kaju.model.scene.kinds`.
-    spawn_step : array of int, shape (agents,)
-        Step in which a load first reached them.
-    reaction : array, shape (agents, dimension)
-        Force on the body (N); none from air.
-    returned : array, shape (agents,)
-        Sum of the sizes of the loads (N) that air gave back; none by supports.
-    """
-
-    cells: Integers
-    kind: Integers
-    spawn_step: Integers
-    reaction: Floats
-    returned: Floats
-
-
-@dataclass(frozen=True)
-class PushLedger:
-    """An account of every newton, per axis (N).
-
-    Attributes
-    ----------
-    applied : array, shape (dimension,)
-        Sum of the applied forces.
-    resting : array
-        Sum of the loads left on faces.
-    carried : array
-        Sum of what the supports carry.
-    turnover : float
-        Sum of the sizes of all these loads, to compare the imbalance with.
-    """
-
-    applied: Floats
-    resting: Floats
-    carried: Floats
-    turnover: float
-
-    @property
-    def imbalance(self) -> float:
-        """What the books do not account for, as a share of the turnover."""
-        gap = np.abs(self.applied - self.resting - self.carried).max()
-        return float(gap / self.turnover) if self.turnover > 0.0 else 0.0
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ElasticRun:
     """What the agents of the elastic rule have done.
 
@@ -140,13 +33,12 @@ class ElasticRun:
     ----------
     scene : Scene
         What was asked.
+    result : ElasticResult
+        Displacements, stresses and reactions, as of `kaju.solve`.
     outcome : str
         How the run ended, in words.
     threshold : float
         γ (N).
-    displacement : tuple of arrays
-        Per axis the displacement (m) of every face normal to it, NaN where there is no body
-        beside the face; shape of the cells plus one along the axis.
     agents : FaceAgents
         Who spawned.
     boundary : BoundaryAgents
@@ -164,9 +56,9 @@ class ElasticRun:
     """
 
     scene: Scene
+    result: ElasticResult
     outcome: str
     threshold: float
-    displacement: tuple[Floats, ...]
     agents: FaceAgents
     boundary: BoundaryAgents
     history: tuple[StepRecord, ...]
@@ -174,6 +66,15 @@ class ElasticRun:
     most_pushes: float
     certificate: WaveCertificate | None
     seconds: float
+
+    def __repr__(self) -> str:
+        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
+        return f"{type(self).__name__}({figures})"
+
+    @property
+    def displacement(self) -> tuple[Floats, ...]:
+        """Per axis the displacement (m) of the faces normal to it; NaN where there is no body."""
+        return self.result.face_displacement
 
     @property
     def energy(self) -> Floats:
@@ -190,10 +91,15 @@ class ElasticRun:
         """Sum of the supports' forces on the body (N), shape (dimension,)."""
         return -self.ledger.carried
 
+    def to_result(self) -> ElasticResult:
+        """Return what the agents have settled to, with displacement and stress anywhere."""
+        from .settled import settled
+
+        return settled(self)
+
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
         levels = np.bincount(self.agents.level)
-        largest = [np.nanmax(np.abs(u), initial=0.0) for u in self.displacement]
         last = self.history[-1] if self.history else None
         return {
             "rule": "elastic",
@@ -211,7 +117,7 @@ class ElasticRun:
             "residual": last.loudest if last else 0.0,
             "error_estimate": last.error_estimate if last else 0.0,
             "reaction": self.reaction.tolist(),
-            "max_displacement": float(max(largest)),
+            "max_displacement": self.result.max_displacement,
             "seconds": self.seconds,
             "kaju_version": __version__,
         }
@@ -221,11 +127,12 @@ def collect(model: ElasticModel) -> ElasticRun:
     """Gather what a model has done so far."""
     state, table = model.state, model.table
     work = -2.0 * state.energy
+    outcome = model.outcome or f"interrupted after {model.generation} steps"
     return ElasticRun(
         scene=model.scene,
-        outcome=model.outcome or f"interrupted after {model.generation} steps",
+        result=_elastic_result(model, outcome),
+        outcome=outcome,
         threshold=model.threshold,
-        displacement=_faces(model),
         agents=_face_agents(model),
         boundary=_boundary_agents(model),
         history=tuple(model.history),
@@ -236,29 +143,34 @@ def collect(model: ElasticModel) -> ElasticRun:
     )
 
 
-def _faces(model: ElasticModel) -> tuple[Floats, ...]:
-    """Return the displacements of all faces beside body, without the rim."""
-    table, found = model.table, []
-    fields = [np.full(table.problem.face_shape(a), np.nan) for a in range(table.problem.dimension)]
-    places = (
-        (table.levels[0].place, model.state.grounds[0].displacement),
-        (
-            table.fixed_place,
-            table.given,
-        ),
+def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
+    """Return the faces' displacements as the answer of an elastic solver."""
+    table, scales = model.table, model.table.problem.scales
+    fields = tuple(values.copy() for values in table.problem.fixed)
+    moved = model.state.grounds[0].displacement / scales.displacement
+    table.levels[0].numbering.scatter(moved, fields)
+    meters = [record.error_estimate for record in model.history]
+    solution = Solution(
+        displacement=fields,
+        energy=strain_energy(table.problem, fields),
+        method=f"agents, {table.rule.order}",
+        discretisation=0.0,
+        algebraic=model.error_estimate,
+        levels=len(table.levels),
+        residuals=meters,
+        converged=model.at_rest,
+        notes=[outcome, "the error estimate is of the loads left; the grid's own is not in it"],
     )
-    for (axis, index), value in places:
-        for a, field in enumerate(fields):
-            chosen = axis == a
-            field[tuple(index[chosen].T)] = value[chosen]
-    kinds = table.problem.kinds
-    for a, field in enumerate(fields):
-        lines, solid = np.moveaxis(field, a, 0), np.moveaxis(kinds >= 0, a, 0)
-        # Held faces between two rigid cells belong to no cell of the body.
-        lines[1:-1][~(solid[:-1] | solid[1:])] = np.nan
-        inner = [slice(1, -1)] * field.ndim
-        found.append(field[tuple(inner)].copy())
-    return tuple(found)
+    return ElasticResult(
+        model.scene,
+        table.grid,
+        model.stage,
+        table.subdivision,
+        table.problem,
+        table.origin,
+        solution,
+        model.seconds,
+    )
 
 
 def _face_agents(model: ElasticModel) -> FaceAgents:
@@ -295,11 +207,12 @@ def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
     returned: Floats = np.asarray(air.links @ state.grounds[0].taken)
     steps = holding.first(state.place_step), air.first(state.grounds[0].spawn_step)
     orders = [_awake(step) for step in steps]
-    cells = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
+    cells: Integers = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
+    cells = cells + np.asarray(table.origin, dtype=np.int64)
     nothing = np.zeros((len(orders[1]), dimension))
     return BoundaryAgents(
         cells=cells,
-        kind=model.scene.kinds(cells),
+        kind=table.grid.kinds(cells),
         spawn_step=np.concatenate([step[o] for step, o in zip(steps, orders, strict=True)]),
         reaction=np.concatenate([reaction[orders[0]], nothing]),
         returned=np.concatenate([np.zeros(len(orders[0])), returned[orders[1]]]),

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.errors import ResultFileError
-from kaju.model.result import Result, cells_of_points, read_archive, write_archive
+from kaju.model.result import BodyResult, cells_of_points, read_archive, write_archive
 from kaju.model.scene import Scene
 
 from . import fields, sampling
@@ -27,8 +26,8 @@ if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(frozen=True, eq=False)
-class ElasticResult(Result):
+@dataclass(frozen=True, eq=False, repr=False)
+class ElasticResult(BodyResult):
     """Linear elasticity of a scene on the staggered grid.
 
     Arrays over cells are indexed [x, y(, z)] over the box around the body; `origin` is the
@@ -53,6 +52,7 @@ class ElasticResult(Result):
     seconds : float
     """
 
+    kind: ClassVar[str] = "elasticity"
     scene: Scene
     grid: Scene
     stage: int | None
@@ -263,15 +263,13 @@ class ElasticResult(Result):
             name: value for name, value in vars(self.solution).items() if name != "displacement"
         }
         about = {
-            "kind": "elastic",
             "scene": text,
             "stage": self.stage,
             "subdivision": self.subdivision,
             "solution": described,
             "seconds": self.seconds,
-            "kaju_version": __version__,
         }
-        return write_archive(path, arrays, about)
+        return write_archive(path, self.kind, arrays, about)
 
     @classmethod
     def load(cls, path: str | Path) -> ElasticResult:
@@ -282,11 +280,7 @@ class ElasticResult(Result):
         ResultFileError
             If the file is missing, or holds something else.
         """
-        arrays, about = read_archive(path)
-        if about.get("kind") != "elastic":
-            raise ResultFileError(
-                f"{path}: holds a result of kind {about.get('kind')!r}, not of elasticity"
-            )
+        arrays, about = read_archive(path, cls.kind)
         own = {k.removeprefix("scene."): v for k, v in arrays.items() if k.startswith("scene.")}
         scene = Scene.from_archive(about["scene"], own)
         division = about["subdivision"]

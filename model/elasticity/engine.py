@@ -26,6 +26,9 @@ ALGEBRAIC_SHARE = 0.05
 
 That is the error before the last correction, which takes nine tenths of it away.
 """
+SMALL, SMALL_TOLERANCE = 100_000, 1e-10
+"""Bodies of fewer faces are solved to this tolerance unless told otherwise: it costs little,
+and forces balance to more digits than anyone prints."""
 PATIENCE = 8
 """After this many iterations the rate decides whether to change the method."""
 TOO_MANY = 60
@@ -100,8 +103,10 @@ def solve_problem(problem: ElasticProblem, tolerance: float | None = None) -> So
         A supported body (see `supports.check_supports`).
     tolerance : float, optional
         Relative algebraic error in the energy norm; by default well below the estimated
-        error of the grid.
+        error of the grid, and for small bodies 1e-10.
     """
+    if tolerance is None and problem.dimension * problem.kinds.size < SMALL:
+        tolerance = SMALL_TOLERANCE
     if problem.needs_mixed_form:
         return _solve_mixed(_System(problem), tolerance)
     if is_box(problem):
@@ -262,7 +267,7 @@ def _change_method(
     method = "algebraic multigrid"
     if precondition is None:
         precondition, method = hierarchy.precondition, "Galerkin multigrid"
-        note += "; pyamg (pip install 'kaju[fem]') would be quicker"
+        note += "; pyamg (pip install 'kaju[amg]') would be quicker"
     else:
         note += ": algebraic multigrid instead"
     target = tolerance or max(ALGEBRAIC_SHARE * slow.discretisation, 1e-9)

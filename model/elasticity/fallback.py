@@ -21,7 +21,7 @@ from .staggered import Numbering
 
 Vector = NDArray[np.float64]
 
-DIRECT_LIMIT = {2: 400_000, 3: 40_000}
+DIRECT_LIMIT = {2: 1_200_000, 3: 40_000}
 """Up to this many faces a factorisation is quick and fits in memory."""
 
 

@@ -9,63 +9,116 @@ from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import RIGID
 
-from .problem import ABSENT, ElasticProblem, FaceFields, Floats
-from .staggered import Strains, axis_pairs, cut, strains, stresses
+from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields, Floats
+from .staggered import Strains, axis_pairs, cell_modulus, cut, strains, stresses
+
+SURFACE_SHARE = 0.5
+"""Weight of the surface's own slope against that of the line through the faces below."""
 
 
 def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
     """Return the displacement of the corners of the cells (scaled).
 
     A node's displacement is the mean of the faces round it. At a free surface, where faces
-    lie on one side only, the line through the two nearest ones is prolonged. Nodes without
-    body get NaN.
+    lie on one side only, it is prolonged half a cell (see `_edge_values`). Nodes without body
+    get NaN.
 
     Returns
     -------
     array, shape (n + 1 along every axis, dimension)
     """
-    states = problem.face_states()
+    d = problem.dimension
     nodes = []
-    for axis, values in enumerate(u):
-        field = np.where(states[axis] == ABSENT, np.nan, values)
-        for across in range(problem.dimension):
-            if across != axis:
-                field = _between(field, across, _wall(problem, axis, across, field))
-        inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(problem.dimension))
-        nodes.append(field[inner])
+    for axis in range(d):
+        routes = []
+        for across in (a for a in range(d) if a != axis):
+            field, wall = _edge_values(problem, u, axis, across)
+            for third in (a for a in range(d) if a not in (axis, across)):
+                field, wall = _between(field, third, wall)
+            routes.append(field[problem.inner])
+        nodes.append(sum(routes[1:], start=routes[0]) / len(routes))
     return np.stack(nodes, axis=-1)
 
 
-def _wall(problem: ElasticProblem, axis: int, across: int, field: Floats) -> NDArray[np.bool_]:
-    """Tell which values belong to ghost faces inside rigid ground."""
-    rigid = problem.kinds == RIGID
-    d = problem.dimension
-    width = [(1, 1) if a == axis else (0, 0) for a in range(d)]
-    padded = np.pad(rigid, width, mode="edge")
-    wall = padded[cut(d, axis, slice(None, -1))] & padded[cut(d, axis, slice(1, None))]
-    if wall.shape != field.shape:
-        return np.zeros(field.shape, dtype=np.bool_)
-    return np.asarray(wall, dtype=np.bool_)
+def _edge_values(
+    problem: ElasticProblem, u: FaceFields, axis: int, across: int
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return one component's displacement on the edges between two axes, and which are walls.
+
+    At a free surface the displacement half a cell beyond the last face follows from its
+    slope. The shear γ there is known (that of the load, or none), so the slope is
+    γ − ∂u_n/∂s; the line through the last two faces gives a second one, a cell deeper.
+    Between them lies what is wanted.
+    """
+    states = problem.face_states()
+    field = np.where(states[axis] == ABSENT, np.nan, u[axis])
+    values, wall = _between(field, across, _walls(problem, axis))
+    slope = _surface_shear_strain(problem, axis, across) - _difference(
+        np.where(states[across] == ABSENT, np.nan, u[across]), axis
+    )
+    low, high = _sides(field, across)
+    surface = np.where(np.isnan(high), low + 0.5 * slope, high - 0.5 * slope)
+    free = _sides(np.where(states[axis] == ACTIVE, 1.0, np.nan), across)
+    known = (np.isnan(low) != np.isnan(high)) & ~np.isnan(surface)
+    known &= ~np.isnan(free[0]) | ~np.isnan(free[1])
+    mixed = (1 - SURFACE_SHARE) * values + SURFACE_SHARE * surface
+    return np.where(known, mixed, values), wall
 
 
-def _between(field: Floats, axis: int, wall: NDArray[np.bool_]) -> Floats:
+def _sides(field: Floats, axis: int) -> tuple[Floats, Floats]:
+    """Return the neighbours below and above every place between faces; NaN beyond the ends."""
+    width = [(1, 1) if a == axis else (0, 0) for a in range(field.ndim)]
+    padded = np.pad(field, width, constant_values=np.nan)
+    low, high = (cut(field.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
+    return padded[low], padded[high]
+
+
+def _difference(field: Floats, axis: int) -> Floats:
+    low, high = _sides(field, axis)
+    return np.asarray(high - low)
+
+
+def _surface_shear_strain(problem: ElasticProblem, axis: int, across: int) -> Floats | float:
+    """Return γ from loads along the surface, on the edges between two axes."""
+    pair = (min(axis, across), max(axis, across))
+    if pair not in problem.surface_shear:
+        return 0.0
+    shear = cell_modulus(problem, problem.moduli.shear)
+    around = np.where(shear > 0, shear, np.nan)
+    for a in pair:
+        low, high = _sides(around, a)
+        around = np.fmax(low, high)
+    return np.where(np.isnan(around), 0.0, problem.surface_shear[pair] / around)
+
+
+def _walls(problem: ElasticProblem, axis: int) -> NDArray[np.bool_]:
+    """Tell which faces are ghosts inside rigid ground or at its edge."""
+    width = [(1, 1) if a == axis else (0, 0) for a in range(problem.dimension)]
+    kinds = np.pad(problem.kinds, width, mode="edge")
+    low, high = (kinds[cut(kinds.ndim, axis, s)] for s in (slice(None, -1), slice(1, None)))
+    rigid = (low == RIGID) | (high == RIGID)
+    return np.asarray(rigid & (low < 0) & (high < 0), dtype=np.bool_)
+
+
+def _between(field: Floats, axis: int, wall: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
     """Return values half-way between neighbours along an axis, prolonged at the ends of a body.
 
     Beside a wall the wall's own value holds, for it lies half a cell nearer than a face.
     """
-    lines = np.moveaxis(field, axis, 0)
-    fixed = np.moveaxis(wall, axis, 0)
-    gap = np.full((1, *lines.shape[1:]), np.nan)
-    padded = np.concatenate([gap, lines, gap])
-    low, high = padded[1:-2], padded[2:-1]
-    low_wall, high_wall = fixed[:-1], fixed[1:]
+    low, high = _sides(field, axis)
+    padded = np.pad(wall, [(1, 1) if a == axis else (0, 0) for a in range(wall.ndim)])
+    low_wall = padded[cut(wall.ndim, axis, slice(None, -1))]
+    high_wall = padded[cut(wall.ndim, axis, slice(1, None))]
     mean = 0.5 * (low + high)
     mean = np.where(low_wall & ~high_wall, low, np.where(high_wall & ~low_wall, high, mean))
-    before, after = padded[:-3], padded[3:]
+    before, _ = _sides(low, axis)
+    _, after = _sides(high, axis)
+    before = before[cut(low.ndim, axis, slice(None, -1))]
+    after = after[cut(low.ndim, axis, slice(1, None))]
     from_low = np.where(np.isnan(before), low, 1.5 * low - 0.5 * before)
     from_high = np.where(np.isnan(after), high, 1.5 * high - 0.5 * after)
-    mean = np.where(np.isnan(mean), np.where(np.isnan(high), from_low, from_high), mean)
-    return np.moveaxis(mean, 0, axis)
+    ends = np.where(np.isnan(high), from_low, from_high)
+    return np.where(np.isnan(mean), ends, mean), low_wall | high_wall
 
 
 def cell_means(problem: ElasticProblem, u: FaceFields) -> Floats:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.errors import ParameterError, SceneError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
-from .problem import CellLoads, ElasticProblem, Side, problem_of
+from .problem import CellLoads, ElasticProblem, Side, problem_of, rim_layer
 
 Origin = tuple[int, ...]
 
@@ -43,19 +44,7 @@ def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticPro
             "take square cells"
         )
     lower, upper = (np.asarray(corner, dtype=np.int64) for corner in scene.bounds())
-    rim = np.pad(scene.rasterise().astype(np.int32), 1, constant_values=AIR)
-    sides: dict[str, Side] = {}
-    for index, name in enumerate(lattice.sides):
-        condition = scene.side_condition(name)
-        axis, upper_end = divmod(index, 2)
-        layer: list[slice | int] = [slice(1, -1)] * lattice.dimension
-        layer[axis] = -1 if upper_end else 0
-        rim[tuple(layer)] = RIGID if condition.code == DISPLACED else condition.code
-        reached = upper[axis] == lattice.shape[axis] if upper_end else lower[axis] == 0
-        if reached and condition.stiffness is not None:
-            sides[name] = ("foundation", condition.stiffness)
-        elif reached and condition.displacement is not None:
-            sides[name] = ("displacement", condition.displacement)
+    rim, sides = _rim_of(scene, lower, upper)
     box = tuple(slice(int(a), int(b) + 2) for a, b in zip(lower, upper, strict=True))
     applied = scene.applied(stage)
     inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
@@ -77,3 +66,23 @@ def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticPro
         names = ", ".join(material.name for material in scene.cell_materials)
         raise ParameterError(f"materials ({names}): {error}") from error
     return problem, tuple(int(i) for i in lower)
+
+
+def _rim_of(
+    scene: Scene, lower: NDArray[np.int64], upper: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], dict[str, Side]]:
+    """Return all cells with what lies beyond the sides, and the sides that need a number."""
+    lattice = scene.lattice
+    rim = np.pad(scene.rasterise().astype(np.int32), 1, constant_values=AIR)
+    sides: dict[str, Side] = {}
+    for index, name in enumerate(lattice.sides):
+        condition = scene.side_condition(name)
+        axis, upper_end = divmod(index, 2)
+        layer = rim_layer(lattice.dimension, index)
+        rim[layer] = RIGID if condition.code == DISPLACED else condition.code
+        reached = upper[axis] == lattice.shape[axis] if upper_end else lower[axis] == 0
+        if reached and condition.stiffness is not None:
+            sides[name] = ("foundation", condition.stiffness)
+        elif reached and condition.displacement is not None:
+            sides[name] = ("displacement", condition.displacement)
+    return rim, sides

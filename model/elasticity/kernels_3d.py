@@ -4,7 +4,6 @@ As `kernels_2d`, with ``u = (ux, uy, uz)`` of shapes (nx+1, ny, nz), (nx, ny+1, 
 (nx, ny, nz+1), and sides left, right, front, back, bottom, top. Rows run along z; a pass
 goes plane by plane along x, each sweep two planes behind the one before.
 """
-# ruff: noqa: D103
 # mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
@@ -12,17 +11,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from .kernels_rows import (
-    add_row,
-    finish_row,
-    gather_across,
-    gather_normal,
-    parents_across,
-    parents_normal,
-    relax_row,
-    spread_across,
-    spread_normal,
-)
+from .kernels_3d_transfer import prolong, prolong_plane, restrict, restrict_row
+from .kernels_rows import finish_row, relax_row
+
+__all__ = ["apply", "ascend", "descend", "prolong", "restrict", "smooth"]
 
 LAG = 2
 
@@ -248,54 +240,6 @@ def apply_row(axis, u, out, i, j, law, wall, held, spring):
 
 
 @njit(cache=True, fastmath=True)
-def add_tensor(field, buffer, first, second):
-    """Add a row to the (up to four) parent rows."""
-    p, a, q, b = first
-    r, c, s, d = second
-    add_row(field[p, r], buffer, a * c)
-    if d != 0.0:
-        add_row(field[p, s], buffer, a * d)
-    if b != 0.0:
-        add_row(field[q, r], buffer, b * c)
-        if d != 0.0:
-            add_row(field[q, s], buffer, b * d)
-
-
-@njit(cache=True, fastmath=True)
-def restrict_row(axis, row, i, j, coarse, own, far, buffer):
-    """Hand a row of loads to the parents."""
-    if axis == 2:
-        gather_normal(row, buffer)
-    else:
-        gather_across(row, buffer, own[4], far[4], own[5], far[5])
-    nx, ny = coarse[1].shape[0], coarse[0].shape[1]
-    if axis == 0:
-        first = parents_normal(i)
-    else:
-        first = parents_across(i, nx, own[0], far[0], own[1], far[1])
-    if axis == 1:
-        second = parents_normal(j)
-    else:
-        second = parents_across(j, ny, own[2], far[2], own[3], far[3])
-    field = coarse[0] if axis == 0 else coarse[1] if axis == 1 else coarse[2]
-    add_tensor(field, buffer[: field.shape[2]], first, second)
-
-
-@njit(cache=True, fastmath=True)
-def restrict(load, coarse, own, far):
-    """Hand a load to the parents."""
-    nx, ny, nz = load[1].shape[0], load[0].shape[1], load[0].shape[2]
-    buffer = np.empty(nz + 2)
-    for axis in range(3):
-        field = load[0] if axis == 0 else load[1] if axis == 1 else load[2]
-        target = coarse[0] if axis == 0 else coarse[1] if axis == 1 else coarse[2]
-        target[:] = 0.0
-        for i in range(nx + (axis == 0)):
-            for j in range(ny + (axis == 1)):
-                restrict_row(axis, field[i, j], i, j, coarse, own, far, buffer)
-
-
-@njit(cache=True, fastmath=True)
 def descend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
     """Sweep from zero and hand what is left unbalanced to the parents, in one pass."""
     nx, ny, nz = u[1].shape[0], u[0].shape[1], u[0].shape[2]
@@ -320,53 +264,6 @@ def descend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
                 for j in range(ny + (axis == 1)):
                     left_row(axis, u, load, i, j, law, wall, held, spring, 1.0, row)
                     restrict_row(axis, row, i, j, coarse, own, far, buffer)
-
-
-@njit(cache=True, fastmath=True)
-def spread_row(axis, parents, row, own, far, weight):
-    if axis == 2:
-        spread_normal(parents, row, weight)
-    else:
-        spread_across(parents, row, own[4], far[4], own[5], far[5], weight)
-
-
-@njit(cache=True, fastmath=True)
-def prolong_row(axis, u, coarse, i, j, own, far):
-    """Add the parents' displacement to a row of faces."""
-    nx, ny = coarse[1].shape[0], coarse[0].shape[1]
-    if axis == 0:
-        p, a, q, b = parents_normal(i)
-    else:
-        p, a, q, b = parents_across(i, nx, own[0], far[0], own[1], far[1])
-    if axis == 1:
-        r, c, s, d = parents_normal(j)
-    else:
-        r, c, s, d = parents_across(j, ny, own[2], far[2], own[3], far[3])
-    field = coarse[0] if axis == 0 else coarse[1] if axis == 1 else coarse[2]
-    row = u[0][i, j] if axis == 0 else u[1][i, j] if axis == 1 else u[2][i, j]
-    spread_row(axis, field[p, r], row, own, far, a * c)
-    if d != 0.0:
-        spread_row(axis, field[p, s], row, own, far, a * d)
-    if b != 0.0:
-        spread_row(axis, field[q, r], row, own, far, b * c)
-        if d != 0.0:
-            spread_row(axis, field[q, s], row, own, far, b * d)
-
-
-@njit(cache=True, fastmath=True)
-def prolong_plane(u, coarse, i, own, far):
-    nx, ny = u[1].shape[0], u[0].shape[1]
-    for axis in range(3):
-        if i < nx + (axis == 0):
-            for j in range(ny + (axis == 1)):
-                prolong_row(axis, u, coarse, i, j, own, far)
-
-
-@njit(cache=True, fastmath=True)
-def prolong(u, coarse, own, far):
-    """Add the parents' displacement to the children."""
-    for i in range(u[0].shape[0]):
-        prolong_plane(u, coarse, i, own, far)
 
 
 @njit(cache=True, fastmath=True)

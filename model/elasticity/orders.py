@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
-from .push_state import PushState
+import numpy as np
 
-MOST_SWEEPS_AT_THE_TOP = 100
-"""The topmost parents, a handful, go on among themselves until they rest, or this often."""
+from .push_momentum import Momentum
+from .push_state import Floats, Integers, PushState
+
+MOST_WHO_CONFER = 500
+"""Up to this many topmost parents settle their loads at once; more of them take turns."""
 
 
 class PushEngine(Protocol):
@@ -19,8 +22,8 @@ class PushEngine(Protocol):
 
     state: PushState
 
-    def push_together(self) -> None:
-        """Let all agents above the threshold take a share of their loads at once."""
+    def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
+        """Let agents of a level take loads (N) at once, each its own."""
 
     def push_in_turn(self, level: int, backward: bool) -> int:
         """Let the agents of a level above the threshold act one after another."""
@@ -36,10 +39,12 @@ class Visit(NamedTuple):
     way: str = ""
 
 
-def wave(engine: PushEngine) -> Iterator[Visit]:
-    """All agents above the threshold yield at once: damped Jacobi iteration."""
+def wave(engine: PushEngine, share: float) -> Iterator[Visit]:
+    """All agents above the threshold yield at once, by a share: damped Jacobi iteration."""
+    state = engine.state
     while True:
-        engine.push_together()
+        acting = np.flatnonzero(state.measured(0) > state.threshold)
+        engine.push_together(0, acting, share * state.grounds[0].left[acting])
         yield Visit()
 
 
@@ -56,31 +61,45 @@ def largest_first(engine: PushEngine, pushes: int) -> Iterator[Visit]:
 def multilevel(engine: PushEngine) -> Iterator[Visit]:
     """Level after level, up to the parents and down again: a multigrid V-cycle.
 
-    The first way up is travelled without a push: the topmost parents take the whole load,
-    and finer agents spawn only where what their parents could not take exceeds γ.
+    The first way up is travelled without a push: the topmost parents, a handful, settle the
+    whole load among themselves, and finer agents spawn only where what their parents could
+    not take exceeds γ. At the end of each round the faces go on along the way of the round.
     """
     state = engine.state
+    momentum = Momentum(state)
     top = len(state.grounds) - 1
     for level in range(top):
         state.hand_up(level)
-    yield from _down(engine, top)
+    yield from _down(engine, top, momentum)
     while True:
+        momentum.begin()
         for level in range(top):
             _take_turns(engine, level)
             state.hand_up(level)
             yield Visit(level, "up")
-        yield from _down(engine, top)
+        yield from _down(engine, top, momentum)
 
 
-def _down(engine: PushEngine, top: int) -> Iterator[Visit]:
-    for _ in range(MOST_SWEEPS_AT_THE_TOP - 1):
-        if not _take_turns(engine, top):
-            break
+def _down(engine: PushEngine, top: int, momentum: Momentum) -> Iterator[Visit]:
     for level in range(top, -1, -1):
-        _take_turns(engine, level)
+        if level == top > 0 and len(engine.state.grounds[top].weight) <= MOST_WHO_CONFER:
+            _confer(engine, top)
+        else:
+            _take_turns(engine, level)
         if level > 0:
             engine.state.hand_down(level)
+        else:
+            momentum.go_on()
         yield Visit(level, "down")
+
+
+def _confer(engine: PushEngine, top: int) -> None:
+    """Let the topmost parents, a handful, yield at once by what leaves nothing to any."""
+    state = engine.state
+    if (state.measured(top) > state.threshold).any():
+        loads = state.settling_loads(top)
+        acting = np.flatnonzero(loads)
+        engine.push_together(top, acting, loads[acting])
 
 
 def _take_turns(engine: PushEngine, level: int) -> int:

@@ -230,47 +230,70 @@ def problem_of(
 
     if not np.any(rim >= 0):
         raise SceneError("body: no cell is of a material, so there is nothing to solve")
-    dimension = rim.ndim
     table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
-    used = [k for k in range(len(table)) if len(table) == 1 or bool(np.any(rim == k))]
-    modulus = float(np.max(table[used, 0]))
-    stretch = modulus * (thickness if dimension == 2 else cell_size)
-    given = {
-        name: np.asarray(side[1], dtype=np.float64)
-        for name, side in sides.items()
-        if not isinstance(side, str) and side[0] == "displacement"
-    }
-    largest = max((float(np.abs(v).max()) for v in given.values()), default=0.0)
-    peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
-    force = max(peak, largest * stretch)
-    force = force if force > 0 else stretch * cell_size
-    scales = Scales(modulus, force, cell_size, force / stretch)
-    shapes = [tuple(n + (a == axis) for a, n in enumerate(rim.shape)) for axis in range(dimension)]
-    fixed = tuple(np.zeros(shape) for shape in shapes)
-    spring = tuple(np.zeros(shape) for shape in shapes)
-    for name, side in sides.items():
-        index = SIDES[dimension].index(name)
-        if name in given:
-            _prescribe(fixed, index, given[name] / scales.displacement)
-        elif not isinstance(side, str) and side[0] == "foundation":
-            stiffness = float(np.asarray(side[1])) * cell_size / modulus
-            layer = list(rim_layer(dimension, index))
-            layer[index // 2] = -2 if index % 2 else 1
-            spring[index // 2][tuple(layer)] = stiffness
+    scales = _scales(rim, table, cell_size, thickness, sides, loads)
+    fixed, spring = _side_fields(rim, sides, scales)
     problem = ElasticProblem(
         kinds=rim,
-        moduli=moduli_of(table[:, 0] / modulus, table[:, 1], plane),
-        force=tuple(np.zeros(shape) for shape in shapes),
+        moduli=moduli_of(table[:, 0] / scales.modulus, table[:, 1], plane),
+        force=_face_zeros(rim),
         fixed=fixed,
         spring=spring,
         surface_shear={},
         scales=scales,
         plane=plane,
-        thickness=thickness if dimension == 2 else 1.0,
+        thickness=thickness if rim.ndim == 2 else 1.0,
     )
     if loads is not None and len(loads.force):
-        face_forces(problem, loads.cells, loads.direction, loads.force / force)
+        face_forces(problem, loads.cells, loads.direction, loads.force / scales.force)
     return problem
+
+
+def _face_zeros(rim: NDArray[np.int32]) -> FaceFields:
+    axes = range(rim.ndim)
+    return tuple(np.zeros([n + (a == axis) for a, n in enumerate(rim.shape)]) for axis in axes)
+
+
+def _scales(
+    rim: NDArray[np.int32],
+    table: Floats,
+    cell_size: float,
+    thickness: float,
+    sides: Mapping[str, Side],
+    loads: CellLoads | None,
+) -> Scales:
+    """Choose units in which the largest modulus and the largest force are one."""
+    used = [k for k in range(len(table)) if len(table) == 1 or bool(np.any(rim == k))]
+    modulus = float(np.max(table[used, 0]))
+    stiffness = modulus * (thickness if rim.ndim == 2 else cell_size)
+    moved = [
+        float(np.abs(side[1]).max())
+        for side in sides.values()
+        if not isinstance(side, str) and side[0] == "displacement"
+    ]
+    peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
+    force = max([peak, *(stiffness * displacement for displacement in moved)])
+    force = force if force > 0 else stiffness * cell_size
+    return Scales(modulus, force, cell_size, force / stiffness)
+
+
+def _side_fields(
+    rim: NDArray[np.int32], sides: Mapping[str, Side], scales: Scales
+) -> tuple[FaceFields, FaceFields]:
+    """Return the given displacements and the foundation's stiffness of all faces, scaled."""
+    fixed, spring = _face_zeros(rim), _face_zeros(rim)
+    for name, side in sides.items():
+        if isinstance(side, str):
+            continue
+        index = SIDES[rim.ndim].index(name)
+        value = np.asarray(side[1], dtype=np.float64)
+        if side[0] == "displacement":
+            _prescribe(fixed, index, value / scales.displacement)
+        elif side[0] == "foundation":
+            layer = list(rim_layer(rim.ndim, index))
+            layer[index // 2] = -2 if index % 2 else 1
+            spring[index // 2][tuple(layer)] = float(value) * scales.length / scales.modulus
+    return fixed, spring
 
 
 def _prescribe(fixed: FaceFields, index: int, displacement: Floats) -> None:

@@ -13,7 +13,7 @@ from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.model.scene.kinds import AIR
 
 from .push_kernels import replay, seat
-from .push_state import PushState
+from .push_state import Floats, Integers, PushState
 from .push_table import PushTable
 
 if TYPE_CHECKING:
@@ -65,15 +65,14 @@ class AgentPushEngine:
         self.tree = seat(self.state.measured(0))
         self.post: list[tuple[int, float]] | None = None
 
-    def push_together(self) -> None:
-        """Let all agents above the threshold take the share ω of their loads at once."""
-        state, ground = self.state, self.state.grounds[0]
-        acting = np.flatnonzero(state.measured(0) > state.threshold)
-        agents = [self.agent(0, number) for number in acting.tolist()]
+    def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
+        """Let agents of a level take loads (N) at once, each its own."""
+        state, ground = self.state, self.state.grounds[level]
+        agents = [self.agent(level, number) for number in acting.tolist()]
         left, moved = ground.left[acting], ground.displacement[acting]
         self.post = []
-        for agent in agents:
-            agent.step()
+        for agent, load in zip(agents, loads.tolist(), strict=True):
+            agent.act(load)
         post, self.post = self.post, None
         for target, load in post:
             ground.left[target] += load
@@ -112,7 +111,7 @@ class AgentPushEngine:
         ground = self.state.grounds[level]
         before, moved = ground.left[number], ground.displacement[number]
         agent = self.agent(level, number)
-        agent.step()
+        agent.act(agent.left)
         yielded = ground.displacement[number] - moved
         self.state.energy -= 0.5 * float(yielded * (before + ground.left[number]))
         self.state.pushes += 1
@@ -141,15 +140,15 @@ class AgentPushEngine:
     def boundary_agent(self, number: int) -> FreeBoundaryAgent:
         """Return the agent of an air cell; it spawns if there is none yet."""
         if number not in self.air:
-            cell = self._cell(("air", *self.open_air.cells[number].tolist()))
+            cell = self._cell(("air", *(self.open_air.cells[number] + self.table.origin).tolist()))
             self.air[number] = FreeBoundaryAgent(self.model, cell)
         return self.air[number]
 
     def wake_supports(self) -> None:
         """Let an agent spawn in every supporting cell that a load has reached."""
-        axes, state = self.table.place_axes, self.state
-        faces = self.table.levels[0].size
-        kinds = self.table.scene.kinds(self.holding.cells)
+        table, state = self.table, self.state
+        axes, faces = table.place_axes, table.levels[0].size
+        kinds = table.grid.kinds(self.holding.cells + table.origin)
         for number in np.flatnonzero(self.holding.first(state.place_step)).tolist():
             if number in self.supports:
                 continue
@@ -159,7 +158,7 @@ class AgentPushEngine:
                 (int(axes[place]), faces + int(place), float(part))
                 for place, part in zip(links.indices[row], links.data[row], strict=True)
             )
-            cell = self._cell(("support", *self.holding.cells[number].tolist()))
+            cell = self._cell(("support", *(self.holding.cells[number] + table.origin).tolist()))
             agent = SupportAgent(self.model, cell, int(kinds[number]), state.grounds[0], held)
             agent.spawn_step = max(state.generation, 1)
             self.supports[number] = agent
@@ -180,12 +179,12 @@ class AgentPushEngine:
             low = index.copy()
             low[axis] -= 1
             kinds = [int(table.problem.kinds[tuple(cell)]) for cell in (low, index)]
-            materials = [table.scene.cell_materials[kind] for kind in kinds if kind > AIR]
+            materials = [table.grid.cell_materials[kind] for kind in kinds if kind > AIR]
         return Place(
             level,
             number,
             axis,
-            tuple((index - 1).tolist()),
+            tuple((index - 1 + (np.array(table.origin) if level == 0 else 0)).tolist()),
             table.positions(level)[number],
             tuple(materials),
             float(table.levels[level].stiffness[number]),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .push_kernels import push_in_turn, push_largest, seat
-from .push_state import PushState
+from .push_state import Floats, Integers, PushState
 from .push_table import PushTable
 
 
@@ -18,12 +18,10 @@ class ArrayPushEngine:
     ----------
     table : PushTable
         Who passes how much to whom.
-    share : float
-        ω, by which agents yield in a wave.
     """
 
-    def __init__(self, table: PushTable, share: float) -> None:
-        self.table, self.share = table, share
+    def __init__(self, table: PushTable) -> None:
+        self.table = table
         self.reset()
 
     def reset(self) -> None:
@@ -31,19 +29,17 @@ class ArrayPushEngine:
         self.state = PushState(self.table)
         self.tree = seat(self.state.measured(0))
 
-    def push_together(self) -> None:
-        """Let all agents above the threshold take the share ω of their loads at once."""
-        state, level, ground = self.state, self.table.levels[0], self.state.grounds[0]
-        acting = np.flatnonzero(state.measured(0) > state.threshold)
+    def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
+        """Let agents of a level take loads (N) at once, each its own."""
+        state, agents, ground = self.state, self.table.levels[level], self.state.grounds[level]
         ground.spawn_step[acting[ground.spawn_step[acting] == 0]] = state.generation + 1
         before = ground.left[acting]
-        load = self.share * before
-        yielded = load / level.stiffness[acting]
+        yielded = loads / agents.stiffness[acting]
         ground.displacement[acting] += yielded
-        ground.left[acting] -= load
-        ground.taken[acting] += np.abs(load)
-        passed = level.shares[acting]
-        amount = passed.data * np.repeat(load, np.diff(passed.indptr))
+        ground.left[acting] -= loads
+        ground.taken[acting] += np.abs(loads)
+        passed = agents.shares[acting]
+        amount = passed.data * np.repeat(loads, np.diff(passed.indptr))
         np.add.at(ground.left, passed.indices, amount)
         state.energy -= 0.5 * float(yielded @ (before + ground.left[acting]))
         state.pushes += len(acting)

@@ -27,7 +27,7 @@ class Boundary:
     Attributes
     ----------
     cells : array of int, shape (boundary cells, dimension)
-        Cell coordinates, counted without the rim.
+        Cell coordinates, counted from the arrays' first cell without the rim.
     links : sparse array, shape (boundary cells, columns)
         How much of each column belongs to each cell.
     """

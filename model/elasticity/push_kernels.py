@@ -1,6 +1,6 @@
 """Agents as rows of arrays: pushes one after another, compiled.
 
-The plain twin of these functions is the agent itself: `FaceAgent.step`.
+The plain twin of these functions is the agent itself: `FaceAgent.act`.
 """
 
 # mypy: disable-error-code="no-untyped-def"

@@ -111,6 +111,18 @@ class PushState:
         ground.left[: finer.size] -= load
         ground.left[:] += finer.arrivals @ load
 
+    def settling_loads(self, level: int) -> Floats:
+        """Return what the agents of a small level must take for nothing to be left."""
+        agents, ground = self.table.levels[level], self.grounds[level]
+        own = np.eye(agents.size) - agents.shares.toarray()[:, : agents.size]
+        stands = np.flatnonzero(agents.stiffness > 0.0)
+        root = np.sqrt(agents.stiffness[stands])
+        scaled = root[:, None] * own[np.ix_(stands, stands)] / root
+        moved = np.linalg.solve(0.5 * (scaled + scaled.T), ground.left[stands] / root)
+        loads = np.zeros(agents.size)
+        loads[stands] = root * moved
+        return loads
+
     def note_supports(self) -> None:
         """Note which supports a load has reached by now."""
         carried = self.grounds[0].left[self.table.levels[0].size :]

@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.errors import SceneError
 
-from .problem import ABSENT, ACTIVE, FIXED, CellLoads, ElasticProblem, Side, make_problem
+from .from_scene import Origin, problem_of_scene
+from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem
 from .push_boundary import Boundary, free_surfaces, supports
 from .staggered import Numbering, stiffness_matrix
+from .supports import check_supports, slender_cell
 from .transfer import coarsen
 
 if TYPE_CHECKING:
@@ -88,9 +90,18 @@ class PushTable:
     ----------
     scene : Scene
         A scene of squares or cubes whose rule is an `ElasticRule`.
+    stage : int, optional
+        Stage of loading; the last one by default.
 
     Attributes
     ----------
+    grid : Scene
+        The scene on the cells whose faces the agents stand on: its own, or, if a member is
+        only one cell wide and could not pass on any shear, cells half as large.
+    problem : ElasticProblem
+        The scaled arrays, cut to the box round the body.
+    origin : tuple of int
+        The grid's cell that is the arrays' first.
     levels : tuple of PushLevel
         The faces of the cells, then those of their parents, if the order has any.
     unit : float
@@ -108,16 +119,20 @@ class PushTable:
     ------
     SceneError
         If the cells are hexagons or the rule is another one.
+    SupportError
+        If a part of the body could move without straining.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, stage: int | None = None) -> None:
         if not isinstance(scene.rule, ElasticRule):
             raise SceneError(
                 f"rule.kind: ElasticModel passes loads on by the elastic rule, got "
                 f'{scene.rule.kind!r}; set kind = "elastic", or take LoadModel'
             )
-        self.scene, self.rule = scene, scene.rule
-        self.problem = problem_from(scene)
+        self.rule = scene.rule
+        self.grid, self.problem, self.origin = _grid_of(scene, stage)
+        self.subdivision = 1 if self.grid is scene else 2
+        check_supports(self.problem, self.origin, self.subdivision)
         scales = self.problem.scales
         self.unit = scales.force / scales.displacement
         states = self.problem.face_states()
@@ -228,8 +243,8 @@ class PushTable:
         axis, index = self.levels[level].place
         centre: Floats = index.astype(np.float64) - 0.5
         centre[np.arange(len(axis)), axis] -= 0.5
-        centre *= self.problem.scales.length * 2.0**level
-        return centre
+        centre = centre * 2.0**level + np.asarray(self.origin)
+        return centre * self.problem.scales.length
 
 
 def make_level(
@@ -256,35 +271,18 @@ def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Int
     return np.concatenate(axes), np.concatenate(indices)
 
 
-def problem_from(scene: Scene) -> ElasticProblem:
-    """Return the scene on the staggered grid, in scaled units.
-
-    Raises
-    ------
-    SceneError
-        If the cells are hexagons, or there are more than 2e8 of them.
-    """
-    lattice, applied = scene.lattice, scene.applied()
-    if lattice.kind == "hexagon":
+def _grid_of(scene: Scene, stage: int | None) -> tuple[Scene, ElasticProblem, Origin]:
+    """Return the cells on which agents stand: the scene's own, or halves of them."""
+    problem, origin = problem_of_scene(scene, stage)
+    if slender_cell(problem) is None:
+        return scene, problem, origin
+    grid = scene.refine(2)
+    problem, origin = problem_of_scene(grid, stage)
+    cell = slender_cell(problem)
+    if cell is not None:
+        place = ", ".join(str(a + b) for a, b in zip(cell, origin, strict=True))
         raise SceneError(
-            "body.lattice: the elastic rule needs squares or cubes, got 'hexagon'; hexagons of an "
-            "elastic body are a spring network"
+            f"body: a member is one cell wide at cell ({place}) even if cells are halved, so no "
+            "shear can pass; widen it"
         )
-    sides: dict[str, Side] = {}
-    for name in lattice.sides:
-        condition = scene.side_condition(name)
-        if condition.stiffness is not None:
-            sides[name] = ("foundation", condition.stiffness)
-        elif condition.displacement is not None:
-            sides[name] = ("displacement", condition.displacement)
-        else:
-            sides[name] = condition.kind
-    return make_problem(
-        scene.rasterise().astype(np.int64),
-        [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials],
-        lattice.cell_size,
-        plane=scene.plane,
-        thickness=scene.thickness,
-        sides=sides,
-        loads=CellLoads(applied.cells, applied.direction, applied.force),
-    )
+    return grid, problem, origin

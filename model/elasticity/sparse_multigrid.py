@@ -21,6 +21,8 @@ from .transfer import coarsen
 
 Vector = NDArray[np.float64]
 
+PARENTS_AT_ONCE = 100_000
+
 
 @njit(cache=True, fastmath=True)
 def sweep_rows(indptr, indices, values, inverse, load, x, backward):  # type: ignore[no-untyped-def]
@@ -41,7 +43,6 @@ class Level:
     matrix: sp.csr_array
     inverse: Vector
     prolong: sp.csr_array | None = None
-    restrict: sp.csr_array | None = None
 
     def sweep(self, load: Vector, x: Vector, *, backward: bool) -> None:
         """One Gauss-Seidel sweep, in the opposite order if `backward`."""
@@ -69,14 +70,14 @@ class SparseMultigrid:
     ) -> None:
         self.sweeps = sweeps
         self.levels = [_level(matrix)]
-        while self.levels[-1].matrix.shape[0] > coarsest:
+        # Even a small body has parents: what they miss is the estimate of the grid's error.
+        while self.levels[-1].matrix.shape[0] > (coarsest if len(self.levels) > 1 else 12):
             numbering, prolong = coarsen(numbering)
             fine = self.levels[-1]
             if prolong.shape[1] > 0.7 * prolong.shape[0]:
                 break
             fine.prolong = prolong
-            fine.restrict = sp.csr_array(prolong.T)
-            self.levels.append(_level(sp.csr_array(fine.restrict @ (fine.matrix @ prolong))))
+            self.levels.append(_level(_galerkin(fine.matrix, prolong)))
         self._direct = splu(_regular(self.levels[-1].matrix))
 
     def apply(self, x: Vector) -> Vector:
@@ -99,8 +100,8 @@ class SparseMultigrid:
         """
         loads = [load]
         for level in self.levels[:-1]:
-            assert level.restrict is not None
-            loads.append(level.restrict @ loads[-1])
+            assert level.prolong is not None
+            loads.append(np.asarray(level.prolong.T @ loads[-1]))
         x, energy = np.asarray(self._direct.solve(loads[-1])), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             level = self.levels[at]
@@ -118,16 +119,26 @@ class SparseMultigrid:
 
     def _cycle(self, at: int, load: Vector) -> Vector:
         level = self.levels[at]
-        if level.prolong is None or level.restrict is None:
+        if level.prolong is None:
             return np.asarray(self._direct.solve(load))
         x = np.zeros_like(load)
         for _ in range(self.sweeps):
             level.sweep(load, x, backward=False)
         left = load - level.matrix @ x
-        x += level.prolong @ self._cycle(at + 1, level.restrict @ left)
+        x += level.prolong @ self._cycle(at + 1, np.asarray(level.prolong.T @ left))
         for _ in range(self.sweeps):
             level.sweep(load, x, backward=True)
         return x
+
+
+def _galerkin(matrix: sp.csr_array, prolong: sp.csr_array) -> sp.csr_array:
+    """Return P'AP, some rows at a time: all at once would need several times the memory."""
+    restrict = sp.csr_array(prolong.T)
+    parts = [
+        (restrict[first : first + PARENTS_AT_ONCE] @ matrix) @ prolong
+        for first in range(0, restrict.shape[0], PARENTS_AT_ONCE)
+    ]
+    return parts[0] if len(parts) == 1 else sp.csr_array(sp.vstack(parts, format="csr"))
 
 
 def _level(matrix: sp.csr_array) -> Level:

@@ -54,7 +54,7 @@ def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
 
 
 def edge_modulus(
-    problem: ElasticProblem, pair: Pair, reentrant: float = REENTRANT_WEIGHT
+    problem: ElasticProblem, pair: Pair, *, reentrant: float = REENTRANT_WEIGHT
 ) -> Floats:
     """Return the shear modulus of the edges between the axes of a pair.
 
@@ -237,4 +237,12 @@ def _differences(columns: int, terms: list[tuple[NDArray[np.int64], float]]) -> 
     row = np.concatenate([np.flatnonzero(index >= 0) for index, _ in terms])
     column = np.concatenate([index[index >= 0] for index, _ in terms])
     value = np.concatenate([np.full(np.count_nonzero(i >= 0), w) for i, w in terms])
-    return sp.csr_array((value, (row, column)), shape=(count, columns))
+    return compact(row, column, value, (count, columns))
+
+
+def compact(
+    row: NDArray[np.int64], column: NDArray[np.int64], value: Floats, shape: tuple[int, int]
+) -> sp.csr_array:
+    """Return a sparse matrix with indices of half the size, where they suffice."""
+    kind = np.int32 if max(len(value), *shape) < 2**31 else np.int64
+    return sp.csr_array((value, (row.astype(kind), column.astype(kind))), shape=shape)

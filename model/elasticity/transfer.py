@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .problem import ABSENT, ACTIVE, FIXED
-from .staggered import Numbering
+from .staggered import Numbering, compact
 
 States = NDArray[np.int8]
 Index = NDArray[np.int64]
@@ -89,7 +89,7 @@ def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> 
     column = np.concatenate([c[(c >= 0) & (w != 0)] for c, w in terms])
     weight = np.concatenate([w[(c >= 0) & (w != 0)] for c, w in terms])
     size = (len(child), int(np.count_nonzero(coarse == ACTIVE)))
-    return sp.csr_array((weight, (row, column)), shape=size)
+    return compact(row, column, weight, size)
 
 
 def _across(

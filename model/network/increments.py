@@ -108,18 +108,14 @@ class IncrementalLoading:
     def step(self) -> None:
         """Take one increment of the load.
 
-        Raises
-        ------
-        MechanismError, BucklingError
-            If the network gives way.
-        ConvergenceError
-            If the increment is too large to follow the springs.
+        Raises `MechanismError` or `BucklingError` if the network gives way, and
+        `ConvergenceError` if the increment is too large to follow the springs.
         """
         last = self.records[-1]
         goal = (self.steps + 1) / self.increments
         take = self._newton_step if self.scheme == "newton" else self._euler_step
         record = take(last, goal)
-        if self.steps + 1 == self.increments * self.network.stages:
+        if self.scheme == "newton" and self.steps + 1 == self.increments * self.network.stages:
             self._check_stability(record)
         self.records.append(record)
 
@@ -280,7 +276,8 @@ def load_in_increments(
 ) -> NetworkResult:
     """Load a network by forward Euler: one linear system for every increment.
 
-    The error falls in proportion to the size of the increments; `solve` has none of it.
+    The error falls in proportion to the size of the increments; `solve` has none of it. Only
+    the states that a step starts from are checked for stability, not the last one.
     Arguments and errors are those of `IncrementalLoading` and its `step`.
     """
     return IncrementalLoading(network, increments, scheme="euler", method=method).run()
@@ -297,7 +294,4 @@ def solve(
 
     Arguments and errors are those of `IncrementalLoading` and its `step`.
     """
-    loading = IncrementalLoading(
-        network, increments, scheme="newton", method=method, tolerance=tolerance
-    )
-    return loading.run()
+    return IncrementalLoading(network, increments, method=method, tolerance=tolerance).run()

@@ -42,7 +42,7 @@ class MultigridSolver:
         except ImportError as missing:
             raise MissingExtraError(
                 f"{len(assembler.free)} free coordinates are too many for sparse LU, and "
-                "algebraic multigrid needs pyamg: pip install 'kaju[fem]', or ask for "
+                "algebraic multigrid needs pyamg: pip install 'kaju[amg]', or ask for "
                 "method='direct' and have memory for it"
             ) from missing
         self._modes = rigid_body_modes(assembler)

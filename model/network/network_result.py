@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 
 from kaju import __version__
-from kaju.errors import ResultError, ResultFileError
+from kaju.errors import ResultError
 from kaju.model.result import Result, read_archive, write_archive
 
 from .geometry import spring_forces, spring_geometry
@@ -38,7 +38,7 @@ _NETWORK_ARRAYS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NetworkResult(Result):
     """States of a spring network along its load path.
 
@@ -67,6 +67,7 @@ class NetworkResult(Result):
         Time taken (s).
     """
 
+    kind: ClassVar[str] = "spring network"
     network: SpringNetwork
     stage: Floats
     displacement: Floats
@@ -180,7 +181,7 @@ class NetworkResult(Result):
         stretched, pressed = float(self.tension[-1].max()), float(self.tension[-1].min())
         return {
             "model": "spring network",
-            "version": __version__,
+            "kaju_version": __version__,
             "nodes": len(self.network.positions),
             "springs": len(self.network.springs),
             "dimension": self.network.dimension,
@@ -261,15 +262,13 @@ class NetworkResult(Result):
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         arrays |= {"network_" + name: getattr(self.network, name) for name in _NETWORK_ARRAYS}
         text = {
-            "model": "spring network",
-            "version": __version__,
             "names": [encoded(name) for name in self.network.names],
             "notes": list(self.network.notes),
             "scheme": self.scheme,
             "method": self.method,
             "seconds": self.seconds,
         }
-        return write_archive(path, arrays, text)
+        return write_archive(path, self.kind, arrays, text)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -280,12 +279,7 @@ class NetworkResult(Result):
         ResultFileError
             If the file is missing, or is no result of a spring network.
         """
-        arrays, text = read_archive(path)
-        if text.get("model") != "spring network":
-            raise ResultFileError(
-                f"{path}: holds a result of the model {text.get('model')!r}, not of a spring "
-                "network"
-            )
+        arrays, text = read_archive(path, cls.kind)
         network = SpringNetwork(
             **{name: arrays["network_" + name] for name in _NETWORK_ARRAYS},
             names=tuple(decoded(name) for name in text["names"]),

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _MOST_AT_ONCE = 2**20
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Squeeze:
     """How much the agents of a stage are squeezed along the axes of the lattice.
 
@@ -91,7 +91,7 @@ def squeeze(scene: Scene, stage: Stage) -> Squeeze:
     return Squeeze(lattice, pressure, strain, strain * free[stage.material, None])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LineDisplacement:
     """Displacement along one axis, on all lines of cells that agents lie on.
 

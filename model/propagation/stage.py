@@ -54,7 +54,7 @@ class Ledger:
         return max(abs(entered - left), handed - entered, 0.0) / entered if entered else 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class History:
     """Loads taken, generation by generation: one row per agent, direction and generation.
 
@@ -72,7 +72,7 @@ class History:
     load: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stage:
     """The agents of one stage of loading, in the order in which they spawned.
 

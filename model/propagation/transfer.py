@@ -37,7 +37,7 @@ class Transfer:
         if not isinstance(scene.rule, PrescribedRule):
             raise SceneError(
                 "rule.kind: LoadModel passes loads on by a prescribed rule, "
-                f'got {scene.rule.kind!r}; set kind = "prescribed"'
+                f'got {scene.rule.kind!r}; set kind = "prescribed", or take ElasticModel'
             )
         self.lattice: Lattice = scene.lattice
         self.rule = scene.rule

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.errors import ResultError, ResultFileError
-from kaju.model.result import Result, cells_of_points, read_archive, write_archive
+from kaju.errors import ResultError
+from kaju.model.result import BodyResult, cells_of_points, read_archive, write_archive
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import pandas
 
 
-@dataclass(frozen=True)
-class TransferResult(Result):
+@dataclass(frozen=True, eq=False, repr=False)
+class TransferResult(BodyResult):
     """What the agents of a load-transfer run have taken, kept and passed on.
 
     Strain, stress, displacement and the agents themselves are those of the last stage of
@@ -45,6 +45,7 @@ class TransferResult(Result):
         Time that the run took (s).
     """
 
+    kind: ClassVar[str] = "load transfer"
     scene: Scene
     stages: tuple[Stage, ...]
     certificate: Certificate
@@ -115,6 +116,26 @@ class TransferResult(Result):
         """
         points, cells = cells_of_points(self.scene, points)
         return self.displacement_field.at(points, cells)
+
+    def stress_at(self, points: NDArray[np.float64]) -> FloatArray:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
+
+        Stress is the same all over a cell, and 0 in cells that no load reached.
+
+        Raises
+        ------
+        ResultError
+            If the points have another dimension or lie outside the body.
+        """
+        _, cells = cells_of_points(self.scene, points)
+        key, agents = self.scene.lattice.key(cells), self.scene.lattice.key(self.last.cells)
+        tensors = np.zeros((len(key), *self.stress.shape[1:]))
+        if len(agents):
+            order = np.argsort(agents)
+            place = order[np.minimum(np.searchsorted(agents[order], key), len(agents) - 1)]
+            awake = agents[place] == key
+            tensors[awake] = self.stress[place[awake]]
+        return tensors
 
     def load_path(self) -> networkx.DiGraph:
         """Return who loaded whom, with the loads as edge weights (N)."""
@@ -190,14 +211,12 @@ class TransferResult(Result):
         text, scene_arrays = self.scene.to_archive()
         arrays |= {f"scene.{name}": array for name, array in scene_arrays.items()}
         about = {
-            "kind": "transfer",
             "scene": text,
             "stages": described,
             "certificate": asdict(self.certificate),
             "seconds": self.seconds,
-            "kaju_version": __version__,
         }
-        return write_archive(path, arrays, about)
+        return write_archive(path, self.kind, arrays, about)
 
     @classmethod
     def load(cls, path: str | Path) -> TransferResult:
@@ -208,11 +227,7 @@ class TransferResult(Result):
         ResultFileError
             If the file is missing, or holds something else.
         """
-        arrays, about = read_archive(path)
-        if about.get("kind") != "transfer":
-            raise ResultFileError(
-                f"{path}: holds a result of kind {about.get('kind')!r}, not of load transfer"
-            )
+        arrays, about = read_archive(path, cls.kind)
         scene_arrays = {
             name.removeprefix("scene."): array
             for name, array in arrays.items()

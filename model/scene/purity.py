@@ -70,8 +70,8 @@ class Purity:
         else:
             kind = self._base(lower, exponent)
         h = filling.lattice.cell_size
-        low = (lower + 0.5) * h
-        high = (lower + (1 << exponent) - 0.5) * h
+        low = np.asarray((lower + 0.5) * h)
+        high = np.asarray((lower + (1 << exponent) - 0.5) * h)
         for region in filling.regions:
             kind = _covered(kind, region, low, high)
         return kind
@@ -80,7 +80,7 @@ class Purity:
         level = min(exponent, len(self._pyramid) - 1)
         if level < exponent:
             return np.full(len(lower), MIXED, dtype=np.int64)
-        return self._pyramid[level][tuple((lower >> exponent).T)].astype(np.int64)
+        return np.asarray(self._pyramid[level][tuple((lower >> exponent).T)], dtype=np.int64)
 
 
 def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:

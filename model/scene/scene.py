@@ -22,7 +22,7 @@ from .lattice import Cells, Lattice
 from .overrides import overridden
 from .purity import Purity
 from .reading import table_from, table_from_archive
-from .refinement import refined_body, refined_loads
+from .refinement import rasterised_body, refined_body, refined_loads
 from .rule_tables import check_rule
 from .selection import select
 from .sides import FREE, SideCondition
@@ -250,7 +250,13 @@ class Scene(Description):
         save(path, self._table(), self._contents.picture)
 
     def to_archive(self) -> tuple[str, dict[str, NDArray[Any]]]:
-        """Return the scene as TOML and the arrays that it refers to; see `from_archive`."""
+        """Return the scene as TOML and the arrays that it refers to; see `from_archive`.
+
+        Regions that are images are turned into cells, so that no other file is needed.
+        """
+        if any(region.image is not None for region in self.body.regions):
+            body, legend = rasterised_body(self.body, self.rasterise(), self.cell_materials)
+            return self.replace(body=body, legend=legend).to_archive()
         return archive_of(self._table(), self._contents.picture)
 
     @classmethod

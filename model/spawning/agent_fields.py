@@ -42,7 +42,8 @@ class AgentFields:
         grid = self.balance.grid
         moduli, kind = grid.ground.moduli, grid.leaves.kind
         lateral = moduli.lateral[kind]
-        return lateral * self.stretch.sum(axis=0) + (moduli.stretch[kind] - lateral) * self.stretch
+        shear = moduli.stretch[kind] - lateral
+        return np.asarray(lateral * self.stretch.sum(axis=0) + shear * self.stretch)
 
     @cached_property
     def edge_shear(self) -> dict[Pair, Floats]:

@@ -15,7 +15,7 @@ from .composite import Composite, Floats
 from .edges import Edges
 from .field import oriented
 from .ground import LeafForces
-from .leaves import Index
+from .leaves import Flags, Index
 
 
 class Balance:
@@ -177,7 +177,8 @@ def _couple(edges: Edges, place: tuple[bool, int], leaf: Index, moment: Floats) 
     first, upper = place
     (slope, tilt), turned = oriented(edges, first)  # of u_a along the normal, of u_n along a
     outer, inner = turned[leaf, :, upper], turned[leaf, :, 1 - upper]
-    tilts = np.asarray(tilt.valid & (tilt.wall < 0))[outer]
+    known: Flags = np.asarray(tilt.valid & (tilt.wall < 0), dtype=np.bool_)
+    tilts = known[outer]
     slopes = slope.valid[inner] & ~tilts.any(axis=1)[:, None]
     total = np.zeros(slope.matrix.shape[1])
     for gradient, edge, some, sign in ((tilt, outer, tilts, -1.0), (slope, inner, slopes, 1.0)):

@@ -82,9 +82,8 @@ class Composite:
         self.axis, self.owner, self._side = side // 2, leaf, side
         self.area = self.length[leaf] ** (d - 1)
         self.place = leaves.lower[leaf] + 0.5 * leaves.size[leaf, None]
-        self.place[np.arange(len(leaf)), self.axis] += (
-            np.where(side % 2, 0.5, -0.5) * leaves.size[leaf]
-        )
+        outward = np.where(side % 2, 0.5, -0.5)
+        self.place[np.arange(len(leaf)), self.axis] += outward * leaves.size[leaf]
         self.mean = self._means(other < own_size)
 
     def _past(self, side: int) -> Index:

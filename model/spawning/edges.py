@@ -80,6 +80,7 @@ class Edges:
 
 
 def lay_edges(grid: Composite, pair: Pair) -> Edges:
+    """Return the edges between a pair of axes; `grid` has its faces laid."""
     leaves, n = grid.leaves, len(grid.leaves)
     corner = [_corner(grid, pair, ends) for ends in product((0, 1), repeat=2)]
     point = np.concatenate(corner)
@@ -95,13 +96,12 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
     kinds = _kinds_around(grid, point, pair, around)
     modulus = _edge_modulus(grid, kinds)
     grads, spans = [], []
+    far = _second_half(grid, point, pair, reach)
     for a, b in (pair, pair[::-1]):
-        quads, kind = (
-            (around, kinds) if a == pair[0] else (around[[0, 2, 1, 3]], kinds[[0, 2, 1, 3]])
-        )
-        far = _second_half(grid, point, pair, reach)
-        far = None if far is None else (far if a == pair[0] else far[[0, 2, 1, 3]])
-        gradient, span = _gradient(grid, a, b, point, quads, far, kind, modulus > 0)
+        turn = [0, 1, 2, 3] if a == pair[0] else [0, 2, 1, 3]
+        quads, kind = around[turn], kinds[turn]
+        beyond = None if far is None else far[turn]
+        gradient, span = _gradient(grid, a, b, point, quads, beyond, kind, modulus > 0)
         grads.append(gradient)
         spans.append(span)
     weight = spans[0] * spans[1] * reach / grid.ground.cell
@@ -163,14 +163,12 @@ def _gradient(
     `quads` are the leaves (a-, b-), (a-, b+), (a+, b-), (a+, b+) of the edge.
     """
     count = len(point)
-    sides = [
-        _sample(grid, a, quads[[e, 2 + e]], None if far is None else far[[e, 2 + e]])
-        for e in (0, 1)
-    ]
-    offsets = [np.where(s[0], s[1], 0.0) for s in sides]
-    span = np.where(sides[0][0], offsets[0], offsets[1]) + np.where(
-        sides[1][0], offsets[1], offsets[0]
-    )
+    halves = [None if far is None else far[[end, 2 + end]] for end in (0, 1)]
+    sides = [_sample(grid, a, quads[[end, 2 + end]], halves[end]) for end in (0, 1)]
+    present = np.stack([side[0] for side in sides])
+    offset = np.where(present, np.stack([side[1] for side in sides]), 0.0)
+    # A wall lies as far beyond the edge as the face that it holds lies before it.
+    span = np.where(present.all(axis=0), offset.sum(axis=0), 2 * offset.sum(axis=0))
     span = np.where(span > 0, span, 1.0)
     constant, pull = np.zeros(count), np.zeros(count)
     wall = np.full(count, -1, dtype=np.int64)

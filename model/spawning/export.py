@@ -87,7 +87,7 @@ def write_vtk(result: SpawnedResult, path: str | Path) -> Path:
 
 
 def corners(result: SpawnedResult, order: Floats) -> tuple[Floats, Floats]:
-    """Return corners (m) of the agents and their displacements (m), (agents, corners, dimension)."""
+    """Return corners of the agents and their displacements (m), (agents, corners, dimension)."""
     points, moved = [], []
     for corner in order:
         place = result.lower + corner * result.size[:, None]

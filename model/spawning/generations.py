@@ -126,7 +126,8 @@ def spawn(ground: Ground, tolerance: float, most_agents: int) -> Spawning:
 
 def _first(ground: Ground) -> tuple[Balance, list[str]]:
     """Return the first agents; members one agent wide get smaller ones."""
-    leaves, notes = ground.start(), []
+    leaves = ground.start()
+    notes: list[str] = []
     grid = Composite(ground, leaves)
     while True:
         thin = slender(grid)

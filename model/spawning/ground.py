@@ -169,12 +169,9 @@ class Ground:
         unfit[leaf[count != (leaves.size[leaf] // self.cell) ** power]] = True
         first = np.zeros((len(group), self.dimension))
         first[inverse[::-1]] = self._force[large][::-1]
-        uneven = np.any(
-            np.abs(self._force[large] - first[inverse])
-            > 1e-9 * np.abs(first[inverse]).max(initial=0),
-            axis=1,
-        )
-        unfit[owner[uneven]] = True
+        largest = np.abs(first).max(initial=0.0)
+        unlike = np.abs(self._force[large] - first[inverse]) > 1e-9 * largest
+        unfit[owner[unlike.any(axis=1)]] = True
         return unfit
 
     def forces(self, leaves: Leaves) -> LeafForces:

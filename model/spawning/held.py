@@ -107,9 +107,9 @@ def slender(grid: Composite) -> Flags:
                 continue
             edges = grid.edges[min(axis, across), max(axis, across)]
             table = oriented(edges, axis < across)[1]
-            bare = ~(edges.modulus[table[:, end]] > 0).any(axis=1)
+            smooth = ~(edges.modulus[table[:, end]] > 0).any(axis=1)
             held = pinned[:, across] & (rigid[:, side] | pinned[other, across])
-            here = bare & ((other >= 0) | rigid[:, side]) & ~held
-            loose |= here
-            loose[other[here & (other >= 0)]] = True
+            sliding = smooth & ((other >= 0) | rigid[:, side]) & ~held
+            loose |= sliding
+            loose[other[sliding & (other >= 0)]] = True
     return loose

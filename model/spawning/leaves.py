@@ -93,7 +93,7 @@ class Leaves:
     @property
     def dimension(self) -> int:
         """2 or 3."""
-        return self.lower.shape[1]
+        return int(self.lower.shape[1])
 
     def find(self, points: Index) -> Index:
         """Return the leaf that holds each unit cell, -1 where there is none."""
@@ -145,12 +145,8 @@ class Leaves:
             if not chosen.any():
                 break
             fresh = leaves.code[chosen]
-            ends = fresh + _volume(leaves.size[chosen], self.dimension)
+            ends = fresh + leaves.size[chosen] ** self.dimension
             leaves = leaves.split(chosen, step, np.full(len(leaves), np.nan))
             at = np.searchsorted(fresh, leaves.code, side="right") - 1
             young = (at >= 0) & (leaves.code < ends[np.maximum(at, 0)])
         return leaves
-
-
-def _volume(size: Index, dimension: int) -> Index:
-    return size**dimension

@@ -47,7 +47,7 @@ class NestedMultigrid:
         else:
             prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
             level = _level(balance)
-            level.prolong, level.restrict = prolong, sp.csr_array(prolong.T)
+            level.prolong = prolong
             self._levels.append(level)
         self._balance = balance
         return whole
@@ -82,13 +82,13 @@ class NestedMultigrid:
 
     def _cycle(self, at: int, load: Floats) -> Floats:
         level = self._levels[at]
-        if level.prolong is None or level.restrict is None:
+        if level.prolong is None:
             return np.asarray(self._direct.solve(load))
         x = np.zeros_like(load)
         for _ in range(SWEEPS):
             level.sweep(load, x, backward=False)
         left = load - level.matrix @ x
-        x += level.prolong @ self._cycle(at - 1, level.restrict @ left)
+        x += level.prolong @ self._cycle(at - 1, np.asarray(level.prolong.T @ left))
         for _ in range(SWEEPS):
             level.sweep(load, x, backward=True)
         return x

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.errors import ResultFileError
 from kaju.model.elasticity import fields
-from kaju.model.result import Result, cells_of_points, read_archive, write_archive
+from kaju.model.result import BodyResult, cells_of_points, read_archive, write_archive
 from kaju.model.scene import Scene
 
 from .agent_fields import AgentFields
@@ -31,7 +30,7 @@ _ARRAYS = ("lower", "size", "kind", "step", "cause")
 
 
 @dataclass(frozen=True, eq=False)
-class SpawnedResult(Result):
+class SpawnedResult(BodyResult):
     """Linear elasticity of a scene by agents that are small only where they have to be.
 
     Arrays over agents are in the order of `agents`: a space-filling curve through the body.
@@ -50,6 +49,8 @@ class SpawnedResult(Result):
         Agents and displacements in scaled units, and the history.
     seconds : float
     """
+
+    kind: ClassVar[str] = "spawned"
 
     scene: Scene
     stage: int | None
@@ -103,7 +104,7 @@ class SpawnedResult(Result):
     def level(self) -> Index:
         """How often the largest agent would be halved to give each agent, shape (agents,)."""
         size = self._leaves.size
-        return np.rint(np.log2(size.max() / size)).astype(np.int64)
+        return np.asarray(np.rint(np.log2(size.max() / size)), dtype=np.int64)
 
     @property
     def spawn_step(self) -> Index:
@@ -274,7 +275,6 @@ class SpawnedResult(Result):
             for name in ("energy", "error", "residuals", "levels", "reached", "stopped", "notes")
         }
         about = {
-            "kind": "spawned",
             "scene": text,
             "stage": self.stage,
             "tolerance": self.tolerance,
@@ -282,9 +282,8 @@ class SpawnedResult(Result):
             "spawning": history,
             "generations": [list(g) for g in self.spawning.generations],
             "seconds": self.seconds,
-            "kaju_version": __version__,
         }
-        return write_archive(path, arrays, about)
+        return write_archive(path, self.kind, arrays, about)
 
     @classmethod
     def load(cls, path: str | Path) -> SpawnedResult:
@@ -295,11 +294,7 @@ class SpawnedResult(Result):
         ResultFileError
             If the file is missing, or holds something else.
         """
-        arrays, about = read_archive(path)
-        if about.get("kind") != "spawned":
-            raise ResultFileError(
-                f"{path}: holds a result of kind {about.get('kind')!r}, not of spawned agents"
-            )
+        arrays, about = read_archive(path, cls.kind)
         own = {k.removeprefix("scene."): v for k, v in arrays.items() if k.startswith("scene.")}
         scene = Scene.from_archive(about["scene"], own)
         ground = ground_of(scene, about["stage"], about["resolution"])

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
     from kaju.model.solving import solve as solve
+    from kaju.model.spawning.spawned_result import SpawnedResult as SpawnedResult
+    from kaju.model.stored import load_result as load_result
     from kaju.view import animate as animate
     from kaju.view import plot as plot
 
@@ -54,12 +56,14 @@ _HOME = {
     "PrescribedRule": "kaju.agents.rules",
     "Result": "kaju.model.result",
     "Scene": "kaju.model.scene",
+    "SpawnedResult": "kaju.model.spawning.spawned_result",
     "SpringNetwork": "kaju.model.network",
     "ThreeElement": "kaju.agents.rheology",
     "TransferResult": "kaju.model.propagation.transfer_result",
     "animate": "kaju.view",
     "creep": "kaju.model.creep",
     "load_scene": "kaju.model.scene",
+    "load_result": "kaju.model.stored",
     "material": "kaju.agents.materials",
     "plot": "kaju.view",
     "solve": "kaju.model.solving",

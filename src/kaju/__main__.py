@@ -87,22 +87,25 @@ def animate_result(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="FILE", help="A .gif or .mp4 file.")
     ] = None,
-    what: Annotated[str, typer.Option(help="generations or stages.")] = "generations",
+    what: Annotated[
+        str | None, typer.Option(help="generations (unless given), stages or increments.")
+    ] = None,
     frames_per_second: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 2.0,
     force: Force = False,
 ) -> None:
     """Animate a stored run; nothing is computed again."""
-    from kaju.model.propagation.transfer_result import TransferResult
+    from kaju.model.stored import load_result
     from kaju.view import animate
 
-    source = stored / "result.npz" if stored.is_dir() else stored
-    if source.suffix == ".toml":
+    if stored.suffix == ".toml":
         raise ParameterError(
-            f"{source}: is a scene; run it first (kaju run {source}), then animate its folder"
+            f"{stored}: is a scene; run it first (kaju run {stored}), then animate its folder"
         )
-    target = out or source.with_name(f"{what}.gif")
+    result = load_result(stored)
+    folder = stored if stored.is_dir() else stored.parent
+    target = out or folder / f"{what or 'film'}.gif"
     _refuse_to_replace(target, force)
-    typer.echo(animate(TransferResult.load(source), target, what=what, fps=frames_per_second))
+    typer.echo(animate(result, target, what=what, fps=frames_per_second))
 
 
 @app.command()

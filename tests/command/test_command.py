@@ -148,8 +148,8 @@ def test_animate_makes_a_picture_from_a_stored_run(kaju, monkeypatch):
     monkeypatch.setattr(LoadModel, "__init__", lambda *_: pytest.fail("ran again"))
     code, out, _ = kaju("animate", "here")
     assert code == 0
-    assert out.strip() == str(Path("here/generations.gif"))
-    assert Path("here/generations.gif").read_bytes().startswith(b"GIF")
+    assert out.strip() == str(Path("here/film.gif"))
+    assert Path("here/film.gif").read_bytes().startswith(b"GIF")
     code, _, err = kaju("animate", "here")
     assert code == 2
     assert "exists already" in err

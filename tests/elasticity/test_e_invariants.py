@@ -28,7 +28,18 @@ def moment(place, force):
 @EXAMPLES
 @given(bodies())
 def test_forces_and_moments_balance(case):
-    body, _ = case
+    check_balance(case[0])
+
+
+@pytest.mark.slow
+@settings(max_examples=200)
+@given(bodies())
+def test_forces_and_moments_balance_on_two_hundred_bodies(case):
+    check_balance(case[0])
+
+
+def check_balance(body):
+    """Loads and reactions sum up to nothing, and so do their moments."""
     _, problem, solution = body.solve()
     d = problem.dimension
     force_unit = problem.scales.force

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-from elastic_cases import cube, pixel_body, plate
+from elastic_cases import cube, pixel_body, plate, press
 from scipy.sparse.linalg import spsolve
 
+from kaju.model.elasticity import staggered
 from kaju.model.elasticity.engine import solve_problem
+from kaju.model.elasticity.problem import make_problem
 from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
 
 
@@ -104,7 +106,31 @@ def test_algebraic_multigrid_takes_over_where_a_factor_would_be_too_large(monkey
     assert np.abs(mine - exact).max() <= 1e-5 * np.abs(exact).max()
 
 
-def test_by_default_the_iteration_stops_below_the_error_of_the_grid():
+def test_half_of_its_modulus_is_the_best_for_a_reentrant_corner(monkeypatch):
+    # The limit is extrapolated from grids up to 256²; three choices lead to it.
+    kinds = np.zeros((32, 32), int)
+    kinds[16:, 16:] = -1
+    top = [[i, 31] for i in range(16)]
+    errors = {}
+    for weight in (0.0, 0.5, 0.75):
+        monkeypatch.setattr(staggered.edge_modulus, "__kwdefaults__", {"reentrant": weight})
+        problem = make_problem(
+            kinds,
+            [(1.0, 0.3)],
+            1 / 8,
+            plane="stress",
+            sides={"bottom": "rigid"},
+            loads=press(top, 3, [1 / 16, -1 / 16]),
+        )
+        energy = solve_problem(problem, 1e-9).energy
+        errors[weight] = energy * problem.scales.force * problem.scales.displacement / 9.2338 - 1
+    assert abs(errors[0.5]) < 1e-3
+    assert errors[0.0] > 3e-2
+    assert errors[0.75] < -5e-3
+
+
+def test_by_default_the_iteration_stops_below_the_error_of_the_grid(monkeypatch):
+    monkeypatch.setattr("kaju.model.elasticity.engine.SMALL", 0)
     for problem in (plate(160), pixel_body("hole", 100), pixel_body("inclusion 1e3", 64)):
         rough, exact = solve_problem(problem), solve_problem(problem, 1e-11)
         assert rough.iterations < exact.iterations

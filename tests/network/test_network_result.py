@@ -69,8 +69,8 @@ def test_a_saved_result_is_the_same(result, tmp_path):
 
 
 def test_a_file_of_another_model_is_refused(tmp_path):
-    path = write_archive(tmp_path / "other.npz", {}, {"model": "load transfer"})
-    with pytest.raises(ResultFileError, match="'load transfer', not of a spring network"):
+    path = write_archive(tmp_path / "other.npz", "load transfer", {}, {})
+    with pytest.raises(ResultFileError, match="'load transfer', not of 'spring network'"):
         NetworkResult.load(path)
 
 

@@ -53,7 +53,7 @@ def test_size_chooses_the_way(monkeypatch):
 
 def test_without_pyamg_the_remedy_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyamg", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'kaju\[fem\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install 'kaju\[amg\]'"):
         triangular(4).solve(method="multigrid")
 
 
@@ -108,3 +108,18 @@ def test_factors_name_the_direction_that_gives_way(matrix, weak):
     expected = np.array(weak) / np.linalg.norm(weak)
     if np.linalg.det(matrix) == 0.0:
         assert abs(direction @ expected) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_nodes_come_into_balance():
+    lattice = triangular(317)
+    height = lattice.positions[:, 1]
+    forces = np.zeros_like(lattice.positions)
+    forces[height == height.max(), 1] = -0.001
+    bottom = height == 0.0
+    network = SpringNetwork.build(lattice.positions, lattice.springs, held=bottom, forces=forces)
+    direct, iterated = (network.solve(1, method=method) for method in ("direct", "multigrid"))
+    assert direct.residual.max() < 1e-12
+    assert iterated.residual.max() < 1e-12
+    size = np.abs(direct.displacement).max()
+    assert np.abs(iterated.displacement - direct.displacement).max() < 1e-8 * size

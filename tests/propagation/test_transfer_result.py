@@ -5,8 +5,18 @@ import dataclasses
 import numpy as np
 import pytest
 
-from kaju import LoadModel, PrescribedRule, Scene, TransferResult
+from kaju import (
+    ElasticResult,
+    ElasticRule,
+    LoadModel,
+    PrescribedRule,
+    Scene,
+    TransferResult,
+    load_result,
+    solve,
+)
 from kaju.errors import ResultError, ResultFileError
+from kaju.model.result import write_archive
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +46,19 @@ def test_a_result_survives_storing(result, tmp_path):
                 np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
         np.testing.assert_array_equal(one.history.load, other.history.load)
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"], "nothing half-written"
+
+
+def test_a_stored_result_is_read_whatever_its_kind(result, tmp_path):
+    assert load_result(result.save(tmp_path / "result")).scene == result.scene
+    assert load_result(tmp_path).summary() == result.summary()
+    elastic = solve(result.scene.replace(rule=ElasticRule()))
+    elastic.save(tmp_path / "elastic")
+    assert isinstance(load_result(tmp_path / "elastic.npz"), ElasticResult)
+    with pytest.raises(ResultFileError, match="of kind 'elasticity', not of 'load transfer'"):
+        TransferResult.load(tmp_path / "elastic.npz")
+    write_archive(tmp_path / "strange", "tea leaves", {}, {})
+    with pytest.raises(ResultFileError, match="'tea leaves', which this kaju cannot read"):
+        load_result(tmp_path / "strange.npz")
 
 
 def test_the_file_needs_no_pickle(result, tmp_path):

@@ -7,10 +7,10 @@ from kaju.agents import rheology_steps as steps
 from kaju.agents.history import History
 from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
-from kaju.model import creep_elastic
-from kaju.model.creep_elastic import CreepingBody
-from kaju.model.creep_march import Drive, Pace, march
-from kaju.model.creep_state import CreepState
+from kaju.model.creep import elastic as creep_elastic
+from kaju.model.creep.elastic import CreepingBody
+from kaju.model.creep.march import Drive, Pace, march
+from kaju.model.creep.state import CreepState
 from kaju.model.elasticity.problem import CellLoads, make_problem
 
 SOFT = ThreeElement(K_f=1e5, D_f=3e5, D_d=2e6)
@@ -156,7 +156,8 @@ def test_work_is_stored_dissipated_or_the_schemes_own(scheme):
 def test_multigrid_and_factorisation_agree(monkeypatch):
     materials = [Material("a", 1e5, 0.3, rheology=SOFT), Material("b", 1e6, 0.3)]
     direct, _ = run(body(inclusion(32), materials), times=[0.2, 1.0], step=0.1)
-    monkeypatch.setattr(creep_elastic, "_DIRECT_UP_TO", {2: 0, 3: 0})
+    for limit in ("DIRECT_LIMIT", "_FACTORISED_UP_TO"):
+        monkeypatch.setattr(creep_elastic, limit, {2: 0, 3: 0})
     multigrid, _ = run(body(inclusion(32), materials), times=[0.2, 1.0], step=0.1)
     np.testing.assert_allclose(multigrid, direct, atol=1e-8 * np.abs(direct).max())
 
@@ -171,3 +172,26 @@ def test_any_length_of_step_is_steady(pace):
     top = crept[:, system.numbering.number[1][4, -2]]
     assert np.all(np.isfinite(crept))
     assert np.all(np.diff(top, prepend=0.0) <= 1e-9 * np.abs(top).max())
+
+
+def test_a_nearly_incompressible_body_creeps():
+    rubber = Material("a", 1e5, 0.4999, rheology=SOFT)
+    materials = [rubber, Material("b", 1e6, 0.3)]
+    system = body(inclusion(), materials, plane="strain")
+    _, energies = run(system)
+    work, stored, dissipated, numerical = energies.T
+    np.testing.assert_allclose(work - stored - dissipated - numerical, 0.0, atol=1e-9 * work.max())
+
+
+def test_what_geometric_multigrid_cannot_do_is_handed_on(monkeypatch):
+    for limit in ("DIRECT_LIMIT", "_FACTORISED_UP_TO"):
+        monkeypatch.setattr(creep_elastic, limit, {2: 0, 3: 0})
+    frame = np.full((40, 40), -1)
+    frame[:3], frame[-3:], frame[:, :3], frame[:, -3:] = 0, 0, 0, 0
+    system = body(frame, [Material("a", 1e5, 0.3, rheology=SOFT)])
+    crept, _ = run(system, History.step(), [1.0], step=0.5)
+    monkeypatch.undo()
+    direct, _ = run(
+        body(frame, [Material("a", 1e5, 0.3, rheology=SOFT)]), History.step(), [1.0], 0.5
+    )
+    np.testing.assert_allclose(crept, direct, atol=1e-7 * np.abs(direct).max())

@@ -7,7 +7,7 @@ from kaju.agents.history import History
 from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
 from kaju.model.creep import creep
-from kaju.model.creep_elastic_result import SteppedBody
+from kaju.model.creep.elastic_result import SteppedBody
 from kaju.model.elasticity.solve import solve
 from kaju.model.scene import Scene
 
@@ -58,7 +58,7 @@ def test_materials_that_take_the_same_time_follow_the_correspondence_principle()
 def test_stepping_and_correspondence_agree(monkeypatch):
     times = TIMES[:3]
     short = creep(scene(SOFT, SOFT), BITE, times=times, step=0.1)
-    monkeypatch.setattr("kaju.model.creep.elastic_body", SteppedBody)
+    monkeypatch.setattr("kaju.model.creep.creeping.elastic_body", SteppedBody)
     stepped = creep(scene(SOFT, SOFT), BITE, times=times, step=0.1)
     assert short.growth is not None
     assert stepped.growth is None

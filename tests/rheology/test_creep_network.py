@@ -168,3 +168,19 @@ def test_networks_need_a_rheology_that_fits():
         creep(truss(), BITE, rheology=ThreeElement.dashpot(1.0))
     with pytest.raises(ParameterError, match="mass: every node"):
         creep(truss(), BITE, rheology=ELEMENT, mass=-1.0)
+
+
+def test_forces_from_outside_are_loads_and_reactions():
+    result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
+    outside = result.outside_forces(record=1)
+    np.testing.assert_allclose(outside[2], [0.01, -0.3], rtol=1e-9)
+    np.testing.assert_allclose(outside.sum(axis=0), 0.0, atol=1e-12)
+
+
+def test_moments_are_records_of_a_loaded_network():
+    result = creep(truss(), BITE, times=TIMES, rheology=ELEMENT)
+    records = result.to_network_result()
+    assert records.increments == len(TIMES) - 1
+    np.testing.assert_array_equal(records.positions(2), truss().positions + result.displacement[2])
+    np.testing.assert_array_equal(records.stage, BITE.at(TIMES))
+    np.testing.assert_allclose(records.reactions(1)[:2], result.outside_forces(1)[:2])

@@ -5,7 +5,7 @@ import pytest
 
 from kaju.errors import ParameterError
 from kaju.model.creep import creep
-from kaju.model.creep_problems import PROBLEMS, CreepUnderForce, problem
+from kaju.model.creep.problems import PROBLEMS, CreepUnderForce, problem
 
 
 def errors(given, steps, scheme):

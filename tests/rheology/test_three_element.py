@@ -82,6 +82,28 @@ def test_ramp_compliance_has_no_seam_between_series_and_formula(x):
 
 
 @pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2", "exact"])
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        (2.0, 3.0, inf),
+        (1e-100, 1e100, 1.0),
+        (1e100, 1e-100, 1.0),
+        (5e-324, 1.0, 1.0),
+        (1.0, 5e-324, 1.0),
+    ],
+)
+@pytest.mark.parametrize("last", [1e-12, 1.0, 1e12])
+def test_numbers_of_any_size_are_steady(scheme, numbers, last):
+    times = np.linspace(0.0, last, 101)
+    element = ThreeElement(*numbers)
+    given_way = element.creep(force=1.0, times=times, scheme=scheme)
+    assert np.all(np.isfinite(given_way))
+    assert np.all(np.diff(given_way) >= 0.0)
+    ramp = History().ramp(1.0, last / 3).release(last / 7)
+    assert np.all(np.isfinite(element.relaxation(displacement=ramp, times=times, scheme=scheme)))
+
+
+@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2", "exact"])
 def test_each_limit_is_exact(scheme):
     t = np.linspace(0.0, 6.0, 7)
 
@@ -128,3 +150,13 @@ def test_times_and_schemes_are_checked():
         ELEMENT.creep(force=1.0, times=[1.0], scheme="euler")
     with pytest.raises(ParameterError, match="finite number"):
         ELEMENT.creep(force=nan, times=[1.0])
+
+
+@pytest.mark.parametrize("numbers", [(0.0, 4.0, 12.0), (2.0, 0.0, 5.0), (2.0, 3.0, inf)])
+def test_ramp_compliance_is_the_integral_of_the_compliance(numbers):
+    element = ThreeElement(*numbers)
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    for end in (0.05, 1.0, 7.0):
+        times = 0.5 * end * (nodes + 1.0)
+        integral = 0.5 * end * np.sum(weights * element.creep_compliance(times))
+        assert element.ramp_compliance(end) == pytest.approx(integral, rel=1e-10)

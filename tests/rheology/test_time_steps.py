@@ -24,6 +24,14 @@ def test_backward_euler_is_the_discrete_creep_formula(pace):
     np.testing.assert_allclose(stepped, formula, rtol=1e-12)
 
 
+def test_a_million_steps_keep_the_discrete_formula():
+    n = np.arange(1, 10**6 + 1)
+    step = 1e-6 * ELEMENT.retardation_time
+    formula = FORCE * (n * step / 5.0 - np.expm1(-n * np.log1p(1e-6)) / 2.0)
+    crept = ELEMENT.creep(force=FORCE, times=step * n)
+    np.testing.assert_allclose(crept, formula, rtol=1e-12)
+
+
 @pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
 @pytest.mark.parametrize("pace", PACES)
 def test_creep_relaxation_and_recovery_never_turn_back(scheme, pace):
@@ -47,7 +55,12 @@ def test_creep_relaxation_and_recovery_never_turn_back(scheme, pace):
     assert np.all(force >= -rounding)
 
 
-@given(st.floats(1e-6, 1e12), st.floats(0.0, 1e6), st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
+@given(
+    st.floats(1e-6, 1e12),
+    st.floats(0.0, 1e6),
+    st.floats(1e-6, 1e6),
+    st.floats(1e-6, 1e6),
+)
 def test_any_element_gives_steadily_and_stays_below_its_limit(pace, spring, damper, flow):
     element = ThreeElement(spring, damper, flow)
     step = pace * damper / max(spring, 1e-6)

@@ -231,3 +231,24 @@ def test_files_that_are_no_scenes(tmp_path):
     path.write_text("[body]\nsise = 1\n")
     with pytest.raises(SceneError, match=r"scene.toml: body.sise: unknown key"):
         load_scene(path)
+
+
+def test_an_archive_needs_no_image_beside_it(tmp_path):
+    pixels = np.full((4, 6, 3), 255, dtype=np.uint8)
+    pixels[1:3, 2:4] = 0
+    Image.fromarray(pixels).save(tmp_path / "hole.png")
+    scene = Scene(
+        body={
+            "cell_size": 0.01,
+            "cells": [6, 4],
+            "material": "steel",
+            "regions": [{"image": {"file": tmp_path / "hole.png"}, "material": "air"}],
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [0, 3], "force": [0.0, -1.0]}],
+    )
+    text, arrays = scene.to_archive()
+    (tmp_path / "hole.png").unlink()
+    again = Scene.from_archive(text, arrays)
+    np.testing.assert_array_equal(again.rasterise(), scene.rasterise())
+    assert (again.rasterise() < 0).sum() == 4

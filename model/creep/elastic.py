@@ -9,7 +9,7 @@ is an elastic problem whose extra load is the force of the rests.
 
 At an edge the cells round it share one shear stress and add up their shears; each keeps its
 own history. All steps whose moduli are alike but for a common factor and a factor of two
-share one multigrid hierarchy (or one factorisation, for small bodies).
+share one factorisation, or one multigrid hierarchy where the body is large.
 """
 
 from __future__ import annotations
@@ -33,19 +33,27 @@ from kaju.agents.rheology_steps import (
     stored_energy,
 )
 from kaju.errors import ConvergenceError
+from kaju.model.elasticity.fallback import DIRECT_LIMIT, algebraic_preconditioner
+from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
+from kaju.model.elasticity.moduli import moduli_of
+from kaju.model.elasticity.problem import ElasticProblem
+from kaju.model.elasticity.sparse_multigrid import SparseMultigrid
+from kaju.model.elasticity.staggered import (
+    Numbering,
+    axis_pairs,
+    edge_modulus,
+    strain_matrix,
+    strains,
+)
 
-from .creep_body import law_of
-from .creep_march import Fields, Push
-from .elasticity.krylov import Iteration, conjugate_gradients
-from .elasticity.moduli import moduli_of
-from .elasticity.problem import ElasticProblem
-from .elasticity.sparse_multigrid import SparseMultigrid
-from .elasticity.staggered import Numbering, axis_pairs, edge_modulus, strain_matrix, strains
+from .body import law_of
+from .march import Fields, Push
 
 Floats = NDArray[np.float64]
 
-_DIRECT_UP_TO = {2: 40_000, 3: 6_000}
-"""Faces up to which a factorisation is cheaper than a hierarchy, by dimension."""
+
+_FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
+"""Faces up to which factors, which serve many steps, are worth their making, by dimension."""
 
 
 class CreepingBody:
@@ -66,7 +74,7 @@ class CreepingBody:
     """
 
     def __init__(
-        self, problem: ElasticProblem, materials: Sequence[Material], tolerance: float = 1e-10
+        self, problem: ElasticProblem, materials: Sequence[Material], tolerance: float = 1e-9
     ) -> None:
         self.problem = problem
         self.tolerance = tolerance
@@ -86,6 +94,7 @@ class CreepingBody:
         self.given = self._strain_of_given()
         self.load = self.numbering.gather(problem.force)
         self.foundation = self.numbering.gather(problem.spring)
+        self._tough = problem.needs_mixed_form
         self._prepared: tuple[Floats, Callable[[Floats], Floats]] | None = None
 
     def start(self) -> Fields:
@@ -179,14 +188,18 @@ class CreepingBody:
         def done(run: Iteration) -> bool:
             return run.residuals[-1] <= self.tolerance
 
-        precondition = self._precondition(modulus)
-        run = conjugate_gradients(apply, precondition, load, start.copy(), done)
-        if not run.converged:
-            raise ConvergenceError(
-                f"creep: after {run.iterations} iterations {run.residuals[-1]:.3g} of the load "
-                "are still unbalanced; the materials may be too far apart, or too thin a body"
-            )
-        return run.solution
+        for _ in range(2):
+            precondition = self._precondition(modulus)
+            run = conjugate_gradients(apply, precondition, load, start.copy(), done)
+            if run.converged:
+                return run.solution
+            # Thin members and near incompressibility are beyond geometric parents.
+            self._tough, self._prepared = True, None
+        raise ConvergenceError(
+            f"creep: after {run.iterations} iterations {run.residuals[-1]:.3g} of the load are "
+            "still unbalanced; the materials may be too far apart or too nearly incompressible",
+            tuple(run.residuals),
+        )
 
     def _precondition(self, modulus: Floats) -> Callable[[Floats], Floats]:
         """Return a solver for moduli that are alike but for a common factor and one of two."""
@@ -196,13 +209,26 @@ class CreepingBody:
                 ratio = np.append(ratio, 1.0)
             if ratio.max() <= 2.0 * ratio.min():
                 return self._prepared[1]
-        matrix = self._matrix(modulus)
-        if self.numbering.size <= _DIRECT_UP_TO[self.problem.dimension]:
-            solver: Callable[[Floats], Floats] = splu(matrix.tocsc()).solve
-        else:
-            solver = SparseMultigrid(matrix, self.numbering).precondition
+        solver = self._solver(self._matrix(modulus))
         self._prepared = (modulus.copy(), solver)
         return solver
+
+    def _solver(self, matrix: sp.csr_array) -> Callable[[Floats], Floats]:
+        """Return the factors of a matrix, or a multigrid cycle, by its size and difficulty."""
+        limit = DIRECT_LIMIT if self._tough else _FACTORISED_UP_TO
+        if self.numbering.size <= limit[self.problem.dimension]:
+            factors = splu(
+                sp.csc_array(matrix),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+            return lambda load: np.asarray(factors.solve(load))
+        if self._tough:
+            algebraic = algebraic_preconditioner(matrix, self.numbering)
+            if algebraic is not None:
+                return algebraic
+        return SparseMultigrid(matrix, self.numbering).precondition
 
     def _matrix(self, modulus: Floats) -> sp.csr_array:
         cell = modulus[self.kind]

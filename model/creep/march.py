@@ -27,7 +27,7 @@ from kaju.agents.history import History
 from kaju.agents.rheology_steps import Energy, Scheme
 from kaju.errors import ConvergenceError, TangentError
 
-from .creep_state import CreepState
+from .state import CreepState
 
 Floats = NDArray[np.float64]
 Fields = tuple[Floats, ...]

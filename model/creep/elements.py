@@ -15,7 +15,7 @@ from kaju.agents.rheology_steps import (
     stored_energy,
 )
 
-from .creep_march import Fields, Push
+from .march import Fields, Push
 
 Floats = NDArray[np.float64]
 

@@ -153,15 +153,14 @@ class Course:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CreepResult(Course):
-    """What became of an element or a spring network in time.
+    """What became of an element in time.
 
     Attributes
     ----------
-    displacement : (k, ...) floats
-        One element: its elongation (m). A network: displacement of its nodes (m), shape
-        (k, n, dimension).
-    force : (k, ...) floats
-        One element: its force (N). A network: tension of its springs (N), shape (k, m).
+    displacement : (k,) floats
+        Elongation (m).
+    force : (k,) floats
+        Force (N).
     """
 
     displacement: Floats

@@ -17,12 +17,12 @@ from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
 from kaju.agents.rheology_steps import Laws
 from kaju.errors import ResultError
+from kaju.model.propagation.deformation import DisplacementField, Squeeze, squeeze
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.result import cells_of_points
 
-from .creep_elements import Elements
-from .creep_state import Course
-from .propagation.deformation import DisplacementField, Squeeze, squeeze
-from .propagation.transfer_result import TransferResult
-from .result import cells_of_points
+from .elements import Elements
+from .state import Course
 
 Floats = NDArray[np.float64]
 

@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 
 from kaju.agents.rheology_steps import Laws
 from kaju.errors import ResultError
+from kaju.model.elasticity import fields
+from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elasticity.staggered import Strains, axis_pairs, edge_modulus
 
-from .creep_body import law_of
-from .creep_elastic import CreepingBody
-from .creep_elements import Elements
-from .creep_state import Course
-from .elasticity import fields
-from .elasticity.elastic_result import ElasticResult
-from .elasticity.staggered import Strains, axis_pairs, edge_modulus
+from .body import law_of
+from .elastic import CreepingBody
+from .elements import Elements
+from .state import Course
 
 Floats = NDArray[np.float64]
 

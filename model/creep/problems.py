@@ -18,7 +18,7 @@ from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
 
-from .creep_state import CreepResult
+from .state import CreepResult
 
 Floats = NDArray[np.float64]
 

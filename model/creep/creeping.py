@@ -19,17 +19,18 @@ from kaju.agents import rheology_steps
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
+from kaju.model.elasticity.solve import solve
+from kaju.model.network.springs import SpringNetwork
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.scene import Scene
 
-from .creep_body import CreepingAgents, TransferCreepResult
-from .creep_elastic_result import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
-from .creep_elements import Elements
-from .creep_march import Drive, Log, Pace, march
-from .creep_network import CreepingNetwork
-from .creep_state import CreepResult, CreepState
-from .elasticity.solve import solve
-from .network.springs import SpringNetwork
-from .propagation.load_model import LoadModel
-from .scene import Scene
+from .body import CreepingAgents, TransferCreepResult
+from .elastic_result import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
+from .elements import Elements
+from .march import Drive, Log, Pace, march
+from .network import CreepingNetwork
+from .network_result import NetworkCreepResult
+from .state import CreepResult, CreepState
 
 Floats = NDArray[np.float64]
 
@@ -44,11 +45,12 @@ Drives = Literal["both", "forces", "displacements"]
 # The overloads only say which subject gives which result; options are checked by name below.
 @overload
 def creep(
-    subject: ThreeElement | SpringNetwork,
-    history: History,
-    duration: float | None = ...,
-    **how: Any,
+    subject: ThreeElement, history: History, duration: float | None = ..., **how: Any
 ) -> CreepResult: ...
+@overload
+def creep(
+    subject: SpringNetwork, history: History, duration: float | None = ..., **how: Any
+) -> NetworkCreepResult: ...
 @overload
 def creep(
     subject: Scene, history: History, duration: float | None = ..., **how: Any
@@ -85,7 +87,7 @@ def creep(  # type: ignore[misc]
         By default steps are chosen by `tolerance`.
     tolerance : float
         Error that may come up in an e-fold of time, as a share of the largest stretch, in
-        quarters; see `kaju.model.creep_march`. Ignored if `step` is given.
+        quarters; see `kaju.model.creep.march`. Ignored if `step` is given.
     times : array_like, optional
         Times at which the result is wanted (s), rising, up to `duration`; by default 101,
         evenly spread, and the corners of the history.
@@ -107,7 +109,9 @@ def creep(  # type: ignore[misc]
     Returns
     -------
     CreepResult
-        Of an element or a network.
+        Of an element.
+    NetworkCreepResult
+        Of a network.
     TransferCreepResult
         Of a scene with a prescribed rule.
     ElasticCreepResult
@@ -197,8 +201,12 @@ def _result(
         return ElasticCreepResult(
             **course, static=system.static, body=system, faces=faces, cells=cells, edges=edges
         )
-    if isinstance(system, Elements):
-        records = [record[:, 0] for record in records]
+    if isinstance(system, CreepingNetwork):
+        moved, tension = records
+        return NetworkCreepResult(
+            **course, displacement=moved, force=tension, network=system.network
+        )
+    records = [record[:, 0] for record in records]
     return CreepResult(**course, displacement=records[0], force=records[1])
 
 

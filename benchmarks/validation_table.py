@@ -1,0 +1,82 @@
+"""Print how close the elastic solver comes to known solutions, as the table of the docs.
+
+Every line is one validation problem: what is compared, the power of the cell size by which
+the error falls, and the error at one resolution. Run it with
+
+    python benchmarks/validation_table.py
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+
+from kaju.model.validation import (
+    CONVERGING_PROBLEMS,
+    EXACT_PROBLEMS,
+    LCorner,
+    SaintVenantDecay,
+    ValidationProblem,
+    convergence,
+)
+from kaju.model.validation.corner import EXPONENT
+from kaju.model.validation.end_effects import DECAY
+
+HEAD = "| problem | compared | order | error | cells | source |\n|---|---|---|---|---|---|"
+
+
+def exact_line(problem: ValidationProblem) -> str:
+    """Return the line of a problem whose answer the grid represents."""
+    resolution = max(problem.resolutions)
+    result = problem.solve(resolution, tolerance=1e-13)
+    error = max(problem.error(result, quantity) for quantity in problem.orders)
+    compared = " and ".join(problem.orders)
+    order = "exact" if error < 1e-10 else "–"
+    return line(problem, compared, order, error, result.grid.lattice.shape)
+
+
+def converging_lines(problem: ValidationProblem) -> Iterator[str]:
+    """Yield a line for each quantity that a problem compares."""
+    shape = problem.scene(max(problem.resolutions)).lattice.shape
+    for quantity, study in convergence(problem).items():
+        yield line(problem, quantity, f"{study.order:.2f}", study.errors[-1], shape)
+
+
+def line(
+    problem: ValidationProblem, compared: str, order: str, error: float, shape: tuple[int, ...]
+) -> str:
+    cells = " × ".join(map(str, shape))
+    shown = f"{error:.0e}" if error < 1e-10 else f"{error:.1e}"
+    return f"| {problem.title} | {compared} | {order} | {shown} | {cells} | {problem.source} |"
+
+
+def exponents() -> Iterator[str]:
+    """Yield what two problems tell beside fields: how fast these grow or die away."""
+    corner, strip = LCorner(), SaintVenantDecay()
+    yield "| cells per metre | corner: λ | strip: γ |"
+    yield "|---|---|---|"
+    for resolution in (16, 32, 64):
+        rate = corner.exponent(corner.solve(resolution))
+        decay = strip.decay(strip.solve(resolution))
+        yield f"| {resolution} | {rate:.5f} | {decay.real:.5f} + {decay.imag:.5f}i |"
+    yield f"| theory | {EXPONENT:.5f} | {DECAY.real:.5f} + {DECAY.imag:.5f}i |"
+
+
+def main() -> None:
+    warnings.simplefilter("error")
+    print(HEAD)
+    for kind in EXACT_PROBLEMS:
+        print(exact_line(kind()))
+    for kind in CONVERGING_PROBLEMS:
+        for text in converging_lines(kind()):
+            print(text)
+    print()
+    for text in exponents():
+        print(text)
+
+
+if __name__ == "__main__":
+    np.seterr(all="raise", under="ignore")
+    main()

@@ -1,0 +1,244 @@
+"""Two answers side by side: how far apart, where, and along which lines.
+
+The second answer is the one that is believed: errors are shares of its largest value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kaju.errors import ResultError, ResultFileError
+from kaju.model.common_points import Stressed, check_comparable, common_points, grid_of, inside
+from kaju.model.pair import Pair, Profile
+from kaju.model.reference import Reference
+from kaju.model.result import BodyResult, read_archive
+from kaju.model.stored import load_result
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How far one answer is from another.
+
+    Attributes
+    ----------
+    result : BodyResult
+        The answer that is judged.
+    reference : BodyResult or Reference
+        The answer that is believed.
+    points : array, shape (n, dimension)
+        Where they are compared (m).
+    displacement : Pair
+    stress : Pair or None
+        None if one of the answers knows no stress.
+    energy_error : float or None
+        √(∫Δσ:ε(Δσ) / ∫σ:ε(σ)) over the points, each of them standing for the same volume;
+        Δσ is the difference of the stresses, σ the reference's.
+    """
+
+    result: BodyResult
+    reference: BodyResult | Reference
+    points: Floats
+    displacement: Pair
+    stress: Pair | None
+    energy_error: float | None
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """What the two answers are, in words."""
+        return _name(self.result), _name(self.reference)
+
+    def along(self, start: Sequence[float], end: Sequence[float], count: int = 101) -> Profile:
+        """Return both answers along a line from `start` to `end` (m).
+
+        At `count` places, those outside of the body left out. A `Reference` speaks for
+        itself at those of its own points that lie on the line.
+
+        Raises
+        ------
+        ResultError
+            If no point of the line can be compared.
+        """
+        first, last = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+        dimension = self.points.shape[1]
+        length = float(np.linalg.norm(last - first)) if first.shape == last.shape else 0.0
+        if first.shape != (dimension,) or not length > 0.0:
+            raise ResultError(
+                f"along: two different points of {dimension} numbers are needed, "
+                f"got {list(start)} and {list(end)}"
+            )
+        way = (last - first) / length
+        if isinstance(self.reference, Reference):
+            points = _near_line(self.reference.points, first, way, length)
+        else:
+            points = first + np.linspace(0.0, length, count)[:, None] * way
+            points = points[inside(grid_of(self.reference), points)]
+        points = points[inside(grid_of(self.result), points)]
+        if not len(points):
+            raise ResultError(
+                "along: no point of the line lies in both bodies, or is known to the reference"
+            )
+        displacement, stress = _pairs(self.result, self.reference, points)
+        return Profile(points, (points - first) @ way, displacement, stress)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        result, reference = self.names
+        return {
+            "result": result,
+            "reference": reference,
+            "points": len(self.points),
+            "displacement": self.displacement.summary(),
+            "stress": self.stress.summary() if self.stress else None,
+            "energy_error": self.energy_error,
+        }
+
+
+@runtime_checkable
+class Settling(Protocol):
+    """A run of agents that can tell what they have settled to."""
+
+    def to_result(self) -> BodyResult:
+        """Return the displacements at the end as a result."""
+
+
+def compare(
+    result: BodyResult | Settling,
+    reference: BodyResult | Reference | Settling,
+    *,
+    points: ArrayLike | None = None,
+) -> Comparison:
+    """Compare two answers for one body.
+
+    Parameters
+    ----------
+    result : BodyResult or ElasticRun
+        The answer that is judged: of load transfer, or elastic.
+    reference : BodyResult, ElasticRun or Reference
+        The answer that is believed; on cells of any size.
+    points : array, shape (n, dimension), optional
+        Where to compare (m). By default in the middles of the larger cells of the two scenes;
+        a `Reference` that does not know these is compared at its own points.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ResultError
+        If the bodies or their loads differ, the points lie outside, or the reference is 0.
+    """
+    judged, believed = _answer(result), _answer(reference)
+    if isinstance(judged, Reference):
+        raise ResultError(
+            "compare: the first answer is judged by the second, so it cannot be a reference; "
+            "give the two the other way round"
+        )
+    check_comparable(judged, believed)
+    if points is None:
+        chosen = common_points(judged, believed)
+    else:
+        chosen = np.asarray(points, dtype=np.float64)
+    displacement, stress = _pairs(judged, believed, chosen)
+    if not displacement.scale > 0.0:
+        raise ResultError(
+            "compare: the reference moves nowhere, so no error can be a share of it; "
+            "give the two the other way round"
+        )
+    if stress is not None and not stress.scale > 0.0:
+        stress = None
+    energy = None if stress is None else _energy_error(judged.scene, chosen, stress)
+    return Comparison(judged, believed, chosen, displacement, stress, energy)
+
+
+def load_answer(path: str | Path) -> BodyResult | Reference:
+    """Read a saved result or reference, whichever a file or a result's folder holds.
+
+    Raises
+    ------
+    ResultFileError
+        If there is no such file, or it holds something that cannot be compared.
+    """
+    source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
+    if read_archive(source)[1]["kind"] == "reference":
+        return Reference.load(source)
+    result = load_result(source)
+    if not isinstance(result, BodyResult):
+        raise ResultFileError(
+            f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
+            "and references can be compared"
+        )
+    return result
+
+
+def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
+    if isinstance(given, (BodyResult, Reference)):
+        return given
+    if isinstance(given, Settling):
+        return given.to_result()
+    raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
+
+
+def _pairs(
+    result: BodyResult, reference: BodyResult | Reference, points: Floats
+) -> tuple[Pair, Pair | None]:
+    both = (result, reference)
+    displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
+    if isinstance(reference, Reference) and reference.stress is None:
+        return displacement, None
+    if not isinstance(result, Stressed) or not isinstance(reference, Stressed):
+        return displacement, None
+    stresses = result.stress_at(points), reference.stress_at(points)
+    return displacement, Pair("stress", "Pa", *stresses)
+
+
+def _near_line(points: Floats, first: Floats, way: Floats, length: float) -> Floats:
+    """Return the points on a line, in order."""
+    along = (points - first) @ way
+    across = points - first - along[:, None] * way
+    near = np.linalg.norm(across, axis=1) < 1e-6 * length
+    near &= (along > -1e-6 * length) & (along < (1.0 + 1e-6) * length)
+    chosen: Floats = points[near][np.argsort(along[near], kind="stable")]
+    return chosen
+
+
+def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
+    """Return the error in the energy norm, from σ:ε = (1+ν)/E (σ:σ - c (tr σ)²).
+
+    c is ν/(1+ν) in plane stress and in three dimensions, and ν in plane strain.
+    """
+    kinds = np.maximum(scene.kinds(scene.lattice.locate(points)), 0)
+    modulus, ratio = np.array(
+        [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
+    ).T
+    share = ratio if scene.plane == "strain" else ratio / (1.0 + ratio)
+
+    def energy(tensors: Floats) -> float:
+        trace = np.trace(tensors, axis1=1, axis2=2)
+        square = (tensors**2).sum(axis=(1, 2)) - share[kinds] * trace**2
+        return float(((1.0 + ratio) / modulus)[kinds] @ square)
+
+    return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
+
+
+def _name(answer: BodyResult | Reference) -> str:
+    if isinstance(answer, Reference):
+        return answer.source or "reference"
+    return f"{answer.scene.rule.kind} rule" if not _is_elastic(answer) else "elastic"
+
+
+def _is_elastic(answer: BodyResult) -> bool:
+    from kaju.model.propagation.transfer_result import TransferResult
+
+    return not isinstance(answer, TransferResult)

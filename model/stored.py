@@ -1,0 +1,40 @@
+"""Results that were stored, of whatever kind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from kaju.errors import ResultFileError
+from kaju.model.result import Result, read_archive
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a result that some result's `save` wrote.
+
+    Parameters
+    ----------
+    path : path
+        An ``.npz`` file, or the folder of a run with ``result.npz`` in it.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is missing, or is no result of kaju's.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "result.npz"
+    kind = read_archive(file)[1].get("kind")
+    for known in _kinds():
+        if known.kind == kind:
+            return known.load(file)
+    raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
+
+
+def _kinds() -> tuple[type[Result], ...]:
+    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.network import NetworkResult
+    from kaju.model.propagation.transfer_result import TransferResult
+    from kaju.model.spawning.spawned_result import SpawnedResult
+
+    return TransferResult, ElasticResult, NetworkResult, SpawnedResult

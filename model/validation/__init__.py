@@ -1,0 +1,80 @@
+"""Problems with known solutions, for tests, documentation and benchmarks.
+
+>>> from kaju.model.validation import Kirsch
+>>> problem = Kirsch()
+>>> result = problem.solve(16)
+>>> problem.error(result, of="stress") < 0.05
+True
+"""
+
+from .bars import BimaterialBar
+from .cantilever import TimoshenkoCantilever
+from .corner import LCorner
+from .disk import BrazilianDisk
+from .end_effects import SaintVenantDecay
+from .half_plane import Flamant, StripLoad
+from .half_space import Boussinesq, Cerruti
+from .holes import Kirsch, Lame
+from .patches import (
+    DisplacementPatch,
+    ForcePatch,
+    RigidRotation,
+    SolidDisplacementPatch,
+    SolidForcePatch,
+)
+from .problem import Study, ValidationProblem, convergence
+from .uniform import ConfinedCompression, PureShear, UniformCompression
+
+EXACT_PROBLEMS: tuple[type[ValidationProblem], ...] = (
+    UniformCompression,
+    ConfinedCompression,
+    PureShear,
+    RigidRotation,
+    DisplacementPatch,
+    ForcePatch,
+    SolidDisplacementPatch,
+    SolidForcePatch,
+    BimaterialBar,
+)
+"""Problems whose solution the grid represents exactly."""
+
+CONVERGING_PROBLEMS: tuple[type[ValidationProblem], ...] = (
+    TimoshenkoCantilever,
+    StripLoad,
+    Flamant,
+    Boussinesq,
+    Cerruti,
+    SaintVenantDecay,
+    Kirsch,
+    Lame,
+    BrazilianDisk,
+    LCorner,
+)
+"""Problems whose error falls with the cell size."""
+
+__all__ = [
+    "CONVERGING_PROBLEMS",
+    "EXACT_PROBLEMS",
+    "BimaterialBar",
+    "Boussinesq",
+    "BrazilianDisk",
+    "Cerruti",
+    "ConfinedCompression",
+    "DisplacementPatch",
+    "Flamant",
+    "ForcePatch",
+    "Kirsch",
+    "LCorner",
+    "Lame",
+    "PureShear",
+    "RigidRotation",
+    "SaintVenantDecay",
+    "SolidDisplacementPatch",
+    "SolidForcePatch",
+    "StripLoad",
+    "Study",
+    "TimoshenkoCantilever",
+    "UniformCompression",
+    "ValidationProblem",
+    "convergence",
+]

@@ -1,0 +1,135 @@
+"""One job, one process: time, memory and error of a method on a problem."""
+
+from __future__ import annotations
+
+import json
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+from .methods import METHODS, Method
+from .problems import PROBLEMS
+
+REPEATS = 3
+LONG = 10.0
+"""A job that takes longer than this (s) is run once."""
+PATIENCE = 300.0
+"""A job that takes longer than this (s) is given up."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What an answer cost, and how good it is.
+
+    Attributes
+    ----------
+    problem, method : str
+    division : int
+        Parts into which every edge of the picture's cells was split.
+    cells : int
+        Cells or elements of the body.
+    seconds : float or None
+        Median time (s); None if there is no answer.
+    memory : float or None
+        Peak above what was in use before (MB).
+    max_error, l2_error : float or None
+        As shares of the largest true displacement.
+    runs : int
+        How many runs the median is of.
+    failure : str
+        Why there is no answer.
+    """
+
+    problem: str
+    method: str
+    division: int
+    cells: int
+    seconds: float | None = None
+    memory: float | None = None
+    max_error: float | None = None
+    l2_error: float | None = None
+    runs: int = 0
+    failure: str = ""
+
+
+def jobs(quick: bool, problems: tuple[str, ...] = ()) -> Iterator[tuple[str, str, int]]:
+    """Yield problem, method and division of all jobs; of all problems unless some are named."""
+    for problem in problems or tuple(PROBLEMS):
+        for method in METHODS.values():
+            for division in (method.quick if quick else method.divisions)[problem]:
+                yield problem, method.name, division
+
+
+def in_a_fresh_process(problem: str, method: str, division: int) -> Measurement:
+    """Measure a job in a process of its own; whatever goes wrong there is told."""
+    nothing = Measurement(problem, method, division, cells_of(problem, division))
+    missing = METHODS[method].missing
+    if missing:
+        return _failed(nothing, f"{' and '.join(missing)} not installed")
+    command = [sys.executable, "-m", "kaju.bench.measure", problem, method, str(division)]
+    try:
+        done = subprocess.run(  # noqa: S603  the command is our own
+            command, capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return _failed(nothing, f"given up after {PATIENCE:g} s")
+    if done.returncode:
+        last = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
+        return _failed(nothing, last[0])
+    return Measurement(**json.loads(done.stdout))
+
+
+def cells_of(problem: str, division: int) -> int:
+    """Return the number of cells of a problem's body."""
+    described = PROBLEMS[problem]
+    return int(described.picture.sum() * division**described.dimension)
+
+
+def measure(problem: str, method: str, division: int) -> Measurement:
+    """Measure a job in this process: warm up, run, compare with the truth."""
+    described, way = PROBLEMS[problem], METHODS[method]
+    way.prepare(described, _small(way, problem, division))()()
+    job = way.prepare(described, division)
+    before = _peak()
+    times: list[float] = []
+    while len(times) < (1 if times and times[0] > LONG else REPEATS):
+        began = time.perf_counter()
+        answer = job()
+        times.append(time.perf_counter() - began)
+    memory = _peak() - before
+    max_error, l2_error = described.error(answer())
+    return Measurement(
+        problem,
+        method,
+        division,
+        cells_of(problem, division),
+        statistics.median(times),
+        memory,
+        max_error,
+        l2_error,
+        len(times),
+    )
+
+
+def _small(method: Method, problem: str, division: int) -> int:
+    """Return a division small enough to warm up with, of the same parity."""
+    return min(division, max(2, min(method.divisions[problem])))
+
+
+def _peak() -> float:
+    """Return the largest memory this process has used (MB)."""
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return used / 1e6 if sys.platform == "darwin" else used / 1e3
+
+
+def _failed(nothing: Measurement, reason: str) -> Measurement:
+    return Measurement(**(asdict(nothing) | {"failure": reason}))
+
+
+if __name__ == "__main__":
+    found = measure(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    sys.stdout.write(json.dumps(asdict(found)))

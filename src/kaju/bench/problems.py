@@ -1,0 +1,182 @@
+"""The bodies that are benchmarked: what is asked, at any resolution, and the true answer.
+
+All of them are pictures of square or cubic cells that stand on rigid ground and are pressed
+on part of their top. The true displacements were computed by finite elements of high order
+on meshes graded towards every corner (`benchmarks/finite_element_truth.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.model.reference import Reference
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+Floats = NDArray[np.float64]
+
+_PIXELS = """
+....................
+...##############...
+..################..
+..################..
+.########....######.
+.#######......#####.
+.######........####.
+.######........####.
+.######........####.
+.#######......####..
+..########....####..
+..###############...
+..##############....
+.######..#######....
+.#####....#######...
+.####......#######..
+.####......########.
+######......########
+######......########
+######......########
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A body of cells on rigid ground, pressed on part of its top.
+
+    Attributes
+    ----------
+    name, title : str
+        For files and for people.
+    picture : array of bool
+        Which cells are material, indexed [x, y(, z)].
+    edge : float
+        Edge of the picture's cells (m).
+    youngs_modulus, poissons_ratio, thickness : float
+        SI units; the thickness counts in two dimensions.
+    patch : pair of points
+        Lower and upper corner (m) of the loaded part of the top.
+    force : float
+        Total force (N), downwards.
+    """
+
+    name: str
+    title: str
+    picture: NDArray[np.bool_]
+    edge: float
+    youngs_modulus: float
+    poissons_ratio: float
+    thickness: float
+    patch: tuple[tuple[float, ...], tuple[float, ...]]
+    force: float
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.picture.ndim
+
+    @property
+    def points(self) -> Floats:
+        """Middles of the picture's cells (m), where answers are compared with the truth.
+
+        All of them are half a cell away from the corners where no grid converges quickly.
+        """
+        return np.asarray(self.edge * (np.argwhere(self.picture) + 0.5))
+
+    def scene(self, division: int, kind: Literal["elastic", "prescribed"] = "elastic") -> Scene:
+        """Return the body with every cell of the picture split `division` times per axis."""
+        from kaju.model.scene import Scene
+
+        top = [0.0] * (self.dimension - 1) + [-self.force]
+        body: dict[str, object] = {"thickness": self.thickness} if self.dimension == 2 else {}
+        described = {
+            "materials": {"solid": self._material},
+            "sides": {"bottom": "rigid"},
+            "loads": [{"region": {"box": [list(p) for p in self.patch]}, "force": top}],
+            "rule": {"kind": kind},
+        }
+        if self.picture.all():
+            body |= {
+                "cells": [division * n for n in self.picture.shape],
+                "cell_size": self.edge / division,
+                "material": "solid",
+            }
+            return Scene(body=body, **described)
+        codes = self.picture.astype(np.int64)
+        for axis in range(self.dimension):
+            codes = codes.repeat(division, axis=axis)
+        return Scene.from_array(
+            codes,
+            legend={0: "air", 1: "solid"},
+            cell_size=self.edge / division,
+            **body,
+            **described,
+        )
+
+    @property
+    def _material(self) -> dict[str, float]:
+        return {
+            "youngs_modulus": self.youngs_modulus,
+            "poissons_ratio": self.poissons_ratio,
+        }
+
+    def truth(self) -> Reference:
+        """Return the true displacements at `points`."""
+        with as_file(files("kaju.bench") / f"truth_{self.name}.npz") as path:
+            return Reference.load(path)
+
+    def error(self, displacement: Floats) -> tuple[float, float]:
+        """Return the largest and the root mean square error of displacements at `points` (m).
+
+        Both are shares of the largest true displacement.
+        """
+        truth = self.truth().displacement_at(self.points)
+        size = np.linalg.norm(truth, axis=1).max()
+        away = np.linalg.norm(displacement - truth, axis=1) / size
+        return float(away.max()), float(np.sqrt(np.mean(away**2)))
+
+
+def _drawn(drawing: str) -> NDArray[np.bool_]:
+    rows = drawing.split()
+    return np.array([[letter == "#" for letter in row] for row in rows[::-1]]).T
+
+
+PLATE = Problem(
+    name="plate",
+    title="steel plate, 200 mm square, 2 N over 20 mm of its top",
+    picture=np.ones((20, 20), dtype=np.bool_),
+    edge=0.01,
+    youngs_modulus=206e9,
+    poissons_ratio=0.3,
+    thickness=0.002,
+    patch=((0.09, 0.2), (0.11, 0.2)),
+    force=2.0,
+)
+BLOCK = Problem(
+    name="block",
+    title="unit cube, E = 1, 1 N over the middle quarter-edge patch of its top",
+    picture=np.ones((8, 8, 8), dtype=np.bool_),
+    edge=0.125,
+    youngs_modulus=1.0,
+    poissons_ratio=0.3,
+    thickness=1.0,
+    patch=((0.375, 0.375, 1.0), (0.625, 0.625, 1.0)),
+    force=1.0,
+)
+PIXELS = Problem(
+    name="pixels",
+    title="steel body of 20 × 20 pixels with a hole and a gate, 2 N over four pixels of its top",
+    picture=_drawn(_PIXELS),
+    edge=0.01,
+    youngs_modulus=206e9,
+    poissons_ratio=0.3,
+    thickness=0.002,
+    patch=((0.08, 0.19), (0.12, 0.19)),
+    force=2.0,
+)
+PROBLEMS = {problem.name: problem for problem in (PLATE, BLOCK, PIXELS)}

@@ -1,0 +1,132 @@
+"""What the benchmark found, for people: a table, the ratios at equal error, the machine."""
+
+from __future__ import annotations
+
+import csv
+import os
+import platform
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, fields
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from .measure import Measurement
+from .methods import METHODS
+from .problems import PROBLEMS
+
+PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg", "fenics-dolfinx")
+
+HEADER = "| method | cells | time (s) | memory (MB) | largest error | r.m.s. error |"
+
+
+def environment() -> dict[str, str]:
+    """Return the machine and the versions that figures depend on."""
+    found = {
+        "processor": _processor(),
+        "cores": str(os.cpu_count()),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+    }
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _processor() -> str:
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8") as lines:
+            names = [line.partition(":")[2].strip() for line in lines if "model name" in line]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or "unknown"
+
+
+def write_csv(path: Path, found: Sequence[Measurement]) -> None:
+    """Write all measurements as comma-separated values."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, [field.name for field in fields(Measurement)])
+        writer.writeheader()
+        writer.writerows(asdict(measurement) for measurement in found)
+
+
+def read_csv(path: Path) -> list[Measurement]:
+    """Read what `write_csv` wrote."""
+    kinds = {"division": int, "cells": int, "runs": int}
+    numbers = ("seconds", "memory", "max_error", "l2_error")
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    found = []
+    for row in rows:
+        values: dict[str, object] = dict(row)
+        values |= {name: kind(row[name]) for name, kind in kinds.items()}
+        values |= {name: float(row[name]) if row[name] else None for name in numbers}
+        found.append(Measurement(**values))  # type: ignore[arg-type]
+    return found
+
+
+def markdown(found: Sequence[Measurement], conditions: dict[str, str]) -> str:
+    """Return tables of all problems, ratios at equal error, and the conditions."""
+    parts = []
+    for name, problem in PROBLEMS.items():
+        mine = [measurement for measurement in found if measurement.problem == name]
+        if mine:
+            rows = [HEADER, "|---|---|---|---|---|---|", *map(_row, mine)]
+            parts.append("\n".join([f"## {problem.title}", "", *rows, "", *_ratios(name, mine)]))
+    told = "\n".join(f"- {name}: {value}" for name, value in conditions.items())
+    parts.append(
+        "Times are medians of three runs (of one, if it takes over 10 s), warm: imports and "
+        "compilation excluded; mesh or cells, assembly, set-up and solution included. Every job "
+        "had a process of its own; memory is its peak above what was in use before. Errors are "
+        "taken in the middles of the picture's cells, as shares of the largest true "
+        f"displacement.\n\n{told}"
+    )
+    return "\n\n".join(parts) + "\n"
+
+
+def _row(measurement: Measurement) -> str:
+    title = METHODS[measurement.method].title
+    if measurement.seconds is None:
+        return f"| {title} | {measurement.cells} | {measurement.failure} | | | |"
+    return (
+        f"| {title} | {measurement.cells} | {measurement.seconds:.3g} | {measurement.memory:.0f} "
+        f"| {measurement.max_error:.1e} | {measurement.l2_error:.1e} |"
+    )
+
+
+def _ratios(problem: str, found: Sequence[Measurement]) -> list[str]:
+    """Say how much longer each method takes than `kaju.solve` for the same error."""
+    lines = []
+    for target in (1e-2, 1e-3, 2e-4):
+        ours = cost_at(target, _of(found, "multigrid"))
+        told = []
+        for name, method in METHODS.items():
+            theirs = cost_at(target, _of(found, name))
+            if name != "multigrid" and ours and theirs:
+                told.append(f"{method.title} {theirs / ours:.3g} times as long")
+        if ours and told:
+            lines.append(
+                f"For a largest error of {target:g}, `kaju.solve` takes {ours:.3g} s; "
+                f"{', '.join(told)}."
+            )
+    return lines
+
+
+def _of(found: Iterable[Measurement], method: str) -> list[Measurement]:
+    return [m for m in found if m.method == method and m.seconds is not None]
+
+
+def cost_at(target: float, found: Sequence[Measurement], cost: str = "seconds") -> float | None:
+    """Return the cost at an error, on straight lines between measurements, both axes log.
+
+    None if the error is outside of what was measured; nothing is extrapolated.
+    """
+    pairs = sorted((float(m.max_error or 0.0), float(getattr(m, cost) or 0.0)) for m in found)
+    error, spent = np.array([p for p in pairs if min(p) > 0.0]).reshape(-1, 2).T
+    if not len(error) or not error[0] <= target <= error[-1]:
+        return None
+    return float(np.exp(np.interp(np.log(target), np.log(error), np.log(spent))))

@@ -1,0 +1,74 @@
+"""The whole benchmark: all jobs, then the table, the figures and the picture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from kaju.agents.materials import suggestion
+from kaju.errors import ParameterError, ResultFileError
+
+from .measure import Measurement, in_a_fresh_process, jobs
+from .problems import PROBLEMS
+from .report import environment, markdown, write_csv
+
+
+def run(
+    folder: Path,
+    quick: bool = False,
+    problems: tuple[str, ...] = (),
+    tell: Callable[[str], None] = lambda line: None,
+) -> list[Measurement]:
+    """Measure all jobs and write table, picture and environment into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets work_precision.csv, .md and .png, and environment.json.
+    quick : bool
+        Small sizes only.
+    problems : tuple of str
+        Some of the problems; all unless given.
+    tell : function
+        Is told a line about each job.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such problem.
+    ResultFileError
+        If the folder cannot be written.
+    """
+    from .picture import draw
+
+    for name in problems:
+        if name not in PROBLEMS:
+            raise ParameterError(
+                f"problem: there is no {name!r}{suggestion(name, PROBLEMS)}; there is "
+                f"{', '.join(PROBLEMS)}"
+            )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultFileError(f"{folder}: cannot be written: {error.strerror}") from error
+    found = []
+    for job in jobs(quick, problems):
+        found.append(in_a_fresh_process(*job))
+        tell(_line(found[-1]))
+    conditions = environment()
+    write_csv(folder / "work_precision.csv", found)
+    (folder / "work_precision.md").write_text(markdown(found, conditions), encoding="utf-8")
+    (folder / "environment.json").write_text(json.dumps(conditions, indent=2) + "\n", "utf-8")
+    draw(found, folder / "work_precision.png")
+    return found
+
+
+def _line(m: Measurement) -> str:
+    what = f"{m.problem:7} {m.method:14} {m.cells:9d} cells  "
+    if m.seconds is None:
+        return what + m.failure
+    return (
+        what + f"{m.seconds:9.4f} s  {m.memory:7.0f} MB  largest error {m.max_error:.1e}, "
+        f"r.m.s. {m.l2_error:.1e}"
+    )

@@ -1,0 +1,267 @@
+"""The Mesa model of the elastic rule, as a class would watch it."""
+
+import numpy as np
+import pytest
+from elastic_scenes import (
+    block,
+    direct_solution,
+    displacement,
+    drawn,
+    energy_norm,
+    plate,
+    ragged,
+    run,
+    run_random,
+    scenes,
+)
+from hypothesis import given, settings
+
+from kaju.agents.face_agent import FaceAgent
+from kaju.errors import SceneError, SupportError
+from kaju.model.agent_model import agent_model
+from kaju.model.elasticity.elastic_model import ElasticModel
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.scene import Scene
+
+ORDERS = ["wave", "largest first", "multilevel"]
+
+
+@settings(max_examples=50)
+@given(scene=scenes())
+def test_energy_never_rises(scene):
+    _, result = run_random(scene, max_steps=300)
+    energy = result.energy
+    assert np.all(np.diff(energy, prepend=0.0) <= 0.0)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("make", [ragged, block])
+def test_the_books_of_energy_agree_with_the_field(make, order):
+    model, result = run(make(order=order, threshold=0.05))
+    u = displacement(model)
+    load = model.table.load[: len(u)]
+    energy = 0.5 * energy_norm(model, u) ** 2 - load @ u
+    assert result.energy[-1] == pytest.approx(energy, rel=1e-11)
+    assert result.result.strain_energy == pytest.approx(0.5 * energy_norm(model, u) ** 2, rel=1e-11)
+
+
+@settings(max_examples=50)
+@given(scene=scenes(order="largest first"))
+def test_largest_first_keeps_southwells_bound(scene):
+    model, result = run_random(scene)
+    load = model.table.load[: model.table.levels[0].size]
+    work = load @ direct_solution(model)
+    assert result.pushes == len(result.history)
+    assert result.pushes <= work * model.table.reference / model.threshold**2
+    assert result.pushes <= result.most_pushes
+    assert result.most_pushes <= work * model.table.reference / model.threshold**2 * (1 + 1e-9)
+
+
+def test_largest_first_takes_the_largest_load_each_time():
+    model = ElasticModel(plate(order="largest first", threshold=0.05), engine="agents")
+    for _ in range(60):
+        measured = model.state.measured(0)
+        chosen = int(np.argmax(measured))
+        before = model.state.energy
+        model.step()
+        assert model.engine.agents[0][chosen].left == 0.0
+        released = measured[chosen] ** 2 / model.table.reference / 2
+        assert before - model.state.energy == pytest.approx(released, rel=1e-12)
+
+
+def test_several_pushes_a_step_are_the_same_pushes():
+    scene = plate(order="largest first", threshold=0.05)
+    one, single = run(scene)
+    many, batch = run(scene, pushes_per_step=7)
+    assert batch.pushes == single.pushes
+    assert len(batch.history) == -(-single.pushes // 7)
+    np.testing.assert_array_equal(displacement(one), displacement(many))
+    assert single.outcome == batch.outcome == f"at rest after {single.pushes} pushes"
+
+
+def test_a_wave_starts_at_the_load_and_moves_one_link_a_step():
+    model = ElasticModel(plate(16, order="wave", threshold=1e-6), engine="agents")
+    assert len(model.agents) == 0
+    model.step()
+    (first,) = model.agents_by_type[FaceAgent]
+    assert first.spawn_step == 1
+    assert first.place.index == (8, 16)
+    assert first.displacement == pytest.approx(-model.share * 2.0 / first.place.stiffness)
+    linked = {link.target for link in first.place.links}
+    model.step()
+    second = {a.place.number for a in model.agents_by_type[FaceAgent] if a.spawn_step == 2}
+    assert second == linked
+
+
+def test_below_the_threshold_nothing_happens():
+    model, result = run(plate(threshold=10.0))
+    assert result.outcome == "no load exceeds the threshold of 10 N: nothing happens"
+    assert not model.running
+    assert len(result.agents.level) == 0
+    assert result.summary()["max_displacement"] == 0.0
+    model.step()
+    assert model.generation == 0
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_agents_spawn_only_above_the_threshold(order):
+    model = ElasticModel(plate(order=order, threshold=0.1), engine="agents")
+    while model.running:
+        model.step()
+        assert np.all(model.state.grounds[0].taken[model.state.grounds[0].spawn_step == 0] == 0.0)
+    result = model.result()
+    fine = result.agents.level == 0
+    assert 0 < fine.sum() < model.table.levels[0].size
+    # Each taken load exceeded γ, and in a wave the share of it that was taken.
+    weight = model.state.grounds[0].weight[result.agents.number[fine]]
+    assert np.all(result.agents.taken[fine] * weight > model.share * model.threshold)
+
+
+def test_parents_take_the_load_first_and_fine_agents_spawn_near_it():
+    model = ElasticModel(plate(32, threshold=0.02), engine="arrays")
+    model.step()
+    top = len(model.table.levels) - 1
+    assert model.visit == (top, "down")
+    assert set(model.result().agents.level.tolist()) == {top}
+    result = model.run()
+    fine = result.agents.level == 0
+    share = fine.sum() / model.table.levels[0].size
+    assert share < 0.5
+    distance = np.linalg.norm(result.agents.position[fine] - [0.103, 0.2], axis=1)
+    assert np.median(distance) < 0.08
+    truth = direct_solution(model)
+    assert energy_norm(model, displacement(model) - truth) < 0.06 * energy_norm(model, truth)
+
+
+def test_visits_go_up_to_the_parents_and_down_again():
+    model = ElasticModel(plate(8, tolerance=1e-6), engine="arrays")
+    top = len(model.table.levels) - 1
+    visits = []
+    for _ in range(3 * top + 2):
+        model.step()
+        visits.append(tuple(model.visit))
+    down = [(level, "down") for level in range(top, -1, -1)]
+    up = [(level, "up") for level in range(top)]
+    assert visits == down + up + down
+
+
+@pytest.mark.parametrize("make", [plate, ragged, block])
+def test_with_parents_the_meter_shows_the_error(make):
+    model, result = run(make(tolerance=1e-4))
+    truth = direct_solution(model)
+    error = energy_norm(model, displacement(model) - truth) / energy_norm(model, truth)
+    meter = result.history[-1].error_estimate
+    assert meter <= 1e-4
+    assert 0.3 < meter / error < 3.0
+
+
+@pytest.mark.parametrize("rows", ["abb", "bba", "aba", "bab"])
+def test_parents_cope_with_steel_on_rubber_and_rubber_on_steel(rows):
+    loads = [{"cell": [6, 11], "side": "top", "force": [0.5, -2.0]}]
+    drawing = "\n".join(12 * letter for letter in rows for _ in range(4))
+    scene = drawn(drawing, loads, sides={"bottom": "rigid"}, tolerance=1e-4)
+    soft = {"youngs_modulus": 206e3, "poissons_ratio": 0.45}
+    scene = Scene(**{**dict(scene), "materials": {"soft": soft}})
+    model, result = run(scene, max_steps=1000)
+    assert result.outcome.startswith("at rest")
+    truth = direct_solution(model)
+    error = energy_norm(model, displacement(model) - truth)
+    # Where moduli jump by a million the meter is below the error by some tens of times.
+    assert error < 5e-3 * energy_norm(model, truth)
+
+
+def test_momentum_keeps_the_rounds_few():
+    scene = ragged(tolerance=1e-6)
+    _, result = run(scene)
+    rounds = sum(record.level == 0 and record.way == "down" for record in result.history)
+    assert rounds <= 25
+    assert np.all(np.diff(result.energy, prepend=0.0) <= 0.0)
+
+
+def test_summary_and_result():
+    _, result = run(plate(threshold=0.01))
+    summary = result.summary()
+    assert summary["rule"] == "elastic"
+    assert summary["order"] == "multilevel"
+    assert summary["agents"] == sum(summary["agents_by_level"])
+    assert summary["pushes"] == result.pushes
+    assert summary["reaction"][1] == pytest.approx(2.0, abs=0.1)
+    elastic = result.result
+    assert elastic.summary()["method"] == "agents, multilevel"
+    middle = elastic.displacement_at(np.array([[0.1, 0.1]]))
+    assert middle[0, 1] == pytest.approx(-2.9e-9, rel=0.1)
+
+
+def test_a_slender_member_is_divided_so_that_it_can_carry_shear():
+    loads = [{"cell": [0, 3], "side": "top", "force": [0.1, -1.0]}]
+    model, result = run(drawn("a\na\na\na\n=", loads, tolerance=1e-6))
+    assert model.table.subdivision == 2
+    assert result.displacement[0].shape == (3, 8)
+    np.testing.assert_allclose(result.reaction, (-0.1, 1.0), atol=1e-4)
+
+
+def test_stages_are_parts_of_the_whole():
+    load = {"cell": [4, 7], "force": [0.0, -2.0], "steps": 4}
+    scene = plate(tolerance=1e-8).model_copy()
+    scene = Scene(body=scene.body, sides=scene.sides, loads=[load], rule=scene.rule)
+    one, _ = run(scene, stage=1)
+    whole, _ = run(scene)
+    error = np.abs(4.0 * displacement(one) - displacement(whole)).max()
+    assert error < 1e-7 * np.abs(displacement(whole)).max()
+
+
+def test_bodies_that_could_move_are_refused():
+    with pytest.raises(SupportError, match="could move along x"):
+        ElasticModel(plate(sides={"bottom": "roller"}))
+
+
+def test_rule_and_lattice_must_fit():
+    prescribed = Scene(body={"cell_size": 0.01, "cells": [2, 2], "material": "steel"},
+                       sides={"bottom": "rigid"})  # fmt: skip
+    with pytest.raises(SceneError, match="ElasticModel passes loads on by the elastic rule"):
+        ElasticModel(prescribed)
+    hexagons = {"cell_size": 0.01, "cells": [3, 3], "material": "steel", "lattice": "hexagon"}
+    with pytest.raises(SceneError, match=r"body\.lattice: 'hexagon'"):
+        ElasticModel(Scene(body=hexagons, sides={"bottom": "rigid"}, rule={"kind": "elastic"}))
+    assert isinstance(agent_model(prescribed), LoadModel)
+    assert isinstance(agent_model(plate(), engine="arrays"), ElasticModel)
+
+
+def test_a_scene_file_can_ask_for_the_elastic_rule():
+    text = """
+[body]
+size = [0.2, 0.2]
+cells = [8, 8]
+material = "steel"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [4, 7]
+force = [0.0, -2.0]
+[rule]
+kind = "elastic"
+order = "largest first"
+threshold = 0.05
+"""
+    scene = Scene.from_toml(text)
+    assert Scene.from_toml(scene.to_toml()).rule == scene.rule
+    assert ElasticModel(scene).run().outcome.endswith("pushes")
+
+
+def test_extreme_units_change_nothing():
+    def result(size, modulus, force):
+        scene = Scene(
+            body={"size": [size] * 2, "cells": [6, 6], "thickness": size, "material": "m"},
+            materials={"m": {"youngs_modulus": modulus, "poissons_ratio": 0.3}},
+            sides={"bottom": "rigid"},
+            loads=[{"cell": [3, 5], "side": "top", "force": [0.0, -force]}],
+            rule={"kind": "elastic", "tolerance": 1e-4},
+        )
+        model, run_ = run(scene)
+        return displacement(model) * modulus * size / force, run_.pushes
+
+    usual, pushes = result(0.2, 206e9, 2.0)
+    for size, modulus, force in ((1e-9, 1e-12, 1e12), (1e6, 1e15, 1e-12), (1e-9, 1e15, 1e-12)):
+        extreme, count = result(size, modulus, force)
+        np.testing.assert_allclose(extreme, usual, atol=1e-6 * np.abs(usual).max())
+        assert count == pytest.approx(pushes, rel=0.05)

@@ -1,0 +1,105 @@
+"""Problems whose error must fall with the cell size, by the power that theory gives."""
+
+import numpy as np
+import pytest
+
+from kaju.model.validation import (
+    CONVERGING_PROBLEMS,
+    BrazilianDisk,
+    Cerruti,
+    LCorner,
+    SaintVenantDecay,
+    TimoshenkoCantilever,
+    convergence,
+)
+from kaju.model.validation.corner import EXPONENT
+from kaju.model.validation.end_effects import DECAY
+
+STEP = 1e-5
+
+
+@pytest.mark.parametrize("kind", CONVERGING_PROBLEMS, ids=lambda kind: kind.__name__)
+def test_exact_solutions_obey_hooke_and_equilibrium(kind):
+    problem = kind()
+    points = problem.points() * (1 - 1e-3) + 5e-4
+    d = points.shape[1]
+    gradient, unbalanced = np.empty((len(points), d, d)), np.zeros((len(points), d))
+    for axis, step in enumerate(STEP * np.eye(d)):
+        ahead, behind = points + step, points - step
+        change = problem.exact_displacement(ahead) - problem.exact_displacement(behind)
+        gradient[:, :, axis] = change / (2 * STEP)
+        change = problem.exact_stress(ahead) - problem.exact_stress(behind)
+        unbalanced += change[:, :, axis] / (2 * STEP)
+    stress = problem.exact_stress(points)
+    scale = np.abs(stress).max()
+    derived = problem.hooke(0.5 * (gradient + gradient.transpose(0, 2, 1)))
+    np.testing.assert_allclose(derived, stress, atol=1e-7 * scale)
+    np.testing.assert_allclose(unbalanced, 0, atol=1e-6 * scale)
+
+
+@pytest.mark.parametrize("kind", CONVERGING_PROBLEMS, ids=lambda kind: kind.__name__)
+def test_observed_order(kind):
+    problem = kind()
+    for quantity, study in convergence(problem).items():
+        low, high = problem.orders[quantity]
+        assert low < study.order < high, (quantity, study)
+
+
+@pytest.mark.parametrize("ratio", [-0.3, 0.0, 0.49])
+def test_the_cantilever_converges_for_any_ratio_and_plane(ratio):
+    for plane in ("stress", "strain"):
+        problem = TimoshenkoCantilever(poissons_ratio=ratio, plane=plane)
+        study = convergence(problem, (8, 16))["displacement"]
+        assert 1.7 < study.order < 2.4
+        assert study.errors[-1] < 0.01
+
+
+def test_the_cantilevers_tip_sags_as_timoshenko_says():
+    problem = TimoshenkoCantilever()
+    tip = np.array([[0.0, 0.5]])
+    inertia = 2 * 0.5**3 / 3
+    bending = problem.load * problem.length**3 / (3 * problem.youngs_modulus * inertia)
+    sag = abs(problem.exact_displacement(tip)[0, 1])
+    assert sag == pytest.approx(bending, rel=1e-12)
+    assert abs(problem.solve(32).displacement_at(tip)[0, 1]) == pytest.approx(sag, rel=3e-3)
+
+
+def test_the_corners_exponent():
+    assert np.sin(1.5 * np.pi * EXPONENT) == pytest.approx(EXPONENT, rel=1e-12)
+    problem = LCorner()
+    errors = [abs(problem.exponent(problem.solve(n)) - EXPONENT) for n in (16, 32, 64)]
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[2] < 5e-4
+
+
+def test_the_corner_is_free_where_it_should_be():
+    problem = LCorner()
+    across = np.array([[1.5, 1.0 + 1e-12], [1.8, 1.0 + 1e-12]])
+    beside = across[:, ::-1]
+    scale = np.abs(problem.exact_stress(across)).max()
+    np.testing.assert_allclose(problem.exact_stress(across)[:, 1], 0, atol=1e-9 * scale)
+    np.testing.assert_allclose(problem.exact_stress(beside)[:, 0], 0, atol=1e-9 * scale)
+
+
+def test_end_loads_die_away_at_the_rate_of_papkovich_and_fadle():
+    assert abs(np.sin(2 * DECAY) + 2 * DECAY) < 1e-8
+    problem = SaintVenantDecay()
+    errors = [abs(problem.decay(problem.solve(n)) - DECAY) for n in (16, 32, 64)]
+    assert np.polyfit(np.log([16, 32, 64]), np.log(errors), 1)[0] < -1.5
+    assert errors[-1] < 1e-3 * abs(DECAY)
+
+
+def test_the_disks_centre():
+    problem = BrazilianDisk()
+    centre = np.zeros((1, 2))
+    stress = problem.solve(64).stress_at(centre)[0] * np.pi / problem.load
+    np.testing.assert_allclose(stress, [[1.0, 0.0], [0.0, -3.0]], atol=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "most"), [(LCorner, 256), (Cerruti, 32)])
+def test_order_on_fine_grids(kind, most):
+    problem = kind()
+    for quantity, study in convergence(problem, (most // 4, most // 2, most)).items():
+        low, high = problem.orders[quantity]
+        assert low < study.order < high, (quantity, study)

@@ -1,0 +1,156 @@
+"""Random pixel bodies against finite elements: two methods, one truth.
+
+Finite elements of full integration are too stiff: with given forces their strain energy
+comes from below. The staggered grid comes from above, so the two bracket the truth. Pixel
+bodies have re-entrant corners, where both converge like h^2λ (λ about one half) only. The
+forces press squarely; a drag along the surface has energy in a half cell that is not counted.
+"""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("skfem")
+
+from fem_peer import solve_elements
+from scipy.ndimage import label
+
+from kaju import Scene, solve
+from kaju.model.elasticity.problem import CellLoads
+
+MATERIALS = [(1.0, 0.3), (3.0, 0.2), (0.5, 0.4)]
+NAMES = {-1: "air", 0: "plain", 1: "stiff", 2: "soft"}
+
+
+def random_body(seed, shape):
+    """A body of pixels in one piece that stands on the ground and reaches the top."""
+    rng = np.random.default_rng(seed)
+    while True:
+        kinds = rng.choice([0, 0, 0, 0, 1, 2, -1, -1], size=shape)
+        solid = kinds >= 0
+        parts, _ = label(solid)
+        kinds[~np.isin(parts, np.setdiff1d(parts[..., 0], [0]))] = -1
+        solid = kinds >= 0
+        joined = label(solid)[1] == 1 and solid[..., -1].any()
+        if joined and not touches_by_a_corner(solid):
+            return kinds
+
+
+def touches_by_a_corner(solid):
+    """Whether cells meet at a corner or edge only: elements are joined there, cells are not."""
+    blocks = np.lib.stride_tricks.sliding_window_view(solid, (2,) * solid.ndim)
+    return any(label(block)[1] > 1 for block in blocks.reshape(-1, *(2,) * solid.ndim))
+
+
+def load_on_top(kinds, force):
+    """A force on the top face of the first cell that has one."""
+    top = np.argwhere(kinds[..., -1] >= 0)[0]
+    cell = np.array([[*top, kinds.shape[-1] - 1]])
+    return CellLoads(cell, np.array([2 * kinds.ndim - 1]), np.array([force]))
+
+
+def as_scene(kinds, loads, materials=MATERIALS, plane=None):
+    body = {} if plane is None else {"plane": plane, "thickness": 1.0}
+    used = np.unique(kinds)
+    return Scene.from_array(
+        kinds,
+        legend={code: NAMES[code] for code in used.tolist()},
+        cell_size=1.0,
+        materials={
+            NAMES[code]: {"youngs_modulus": modulus, "poissons_ratio": ratio}
+            for code, (modulus, ratio) in enumerate(materials)
+            if code in used
+        },
+        sides={"bottom": "rigid"},
+        loads=[
+            {"cell": cell.tolist(), "side": "top", "force": force.tolist()}
+            for cell, force in zip(loads.cells, loads.force, strict=True)
+        ],
+        **body,
+    )
+
+
+def limit(values):
+    """Aitken's extrapolation of the last three of a sequence."""
+    first, second, third = values[-3:]
+    return third - (third - second) ** 2 / ((third - second) - (second - first))
+
+
+@pytest.mark.parametrize(
+    ("seed", "plane"),
+    [(0, "strain"), (1, "stress"), (4, "stress"), (5, "strain"), (7, "stress"), (8, "strain")]
+    + [pytest.param(seed, "strain", marks=pytest.mark.slow) for seed in range(10, 30)],
+)
+def test_plane_bodies_agree_with_elements(seed, plane):
+    kinds = random_body(seed, (6, 5))
+    loads = load_on_top(kinds, [0.0, -1.0])
+    points = np.argwhere(kinds >= 0) + 0.5
+    elements = [
+        solve_elements(kinds, MATERIALS, 1.0, loads, plane=plane, split=k) for k in (2, 4, 8)
+    ]
+    scene = as_scene(kinds, loads, plane=plane)
+    cells = [solve(scene, tolerance=1e-8, resolution=k) for k in (4, 8, 16, 32)]
+    below = [answer.energy for answer in elements]
+    above = [answer.strain_energy for answer in cells]
+    truth = limit(below)
+    assert np.all(np.diff(below) > 0)
+    assert np.all(np.diff(above) < 0)
+    assert above[-1] > truth
+    assert limit(above) == pytest.approx(truth, rel=3e-3)
+    finest = elements[-1].displacement_at(points)
+    apart = [np.abs(answer.displacement_at(points) - finest).max() for answer in cells]
+    assert np.all(np.diff(apart) < 0)
+    assert apart[-1] < 0.02 * np.abs(finest).max()
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_blocks_of_several_materials_are_bracketed(seed, plane):
+    kinds = np.random.default_rng(seed).choice([0, 0, 1, 2], size=(5, 4))
+    loads = load_on_top(kinds, [0.0, -1.0])
+    scene = as_scene(kinds, loads, plane=plane)
+    below = [
+        solve_elements(kinds, MATERIALS, 1.0, loads, plane=plane, split=k).energy for k in (1, 2, 4)
+    ]
+    above = [solve(scene, tolerance=1e-8, resolution=k).strain_energy for k in (2, 4, 8, 16)]
+    assert np.all(np.diff(below) > 0)
+    assert np.all(np.diff(above) < 0)
+    assert above[-1] > limit(below)
+    assert limit(above) == pytest.approx(limit(below), rel=1e-3)
+
+
+def test_a_solid_body_agrees_with_elements():
+    kinds = random_body(3, (3, 3, 3))
+    loads = load_on_top(kinds, [0.0, 0.0, -1.0])
+    points = np.argwhere(kinds >= 0) + 0.5
+    elements = [solve_elements(kinds, MATERIALS, 1.0, loads, split=k) for k in (1, 2, 3)]
+    scene = as_scene(kinds, loads)
+    cells = [solve(scene, tolerance=1e-7, resolution=k) for k in (4, 8, 16)]
+    below = [answer.energy for answer in elements]
+    above = [answer.strain_energy for answer in cells]
+    assert np.all(np.diff(below) > 0)
+    assert np.all(np.diff(above) < 0)
+    assert above[-1] > below[-1]
+    finest = elements[-1].displacement_at(points)
+    apart = [np.abs(answer.displacement_at(points) - finest).max() for answer in cells]
+    assert np.all(np.diff(apart) < 0)
+    assert apart[-1] < 0.025 * np.abs(finest).max()
+
+
+@pytest.mark.parametrize("split", [2, 4, 8, 16])
+def test_rubber_does_not_lock(split):
+    rubber = [(1.0, 0.499)]
+    kinds = np.zeros((6, 5), int)
+    kinds[2:5, 2] = kinds[0, 3:] = -1
+    loads = load_on_top(kinds, [0.0, -1.0])
+
+    def elements(split, order):
+        return solve_elements(
+            kinds, rubber, 1.0, loads, plane="strain", split=split, order=order
+        ).energy
+
+    truth = limit([elements(k, 2) for k in (4, 8, 16)])
+    locked = elements(split, 1) / truth - 1
+    scene = as_scene(kinds, loads, rubber, "strain")
+    cells = solve(scene, tolerance=1e-7, resolution=split).strain_energy / truth - 1
+    assert locked < -min(0.4, 1.2 / split)
+    assert 0 < cells < 0.4 / split**1.6

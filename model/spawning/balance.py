@@ -177,9 +177,8 @@ def _couple(edges: Edges, place: tuple[bool, int], leaf: Index, moment: Floats) 
     first, upper = place
     (slope, tilt), turned = oriented(edges, first)  # of u_a along the normal, of u_n along a
     outer, inner = turned[leaf, :, upper], turned[leaf, :, 1 - upper]
-    known: Flags = np.asarray(tilt.valid & (tilt.wall < 0), dtype=np.bool_)
-    tilts = known[outer]
-    slopes = slope.valid[inner] & ~tilts.any(axis=1)[:, None]
+    tilts: Flags = np.logical_and(tilt.valid[outer], tilt.wall[outer] < 0)
+    slopes = slope.valid[inner] & (tilts.sum(axis=1) == 0)[:, None]
     total = np.zeros(slope.matrix.shape[1])
     for gradient, edge, some, sign in ((tilt, outer, tilts, -1.0), (slope, inner, slopes, 1.0)):
         share = some / np.maximum(some.sum(axis=1), 1)[:, None]

@@ -99,7 +99,7 @@ def _nearest_known(
     for other_end, flip in ((0, 1), (1, 0), (1, 1)):
         candidate = table[rows, end ^ other_end, near ^ flip]
         edge = np.where(~known[edge] & known[candidate], candidate, edge)
-    return edge
+    return np.asarray(edge)
 
 
 def _pick(rows: Index, columns: Index, weight: Floats, width: int) -> sp.csr_array:

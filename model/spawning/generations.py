@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.model.elasticity.fallback import DIRECT_LIMIT
-from kaju.model.elasticity.krylov import Iteration
+from kaju.model.elasticity.krylov import Iteration, dot
 from kaju.model.elasticity.problem import ACTIVE, STIFF_PRESSURE
 
 from .balance import Balance
@@ -156,7 +156,7 @@ def _settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: floa
     load, given = balance.load[free], balance.given_energy
 
     def twice_energy(x: Floats) -> float:
-        return 2 * float(x @ load) - float(x @ right) + given
+        return 2 * float(dot(x, load)) - float(dot(x, right)) + given
 
     def done(run: Iteration) -> bool:
         return run.errors[-1] <= share or _at_rounding(run)

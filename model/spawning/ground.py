@@ -107,6 +107,10 @@ class Ground:
         leaves = self._until(leaves, self._unevenly_loaded)
         return leaves.balanced(0)
 
+    def parents(self, leaves: Leaves) -> Leaves:
+        """Return leaves of up to twice the size, as far as body and supports let them be."""
+        return self._until(leaves.merged(), self._beside_mixed).balanced(0)
+
     def _pure(self, boxes: Index, exponent: int) -> Leaves:
         """Split boxes of cells until each is of one kind; keep those of material."""
         lower, size, kind = [], [], []

@@ -125,6 +125,29 @@ class Leaves:
             np.concatenate([self.cause[stay], np.repeat(cause[chosen], many)]),
         )
 
+    def merged(self) -> Leaves:
+        """Return the leaves with every complete family of one kind replaced by its parent."""
+        d, many = self.dimension, 1 << self.dimension
+        # In the order of the codes a family stands together, its first child at its corner.
+        first = np.arange(len(self) - many + 1)
+        last = first + many - 1
+        parent = 2 * self.size[first]
+        whole = np.all(self.lower[first] % parent[:, None] == 0, axis=1)
+        whole &= self.code[last] - self.code[first] == (many - 1) * self.size[first] ** d
+        for child in range(1, many):
+            whole &= self.size[first + child] == self.size[first]
+            whole &= self.kind[first + child] == self.kind[first]
+        start = np.flatnonzero(whole)
+        gone = (start[:, None] + np.arange(many)).ravel()
+        stay = np.ones(len(self), dtype=np.bool_)
+        stay[gone] = False
+        stay[start] = True
+        size = self.size.copy()
+        size[start] *= 2
+        return Leaves.of(
+            self.lower[stay], size[stay], self.kind[stay], self.step[stay], self.cause[stay]
+        )
+
     def balanced(self, step: int) -> Leaves:
         """Return leaves of which no two neighbours differ by more than a factor of two.
 
@@ -136,12 +159,15 @@ class Leaves:
         young = np.ones(len(leaves), dtype=np.bool_)
         while young.any():
             chosen = np.zeros(len(leaves), dtype=np.bool_)
+            code, crowded = leaves.code[young], np.zeros(np.count_nonzero(young), dtype=np.bool_)
             size, lower, kind = leaves.size[young], leaves.lower[young], leaves.kind[young]
             for way in directions:
                 beside = leaves.find(lower + way * size[:, None])
                 ratio = leaves.size[beside] // size
                 other = (leaves.kind[beside] != kind) & (np.abs(way).sum() == 1)
-                chosen[beside[(beside >= 0) & ((ratio > 2) | ((ratio > 1) & other))]] = True
+                unfit = (beside >= 0) & ((ratio > 2) | ((ratio > 1) & other))
+                chosen[beside[unfit]] = True
+                crowded |= unfit
             if not chosen.any():
                 break
             fresh = leaves.code[chosen]
@@ -149,4 +175,6 @@ class Leaves:
             leaves = leaves.split(chosen, step, np.full(len(leaves), np.nan))
             at = np.searchsorted(fresh, leaves.code, side="right") - 1
             young = (at >= 0) & (leaves.code < ends[np.maximum(at, 0)])
+            # Those beside a leaf that was much too large look once more.
+            young |= np.isin(leaves.code, code[crowded])
         return leaves

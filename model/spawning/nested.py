@@ -17,9 +17,11 @@ from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
 from kaju.model.elasticity.sparse_multigrid import Level
 
 from .balance import Balance
-from .composite import Floats
+from .composite import Composite, Floats
 from .field import prolongation
 
+WORTHWHILE = 0.7
+"""Parents that are more than this share of their children are not worth a level."""
 SWEEPS = 2
 DIRECT = {2: 6_000, 3: 2_500}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
@@ -31,8 +33,17 @@ class NestedMultigrid:
     def __init__(self, balance: Balance, direct: int) -> None:
         self._direct_limit = direct
         self._levels: list[Level] = []
-        self._balance = balance
-        self._factorise(balance)
+        ancestors = [balance]
+        while len(ancestors[-1].free) > direct:
+            grid = ancestors[-1].grid
+            leaves = grid.ground.parents(grid.leaves)
+            if len(leaves) > WORTHWHILE * len(grid.leaves):
+                break
+            ancestors.append(Balance(Composite(grid.ground, leaves)))
+        self._balance = ancestors[-1]
+        self._factorise(ancestors[-1])
+        for younger in reversed(ancestors[:-1]):
+            self.grow(younger)
 
     @property
     def depth(self) -> int:

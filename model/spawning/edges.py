@@ -187,9 +187,11 @@ def _gradient(
     matrix = sp.csr_array(sp.csr_array((weight, (rows, index)), shape=shape) @ grid.mean)
     both = sides[0][0] & sides[1][0]
     one_sided = np.where(both, 1.0, 2.0)
+    # Leaves that touch only at their corners have no slope between them.
+    joined = ((quads[0] >= 0) & (quads[1] >= 0)) | ((quads[2] >= 0) & (quads[3] >= 0))
     body = np.all(kinds >= 0, axis=0)
     jump = body & ((kinds[0] != kinds[1]) | (kinds[2] != kinds[3]))
-    valid = both | (wall >= 0)
+    valid = (both & joined) | (wall >= 0)
     return Gradient(matrix, constant, valid, one_sided, wall, pull, jump), span
 
 

@@ -2,7 +2,9 @@
 
 Every generation of agents holds the one before: their stiffness matrices, and the
 interpolation from parents to children, are the levels of one symmetric V-cycle, which
-preconditions conjugate gradients. The first generation is factorised.
+preconditions conjugate gradients. The first generation is factorised. Where materials differ
+the parents' stiffness is what their children feel when they follow them, P'AP (Galerkin's
+condition), which copes with large contrasts; in one material their own does as well.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
 from kaju.model.elasticity.sparse_multigrid import Level
@@ -23,6 +25,9 @@ from .field import prolongation
 WORTHWHILE = 0.7
 """Parents that are more than this share of their children are not worth a level."""
 SWEEPS = 2
+MOST = 100
+FACTORISED = {2: 400_000, 3: 15_000}
+"""A generation that does not settle in MOST iterations is factorised, up to so many faces."""
 DIRECT = {2: 6_000, 3: 2_500}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
 
@@ -60,6 +65,8 @@ class NestedMultigrid:
             level = _level(balance)
             level.prolong = prolong
             self._levels.append(level)
+            if len(np.unique(balance.grid.ground.moduli.stretch)) > 1:
+                self._project()
         self._balance = balance
         return whole
 
@@ -76,20 +83,31 @@ class NestedMultigrid:
         def apply(x: Floats) -> Floats:
             return np.asarray(matrix @ x)
 
-        return conjugate_gradients(apply, self.precondition, right, start, done, 200, energy)
+        run = conjugate_gradients(apply, self.precondition, right, start, done, MOST, energy)
+        if run.converged or len(right) > FACTORISED[self._balance.grid.dimension]:
+            return run
+        self._factorise(self._balance)
+        return conjugate_gradients(
+            apply, self.precondition, right, run.solution, done, MOST, energy
+        )
 
     def precondition(self, load: Floats) -> Floats:
         """Return one V-cycle's answer to a load."""
         return self._cycle(len(self._levels) - 1, load)
 
+    def _project(self) -> None:
+        """Give the parents, from the finest on, the stiffness that their children feel."""
+        for at in range(len(self._levels) - 1, 0, -1):
+            prolong = self._levels[at].prolong
+            assert prolong is not None
+            felt = sp.csr_array(prolong.T @ (self._levels[at].matrix @ prolong))
+            self._levels[at - 1].matrix = felt
+            self._levels[at - 1].inverse = _inverse(felt)
+        self._direct = _factor(self._levels[0].matrix)
+
     def _factorise(self, balance: Balance) -> None:
         self._levels = [_level(balance)]
-        self._direct = splu(
-            sp.csc_array(self._levels[0].matrix),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        self._direct = _factor(self._levels[0].matrix)
 
     def _cycle(self, at: int, load: Floats) -> Floats:
         level = self._levels[at]
@@ -108,6 +126,22 @@ class NestedMultigrid:
 def _level(balance: Balance) -> Level:
     free = balance.free
     matrix = sp.csr_array(balance.stiffness[free][:, free])
+    return Level(matrix, _inverse(matrix))
+
+
+def _inverse(matrix: sp.csr_array) -> Floats:
     diagonal = matrix.diagonal()
     inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
-    return Level(matrix, inverse)
+    return np.asarray(inverse)
+
+
+def _factor(matrix: sp.csr_array) -> SuperLU:
+    # Guarded against parents that no child depends on.
+    diagonal = matrix.diagonal()
+    guard = np.where(diagonal > 0, 1e-15 * diagonal, 1.0)
+    return splu(
+        sp.csc_array(matrix + sp.diags_array(guard)),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )

@@ -49,14 +49,15 @@ def solve_spawning(
     Returns
     -------
     SpawnedResult
-        Short of the tolerance only if the `resolution` ended it, which its notes say.
+        Short of the tolerance only where agents may not be smaller, which its notes say.
 
     Raises
     ------
     SupportError
         If a part of the body could move without straining.
     ConvergenceError
-        If the tolerance asks for too many agents; `best` holds the result so far.
+        If the tolerance asks for too many agents, or these do not settle; `best` holds the
+        result so far.
     ParameterError, SceneError
         If an argument or the scene breaks a rule.
     """
@@ -66,10 +67,7 @@ def solve_spawning(
     limit = most_agents or MOST_AGENTS[ground.dimension]
     spawning = spawn(ground, tolerance, limit)
     if spawning.stopped == "depth":
-        spawning.notes.append(
-            f"the smallest agents allowed leave an estimated error of {spawning.error:.2g}, above "
-            f"the tolerance of {tolerance:g}; a larger resolution allows smaller ones"
-        )
+        spawning.notes.append(_shortfall(spawning.error, tolerance, resolution))
     result = SpawnedResult(scene, stage, tolerance, resolution, spawning, perf_counter() - start)
     if spawning.stopped == "agents":
         raise ConvergenceError(
@@ -79,7 +77,25 @@ def solve_spawning(
             result.residuals,
             result,
         )
+    if spawning.stopped == "iteration":
+        raise ConvergenceError(
+            f"solve: {max(len(result.residuals) - 1, 0)} iterations leave a relative residual "
+            f"of {result.residuals[-1]:.2g}; take materials of a smaller contrast, a larger "
+            "tolerance, or strategy='uniform'. The error's `best` holds the result so far",
+            result.residuals,
+            result,
+        )
     return result
+
+
+def _shortfall(error: float, tolerance: float, resolution: int | None) -> str:
+    remedy = "a larger resolution allows smaller ones"
+    if resolution is None:
+        remedy = "look for a point that is almost a hinge, where stiff parts touch at a corner"
+    return (
+        f"the smallest agents allowed leave an estimated error of {error:.2g}, above the "
+        f"tolerance of {tolerance:g}; {remedy}"
+    )
 
 
 def _check(tolerance: float, resolution: int | None, most_agents: int | None) -> None:

@@ -1,0 +1,118 @@
+"""Agents and time against error: equal cells and agents that spawn; growth with the body.
+
+The error is √(U/U* − 1), the relative error in the energy norm, U* from a spawning run with
+a third of the smallest tolerance, improved by its own estimate. Run:
+
+    python benchmarks/spawning.py            # everything, a few minutes
+    python benchmarks/spawning.py plate      # one table
+"""
+
+import sys
+from math import sqrt
+from time import perf_counter
+
+from kaju import Scene, solve
+
+STEEL = {"material": "steel"}
+
+
+def plate(side=1):
+    """The worked plate under 2 N over 10 mm, `side` times as wide and high."""
+    size, cells = 0.2 * side, 20 * side
+    middle = 0.5 * size
+    return Scene(
+        body={"size": [size] * 2, "cells": [cells] * 2, "thickness": 2e-3, **STEEL},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[middle, size], [middle + 0.01, size]]}, "force": [0, -2.0]}],
+    )
+
+
+def l_shape():
+    return Scene(
+        body={"cell_size": 0.1, "drawing": "####....\n" * 4 + "########\n" * 4, "plane": "strain"},
+        legend={"#": "steel", ".": "air"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0, 0.8], [0.4, 0.8]]}, "force": [100.0, 0.0]}],
+    )
+
+
+def hole():
+    disk = {"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.05}}
+    return Scene(
+        body={"size": [0.2, 0.2], "cells": [32, 32], "regions": [disk], **STEEL},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "pressure": 1e6}],
+    )
+
+
+def block(cells=16, patch=0.125):
+    """The unit cube, clamped below, under 1 N on a square in the middle of its top."""
+    low, high = 0.5 - patch / 2, 0.5 + patch / 2
+    return Scene(
+        body={"size": [1.0] * 3, "cells": [cells] * 3, **STEEL},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[low, low, 1.0], [high, high, 1.0]]}, "force": [0, 0, -1.0]}],
+    )
+
+
+TABLES = {
+    "plate": (plate(), (0.1, 0.05, 0.025, 0.0125), (2, 4, 8, 16, 32)),
+    "L": (l_shape(), (0.1, 0.05, 0.025, 0.0125), (2, 4, 8, 16, 32, 64)),
+    "hole": (hole(), (0.1, 0.05, 0.025), (1, 2, 4, 8, 16)),
+    "block": (block(), (0.4, 0.2, 0.1), (1, 2, 4)),
+}
+
+
+def timed(scene, **how):
+    start = perf_counter()
+    result = solve(scene, **how)
+    return result, perf_counter() - start
+
+
+def table(name):
+    scene, tolerances, resolutions = TABLES[name]
+    fine = solve(scene, tolerance=tolerances[-1] / (3 if name != "block" else 2))
+    limit = fine.strain_energy * (1 - fine.error_estimate**2)
+    print(f"\n{name}: U* = {limit:.7g} J")
+    print(f"{'':10}{'agents':>10}{'time (s)':>10}{'error':>10}{'estimate':>10}{'factor':>8}")
+    runs = [("spawning", {"tolerance": t}) for t in tolerances]
+    runs += [("uniform", {"resolution": k, "strategy": "uniform"}) for k in resolutions]
+    for kind, how in runs:
+        result, seconds = timed(scene, **how)
+        error = sqrt(abs(result.strain_energy / limit - 1))
+        agents = result.summary()["agents"]
+        ratio = result.error_estimate / error
+        print(
+            f"{kind:10}{agents:10,}{seconds:10.2f}{error:10.4f}"
+            f"{result.error_estimate:10.4f}{ratio:8.2f}"
+        )
+
+
+def growth():
+    print("\nbody's side times 1 to 64 under the same load, tolerance 0.02")
+    print(f"{'side':>6}{'cells':>16}{'agents':>10}{'time (s)':>10}")
+    for side in (1, 2, 4, 8, 16, 32, 64):
+        result, seconds = timed(plate(side), tolerance=0.02)
+        print(f"{side:6}{result.scene.lattice.size:16,}{result.agents:10,}{seconds:10.2f}")
+
+
+def giant():
+    print("\n16,384³ cells under a patch, tolerance 0.1 (1 % of the energy)")
+    scene = block(16384, patch=0.02)
+    result, seconds = timed(scene, tolerance=0.1)
+    print(f"{result.agents:,} agents, estimate {result.error_estimate:.3f}, {seconds:.1f} s")
+
+
+def main():
+    asked = sys.argv[1:] or [*TABLES, "growth", "giant"]
+    solve(plate(), tolerance=0.03)
+    solve(plate(), resolution=2, strategy="uniform")
+    for name in asked:
+        if name in TABLES:
+            table(name)
+        else:
+            {"growth": growth, "giant": giant}[name]()
+
+
+if __name__ == "__main__":
+    main()

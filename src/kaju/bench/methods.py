@@ -78,7 +78,7 @@ def _agents(
 ) -> Callable[[Problem, int], Callable[[], Answer]]:
     def prepare(problem: Problem, division: int) -> Callable[[], Answer]:
         from kaju.agents.rules import ElasticRule
-        from kaju.model.elasticity.elastic_model import ElasticModel
+        from kaju.model.settling.elastic_model import ElasticModel
 
         rule = ElasticRule(order=order, tolerance=WAVE_TOLERANCE)
         pushes = 1000 if order == "largest first" else 1
@@ -86,7 +86,7 @@ def _agents(
         def job() -> Answer:
             scene = problem.scene(division).replace(rule=rule)
             run = ElasticModel(scene, engine="arrays", pushes_per_step=pushes).run()
-            return lambda: run.to_result().displacement_at(problem.points)
+            return lambda: run.result.displacement_at(problem.points)
 
         return job
 

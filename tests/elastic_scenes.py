@@ -8,7 +8,7 @@ from scipy.sparse.linalg import spsolve
 
 from kaju.agents.rules import ElasticRule
 from kaju.errors import SceneError
-from kaju.model.elasticity.elastic_model import ElasticModel
+from kaju.model.settling.elastic_model import ElasticModel
 from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
 from kaju.model.scene import Scene
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.errors import SceneError
+from kaju.model.elasticity.grid import grid_of
+from kaju.model.elasticity.problem import ABSENT, ACTIVE, FIXED
+from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
+from kaju.model.elasticity.supports import check_supports
+from kaju.model.elasticity.transfer import coarsen
 
-from .grid import grid_of
-from .problem import ABSENT, ACTIVE, FIXED
-from .push_boundary import Boundary, free_surfaces, supports
-from .staggered import Numbering, stiffness_matrix
-from .supports import check_supports
-from .transfer import coarsen
+from .boundary import Boundary, free_surfaces, supports
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene

@@ -143,6 +143,7 @@ def write_archive(
     try:
         with os.fdopen(handle, "wb") as file:
             np.savez_compressed(file, allow_pickle=False, json=described, **arrays)
+        Path(scratch).chmod(0o644)  # scratch files are made for their owner only
         Path(scratch).replace(target)
     except BaseException as error:
         Path(scratch).unlink(missing_ok=True)

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from kaju.errors import KajuError as KajuError
     from kaju.model.compare import compare as compare
     from kaju.model.creep import creep as creep
-    from kaju.model.settling.elastic_model import ElasticModel as ElasticModel
     from kaju.model.elasticity.elastic_result import ElasticResult as ElasticResult
     from kaju.model.fitting import fit_rule as fit_rule
     from kaju.model.network import NetworkResult as NetworkResult
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from kaju.model.result import Result as Result
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
+    from kaju.model.settling.elastic_model import ElasticModel as ElasticModel
     from kaju.model.solving import solve as solve
     from kaju.model.stored import load_result as load_result
     from kaju.view import animate as animate

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from .finite_elements import RESIDUAL
-from .methods import METHODS, Method
+from .methods import METHODS
 from .problems import PROBLEMS
 
 REPEATS = 3
@@ -144,7 +144,7 @@ def cells_of(problem: str, division: int) -> int:
 def measure(problem: str, method: str, division: int) -> Measurement:
     """Measure a job in this process: warm up, run, compare with the truth."""
     described, way = PROBLEMS[problem], METHODS[method]
-    way.prepare(described, _small(way, problem, division))()()
+    way.prepare(described, min(way.divisions[problem]))()()
     job = way.prepare(described, division)
     before = _peak()
     times: list[float] = []
@@ -165,11 +165,6 @@ def measure(problem: str, method: str, division: int) -> Measurement:
         l2_error,
         len(times),
     )
-
-
-def _small(method: Method, problem: str, division: int) -> int:
-    """Return a division small enough to warm up with, of the same parity."""
-    return min(division, max(2, min(method.divisions[problem])))
 
 
 def _peak() -> float:

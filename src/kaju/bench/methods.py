@@ -25,7 +25,7 @@ Answer = Callable[[], Floats]
 """Looks the displacements at the problem's points up."""
 Prepare = Callable[[Problem, int], Callable[[], Answer]]
 
-WAVE_TOLERANCE = 1e-3
+WAVE_TOLERANCE = 2e-4
 """Agents rest when the loads left are this share, in energy: below the error of their grids."""
 FIT_EVALUATIONS = 300
 

@@ -20,7 +20,7 @@ PLATE = Path(__file__).parent.parent / "examples" / "plate.toml"
 
 
 def giant_plate() -> None:
-    """The worked load on 10⁶ × 10⁶ cells, γ = 1e-6 N."""
+    """Put the worked load on 10⁶ × 10⁶ cells, γ = 1e-6 N."""
     from kaju import LoadModel, Scene
 
     scene = Scene(
@@ -33,7 +33,7 @@ def giant_plate() -> None:
 
 
 def million_loads() -> None:
-    """A load on each of the 10⁶ top cells of 1000 × 1000 × 100 cubes, γ = 1 % of each."""
+    """Press on each of the 10⁶ top cells of 1000 × 1000 × 100 cubes, γ = 1 % of each."""
     from kaju import LoadModel, Scene
 
     scene = Scene(

@@ -17,7 +17,7 @@ STEEL = {"material": "steel"}
 
 
 def plate(side=1):
-    """The worked plate under 2 N over 10 mm, `side` times as wide and high."""
+    """Return the worked plate under 2 N over 10 mm, `side` times as wide and high."""
     size, cells = 0.2 * side, 20 * side
     middle = 0.5 * size
     return Scene(
@@ -46,7 +46,7 @@ def hole():
 
 
 def block(cells=16, patch=0.125):
-    """The unit cube, clamped below, under 1 N on a square in the middle of its top."""
+    """Return the unit cube, clamped below, under 1 N on a square in the middle of its top."""
     low, high = 0.5 - patch / 2, 0.5 + patch / 2
     return Scene(
         body={"size": [1.0] * 3, "cells": [cells] * 3, **STEEL},

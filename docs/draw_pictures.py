@@ -1,6 +1,6 @@
 """Draw the pictures that README.md and the pages of docs/ show.
 
-    python docs/draw_pictures.py
+python docs/draw_pictures.py
 """
 
 from __future__ import annotations

@@ -82,8 +82,12 @@ def cell_centres(scene: Scene, *others: Scene) -> Floats:
 
 
 def inside(scene: Scene, points: Floats) -> NDArray[np.bool_]:
-    """Tell which points (m) lie in a body."""
-    within: NDArray[np.bool_] = scene.kinds(scene.lattice.locate(points)) >= 0
+    """Tell which points (m) lie in a body or on its surface."""
+    lattice = scene.lattice
+    within: NDArray[np.bool_] = scene.kinds(lattice.locate(points)) >= 0
+    # A point on the surface belongs to the body, on whichever side rounding has put it.
+    for shift in 1e-6 * lattice.cell_size * lattice.normals:
+        within |= scene.kinds(lattice.locate(points + shift)) >= 0
     return within
 
 

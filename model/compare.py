@@ -79,7 +79,7 @@ class Comparison:
             )
         way = (last - first) / length
         if isinstance(self.reference, Reference):
-            points = _near_line(self.reference.points, first, way, length)
+            points = near_line(self.reference.points, first, way, length)
         else:
             points = first + np.linspace(0.0, length, count)[:, None] * way
             points = points[inside(grid_of(self.reference), points)]
@@ -108,8 +108,9 @@ class Comparison:
 class Settling(Protocol):
     """A run of agents that can tell what they have settled to."""
 
-    def to_result(self) -> BodyResult:
-        """Return the displacements at the end as a result."""
+    @property
+    def result(self) -> BodyResult:
+        """What they have settled to."""
 
 
 def compare(
@@ -186,7 +187,7 @@ def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
     if isinstance(given, (BodyResult, Reference)):
         return given
     if isinstance(given, Settling):
-        return given.to_result()
+        return given.result
     raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
 
 
@@ -203,7 +204,7 @@ def _pairs(
     return displacement, Pair("stress", "Pa", *stresses)
 
 
-def _near_line(points: Floats, first: Floats, way: Floats, length: float) -> Floats:
+def near_line(points: Floats, first: Floats, way: Floats, length: float) -> Floats:
     """Return the points on a line, in order."""
     along = (points - first) @ way
     across = points - first - along[:, None] * way
@@ -234,11 +235,7 @@ def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
 
 def _name(answer: BodyResult | Reference) -> str:
     if isinstance(answer, Reference):
-        return answer.source or "reference"
-    return f"{answer.scene.rule.kind} rule" if not _is_elastic(answer) else "elastic"
-
-
-def _is_elastic(answer: BodyResult) -> bool:
+        return answer.source.partition(":")[0] or "reference"
     from kaju.model.propagation.transfer_result import TransferResult
 
-    return not isinstance(answer, TransferResult)
+    return "prescribed rule" if isinstance(answer, TransferResult) else "elasticity"

@@ -41,7 +41,7 @@ class Reference:
     strain_energy : float, optional
         Energy stored in the whole body (J).
     source : str
-        Where the numbers come from.
+        Where the numbers come from; what stands before a colon is its name.
 
     Raises
     ------

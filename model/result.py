@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from abc import ABC, abstractmethod
 from itertools import product
 from pathlib import Path
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
+from kaju.files import scratch_beside
 
 if TYPE_CHECKING:
     import pandas
@@ -136,19 +135,8 @@ def write_archive(
         target = target.with_name(target.name + ".npz")
     labelled = {"kind": kind, "kaju_version": __version__, **text}
     described = np.frombuffer(json.dumps(labelled).encode(), dtype=np.uint8)
-    try:
-        handle, scratch = tempfile.mkstemp(dir=target.parent, suffix=".part")
-    except OSError as error:
-        raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, allow_pickle=False, json=described, **arrays)
-        Path(scratch).replace(target)
-    except BaseException as error:
-        Path(scratch).unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
-        raise
+    with scratch_beside(target, ResultFileError) as scratch:
+        np.savez_compressed(scratch, allow_pickle=False, json=described, **arrays)
     return target
 
 

@@ -12,11 +12,11 @@ from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
 from kaju.agents.materials import suggestion
-from kaju.errors import MissingExtraError, ParameterError
+from kaju.errors import MissingExtraError, ParameterError, ResultFileError
+from kaju.files import scratch_beside
 from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.result import Result
 
-from .files import scratch_beside
 from .network_plots import increments
 from .reels import Reel, loading, spawning
 from .subject import is_network
@@ -85,7 +85,7 @@ def animate(
     reel.settle()
     count = min(reel.last + 1, MOST_FRAMES)
     frames = np.unique(np.linspace(0, reel.last, count).round().astype(np.int64)).tolist()
-    with scratch_beside(target) as scratch:
+    with scratch_beside(target, ResultFileError) as scratch:
         writer(reel, frames, scratch, fps, hold)
     return target
 

@@ -2,47 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kaju.errors import ResultFileError
+from kaju.files import scratch_beside
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RESOLUTION = 150
 """Dots per inch of saved pictures."""
-
-
-@contextmanager
-def scratch_beside(target: Path) -> Iterator[Path]:
-    """Yield a file to write to, which takes the target's name only if all goes well.
-
-    Raises
-    ------
-    ResultFileError
-        If the file cannot be written.
-    """
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=target.suffix)
-        os.close(handle)
-        scratch = Path(name)
-        try:
-            yield scratch
-            # mkstemp keeps its files private; a picture is as readable as any other new file.
-            mask = os.umask(0)
-            os.umask(mask)
-            scratch.chmod(0o666 & ~mask)
-            scratch.replace(target)
-        finally:
-            scratch.unlink(missing_ok=True)
-    except OSError as error:
-        reason = error.strerror or error
-        raise ResultFileError(f"{target}: cannot be written: {reason}") from error
 
 
 def save(figure: Figure, path: str | Path) -> Path:
@@ -60,6 +30,6 @@ def save(figure: Figure, path: str | Path) -> Path:
             f"{target}: {target.suffix or 'no ending'!r} is no format of pictures; "
             f"choose .png, .svg or .pdf (there is {', '.join(sorted(known))})"
         )
-    with scratch_beside(target) as scratch:
+    with scratch_beside(target, ResultFileError) as scratch:
         figure.savefig(scratch, dpi=RESOLUTION)
     return target

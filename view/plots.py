@@ -24,9 +24,10 @@ from .load_path import plot_load_path
 from .loads import plot_loads
 from .maps import plot_map
 from .network_plots import plot_network, plot_response
+from .quadtree import plot_quadtree
 from .stages import plot_both, plot_stages
 from .style import figure_of
-from .subject import is_network
+from .subject import is_network, is_spawned
 from .voxels import plot_body_in_space, plot_voxels
 
 if TYPE_CHECKING:
@@ -91,6 +92,9 @@ TRANSFER: dict[str, Picture] = {
 NETWORK: dict[str, Picture] = {"deformed": plot_network, "response": plot_response}
 """Pictures of a loaded spring network."""
 
+SPAWNED: dict[str, Picture] = {"agents": plot_quadtree}
+"""Pictures of agents of many sizes."""
+
 USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
 
 
@@ -101,6 +105,7 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
     if is_network(subject):
         return NETWORK
     known = TRANSFER if isinstance(subject, TransferResult) else FIELDS
+    known = SPAWNED if is_spawned(subject) else known
 
     def scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
         return plot_scene(result.scene, ax, **options)

@@ -54,6 +54,15 @@ def is_network(result: object) -> TypeGuard[NetworkResult]:
     return isinstance(result, NetworkResult)
 
 
+def is_spawned(result: object) -> bool:
+    """Tell whether a result is one of agents of many sizes."""
+    if isinstance(result, TransferResult):
+        return False
+    from kaju.model.spawning.spawned_result import SpawnedResult
+
+    return isinstance(result, SpawnedResult)
+
+
 def grid_of(result: Result) -> Scene:
     """Return the scene on the cells that a result's fields belong to."""
     return result.scene if isinstance(result, TransferResult) else _elastic(result).grid

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from zipfile import BadZipFile
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ResultError, ResultFileError
+from kaju.files import scratch_beside
 
 Floats = NDArray[np.float64]
 
@@ -81,16 +81,10 @@ class CreepState:
     def save(self, path: str | Path) -> Path:
         """Write the state to one ``.npz`` file, whole or not at all."""
         target = Path(path)
-        beside = target.with_name(target.name + f".{os.getpid()}.part")
         arrays = {f"field{i}": part for i, part in enumerate(self.fields)}
         numbers = {name: np.asarray(getattr(self, name)) for name in _NUMBERS}
-        try:
-            with beside.open("wb") as file:
-                np.savez(file, **arrays, **numbers)  # type: ignore[arg-type]
-            beside.replace(target)
-        except OSError as error:
-            beside.unlink(missing_ok=True)
-            raise ResultFileError(f"creep state: cannot write {target}: {error}") from error
+        with scratch_beside(target, ResultFileError) as scratch, scratch.open("wb") as file:
+            np.savez(file, **arrays, **numbers)  # type: ignore[arg-type]
         return target
 
     @classmethod

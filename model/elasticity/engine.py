@@ -21,7 +21,7 @@ from .transfer import coarsen
 
 Vector = NDArray[np.float64]
 
-ALGEBRAIC_SHARE = 0.05
+ALGEBRAIC_SHARE = 0.15
 """Unless told otherwise, iterate until the algebraic error is this share of the grid's.
 
 That is the error before the last correction, which takes nine tenths of it away.
@@ -29,6 +29,8 @@ That is the error before the last correction, which takes nine tenths of it away
 SMALL, SMALL_TOLERANCE = 100_000, 1e-10
 """Bodies of fewer faces are solved to this tolerance unless told otherwise: it costs little,
 and forces balance to more digits than anyone prints."""
+LOOSEST = 3e-3
+"""But never stop above this."""
 PATIENCE = 8
 """After this many iterations the rate decides whether to change the method."""
 TOO_MANY = 60
@@ -188,7 +190,7 @@ class _Watch:
             self.discretisation = self._estimate(run)
         target = self._tolerance
         if target is None:
-            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), 1e-3)
+            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
         if run.errors[-1] <= target or _at_rounding(run):
             return True
         if run.iterations >= PATIENCE:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.scene.kinds import AIR, FOUNDATION, ROLLER
+from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 from .problem import ACTIVE, ElasticProblem, Floats
 
@@ -107,28 +107,77 @@ def _couple(
     cells: NDArray[np.int64],
     moment: Floats,
 ) -> None:
-    """Add -moment·∂u_n/∂s: normal forces on the surface beside the loaded cells."""
+    """Add -moment·∂u_n/∂s: normal forces on the surface beside the loaded cells.
+
+    The slope is taken between a cell's two ends, where u_n is the mean of the faces on both
+    sides, the wall's own value at a wall, and that of the cell where the surface ends. A
+    uniform shear then leaves every corner in balance; what of the moment is lost at an end
+    is made up for inside.
+    """
     state = problem.face_states()[normal]
-    surface = list(cells.T)
-    surface[normal] = surface[normal] + upper
-
-    def beside(step: int) -> NDArray[np.bool_]:
-        index = list(surface)
-        index[axis] = index[axis] + step
-        return np.asarray(state[tuple(index)] == ACTIVE)
-
-    before, after = beside(-1), beside(1)
-    span = before.astype(np.float64) + after
-    scaled = np.divide(moment, span, out=np.zeros_like(moment), where=span > 0)
+    surface = cells.copy()
+    surface[:, normal] += upper
     field = problem.force[normal]
-    for step, present, sign in ((-1, before, 1.0), (1, after, -1.0)):
-        index = [column[present] for column in surface]
-        index[axis] = index[axis] + step
-        np.add.at(field, tuple(index), sign * scaled[present])
-        lonely = [column[present] for column in surface]
-        other = (after if step < 0 else before)[present]
-        np.add.at(field, tuple(c[~other] for c in lonely), -sign * scaled[present][~other])
-    _lift(problem, axis, normal, upper, cells[span == 0], moment[span == 0])
+    lost = np.zeros_like(moment)
+    for step in (-1, 1):
+        beside, beyond = surface.copy(), cells.copy()
+        beside[:, axis] += step
+        beyond[:, axis] += step
+        runs_on = state[tuple(beside.T)] == ACTIVE
+        walled = ~runs_on & (problem.kinds[tuple(beyond.T)] == RIGID)
+        there = np.where(runs_on, 0.5, np.where(walled, 1.0, 0.0))
+        np.add.at(field, tuple(beside.T), -step * there * moment)
+        np.add.at(field, tuple(surface.T), -step * (1.0 - there) * moment)
+        lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
+        # The wall's face stands half a cell beyond the wall, which bears the difference.
+        edge = _edge_below(cells[walled], axis, normal, upper, step)
+        _tilt(problem, axis, normal, edge, -0.5 * moment[walled])
+    ended = lost != 0.0
+    _make_up(problem, axis, normal, upper, cells[ended], lost[ended])
+
+
+def _edge_below(
+    cells: NDArray[np.int64], axis: int, normal: int, upper: int, step: int
+) -> NDArray[np.int64]:
+    """Return the edge at one end of cells, one row below the surface."""
+    edge = cells.copy()
+    edge[:, axis] += step > 0
+    edge[:, normal] += 1 - upper
+    return edge
+
+
+def _tilt(
+    problem: ElasticProblem, component: int, across: int, edge: NDArray[np.int64], moment: Floats
+) -> None:
+    """Add +moment·∂u/∂x at edges: u is one component, x the axis across its faces."""
+    before = edge.copy()
+    before[:, across] -= 1
+    np.add.at(problem.force[component], tuple(before.T), -moment)
+    np.add.at(problem.force[component], tuple(edge.T), moment)
+
+
+def _make_up(
+    problem: ElasticProblem,
+    axis: int,
+    normal: int,
+    upper: int,
+    cells: NDArray[np.int64],
+    moment: Floats,
+) -> None:
+    """Enter moments as a turn of the four faces round an edge below the surface."""
+    waiting = np.ones(len(cells), dtype=np.bool_)
+    for step in (-1, 1):
+        edge = _edge_below(cells, axis, normal, upper, step)
+        found = waiting.copy()
+        for component, across in ((axis, normal), (normal, axis)):
+            for row in (0, 1):
+                face = edge.copy()
+                face[:, across] -= row
+                found &= problem.face_states()[component][tuple(face.T)] == ACTIVE
+        _tilt(problem, axis, normal, edge[found], 0.5 * moment[found])
+        _tilt(problem, normal, axis, edge[found], -0.5 * moment[found])
+        waiting &= ~found
+    _lift(problem, axis, normal, upper, cells[waiting], moment[waiting])
 
 
 def _lift(

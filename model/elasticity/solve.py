@@ -6,14 +6,13 @@ from math import isfinite
 from time import perf_counter
 from typing import Literal
 
-from kaju.errors import ConvergenceError, ParameterError, SceneError
+from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 
 from .elastic_result import ElasticResult
 from .engine import solve_problem
-from .from_scene import Origin, problem_of_scene
-from .problem import ElasticProblem
-from .supports import check_supports, slender_cell
+from .grid import grid_of
+from .supports import check_supports
 
 SMALLEST_TOLERANCE = 1e-13
 
@@ -60,38 +59,23 @@ def solve(
     """
     start = perf_counter()
     _check(tolerance, resolution, strategy)
-    division = resolution or 1
-    grid = scene if division == 1 else scene.refine(division)
-    problem, origin = problem_of_scene(grid, stage)
-    notes = []
-    cell = slender_cell(problem)
-    if cell is not None:
-        place = ", ".join(str(a + b) for a, b in zip(cell, origin, strict=True))
-        notes.append(f"a member is one cell wide at ({place}): the cells were halved")
-        division *= 2
-        grid, problem, origin = _halved(scene, division, stage)
-    check_supports(problem, origin, division)
-    solution = solve_problem(problem, tolerance)
-    solution.notes[:0] = notes
+    grid = grid_of(scene, stage, resolution or 1)
+    check_supports(grid.problem, grid.origin, grid.division)
+    solution = solve_problem(grid.problem, tolerance)
+    solution.notes[:0] = grid.notes
     result = ElasticResult(
-        scene, grid, stage, division, problem, origin, solution, perf_counter() - start
+        scene,
+        grid.scene,
+        stage,
+        grid.division,
+        grid.problem,
+        grid.origin,
+        solution,
+        perf_counter() - start,
     )
     if not solution.converged:
         raise ConvergenceError(_remedy(result, tolerance), result.residuals, result)
     return result
-
-
-def _halved(scene: Scene, division: int, stage: int | None) -> tuple[Scene, ElasticProblem, Origin]:
-    grid = scene.refine(division)
-    problem, origin = problem_of_scene(grid, stage)
-    cell = slender_cell(problem)
-    if cell is not None:
-        place = ", ".join(str(a + b) for a, b in zip(cell, origin, strict=True))
-        raise SceneError(
-            f"body: a member is one cell wide at cell ({place}) of the grid refined by {division} "
-            "and carries no shear; widen it, or give a larger resolution"
-        )
-    return grid, problem, origin
 
 
 def _check(tolerance: float | None, resolution: int | None, strategy: str) -> None:

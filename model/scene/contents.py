@@ -17,7 +17,9 @@ from .filling import FilledShape, Filling, count, grid
 from .pictures import Picture, from_array, from_drawing, from_image
 from .sides import FREE, SideCondition
 
-NOT_BODY = {"air": kinds.AIR, "rigid": kinds.RIGID}
+# Whatever does not carry load beside the body gives loads back alike.
+MEDIA = ("air", "water", "gas", "vacuum")
+NOT_BODY = dict.fromkeys(MEDIA, kinds.AIR) | {"rigid": kinds.RIGID}
 _FEW = 10_000
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from math import inf
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import SceneError, SceneFileError
+from kaju.files import scratch_beside
 
 from .body import Body
 from .description import Description
@@ -116,28 +116,11 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
     table = _drawn(table, picture)
     if picture is not None and "drawing" not in table["body"]:
         beside = path.with_name(f"{path.stem}.cells.npy")
-        codes = picture.codes
-        _write(beside, lambda file: np.save(file, codes, allow_pickle=False))
+        with scratch_beside(beside, SceneFileError) as scratch:
+            np.save(scratch, picture.codes, allow_pickle=False)
         table = _arrayed(table, picture, beside.name)
     for region in table["body"].get("regions", []):
         if "image" in region:
             region["image"]["file"] = os.path.relpath(region["image"]["file"], path.parent)
-    _write(path, lambda file: file.write(dumps(table).encode()))
-
-
-def _write(path: Path, content: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file under another name first, so that it is never half there."""
-    try:
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as file:
-            unfinished = Path(file.name)
-            try:
-                content(file)
-            except BaseException:
-                unfinished.unlink()
-                raise
-        unfinished.chmod(0o644)
-        unfinished.replace(path)
-    except OSError as error:
-        raise SceneFileError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with scratch_beside(path, SceneFileError) as scratch:
+        scratch.write_text(dumps(table), encoding="utf-8")

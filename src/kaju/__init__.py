@@ -21,18 +21,21 @@ if TYPE_CHECKING:
     from kaju.agents.rules import Coefficients as Coefficients
     from kaju.agents.rules import PrescribedRule as PrescribedRule
     from kaju.errors import KajuError as KajuError
+    from kaju.model.compare import compare as compare
     from kaju.model.creep import creep as creep
-    from kaju.model.elasticity.elastic_model import ElasticModel as ElasticModel
     from kaju.model.elasticity.elastic_result import ElasticResult as ElasticResult
+    from kaju.model.fitting import fit_rule as fit_rule
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
     from kaju.model.network.network_model import NetworkModel as NetworkModel
     from kaju.model.propagation.load_model import LoadModel as LoadModel
     from kaju.model.propagation.stability import stability as stability
     from kaju.model.propagation.transfer_result import TransferResult as TransferResult
+    from kaju.model.reference import Reference as Reference
     from kaju.model.result import Result as Result
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
+    from kaju.model.settling.elastic_model import ElasticModel as ElasticModel
     from kaju.model.solving import solve as solve
     from kaju.model.spawning.spawned_result import SpawnedResult as SpawnedResult
     from kaju.model.stored import load_result as load_result
@@ -43,7 +46,7 @@ if TYPE_CHECKING:
 # pandas with it, the views bring matplotlib.
 _HOME = {
     "Coefficients": "kaju.agents.rules",
-    "ElasticModel": "kaju.model.elasticity.elastic_model",
+    "ElasticModel": "kaju.model.settling.elastic_model",
     "ElasticResult": "kaju.model.elasticity.elastic_result",
     "ElasticRule": "kaju.agents.elastic_rule",
     "History": "kaju.agents.history",
@@ -54,6 +57,7 @@ _HOME = {
     "NetworkModel": "kaju.model.network.network_model",
     "NetworkResult": "kaju.model.network",
     "PrescribedRule": "kaju.agents.rules",
+    "Reference": "kaju.model.reference",
     "Result": "kaju.model.result",
     "Scene": "kaju.model.scene",
     "SpawnedResult": "kaju.model.spawning.spawned_result",
@@ -61,7 +65,9 @@ _HOME = {
     "ThreeElement": "kaju.agents.rheology",
     "TransferResult": "kaju.model.propagation.transfer_result",
     "animate": "kaju.view",
+    "compare": "kaju.model.compare",
     "creep": "kaju.model.creep",
+    "fit_rule": "kaju.model.fitting",
     "load_scene": "kaju.model.scene",
     "load_result": "kaju.model.stored",
     "material": "kaju.agents.materials",

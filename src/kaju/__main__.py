@@ -12,6 +12,8 @@ import typer
 from kaju import __version__
 from kaju.errors import KajuError, ParameterError
 
+from . import commands_compare
+
 if TYPE_CHECKING:
     from kaju.model.result import Result
     from kaju.model.scene import Scene
@@ -22,6 +24,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+app.command()(commands_compare.compare)
+app.command()(commands_compare.bench)
 
 Out = Annotated[
     Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")

@@ -211,3 +211,16 @@ def test_equality_is_by_value():
     drawn = Scene.from_toml(DRAWN)
     assert drawn == Scene.from_toml(DRAWN.replace("#", "o"))
     assert drawn != Scene.from_toml(DRAWN.replace("..##.", "..#.."))
+
+
+@pytest.mark.parametrize("medium", ["air", "water", "gas", "vacuum"])
+def test_all_media_beside_a_body_are_alike(medium):
+    scene = Scene.from_drawing(
+        "#~\n##\n",
+        legend={"#": "steel", "~": medium},
+        cell_size=0.01,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [0, 1], "force": [0.0, -1.0]}],
+    )
+    assert scene.rasterise().tolist() == [[0, 0], [0, AIR]]
+    assert Scene.from_toml(scene.to_toml()) == scene

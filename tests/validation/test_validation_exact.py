@@ -25,21 +25,9 @@ VARIANTS = [
     ConfinedCompression(dimension=3, poissons_ratio=0.49),
     BimaterialBar(contrast=1e-3, plane="stress"),
 ]
-CORNERS = pytest.mark.xfail(
-    reason="the couple of a tangential load is not consistent at the ends of a surface",
-    strict=True,
-)
-NAMED = [
-    (problem, f"{type(problem).__name__}-{number}")
-    for number, problem in enumerate([*(kind() for kind in EXACT_PROBLEMS), *VARIANTS])
-]
 PROBLEMS = [
-    pytest.param(
-        problem,
-        id=name,
-        marks=CORNERS if isinstance(problem, (PureShear, ForcePatch, SolidForcePatch)) else (),
-    )
-    for problem, name in NAMED
+    pytest.param(problem, id=f"{type(problem).__name__}-{number}")
+    for number, problem in enumerate([*(kind() for kind in EXACT_PROBLEMS), *VARIANTS])
 ]
 
 

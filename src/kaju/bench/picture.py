@@ -20,6 +20,7 @@ STYLES = {
     "fitted": ("#c8963e", "D", "--"),
     "direct": ("#7a7a7a", "x", "-"),
     "algebraic": ("#b2340b", "+", "-"),
+    "dolfinx": ("#4d8b57", "*", "-"),
 }
 COSTS = {"seconds": "time (s)", "memory": "memory (MB)"}
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .measure import Measurement
+from .measure import Measurement, python_with_dolfinx
 from .methods import METHODS
 from .problems import PROBLEMS
 
-PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg", "fenics-dolfinx")
+PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg")
 
 HEADER = "| method | cells | time (s) | memory (MB) | largest error | r.m.s. error |"
 
@@ -34,6 +34,8 @@ def environment() -> dict[str, str]:
             found[package] = version(package)
         except PackageNotFoundError:
             found[package] = "not installed"
+    python = python_with_dolfinx()
+    found["dolfinx"] = f"in {python}" if python else "not installed"
     return found
 
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import ElasticRule
 from kaju.errors import SceneError
+from kaju.model.elasticity.grid import grid_of
+from kaju.model.elasticity.problem import ABSENT, ACTIVE, FIXED
+from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
+from kaju.model.elasticity.supports import check_supports
+from kaju.model.elasticity.transfer import coarsen
 
-from .from_scene import Origin, problem_of_scene
-from .problem import ABSENT, ACTIVE, FIXED, ElasticProblem
-from .push_boundary import Boundary, free_surfaces, supports
-from .staggered import Numbering, stiffness_matrix
-from .supports import check_supports, slender_cell
-from .transfer import coarsen
+from .boundary import Boundary, free_surfaces, supports
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -130,8 +130,7 @@ class PushTable:
                 f'{scene.rule.kind!r}; set kind = "elastic", or take LoadModel'
             )
         self.rule = scene.rule
-        self.grid, self.problem, self.origin = _grid_of(scene, stage)
-        self.subdivision = 1 if self.grid is scene else 2
+        self.grid, self.problem, self.origin, self.subdivision, _ = grid_of(scene, stage)
         check_supports(self.problem, self.origin, self.subdivision)
         scales = self.problem.scales
         self.unit = scales.force / scales.displacement
@@ -269,20 +268,3 @@ def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Int
         axes.append(np.full(len(index), axis, dtype=np.int64))
         indices.append(index)
     return np.concatenate(axes), np.concatenate(indices)
-
-
-def _grid_of(scene: Scene, stage: int | None) -> tuple[Scene, ElasticProblem, Origin]:
-    """Return the cells on which agents stand: the scene's own, or halves of them."""
-    problem, origin = problem_of_scene(scene, stage)
-    if slender_cell(problem) is None:
-        return scene, problem, origin
-    grid = scene.refine(2)
-    problem, origin = problem_of_scene(grid, stage)
-    cell = slender_cell(problem)
-    if cell is not None:
-        place = ", ".join(str(a + b) for a, b in zip(cell, origin, strict=True))
-        raise SceneError(
-            f"body: a member is one cell wide at cell ({place}) even if cells are halved, so no "
-            "shear can pass; widen it"
-        )
-    return grid, problem, origin

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .push_kernels import push_in_turn, push_largest, seat
-from .push_state import Floats, Integers, PushState
-from .push_table import PushTable
+from .kernels import push_in_turn, push_largest, seat
+from .state import Floats, Integers, PushState
+from .table import PushTable
 
 
 class ArrayPushEngine:

@@ -11,14 +11,14 @@ import mesa
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
 
-from .elastic_model_run import ElasticRun, collect
+from .agent_engine import AgentPushEngine
+from .array_engine import ArrayPushEngine
 from .orders import Visit, largest_first, multilevel, wave
-from .push_agents import AgentPushEngine
-from .push_arrays import ArrayPushEngine
-from .push_records import StepRecord
-from .push_stability import WaveCertificate, certify_waves
-from .push_state import PushState
-from .push_table import PushTable
+from .records import StepRecord
+from .run import ElasticRun, collect
+from .stability import WaveCertificate, certify_waves
+from .state import PushState
+from .table import PushTable
 
 if TYPE_CHECKING:
     from kaju.agents.boundary_agent import FreeBoundaryAgent

@@ -12,10 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from kaju.model.elasticity.problem import ElasticProblem
+from kaju.model.elasticity.staggered import axis_pairs, edge_modulus
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
-
-from .problem import ElasticProblem
-from .staggered import axis_pairs, edge_modulus
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

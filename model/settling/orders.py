@@ -10,8 +10,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from .push_momentum import Momentum
-from .push_state import Floats, Integers, PushState
+from .momentum import Momentum
+from .state import Floats, Integers, PushState
 
 MOST_WHO_CONFER = 500
 """Up to this many topmost parents settle their loads at once; more of them take turns."""

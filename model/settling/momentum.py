@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .push_state import Floats, PushState
+from .state import Floats, PushState
 
 Way = tuple[Floats, Floats]
 """By how much faces move (m), and by how much the loads left on places fall (N)."""

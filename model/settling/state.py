@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from .push_table import PushTable
+from .table import PushTable
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

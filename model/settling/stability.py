@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from .push_table import PushTable
+from .table import PushTable
 
 SAFETY = 0.9
 """How close to the limit the share is set by itself."""

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elasticity.engine import Solution
+from kaju.model.elasticity.staggered import strain_energy
 
-from .elastic_result import ElasticResult
-from .engine import Solution
-from .push_records import BoundaryAgents, FaceAgents, PushLedger, StepRecord
-from .push_stability import WaveCertificate
-from .staggered import strain_energy
+from .records import BoundaryAgents, FaceAgents, PushLedger, StepRecord
+from .stability import WaveCertificate
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -90,12 +90,6 @@ class ElasticRun:
     def reaction(self) -> Floats:
         """Sum of the supports' forces on the body (N), shape (dimension,)."""
         return -self.ledger.carried
-
-    def to_result(self) -> ElasticResult:
-        """Return what the agents have settled to, with displacement and stress anywhere."""
-        from .settled import settled
-
-        return settled(self)
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""

@@ -12,9 +12,9 @@ from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.model.scene.kinds import AIR
 
-from .push_kernels import replay, seat
-from .push_state import Floats, Integers, PushState
-from .push_table import PushTable
+from .kernels import replay, seat
+from .state import Floats, Integers, PushState
+from .table import PushTable
 
 if TYPE_CHECKING:
     from .elastic_model import ElasticModel

@@ -1,0 +1,95 @@
+"""Draw and count the comparison of docs/comparison.md: agents against finite elements.
+
+The worked plate (examples/plate.toml, load on one cell), with agents of the prescribed rule,
+of the same rule with fitted coefficients, and of the elastic rule. The finite elements were
+computed by benchmarks/finite_element_truth.py. Run it with
+
+    python docs/draw_comparison.py
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from kaju import load_scene
+from kaju.agents.rules import ElasticRule
+from kaju.model.compare import Comparison, compare
+from kaju.model.fitting import Fit, fit_rule
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.reference import Reference
+from kaju.model.settling.elastic_model import ElasticModel
+from kaju.view.comparison import Line, plot_profiles, plot_stress_ratio
+from kaju.view.comparison_maps import plot_error, plot_maps, plot_shapes
+from kaju.view.files import save
+from kaju.view.style import figure_of
+
+ROOT = Path(__file__).parent.parent
+PICTURES = Path(__file__).parent / "pictures"
+DATA = ROOT / "tests" / "data"
+BELIEVED = "finite elements"
+STRESS = r"$\sigma_{yy}$"
+
+
+def answers() -> tuple[dict[str, Comparison], Fit]:
+    """Return the three kinds of agents, compared with finite elements."""
+    reference = Reference.load(DATA / "plate_finite_elements.npz")
+    scene = load_scene(ROOT / "examples" / "plate.toml").with_overrides({"loads.0.steps": 1})
+    fit = fit_rule(scene, reference)
+    elastic = ElasticModel(scene.replace(rule=ElasticRule(tolerance=1e-6)), engine="arrays").run()
+    found = {
+        "prescribed rule": LoadModel(scene).run(),
+        "prescribed rule, fitted": LoadModel(scene.replace(rule=fit.rule)).run(),
+        "elastic rule": elastic.result,
+    }
+    return {name: compare(result, reference) for name, result in found.items()}, fit
+
+
+def draw(found: dict[str, Comparison]) -> list[Path]:
+    """Write the four figures of the comparison, and a map of the error."""
+    corners = Reference.load(DATA / "plate_finite_elements_corners.npz")
+    column = Line("depth under the load", (0.105, 0.2), (0.105, 0.0))
+    rows = [
+        Line(f"x, {depth} mm below the top", (0.0, height), (0.2, height))
+        for depth, height in ((5, 0.195), (45, 0.155), (95, 0.105))
+    ]
+    pressure = 2.0 / (0.01 * 0.002)
+    figures = {
+        "stress_ratio": plot_stress_ratio(
+            found, column, "yy", pressure, believed=BELIEVED, symbol=STRESS
+        ),
+        "stress": plot_maps(found, "stress", "yy", believed=BELIEVED, symbol=STRESS),
+        "stress_rows": plot_profiles(found, rows, "stress", "yy", believed=BELIEVED, symbol=STRESS),
+        "deformed": plot_shapes(
+            {name: comparison.result for name, comparison in found.items()},
+            corners,
+            name=BELIEVED,
+        ),
+        "displacement": plot_profiles(
+            found, [column, rows[0]], "displacement", "y", believed=BELIEVED, symbol=r"$u_y$"
+        ),
+        "error": figure_of(plot_error(found["prescribed rule, fitted"])),
+    }
+    return [save(figure, PICTURES / f"comparison_{name}.png") for name, figure in figures.items()]
+
+
+def main() -> None:
+    """Print the figures of the page and draw its pictures."""
+    PICTURES.mkdir(exist_ok=True)
+    found, fit = answers()
+    print(fit)
+    print("| agents | largest error of u | r.m.s. | misfit of u | misfit of σ | energy norm |")
+    print("|---|---|---|---|---|---|")
+    for name, comparison in found.items():
+        u, stress = comparison.displacement, comparison.stress
+        assert stress is not None
+        assert comparison.energy_error is not None
+        print(
+            f"| {name} | {u.max_error:.1%} | {u.l2_error:.1%} | {u.misfit:.3g} "
+            f"| {stress.misfit:.3g} | {comparison.energy_error:.3g} |"
+        )
+    for path in draw(found):
+        print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The elastic rule as agents: loads handed on, step by step, until they settle."""

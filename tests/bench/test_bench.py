@@ -1,0 +1,163 @@
+"""The benchmark: its problems, its peers, its bookkeeping. Nothing here is timed."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from kaju.bench import finite_elements
+from kaju.bench.dolfinx_peer import at_points, grid
+from kaju.bench.measure import Measurement, in_a_fresh_process, jobs, measure
+from kaju.bench.methods import METHODS
+from kaju.bench.picture import draw
+from kaju.bench.problems import BLOCK, PIXELS, PLATE, PROBLEMS
+from kaju.bench.report import cost_at, environment, markdown, read_csv, write_csv
+from kaju.bench.run import run
+from kaju.errors import ParameterError
+
+
+def test_pictures_have_no_cells_that_touch_at_corners_only():
+    p = PIXELS.picture
+    a, b, c, d = p[:-1, :-1], p[1:, :-1], p[:-1, 1:], p[1:, 1:]
+    assert not (a & d & ~b & ~c).any()
+    assert not (b & c & ~a & ~d).any()
+
+
+@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=list(PROBLEMS))
+def test_scenes_are_the_picture_at_any_resolution(problem):
+    for division in (1, 2):
+        scene = problem.scene(division)
+        kinds = scene.rasterise() >= 0
+        for axis in range(problem.dimension):
+            kinds = kinds.take(np.arange(0, kinds.shape[axis], division), axis=axis)
+        np.testing.assert_array_equal(kinds, problem.picture)
+        total = scene.applied().force.sum(axis=0)
+        np.testing.assert_allclose(total, [0.0] * (problem.dimension - 1) + [-problem.force])
+
+
+def test_the_truth_of_the_plate_is_that_of_the_tables():
+    """Converged quadratic elements: u_y = -2.8861e-9 m at the centre of the plate."""
+    truth = PLATE.truth()
+    near = np.abs(PLATE.points - 0.1).max(axis=1) < 0.0051
+    assert near.sum() == 4
+    assert truth.displacement[near, 1].mean() == pytest.approx(-2.8861e-9, rel=2e-3)
+
+
+def test_the_truth_of_the_block_is_symmetric():
+    u = BLOCK.truth().displacement.reshape(8, 8, 8, 3)
+    np.testing.assert_allclose(u[::-1, :, :, 2], u[..., 2], rtol=1e-6)
+    np.testing.assert_allclose(u[::-1, :, :, 0], -u[..., 0], atol=1e-6)
+
+
+@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=list(PROBLEMS))
+def test_kaju_and_finite_elements_both_approach_the_truth(problem):
+    """Two programs that share nothing come close to a third that shares nothing with them."""
+    way = METHODS["multigrid"]
+    ours = [problem.error(way.prepare(problem, d)()())[1] for d in (2, 4)]
+    assert ours[1] < 0.6 * ours[0] < 0.05
+    if problem.dimension == 2:
+        theirs = [problem.error(finite_elements.solve(problem, d, "direct")())[1] for d in (2, 4)]
+        assert theirs[1] < 0.6 * theirs[0] < 0.05
+
+
+def test_peers_agree_with_each_other():
+    direct = finite_elements.solve(PIXELS, 2, "direct")()
+    iterated = finite_elements.solve(PIXELS, 2, "multigrid")()
+    np.testing.assert_allclose(iterated, direct, atol=1e-5 * np.abs(direct).max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_rigid_body_modes_strain_nothing(d):
+    problem = PLATE if d == 2 else BLOCK
+    basis = finite_elements._basis(problem, 1)
+    matrix = finite_elements._stiffness(problem, basis)
+    modes = finite_elements.rigid_body_modes(basis.doflocs)
+    assert modes.shape == (basis.N, 3 if d == 2 else 6)
+    assert np.linalg.matrix_rank(modes) == modes.shape[1]
+    assert np.abs(matrix @ modes).max() < 1e-12 * abs(matrix).max()
+
+
+def test_a_measurement_is_complete():
+    found = measure("plate", "multigrid", 1)
+    assert (found.problem, found.method, found.cells, found.runs) == ("plate", "multigrid", 400, 3)
+    assert found.seconds > 0.0
+    assert 0.0 < found.l2_error < found.max_error < 0.1
+
+
+def test_a_process_of_its_own_measures_the_same():
+    alone = in_a_fresh_process("plate", "prescribed", 1)
+    assert alone.failure == ""
+    assert alone.max_error == measure("plate", "prescribed", 1).max_error
+
+
+def test_what_is_not_installed_is_said(monkeypatch):
+    monkeypatch.setattr("kaju.bench.methods.find_spec", lambda name: None)
+    found = in_a_fresh_process("plate", "algebraic", 2)
+    assert found.seconds is None
+    assert found.failure == "skfem and pyamg not installed"
+    assert "skfem and pyamg not installed" in markdown([found], environment())
+
+
+def test_jobs_cover_problems_and_methods():
+    whole, quick = list(jobs(False)), list(jobs(True))
+    assert {(p, m) for p, m, _ in whole} == {(p, m) for p in PROBLEMS for m in METHODS}
+    assert set(quick) <= set(whole)
+    assert {p for p, _, _ in jobs(True, ("block",))} == {"block"}
+
+
+def rows():
+    return [
+        Measurement("plate", "multigrid", d, 400 * d**2, 1e-3 * d**2, 10.0, 0.1 / d**2, 0.01, 3)
+        for d in (1, 2, 4)
+    ]
+
+
+def test_costs_are_read_off_between_measurements_only():
+    # cost · error = 1e-4 throughout
+    assert cost_at(0.05, rows()) == pytest.approx(2e-3)
+    assert cost_at(0.1, rows()) == pytest.approx(1e-3)
+    assert cost_at(0.001, rows()) is None
+    assert cost_at(0.2, rows()) is None
+    assert cost_at(0.1, []) is None
+
+
+def test_tables_keep_what_was_measured(tmp_path):
+    failed = Measurement("block", "direct", 8, 100, failure="given up after 300 s")
+    write_csv(tmp_path / "w.csv", [*rows(), failed])
+    assert read_csv(tmp_path / "w.csv") == [*rows(), failed]
+    with (tmp_path / "w.csv").open() as file:
+        assert len(list(csv.reader(file))) == 5
+    table = markdown([*rows(), failed], environment())
+    assert "given up after 300 s" in table
+    assert "- cores: " in table
+
+
+def test_the_picture_is_drawn(tmp_path):
+    peers = [Measurement(**{**vars(row), "method": "direct"}) for row in rows()]
+    assert draw([*rows(), *peers], tmp_path / "w.png").stat().st_size > 10_000
+
+
+def test_an_unknown_problem_is_named(tmp_path):
+    with pytest.raises(ParameterError, match=r"no .plat.*plate"):
+        run(tmp_path, problems=("plat",))
+
+
+@pytest.mark.parametrize("problem", [PIXELS, BLOCK], ids=["pixels", "block"])
+def test_the_grid_for_dolfinx_is_the_picture(problem):
+    nodes, cells = grid(problem.picture, 2, problem.edge)
+    corners = nodes[cells]
+    half = 0.5 * problem.edge
+    assert len(cells) == 2**problem.dimension * problem.picture.sum()
+    # the first corner is the lowest, and x changes fastest
+    for corner in range(2**problem.dimension):
+        offset = [half * (corner >> axis & 1) for axis in range(problem.dimension)]
+        np.testing.assert_allclose(corners[:, corner] - corners[:, 0], [offset] * len(cells))
+    middles = np.unique(np.floor(corners.mean(axis=1) / problem.edge).astype(int), axis=0)
+    np.testing.assert_array_equal(middles, np.argwhere(problem.picture))
+    row = at_points(nodes, nodes, problem.points, half)
+    np.testing.assert_allclose(row, problem.points, atol=1e-12)
+
+
+def test_without_dolfinx_that_is_said(monkeypatch):
+    monkeypatch.setattr("kaju.bench.measure.python_with_dolfinx", lambda: None)
+    assert in_a_fresh_process("plate", "dolfinx", 2).failure == "dolfinx not installed"

@@ -1,0 +1,257 @@
+"""Two answers side by side: errors, where they are told apart, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kaju import LoadModel, Reference, Scene, compare, load_scene, solve
+from kaju.agents.rules import ElasticRule, PrescribedRule
+from kaju.errors import ParameterError, ResultError, ResultFileError
+from kaju.model.compare import load_answer
+from kaju.model.settling.elastic_model import ElasticModel
+
+ROOT = Path(__file__).parent.parent.parent
+DATA = ROOT / "tests" / "data"
+
+
+SMALL_HOLE = {"disk": {"centre": [0.035, 0.035], "radius": 0.006}, "material": "air"}
+BODY = {"size": [0.08, 0.08], "cells": [8, 8], "thickness": 0.002, "material": "steel"}
+
+
+def plate(cells=8, **changes):
+    """A square plate of 80 mm pressed over the whole of its top."""
+    described = {
+        "body": BODY | {"cells": [cells, cells]},
+        "sides": {"bottom": "rigid"},
+        "loads": [{"side": "top", "force": [0.0, -2.0]}],
+    }
+    return Scene(**(described | changes))
+
+
+@pytest.fixture(scope="module")
+def elements():
+    return Reference.load(DATA / "plate_finite_elements.npz")
+
+
+@pytest.fixture(scope="module")
+def worked():
+    return load_scene(ROOT / "examples" / "plate.toml").with_overrides({"loads.0.steps": 1})
+
+
+def test_a_result_agrees_with_itself():
+    result = solve(plate())
+    found = compare(result, result)
+    assert len(found.points) == 64
+    assert found.displacement.max_error == found.displacement.l2_error == 0.0
+    assert found.stress.max_error == 0.0
+    assert found.energy_error == 0.0
+    assert found.displacement.misfit == 0.0
+
+
+def test_errors_are_shares_of_the_largest_value_of_the_reference():
+    result = solve(plate())
+    points = result.grid.lattice.centres(np.argwhere(result.body))
+    true = result.displacement_at(points)
+    size = np.linalg.norm(true, axis=1).max()
+    shift = np.zeros_like(true)
+    shift[5] = [3e-12, 4e-12]
+    found = compare(result, Reference(points, true + shift, 2.0 * result.stress_at(points)))
+    size = np.linalg.norm(true + shift, axis=1).max()
+    assert found.displacement.scale == pytest.approx(size, rel=1e-14)
+    assert found.displacement.max_error == pytest.approx(5e-12 / size)
+    assert found.displacement.l2_error == pytest.approx(5e-12 / size / 8.0)
+    assert np.argmax(found.displacement.error) == 5
+    # Half of all stresses is missing, so half of the energy norm is.
+    assert found.energy_error == pytest.approx(0.5, rel=1e-12)
+    assert found.stress.misfit == pytest.approx(0.5, rel=1e-12)
+    np.testing.assert_allclose(found.stress.component("yy").ratio, 0.5)
+
+
+def test_the_energy_norm_is_that_of_the_strain_energy():
+    for scene in (
+        plate(),
+        plate(body=BODY | {"plane": "strain"}),
+        Scene(
+            body={"size": [0.1, 0.1, 0.1], "cells": [4, 4, 4], "material": "steel"},
+            sides={"bottom": "rigid"},
+            loads=[{"side": "top", "force": [1.0, 0.0, -2.0]}],
+        ),
+    ):
+        result = solve(scene)
+        points = result.grid.lattice.centres(np.argwhere(result.body))
+        strain = result.strain[result.body]
+        unit = np.broadcast_to(np.eye(points.shape[1]), strain.shape)
+        found = compare(result, Reference(points, result.displacement_at(points), unit))
+        kappa = _compliance_of_pressure(scene)
+        stored = np.einsum("nij,nij->", result.stress_at(points), strain)
+        cross = np.einsum("nii->", strain)
+        whole = stored - 2.0 * cross + len(points) * kappa
+        assert found.energy_error == pytest.approx(np.sqrt(whole / (len(points) * kappa)), rel=1e-6)
+
+
+def _compliance_of_pressure(scene):
+    """σ:ε of σ = 1 Pa along every axis of the plane (of space)."""
+    E, nu = scene.cell_materials[0].youngs_modulus, scene.cell_materials[0].poissons_ratio
+    if scene.plane is None:
+        return 3.0 * (1.0 - 2.0 * nu) / E
+    return 2.0 * ((1.0 - nu) if scene.plane == "stress" else (1.0 + nu) * (1.0 - 2.0 * nu)) / E
+
+
+def test_resolutions_meet_in_the_middles_of_the_larger_cells():
+    coarse, fine = solve(plate()), solve(plate(32))
+    there, back = compare(coarse, fine), compare(fine, coarse)
+    np.testing.assert_array_equal(there.points, back.points)
+    assert len(there.points) == 64
+    assert 0.0 < there.displacement.max_error < 0.05
+    assert compare(fine, solve(plate(64))).displacement.max_error < there.displacement.max_error
+
+
+def test_the_worked_plate_against_finite_elements(worked, elements):
+    """Known: E = 1.32302e-8 J; the elastic rule comes close, the prescribed rule does not."""
+    assert elements.strain_energy == pytest.approx(1.32302e-8, rel=1e-5)
+    prescribed = compare(LoadModel(worked).run(), elements)
+    elastic = compare(solve(worked, resolution=8), elements)
+    assert 0.5 < prescribed.displacement.max_error < 0.7
+    assert prescribed.displacement.misfit == pytest.approx(0.9477, abs=2e-4)
+    assert elastic.displacement.max_error < 2e-3
+    assert elastic.stress.misfit < 0.01
+
+
+def test_agents_of_the_elastic_rule_can_be_compared(worked, elements):
+    scene = worked.replace(rule=ElasticRule(tolerance=1e-6))
+    run = ElasticModel(scene, engine="arrays").run()
+    agents, solver = compare(run, elements), compare(solve(worked), elements)
+    assert agents.displacement.max_error == pytest.approx(solver.displacement.max_error, rel=1e-3)
+    assert compare(run, solve(worked)).displacement.max_error < 1e-4
+
+
+def test_profiles_take_the_references_own_points_on_the_line(worked, elements):
+    found = compare(LoadModel(worked).run(), elements)
+    profile = found.along((0.105, 0.2), (0.105, 0.0))
+    assert len(profile.points) == 79
+    assert (np.diff(profile.distance) > 0.0).all()
+    # Known: mean σ_yy of the bottom cell of the column, -4.94857e3 Pa.
+    stress = profile.stress.component("yy").reference
+    assert stress[-2] == pytest.approx(-4.94857e3, rel=1e-3)
+
+
+def test_profiles_between_results_leave_holes_out():
+    scene = plate(
+        body={"drawing": "######\n##..##\n##..##\n######", "cell_size": 0.01},
+        legend={"#": "steel", ".": "air"},
+    )
+    profile = compare(solve(scene), solve(scene, resolution=2)).along(
+        (0.0, 0.025), (0.06, 0.025), 61
+    )
+    assert len(profile.points) == 42
+    assert not ((profile.points[:, 0] > 0.0201) & (profile.points[:, 0] < 0.0399)).any()
+
+
+def test_a_line_beside_the_body_is_refused():
+    result = solve(plate())
+    with pytest.raises(ResultError, match="no point of the line"):
+        compare(result, result).along((1.0, 0.0), (1.0, 0.1))
+    with pytest.raises(ResultError, match="two different points"):
+        compare(result, result).along((0.0, 0.0), (0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (plate(body=BODY | {"size": [0.08, 0.06], "cells": [8, 6]}), "one reaches to"),
+        (plate(body=BODY | {"thickness": 0.003}), "in thickness: 0.002 and 0.003 m"),
+        (plate(body=BODY | {"plane": "strain"}), "plane stress, the other in plane strain"),
+        (plate(body=BODY | {"material": "aluminium"}), "by what is at"),
+        (plate(body=BODY | {"regions": [SMALL_HOLE]}), "by what is at"),
+        (plate(loads=[{"side": "top", "force": [0.0, -1.0]}]), "loads differ: .*-2.* and .*-1"),
+    ],
+)
+def test_different_bodies_and_loads_are_told_apart(other, message):
+    with pytest.raises(ResultError, match=message):
+        compare(solve(plate()), solve(other))
+
+
+def test_a_plate_is_no_block():
+    block = Scene(
+        body={"size": [0.1, 0.1, 0.1], "cells": [2, 2, 2], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, 0.0, -2.0]}],
+    )
+    with pytest.raises(ResultError, match="2 dimensions and one in 3"):
+        compare(solve(plate()), solve(block))
+
+
+def test_slanted_surfaces_may_differ_by_the_steps_of_the_cells():
+    """A round hole has other cells at every resolution, and is one body all the same."""
+
+    hole = {"disk": {"centre": [0.04, 0.045], "radius": 0.02}, "material": "air"}
+
+    def disk(cells):
+        return plate(body=BODY | {"cells": [cells, cells], "regions": [hole]})
+
+    found = compare(solve(disk(8)), solve(disk(32)))
+    assert 45 < len(found.points) < 56
+    assert found.displacement.max_error < 0.2
+
+
+def test_a_stage_is_compared_with_the_same_stage():
+    scene = plate(loads=[{"cell": [4, 7], "force": [0.0, -2.0], "steps": 2}])
+    run, elastic = LoadModel(scene).run(), solve(scene, stage=1)
+    assert compare(run.at_stage(1), elastic).displacement.scale > 0.0
+    with pytest.raises(ResultError, match="same stage"):
+        compare(run, elastic)
+
+
+def test_a_reference_of_zeros_is_refused():
+    result = solve(plate())
+    points = np.array([[0.01, 0.01]])
+    with pytest.raises(ResultError, match="moves nowhere"):
+        compare(result, Reference(points, np.zeros((1, 2))))
+    with pytest.raises(ResultError, match="other way round"):
+        compare(Reference(points, np.ones((1, 2))), result)
+
+
+def test_a_reference_never_guesses():
+    reference = Reference([[0.0, 0.0], [1.0, 0.0]], [[1.0, 2.0], [3.0, 4.0]])
+    np.testing.assert_array_equal(reference.displacement_at(np.array([[1.0, 0.0]])), [[3.0, 4.0]])
+    with pytest.raises(ResultError, match=r"knows nothing at \(0.5, 0\) m"):
+        reference.displacement_at(np.array([[0.5, 0.0]]))
+    with pytest.raises(ResultError, match="stress: the reference has none"):
+        reference.stress_at(np.array([[1.0, 0.0]]))
+    with pytest.raises(ParameterError, match="shape"):
+        Reference([[0.0, 0.0]], [[1.0, 2.0], [3.0, 4.0]])
+    with pytest.raises(ParameterError, match="finite"):
+        Reference([[0.0, 0.0]], [[1.0, np.nan]])
+
+
+def test_components_are_known_by_name():
+    found = compare(solve(plate()), solve(plate(16)))
+    assert found.displacement.component("y").values.shape == (64,)
+    for name in ("z", "yy", ""):
+        with pytest.raises(ResultError, match="component"):
+            found.displacement.component(name)
+
+
+def test_answers_are_read_back_by_kind(tmp_path, elements):
+    elastic, run = solve(plate()), LoadModel(plate()).run()
+    saved = [answer.save(tmp_path / name) for answer, name in ((elastic, "e"), (run, "r"))]
+    assert compare(load_answer(saved[0]), elastic).displacement.max_error == 0.0
+    assert compare(load_answer(saved[1]), elastic).summary() == compare(run, elastic).summary()
+    again = load_answer(elements.save(tmp_path / "reference"))
+    np.testing.assert_array_equal(again.stress, elements.stress)
+    assert again.source == elements.source
+    with pytest.raises(ResultFileError, match="no such file"):
+        load_answer(tmp_path / "nothing.npz")
+
+
+def test_load_transfer_knows_stress_at_points():
+    scene = plate(loads=[{"cell": [4, 7], "force": [0.0, -2.0]}], rule=PrescribedRule())
+    result = LoadModel(scene).run()
+    middles = scene.lattice.centres(result.last.cells)
+    np.testing.assert_array_equal(result.stress_at(middles), result.stress)
+    # the same all over a cell, and nothing where no load has come
+    np.testing.assert_array_equal(result.stress_at(middles + 0.0049), result.stress)
+    assert not result.stress_at(np.array([[0.005, 0.005]])).any()
+    with pytest.raises(ResultError, match="outside"):
+        result.stress_at(np.array([[1.0, 1.0]]))

@@ -115,7 +115,11 @@ def plot_quadtree(
     ax.set_aspect("equal")
     label_axis(ax.xaxis, "xyz"[axes[0]], (low[0], high[0]), "m")
     label_axis(ax.yaxis, "xyz"[axes[1]], (low[1], high[1]), "m")
-    colour_bar(ax, drawn, what.label, what.unit)
+    bar = colour_bar(ax, drawn, what.label, what.unit)
+    if not what.unit:
+        last = int(values.max())
+        bar.set_ticks(list(range(0, last + 1, 1 + last // 12)))
+        bar.ax.minorticks_off()
     span = high - low
     fit_figure(ax, float(span[0] / span[1]), 0)
     steps = len(result.generations) - 1

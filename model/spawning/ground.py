@@ -230,3 +230,9 @@ class Ground:
         self._force /= force
         ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
         self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)
+
+
+def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> Ground:
+    """Return the ground of a scene: on finer cells, and not below them, at a resolution."""
+    grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
+    return Ground(grid, stage, at_cells=resolution is not None)

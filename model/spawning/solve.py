@@ -9,10 +9,11 @@ from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 
 from .generations import spawn
-from .spawned_result import SpawnedResult, ground_of
+from .ground import ground_of
+from .spawned_result import SpawnedResult
 
-MOST_AGENTS = {2: 2_000_000, 3: 400_000}
-"""What fits in about 10 GB."""
+MOST_AGENTS = {2: 4_000_000, 3: 400_000}
+"""What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
 SMALLEST_TOLERANCE = 1e-6
 
 
@@ -44,7 +45,7 @@ def solve_spawning(
     stage : int, optional
         Stage of loading; by default the last.
     most_agents : int, optional
-        Give up before there are more; by default 2 million, 400,000 in three dimensions.
+        Give up before there are more; by default 4 million, 400,000 in three dimensions.
 
     Returns
     -------

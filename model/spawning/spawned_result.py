@@ -12,21 +12,17 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.model.elasticity import fields
-from kaju.model.result import BodyResult, cells_of_points, read_archive, write_archive
+from kaju.model.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
 
 from .agent_fields import AgentFields
-from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Floats
 from .generations import Generation, Spawning
 from .ground import Ground
-from .indicator import indicate
 from .leaves import Index, Leaves
 
 if TYPE_CHECKING:
     import pandas
-
-_ARRAYS = ("lower", "size", "kind", "step", "cause")
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,24 +262,9 @@ class SpawnedResult(BodyResult):
         ResultFileError
             If the file cannot be written.
         """
-        text, scene_arrays = self.scene.to_archive()
-        arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
-        arrays |= {name: getattr(self._leaves, name) for name in _ARRAYS}
-        arrays["displacement"] = self.spawning.displacement
-        history = {
-            name: getattr(self.spawning, name)
-            for name in ("energy", "error", "residuals", "levels", "reached", "stopped", "notes")
-        }
-        about = {
-            "scene": text,
-            "stage": self.stage,
-            "tolerance": self.tolerance,
-            "resolution": self.resolution,
-            "spawning": history,
-            "generations": [list(g) for g in self.spawning.generations],
-            "seconds": self.seconds,
-        }
-        return write_archive(path, self.kind, arrays, about)
+        from .storage import store
+
+        return store(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> SpawnedResult:
@@ -294,28 +275,6 @@ class SpawnedResult(BodyResult):
         ResultFileError
             If the file is missing, or holds something else.
         """
-        arrays, about = read_archive(path, cls.kind)
-        own = {k.removeprefix("scene."): v for k, v in arrays.items() if k.startswith("scene.")}
-        scene = Scene.from_archive(about["scene"], own)
-        ground = ground_of(scene, about["stage"], about["resolution"])
-        leaves = Leaves.of(*(arrays[name] for name in _ARRAYS))
-        balance = Balance(Composite(ground, leaves))
-        u = arrays["displacement"]
-        generations = [Generation(*entry) for entry in about["generations"]]
-        spawning = Spawning(
-            balance, u, indicate(balance, u), generations=generations, **about["spawning"]
-        )
-        return cls(
-            scene,
-            about["stage"],
-            about["tolerance"],
-            about["resolution"],
-            spawning,
-            about["seconds"],
-        )
+        from .storage import restore
 
-
-def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> Ground:
-    """Return the ground of a scene: on finer cells, and not below them, at a resolution."""
-    grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
-    return Ground(grid, stage, at_cells=resolution is not None)
+        return restore(path)

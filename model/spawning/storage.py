@@ -1,0 +1,67 @@
+"""Results of spawning in one file: the scene, the agents and their displacements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from kaju.model.result import read_archive, write_archive
+from kaju.model.scene import Scene
+
+from .balance import Balance
+from .composite import Composite
+from .generations import Generation, Spawning
+from .ground import ground_of
+from .indicator import indicate
+from .leaves import Leaves
+from .spawned_result import SpawnedResult
+
+_ARRAYS = ("lower", "size", "kind", "step", "cause")
+
+
+def store(result: SpawnedResult, path: str | Path) -> Path:
+    """Write a result; see `SpawnedResult.save`."""
+    spawning, leaves = result.spawning, result.spawning.balance.grid.leaves
+    text, scene_arrays = result.scene.to_archive()
+    arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
+    arrays |= {name: getattr(leaves, name) for name in _ARRAYS}
+    arrays["displacement"] = spawning.displacement
+    history = {
+        name: getattr(spawning, name)
+        for name in ("energy", "error", "residuals", "levels", "reached", "stopped", "notes")
+    }
+    about = {
+        "scene": text,
+        "stage": result.stage,
+        "tolerance": result.tolerance,
+        "resolution": result.resolution,
+        "spawning": history,
+        "generations": [list(g) for g in spawning.generations],
+        "seconds": result.seconds,
+    }
+    return write_archive(path, result.kind, arrays, about)
+
+
+def restore(path: str | Path) -> SpawnedResult:
+    """Read what `store` wrote; all that follows from the agents is worked out again."""
+    arrays, about = read_archive(path, SpawnedResult.kind)
+    own = {k.removeprefix("scene."): v for k, v in arrays.items() if k.startswith("scene.")}
+    scene = Scene.from_archive(about["scene"], own)
+    ground = ground_of(scene, about["stage"], about["resolution"])
+    leaves = Leaves.of(*(arrays[name] for name in _ARRAYS))
+    balance = Balance(Composite(ground, leaves))
+    u = arrays["displacement"]
+    generations = [Generation(*entry) for entry in about["generations"]]
+    spawning = Spawning(
+        balance, u, indicate(balance, u), generations=generations, **about["spawning"]
+    )
+    return SpawnedResult(
+        scene,
+        about["stage"],
+        about["tolerance"],
+        about["resolution"],
+        spawning,
+        about["seconds"],
+    )

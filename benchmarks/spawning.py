@@ -71,13 +71,15 @@ TABLES = {
 
 def timed(scene, **how):
     start = perf_counter()
-    result = solve(scene, **how)
+    result = solve(scene, **{"strategy": "spawning", **how})
     return result, perf_counter() - start
 
 
 def table(name):
     scene, tolerances, resolutions = TABLES[name]
-    fine = solve(scene, tolerance=tolerances[-1] / (3 if name != "block" else 2))
+    fine = solve(
+        scene, strategy="spawning", tolerance=tolerances[-1] / (3 if name != "block" else 2)
+    )
     limit = fine.strain_energy * (1 - fine.error_estimate**2)
     print(f"\n{name}: U* = {limit:.7g} J")
     print(f"{'':10}{'agents':>10}{'time (s)':>10}{'error':>10}{'estimate':>10}{'factor':>8}")
@@ -111,7 +113,7 @@ def giant():
 
 def main():
     asked = sys.argv[1:] or [*TABLES, "growth", "giant"]
-    solve(plate(), tolerance=0.03)
+    solve(plate(), strategy="spawning", tolerance=0.03)
     solve(plate(), resolution=2, strategy="uniform")
     for name in asked:
         if name in TABLES:

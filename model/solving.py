@@ -12,9 +12,6 @@ if TYPE_CHECKING:
     from kaju.model.network import NetworkResult, SpringNetwork
     from kaju.model.spawning.spawned_result import SpawnedResult
 
-FINEST_SPAWNED = 1e-4
-"""Tolerances below this can only be meant for the equations of equal cells."""
-
 
 @overload
 def solve(subject: Scene, **how: Any) -> ElasticResult | SpawnedResult: ...
@@ -31,11 +28,10 @@ def solve(
         A scene is solved as linear elasticity, a network in large deformation.
     **how
         For a scene: `tolerance`, `resolution`, `stage` and `strategy`. With the strategy
-        "spawning" agents are small only where the tolerance, an error in the energy norm,
-        asks for it: see `kaju.model.spawning.solve`. With "uniform" all cells are equal, and
-        the tolerance is that of their equations: see `kaju.model.elasticity.solve`. "auto",
-        which holds if none is named, takes spawning for a tolerance of 1e-4 or more, and
-        equal cells without a tolerance or for a smaller one, which hardly any grid keeps.
+        "uniform" all cells are equal, and the tolerance is that of their equations: see
+        `kaju.model.elasticity.solve`. With "spawning" agents are small only where the
+        tolerance, an error in the energy norm, asks for it: see `kaju.model.spawning.solve`.
+        "auto" takes equal cells.
         For a network: `increments`, `method`, `tolerance`, as in `kaju.model.network.solve`.
 
     Raises
@@ -61,8 +57,6 @@ def _solve_scene(scene: Scene, strategy: str = "auto", **how: Any) -> ElasticRes
 
     if strategy not in ("auto", "uniform", "spawning"):
         raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
-    tolerance = how.get("tolerance")
-    wide = tolerance is not None and FINEST_SPAWNED <= tolerance < 1.0
-    if strategy == "spawning" or (strategy == "auto" and wide):
+    if strategy == "spawning":
         return solve_spawning(scene, **{k: v for k, v in how.items() if v is not None})
     return solve_uniform(scene, **how)

@@ -7,10 +7,14 @@ from kaju import Scene, plot, solve
 from kaju.errors import ParameterError
 
 
+def spawned_by(scene, **how):
+    return solve(scene, strategy="spawning", **how)
+
+
 def result(dimension):
     low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
     force = [0.0] * (dimension - 1) + [-1.0]
-    return solve(
+    return spawned_by(
         Scene(
             body={"size": [1.0] * dimension, "cells": [8] * dimension, "material": "steel"},
             sides={"bottom": "rigid"},

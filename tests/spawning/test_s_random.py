@@ -8,6 +8,10 @@ from kaju import Scene, solve
 from kaju.errors import SupportError
 
 
+def spawned_by(scene, **how):
+    return solve(scene, strategy="spawning", **how)
+
+
 def random_scene(seed):
     rng = np.random.default_rng(seed)
     d = 2 if seed % 3 else 3
@@ -46,7 +50,7 @@ def random_scene(seed):
 def test_forces_balance_and_work_is_energy(seed):
     scene = random_scene(seed)
     try:
-        result = solve(scene, tolerance=0.3 if seed % 3 else 0.5, most_agents=20_000)
+        result = spawned_by(scene, tolerance=0.3 if seed % 3 else 0.5, most_agents=20_000)
     except SupportError:
         pytest.fail("a body that stands on the ground was refused")
     force = scene.applied().force

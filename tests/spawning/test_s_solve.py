@@ -10,6 +10,11 @@ from kaju.model.spawning.solve import solve_spawning
 from kaju.model.spawning.spawned_result import SpawnedResult
 from kaju.model.stored import load_result
 
+
+def spawned_by(scene, **how):
+    return solve(scene, strategy="spawning", **how)
+
+
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""
 
@@ -75,10 +80,10 @@ PROBLEMS = ["L", "hole", "bending", "bimaterial", "soft inclusion", "rubber"]
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_estimate_is_within_its_factors_of_the_true_error(name):
     scene = problem(name)
-    fine = solve(scene, tolerance=0.016)
+    fine = spawned_by(scene, tolerance=0.016)
     limit = fine.strain_energy * (1 - fine.error_estimate**2)
     for tolerance in (0.1, 0.05):
-        result = solve(scene, tolerance=tolerance)
+        result = spawned_by(scene, tolerance=tolerance)
         error = np.sqrt(abs(result.strain_energy / limit - 1))
         assert result.error_estimate <= tolerance
         assert 0.5 < result.error_estimate / error < 3.0
@@ -86,7 +91,7 @@ def test_estimate_is_within_its_factors_of_the_true_error(name):
 
 def test_energy_of_the_plate_tends_to_the_finite_elements_limit():
     """With half the error for four times the agents: the best that any mesh can do."""
-    results = [solve(plate(), tolerance=t) for t in (0.08, 0.02)]
+    results = [spawned_by(plate(), tolerance=t) for t in (0.08, 0.02)]
     errors = [np.sqrt(r.strain_energy / LIMIT - 1) for r in results]
     assert errors[1] < 0.022
     slope = np.log(errors[1] / errors[0]) / np.log(results[1].agents / results[0].agents)
@@ -97,7 +102,7 @@ def test_energy_of_the_plate_tends_to_the_finite_elements_limit():
 
 def test_corner_of_the_L_does_not_spoil_the_order():
     """Nearly N^(-1/2), where equal cells fall more slowly (`benchmarks/spawning.py L`)."""
-    results = [solve(problem("L"), tolerance=t) for t in (0.1, 0.016)]
+    results = [spawned_by(problem("L"), tolerance=t) for t in (0.1, 0.016)]
     fall = np.log(results[1].error_estimate / results[0].error_estimate)
     assert fall / np.log(results[1].agents / results[0].agents) < -0.45
     smallest = results[1].size == results[1].size.min()
@@ -107,7 +112,7 @@ def test_corner_of_the_L_does_not_spoil_the_order():
 
 def test_size_of_the_body_hardly_counts():
     small, large = plate(), plate(cells=320, size=3.2)
-    counts = [solve(scene, tolerance=0.05).agents for scene in (small, large)]
+    counts = [spawned_by(scene, tolerance=0.05).agents for scene in (small, large)]
     assert counts[1] < 2 * counts[0]
 
 
@@ -116,14 +121,14 @@ def test_block_of_cubes_costs_what_the_load_reaches():
     load = {"region": {"box": [[0.499, 0.499, 1.0], [0.501, 0.501, 1.0]]}, "force": [0, 0, -1.0]}
     body = {"size": [1.0, 1.0, 1.0], "cells": [16384] * 3, "material": "steel"}
     scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = solve(scene, tolerance=0.25)
+    result = spawned_by(scene, tolerance=0.25)
     assert result.error_estimate <= 0.25
     assert result.agents < 10_000
     np.testing.assert_allclose(result.reactions["bottom"], [0, 0, 1.0], atol=1e-9)
 
 
 def test_reasons_for_spawning_are_kept():
-    result = solve(plate(), tolerance=0.05)
+    result = spawned_by(plate(), tolerance=0.05)
     first, later = result.spawn_step == 0, result.spawn_step > 0
     assert np.all(result.cause[first] == 0.0)
     causes = result.cause[later]
@@ -137,14 +142,14 @@ def test_reasons_for_spawning_are_kept():
 
 
 def test_solving_again_gives_the_same_numbers():
-    first, second = (solve(plate(), tolerance=0.05) for _ in range(2))
+    first, second = (spawned_by(plate(), tolerance=0.05) for _ in range(2))
     np.testing.assert_array_equal(first.spawning.displacement, second.spawning.displacement)
 
 
 def test_values_at_points_are_those_of_fine_equal_cells():
     scene = plate()
     uniform = solve(scene, resolution=16, strategy="uniform")
-    spawned = solve(scene, tolerance=0.012)
+    spawned = spawned_by(scene, tolerance=0.012)
     rng = np.random.default_rng(1)
     points = rng.uniform([0.0, 0.0], [0.2, 0.17], size=(200, 2))
     u = uniform.displacement_at(points)
@@ -160,7 +165,7 @@ def test_bar_under_tension_needs_only_its_first_agents():
     body = {"size": [0.4, 0.1], "cells": [16, 4], "material": "steel"}
     sides = {"left": "roller", "bottom": "roller"}
     pull = {"side": "right", "pressure": -1e6}
-    result = solve(Scene(body=body, sides=sides, loads=[pull]), tolerance=1e-3)
+    result = spawned_by(Scene(body=body, sides=sides, loads=[pull]), tolerance=1e-3)
     assert len(result.generations) == 1
     np.testing.assert_allclose(result.stress[:, 0, 0], 1e6, rtol=1e-9)
     assert np.abs(result.stress[:, 1, 1]).max() < 1.0
@@ -178,7 +183,7 @@ def test_member_one_cell_wide_gets_smaller_agents():
         sides={"bottom": "rigid"},
         loads=[{"cell": [2, 2], "side": "top", "force": [1.0, 0.0]}],
     )
-    result = solve(scene, tolerance=0.1)
+    result = spawned_by(scene, tolerance=0.1)
     assert any("one cell wide" in note for note in result.summary()["notes"])
     assert result.error_estimate <= 0.1
 
@@ -186,11 +191,11 @@ def test_member_one_cell_wide_gets_smaller_agents():
 def test_body_that_may_slide_is_refused():
     scene = plate().replace(sides={"bottom": "roller"})
     with pytest.raises(SupportError, match="move along x"):
-        solve(scene, tolerance=0.1)
+        spawned_by(scene, tolerance=0.1)
 
 
 def test_resolution_bounds_the_agents_and_says_so():
-    result = solve(plate(), tolerance=0.01, resolution=2)
+    result = spawned_by(plate(), tolerance=0.01, resolution=2)
     assert result.size.min() == pytest.approx(0.005)
     assert result.error_estimate > 0.01
     assert any("resolution" in note for note in result.summary()["notes"])
@@ -207,7 +212,7 @@ def test_too_many_agents_are_an_error_that_keeps_the_best():
     ("how", "match"),
     [
         ({"tolerance": 2.0, "strategy": "spawning"}, "tolerance"),
-        ({"tolerance": 0.1, "resolution": 0}, "resolution"),
+        ({"tolerance": 0.1, "resolution": 0, "strategy": "spawning"}, "resolution"),
         ({"tolerance": 0.1, "strategy": "clever"}, "strategy"),
     ],
 )
@@ -216,10 +221,10 @@ def test_bad_arguments_are_named(how, match):
         solve(plate(), **how)
 
 
-def test_strategy_follows_from_the_tolerance():
-    assert isinstance(solve(plate(), tolerance=0.3), SpawnedResult)
-    assert not isinstance(solve(plate(), tolerance=1e-8), SpawnedResult)
+def test_agents_spawn_if_that_strategy_is_asked_for():
+    assert isinstance(solve(plate(), tolerance=0.3, strategy="spawning"), SpawnedResult)
     assert not isinstance(solve(plate(), tolerance=0.1, strategy="uniform"), SpawnedResult)
+    assert not isinstance(solve(plate(), tolerance=0.1), SpawnedResult)
 
 
 def test_saved_result_is_the_same_when_read(tmp_path):
@@ -243,7 +248,7 @@ def test_vtk_file_holds_the_agents(tmp_path, dimension):
         body = {"size": [1.0] * 3, "cells": [8] * 3, "material": "steel"}
         load = {"region": {"box": [[0.25, 0.25, 1], [0.5, 0.5, 1]]}, "force": [0, 0, -1.0]}
         scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = solve(scene, tolerance=0.3)
+    result = spawned_by(scene, tolerance=0.3)
     mesh = meshio.read(result.to_vtk(tmp_path / "agents.vtu"))
     assert len(mesh.cells[0].data) == result.agents
     corner = mesh.points[mesh.cells[0].data]

@@ -83,8 +83,9 @@ def markdown(found: Sequence[Measurement], conditions: dict[str, str]) -> str:
     parts.append(
         "Times are medians of three runs (of one, if it takes over 10 s), warm: imports and "
         "compilation excluded; mesh or cells, assembly, set-up and solution included. Every job "
-        "had a process of its own; memory is its peak above what was in use before. Errors are "
-        "taken in the middles of the picture's cells, as shares of the largest true "
+        "had a process of its own, with BLAS on one thread, which is quicker for the peers; "
+        "memory is its peak above what was in use before. Errors are taken in the middles of "
+        "the picture's cells, as shares of the largest true "
         f"displacement.\n\n{told}"
     )
     return "\n\n".join(parts) + "\n"

@@ -1,0 +1,74 @@
+"""`kaju compare` and `kaju bench` on the command line."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from kaju import LoadModel, Scene, compare, solve
+from kaju.__main__ import app
+from kaju.bench.measure import Measurement
+from kaju.errors import ParameterError, ResultFileError
+
+DATA = Path(__file__).parent.parent / "data"
+
+
+@pytest.fixture
+def stored(tmp_path):
+    scene = Scene(
+        body={"size": [0.08, 0.08], "cells": [8, 8], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [4, 7], "force": [0.0, -2.0]}],
+    )
+    results = {"run": LoadModel(scene).run(), "elastic": solve(scene, resolution=2)}
+    for name, result in results.items():
+        (tmp_path / name).mkdir()
+        result.save(tmp_path / name / "result.npz")
+    return tmp_path, results
+
+
+def kaju(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+def test_folders_of_runs_are_compared(stored):
+    folder, results = stored
+    done = kaju("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
+    assert done.exit_code == 0
+    assert "prescribed rule against elasticity, 64 points" in done.output
+    found = json.loads((folder / "errors" / "comparison.json").read_text())
+    assert found == compare(results["run"], results["elastic"]).summary()
+    for name in ("error_displacement.png", "error_stress.png"):
+        assert (folder / "errors" / name).stat().st_size > 5_000
+
+
+def test_nothing_is_replaced_unasked(stored):
+    folder, _ = stored
+    words = ("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
+    kaju(*words)
+    with pytest.raises(ResultFileError, match="--force"):
+        kaju(*words)
+    assert kaju(*words, "--force").exit_code == 0
+
+
+def test_scenes_and_references_in_the_wrong_place_are_refused(stored):
+    folder, _ = stored
+    reference = DATA / "plate_finite_elements.npz"
+    with pytest.raises(ParameterError, match=r"run it first \(kaju run plate.toml\)"):
+        kaju("compare", "plate.toml", folder / "run")
+    with pytest.raises(ParameterError, match="name it second"):
+        kaju("compare", reference, folder / "run")
+
+
+def test_bench_writes_table_and_picture(tmp_path, monkeypatch):
+    def pretend(problem, method, division):
+        return Measurement(problem, method, division, 400, 0.5 / division, 9.0, 0.1, 0.01, 3)
+
+    monkeypatch.setattr("kaju.bench.run.in_a_fresh_process", pretend)
+    done = kaju("bench", "--quick", "--problem", "plate", "--out", tmp_path / "bench")
+    assert done.exit_code == 0
+    written = {path.name for path in (tmp_path / "bench").iterdir()}
+    table = {f"work_precision.{ending}" for ending in ("csv", "md", "png")}
+    assert written == table | {"environment.json"}
+    assert "scikit-fem, pyamg" in (tmp_path / "bench" / "work_precision.md").read_text()

@@ -94,12 +94,15 @@ def _maker(result: Result, what: str | None) -> ReelMaker:
     known = NETWORK if is_network(result) else {}
     if isinstance(result, TransferResult):
         known = TRANSFER
-    name = next(iter(known), "") if what is None else what
+    if not known:
+        raise ParameterError(
+            f"result: a result of {result.kind} is one state, there is nothing to animate; plot it"
+        )
+    name = next(iter(known)) if what is None else what
     if name not in known:
-        there = f"there is {', '.join(known)}" if known else "there is none"
         raise ParameterError(
             f"what: there is no animation {name!r} of a {type(result).__name__}"
-            f"{suggestion(str(name), known)}; {there}"
+            f"{suggestion(str(name), known)}; there is {', '.join(known)}"
         )
     return known[name]
 

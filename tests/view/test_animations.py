@@ -11,6 +11,7 @@ from kaju.model.propagation import load_model
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene import Scene
+from kaju.model.solving import solve
 from kaju.view import animate
 
 BLOCK = """
@@ -121,3 +122,13 @@ def test_what_cannot_be_is_refused(result, tmp_path, name, options, message) -> 
 def test_a_missing_folder_is_told(result, tmp_path) -> None:
     with pytest.raises(ResultFileError, match="cannot be written"):
         animate(result, tmp_path / "nowhere" / "film.gif")
+
+
+def test_a_single_state_cannot_be_animated(tmp_path):
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [4, 4], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 3], "force": [0.0, -1.0]}],
+    )
+    with pytest.raises(ParameterError, match="elasticity is one state.*plot it"):
+        animate(solve(scene), tmp_path / "still.gif")

@@ -130,5 +130,5 @@ def test_a_single_state_cannot_be_animated(tmp_path):
         sides={"bottom": "rigid"},
         loads=[{"cell": [1, 3], "force": [0.0, -1.0]}],
     )
-    with pytest.raises(ParameterError, match="elasticity is one state.*plot it"):
+    with pytest.raises(ParameterError, match=r"elasticity is one state.*plot it"):
         animate(solve(scene), tmp_path / "still.gif")

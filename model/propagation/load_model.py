@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal
 import mesa
 
 from kaju.agents.material_agent import MaterialAgent
-from kaju.errors import ParameterError, StabilityError
+from kaju.errors import StabilityError
+from kaju.model.engine_choice import takes_objects
 from kaju.model.progress import progress_line
 
 from .agent_engine import AgentEngine
@@ -102,16 +103,8 @@ class LoadModel(mesa.Model):
     def _choose_engine(
         self, engine: str, material_agent: type[MaterialAgent]
     ) -> AgentEngine | ArrayEngine:
-        own_class = material_agent is not MaterialAgent
-        if engine not in ("auto", "agents", "arrays"):
-            raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
-        if engine == "arrays" and own_class:
-            raise ParameterError(
-                f"engine: 'arrays' knows no {material_agent.__name__}; "
-                "agents of your own are objects, so take 'auto' or 'agents'"
-            )
         small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
-        if engine == "agents" or (engine == "auto" and (small or own_class)):
+        if takes_objects(engine, material_agent, MaterialAgent, small):
             return AgentEngine(self, self.scene, self.transfer, material_agent)
         return ArrayEngine(self.scene, self.transfer)
 

@@ -10,6 +10,7 @@ import mesa
 
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
+from kaju.model.engine_choice import takes_objects
 
 from .agent_engine import AgentPushEngine
 from .array_engine import ArrayPushEngine
@@ -130,16 +131,8 @@ class ElasticModel(mesa.Model):
     def _choose_engine(
         self, engine: str, face_agent: type[FaceAgent]
     ) -> AgentPushEngine | ArrayPushEngine:
-        own_class = face_agent is not FaceAgent
-        if engine not in ("auto", "agents", "arrays"):
-            raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
-        if engine == "arrays" and own_class:
-            raise ParameterError(
-                f"engine: 'arrays' knows no {face_agent.__name__}; "
-                "agents of your own are objects, so take 'auto' or 'agents'"
-            )
         small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
-        if engine == "agents" or (engine == "auto" and (small or own_class)):
+        if takes_objects(engine, face_agent, FaceAgent, small):
             return AgentPushEngine(self, self.table, face_agent)
         return ArrayPushEngine(self.table)
 

@@ -16,7 +16,7 @@ from .composite import Composite, Floats
 from .ground import Ground
 from .held import check_held, slender
 from .indicator import Indicator, indicate
-from .leaves import Flags
+from .leaves import Flags, Index
 from .nested import DIRECT, FACTORISED, NestedMultigrid
 
 BULK = 0.75
@@ -29,15 +29,33 @@ ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
 LAST = 1e-10
 MOST_GENERATIONS = 60
+FIRST_GUESS = 0.3
+"""Of the first generation's error."""
 
 
 class Generation(NamedTuple):
-    """One step of spawning: agents, estimated error, energy (scaled) and iterations."""
+    """One step of spawning.
+
+    Attributes
+    ----------
+    agents : int
+    error : float
+        Estimated error in the energy norm, relative.
+    energy : float
+    iterations : int
+    code, size : int array, shape (agents,)
+        Morton code of the lower corner and edge (units) of every agent.
+    load : array, shape (agents,)
+        Load that every agent left unbalanced.
+    """
 
     agents: int
     error: float
     energy: float
     iterations: int
+    code: Index
+    size: Index
+    load: Floats
 
 
 @dataclass
@@ -80,8 +98,8 @@ class Spawning:
     notes: list[str] = field(default_factory=list)
 
 
-def spawn(ground: Ground, tolerance: float, most_agents: int) -> Spawning:
-    """Solve with agents that are small only where the error asks for it.
+class Spawner:
+    """Agents that settle, look for what they leave unbalanced, and spawn, step by step.
 
     Parameters
     ----------
@@ -90,51 +108,101 @@ def spawn(ground: Ground, tolerance: float, most_agents: int) -> Spawning:
         Relative error in the energy norm.
     most_agents : int
         End, short of the tolerance, before there are more agents than this.
+
+    Attributes
+    ----------
+    balance : Balance
+        This generation's grid.
+    displacement : array, shape (faces,)
+    indicator : Indicator
+    generations : list of Generation
+    error : float
+        Estimated error of this generation; its target before it settles.
+    finished : bool
+        Whether no step is left.
     """
-    balance, notes = _first(ground)
-    check_held(balance)
-    hierarchy = NestedMultigrid(balance, _direct_limit(ground))
-    u = balance.grid.value.copy()
-    history: list[Generation] = []
-    expected = 0.3
-    for step in range(1, MOST_GENERATIONS + 1):
-        run = _settle(balance, hierarchy, u, ALGEBRAIC_SHARE * expected)
+
+    def __init__(self, ground: Ground, tolerance: float, most_agents: int) -> None:
+        self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
+        self.balance, self.notes = _first(ground)
+        check_held(self.balance)
+        self.hierarchy = NestedMultigrid(self.balance, _direct_limit(ground))
+        self.displacement = self.balance.grid.value.copy()
+        self.generations: list[Generation] = []
+        self.error = FIRST_GUESS
+        self.finished = False
+        self._chosen: Flags | None = None
+        self._stopped = ""
+
+    def step(self) -> None:
+        """Spawn, but for the first time, and settle."""
+        if self._chosen is not None:
+            self._spawn(self._chosen)
+        run = self._settle(ALGEBRAIC_SHARE * self.error)
         iterations = run.iterations
-        indicator, energy, expected = _assess(balance, u, run)
-        chosen = _chosen(balance.grid, indicator, energy, tolerance)
-        agents = len(balance.grid.leaves)
-        stopped = "" if chosen.any() else "depth"
-        if agents + 3 * np.count_nonzero(chosen) > most_agents or step == MOST_GENERATIONS:
-            stopped = "agents"
-        if expected <= tolerance or stopped:
-            run = _settle(balance, hierarchy, u, LAST)
-            indicator, energy, expected = _assess(balance, u, run)
+        chosen = _chosen(self.balance.grid, self.indicator, self.energy, self.tolerance)
+        self._stopped = self._reason_to_stop(chosen)
+        self.finished = self.error <= self.tolerance or bool(self._stopped)
+        if self.finished:
+            run = self._settle(LAST)
             iterations += run.iterations
-            if run.errors[-1] > 0.1 * max(expected, tolerance):
-                stopped = "iteration"
-        history.append(Generation(agents, expected, energy, iterations))
-        if expected <= tolerance or stopped:
-            break
-        cause = indicator.load * ground.scales.force
-        leaves = balance.grid.leaves.split(chosen, step, cause).balanced(step)
-        finer = Balance(Composite(ground, leaves))
-        u = np.where(finer.grid.state == ACTIVE, hierarchy.grow(finer) @ u, finer.grid.value)
-        balance = finer
-    if not run.converged:
-        notes.append(
-            f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
-        )
-    reached = expected <= tolerance and stopped != "iteration"
-    return Spawning(
-        balance, u, indicator, energy, expected, history, run.residuals, hierarchy.depth,
-        reached, "" if reached else stopped, notes,
-    )  # fmt: skip
+            self._note_rest(run)
+        self._residuals = run.residuals
+        self._remember(iterations)
+        self._chosen = None if self.finished else chosen
+
+    def outcome(self) -> Spawning:
+        """Return the agents as they are."""
+        reached = self.error <= self.tolerance and self._stopped != "iteration"
+        return Spawning(
+            self.balance, self.displacement, self.indicator, self.energy, self.error,
+            self.generations, self._residuals, self.hierarchy.depth, reached,
+            "" if reached else self._stopped, self.notes,
+        )  # fmt: skip
+
+    def _spawn(self, chosen: Flags) -> None:
+        number, leaves = len(self.generations), self.balance.grid.leaves
+        cause = self.indicator.load * self.ground.scales.force
+        leaves = leaves.split(chosen, number, cause).balanced(number)
+        finer = Balance(Composite(self.ground, leaves))
+        grown = self.hierarchy.grow(finer) @ self.displacement
+        self.displacement = np.where(finer.grid.state == ACTIVE, grown, finer.grid.value)
+        self.balance = finer
+
+    def _settle(self, share: float) -> Iteration:
+        """Balance the forces to a relative algebraic error; see what is left unbalanced."""
+        run = _settle(self.balance, self.hierarchy, self.displacement, share)
+        self.indicator = indicate(self.balance, self.displacement)
+        self.energy = _energy(self.balance, self.displacement)
+        self.error = float(np.hypot(_relative(self.indicator, self.energy), run.errors[-1]))
+        return run
+
+    def _reason_to_stop(self, chosen: Flags) -> str:
+        agents = len(chosen) + ((1 << self.ground.dimension) - 1) * np.count_nonzero(chosen)
+        if agents > self.most_agents or len(self.generations) + 1 == MOST_GENERATIONS:
+            return "agents"
+        return "" if chosen.any() else "depth"
+
+    def _note_rest(self, run: Iteration) -> None:
+        if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
+            self._stopped = "iteration"
+        if not run.converged:
+            self.notes.append(
+                f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
+            )
+
+    def _remember(self, iterations: int) -> None:
+        leaves, load = self.balance.grid.leaves, self.indicator.load
+        cost = (len(leaves), self.error, self.energy, iterations)
+        self.generations.append(Generation(*cost, leaves.code, leaves.size, load))
 
 
-def _assess(balance: Balance, u: Floats, run: Iteration) -> tuple[Indicator, float, float]:
-    """Return what is left unbalanced, the energy, and the relative error."""
-    indicator, energy = indicate(balance, u), _energy(balance, u)
-    return indicator, energy, float(np.hypot(_relative(indicator, energy), run.errors[-1]))
+def spawn(ground: Ground, tolerance: float, most_agents: int) -> Spawning:
+    """Solve with agents that are small only where the error asks for it; see `Spawner`."""
+    spawner = Spawner(ground, tolerance, most_agents)
+    while not spawner.finished:
+        spawner.step()
+    return spawner.outcome()
 
 
 def _first(ground: Ground) -> tuple[Balance, list[str]]:

@@ -168,9 +168,13 @@ class SpawnedResult(BodyResult):
 
     @property
     def generations(self) -> tuple[Generation, ...]:
-        """Agents, estimated error, strain energy (J) and iterations of every step of spawning."""
-        unit = self._ground.scales.force * self._ground.scales.displacement
-        return tuple(g._replace(energy=g.energy * unit) for g in self.spawning.generations)
+        """Every step of spawning: its agents, estimated error, strain energy (J), load left (N)."""
+        force = self._ground.scales.force
+        unit = force * self._ground.scales.displacement
+        return tuple(
+            g._replace(energy=g.energy * unit, load=g.load * force)
+            for g in self.spawning.generations
+        )
 
     @property
     def residuals(self) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.result import read_archive, write_archive
@@ -18,6 +19,7 @@ from .indicator import indicate
 from .leaves import Leaves
 from .spawned_result import SpawnedResult
 
+_HISTORY = ("code", "size", "load")
 _ARRAYS = ("lower", "size", "kind", "step", "cause")
 
 
@@ -28,6 +30,10 @@ def store(result: SpawnedResult, path: str | Path) -> Path:
     arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
     arrays |= {name: getattr(leaves, name) for name in _ARRAYS}
     arrays["displacement"] = spawning.displacement
+    for name in _HISTORY:
+        arrays[f"history.{name}"] = np.concatenate(
+            [getattr(generation, name) for generation in spawning.generations]
+        )
     history = {
         name: getattr(spawning, name)
         for name in ("energy", "error", "residuals", "levels", "reached", "stopped", "notes")
@@ -38,7 +44,7 @@ def store(result: SpawnedResult, path: str | Path) -> Path:
         "tolerance": result.tolerance,
         "resolution": result.resolution,
         "spawning": history,
-        "generations": [list(g) for g in spawning.generations],
+        "generations": [list(g[:4]) for g in spawning.generations],
         "seconds": result.seconds,
     }
     return write_archive(path, result.kind, arrays, about)
@@ -53,7 +59,11 @@ def restore(path: str | Path) -> SpawnedResult:
     leaves = Leaves.of(*(arrays[name] for name in _ARRAYS))
     balance = Balance(Composite(ground, leaves))
     u = arrays["displacement"]
-    generations = [Generation(*entry) for entry in about["generations"]]
+    ends = np.cumsum([entry[0] for entry in about["generations"]])[:-1]
+    parts = [np.split(arrays[f"history.{name}"], ends) for name in _HISTORY]
+    generations = [
+        Generation(*entry, *part) for entry, *part in zip(about["generations"], *parts, strict=True)
+    ]
     spawning = Spawning(
         balance, u, indicate(balance, u), generations=generations, **about["spawning"]
     )

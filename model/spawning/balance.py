@@ -9,13 +9,10 @@ import scipy.sparse as sp
 
 from kaju.model.elasticity.problem import ACTIVE, FIXED
 from kaju.model.elasticity.reactions import INSIDE
-from kaju.model.scene.kinds import AIR, FOUNDATION, ROLLER
 
 from .composite import Composite, Floats
-from .edges import Edges
-from .field import oriented
-from .ground import LeafForces
-from .leaves import Flags, Index
+from .leaves import Index
+from .loads import face_loads
 
 
 class Balance:
@@ -50,8 +47,7 @@ class Balance:
             constants.append(np.where(edges.modulus > 0, first.constant + second.constant, 0.0))
         self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
         self.offset = np.concatenate(constants)
-        self.surface_shear = {p: np.zeros(len(e.modulus)) for p, e in grid.edges.items()}
-        self.load = self._loads(grid.ground.forces(grid.leaves))
+        self.load, self.surface_shear = face_loads(grid)
 
     @cached_property
     def law(self) -> sp.csr_array:
@@ -125,64 +121,3 @@ class Balance:
                 np.add.at(totals[:, a], gradient.wall[wall], (gradient.pull * shear)[wall])
                 touched[gradient.wall[wall]] = True
         return {name: totals[i] for i, name in enumerate(names) if touched[i]}
-
-    def _loads(self, forces: LeafForces) -> Floats:
-        """Enter forces into faces; see `kaju.model.elasticity.loads`."""
-        grid, d = self.grid, self.grid.dimension
-        share = np.zeros(len(grid.leaves) * 2 * d)
-        couple = np.zeros(grid.size)
-        leaf, way = forces.leaf, forces.direction
-        for axis in range(d):
-            value = forces.force[:, axis]
-            middle = (way < 0) & (value != 0)
-            normal = (way >= 0) & (way // 2 == axis) & (value != 0)
-            along = (value != 0) & ~middle & ~normal
-            for end in (0, 1):
-                np.add.at(share, leaf[middle] * 2 * d + 2 * axis + end, 0.5 * value[middle])
-            np.add.at(share, leaf[normal] * 2 * d + way[normal], value[normal])
-            for side in np.unique(way[along]):
-                here = along & (way == side)
-                couple += self._drag(share, axis, int(side), leaf[here], value[here])
-        return np.asarray(grid.mean.T @ share + couple)
-
-    def _drag(self, share: Floats, axis: int, side: int, leaf: Index, value: Floats) -> Floats:
-        """Enter forces along `axis` by the side `side`: a drag and, on a surface, a couple."""
-        grid, d = self.grid, self.grid.dimension
-        normal, upper = divmod(side, 2)
-        beyond = grid.beside[leaf, side]
-        bare = beyond < 0
-        kind = np.full(len(leaf), 0)
-        kind[bare] = grid.ground.kinds_at(grid.beyond(side, leaf[bare]))
-        surface = np.isin(kind, (AIR, ROLLER, FOUNDATION)) & bare
-        for end in (0, 1):
-            whole = np.where(bare, 0.5, 0.25) * value
-            np.add.at(share, leaf * 2 * d + 2 * axis + end, whole)
-            np.add.at(share, beyond[~bare] * 2 * d + 2 * axis + end, 0.25 * value[~bare])
-        pair = (min(axis, normal), max(axis, normal))
-        edges, taken = grid.edges[pair], leaf[surface]
-        turned = oriented(edges, axis == pair[0])[1]
-        outward = (2.0 * upper - 1.0) * value[surface]
-        stress = 0.5 * outward / grid.length[taken] ** (d - 1)
-        np.add.at(self.surface_shear[pair], turned[taken, :, upper], stress[:, None])
-        moment = 0.5 * grid.length[taken] * outward
-        return _couple(edges, (axis == pair[0], upper), taken, moment)
-
-
-def _couple(edges: Edges, place: tuple[bool, int], leaf: Index, moment: Floats) -> Floats:
-    """Return the couples of tractions: the surface moves by more than the leaf's middle.
-
-    By (h/2)·∂u_a/∂n outwards, which is −(h/2)·∂u_n/∂a beside a known shear strain. Where no
-    surface lies beside, ∂u_a/∂n is taken from the inner edges.
-    """
-    first, upper = place
-    (slope, tilt), turned = oriented(edges, first)  # of u_a along the normal, of u_n along a
-    outer, inner = turned[leaf, :, upper], turned[leaf, :, 1 - upper]
-    tilts: Flags = np.logical_and(tilt.valid[outer], tilt.wall[outer] < 0)
-    slopes = slope.valid[inner] & (tilts.sum(axis=1) == 0)[:, None]
-    total = np.zeros(slope.matrix.shape[1])
-    for gradient, edge, some, sign in ((tilt, outer, tilts, -1.0), (slope, inner, slopes, 1.0)):
-        share = some / np.maximum(some.sum(axis=1), 1)[:, None]
-        weight = np.zeros(len(edges.modulus))
-        np.add.at(weight, edge, sign * moment[:, None] * share)
-        total += gradient.matrix.T @ weight
-    return total

@@ -47,6 +47,8 @@ class Generation(NamedTuple):
         Morton code of the lower corner and edge (units) of every agent.
     load : array, shape (agents,)
         Load that every agent left unbalanced.
+    chosen : bool array, shape (agents,)
+        Who of them spawns children for that load in the next step.
     """
 
     agents: int
@@ -56,6 +58,7 @@ class Generation(NamedTuple):
     code: Index
     size: Index
     load: Floats
+    chosen: Flags
 
 
 @dataclass
@@ -148,16 +151,16 @@ class Spawner:
             iterations += run.iterations
             self._note_rest(run)
         self._residuals = run.residuals
-        self._remember(iterations)
         self._chosen = None if self.finished else chosen
+        self._remember(iterations)
 
     def outcome(self) -> Spawning:
         """Return the agents as they are."""
         reached = self.error <= self.tolerance and self._stopped != "iteration"
         return Spawning(
             self.balance, self.displacement, self.indicator, self.energy, self.error,
-            self.generations, self._residuals, self.hierarchy.depth, reached,
-            "" if reached else self._stopped, self.notes,
+            list(self.generations), self._residuals, self.hierarchy.depth, reached,
+            "" if reached else self._stopped, list(self.notes),
         )  # fmt: skip
 
     def _spawn(self, chosen: Flags) -> None:
@@ -193,8 +196,10 @@ class Spawner:
 
     def _remember(self, iterations: int) -> None:
         leaves, load = self.balance.grid.leaves, self.indicator.load
+        nobody = np.zeros(len(leaves), dtype=np.bool_)
+        chosen = nobody if self._chosen is None else self._chosen
         cost = (len(leaves), self.error, self.energy, iterations)
-        self.generations.append(Generation(*cost, leaves.code, leaves.size, load))
+        self.generations.append(Generation(*cost, leaves.code, leaves.size, load, chosen))
 
 
 def spawn(ground: Ground, tolerance: float, most_agents: int) -> Spawning:

@@ -8,7 +8,7 @@ from time import perf_counter
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 
-from .generations import spawn
+from .generations import Spawning, spawn
 from .ground import ground_of
 from .spawned_result import SpawnedResult
 
@@ -63,12 +63,11 @@ def solve_spawning(
         If an argument or the scene breaks a rule.
     """
     start = perf_counter()
-    _check(tolerance, resolution, most_agents)
+    check_arguments(tolerance, resolution, most_agents)
     ground = ground_of(scene, stage, resolution)
     limit = most_agents or MOST_AGENTS[ground.dimension]
     spawning = spawn(ground, tolerance, limit)
-    if spawning.stopped == "depth":
-        spawning.notes.append(_shortfall(spawning.error, tolerance, resolution))
+    spawning.notes += rest_of(spawning, tolerance, resolution)
     result = SpawnedResult(scene, stage, tolerance, resolution, spawning, perf_counter() - start)
     if spawning.stopped == "agents":
         raise ConvergenceError(
@@ -89,17 +88,22 @@ def solve_spawning(
     return result
 
 
-def _shortfall(error: float, tolerance: float, resolution: int | None) -> str:
+def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> list[str]:
+    """Return what agents that ended, or stand, above the tolerance leave to be said."""
+    if spawning.reached or spawning.stopped not in ("", "depth"):
+        return []
+    above = f"an estimated error of {spawning.error:.2g}, above the tolerance of {tolerance:g}"
+    if not spawning.stopped:
+        steps = len(spawning.generations)
+        return [f"looked at after {steps} steps, which leave {above}"]
     remedy = "a larger resolution allows smaller ones"
     if resolution is None:
         remedy = "look for a point that is almost a hinge, where stiff parts touch at a corner"
-    return (
-        f"the smallest agents allowed leave an estimated error of {error:.2g}, above the "
-        f"tolerance of {tolerance:g}; {remedy}"
-    )
+    return [f"the smallest agents allowed leave {above}; {remedy}"]
 
 
-def _check(tolerance: float, resolution: int | None, most_agents: int | None) -> None:
+def check_arguments(tolerance: float, resolution: int | None, most_agents: int | None) -> None:
+    """Refuse arguments that break a rule."""
     if not (isfinite(tolerance) and SMALLEST_TOLERANCE <= tolerance < 1.0):
         raise ParameterError(
             f"tolerance: must lie between {SMALLEST_TOLERANCE:g} and 1 for spawning agents, got "

@@ -17,6 +17,7 @@ from kaju.model.scene import Scene
 
 from .agent_fields import AgentFields
 from .composite import Floats
+from .family import Family, levels
 from .generations import Generation, Spawning
 from .ground import Ground
 from .leaves import Index, Leaves
@@ -98,9 +99,8 @@ class SpawnedResult(BodyResult):
 
     @property
     def level(self) -> Index:
-        """How often the largest agent would be halved to give each agent, shape (agents,)."""
-        size = self._leaves.size
-        return np.asarray(np.rint(np.log2(size.max() / size)), dtype=np.int64)
+        """How often the largest of the first agents would be halved to give each agent."""
+        return levels(self._leaves.size, self.spawning.generations[0].size.max())
 
     @property
     def spawn_step(self) -> Index:
@@ -175,6 +175,11 @@ class SpawnedResult(BodyResult):
             g._replace(energy=g.energy * unit, load=g.load * force)
             for g in self.spawning.generations
         )
+
+    @cached_property
+    def family(self) -> Family:
+        """Every agent that ever stood: who spawned whom, when and why."""
+        return Family.of(self.generations, self._leaves.dimension, self._metre)
 
     @property
     def residuals(self) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from .indicator import indicate
 from .leaves import Leaves
 from .spawned_result import SpawnedResult
 
-_HISTORY = ("code", "size", "load")
+_HISTORY = ("code", "size", "load", "chosen")
 _ARRAYS = ("lower", "size", "kind", "step", "cause")
 
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from kaju.model.settling.elastic_model import ElasticModel as ElasticModel
     from kaju.model.solving import solve as solve
     from kaju.model.spawning.spawned_result import SpawnedResult as SpawnedResult
+    from kaju.model.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.stored import load_result as load_result
     from kaju.view import animate as animate
     from kaju.view import plot as plot
@@ -61,6 +62,7 @@ _HOME = {
     "Result": "kaju.model.result",
     "Scene": "kaju.model.scene",
     "SpawnedResult": "kaju.model.spawning.spawned_result",
+    "SpawningModel": "kaju.model.spawning.spawning_model",
     "SpringNetwork": "kaju.model.network",
     "ThreeElement": "kaju.agents.rheology",
     "TransferResult": "kaju.model.propagation.transfer_result",

@@ -1,0 +1,76 @@
+"""An agent that stands for a square or cube of material, and spawns smaller ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import mesa
+
+if TYPE_CHECKING:
+    from .materials import Material
+
+
+class Birth(NamedTuple):
+    """What an agent has from the start; see `SpawningAgent`."""
+
+    row: int
+    parent: SpawningAgent | None
+    level: int
+    lower: tuple[float, ...]
+    size: float
+    material: Material
+    spawn_step: int
+    cause: float
+
+
+class SpawningAgent(mesa.Agent):
+    """One of the agents of a `SpawningModel`.
+
+    It retires when it spawns children, which then do its work, but it stays their parent.
+
+    Attributes
+    ----------
+    row : int
+        Its number in the order of spawning, from 0: the row of the model's `family`.
+    parent : SpawningAgent or None
+        The agent that spawned it; None for the first ones.
+    level : int
+        How often the largest of the first agents would be halved to give it.
+    lower : tuple of float
+        Lower corner (m).
+    size : float
+        Edge (m).
+    material : Material
+    spawn_step : int
+        Step in which it spawned; 0 for the first agents.
+    cause : float
+        Load (N) its parent left unbalanced, for which it spawned; 0 for the first agents,
+        NaN for those that keep neighbours alike in size.
+    """
+
+    def __init__(self, model: Any, birth: Birth) -> None:
+        super().__init__(model)
+        self.row, self.parent, self.level = birth.row, birth.parent, birth.level
+        self.lower, self.size, self.material = birth.lower, birth.size, birth.material
+        self.spawn_step, self.cause = birth.spawn_step, birth.cause
+
+    @property
+    def children(self) -> list[SpawningAgent]:
+        """The agents that it spawned: none, or 4, or in three dimensions 8."""
+        return [self.model.agent(row) for row in self.model.family.children(self.row)]
+
+    @property
+    def alive(self) -> bool:
+        """Whether it works, and has not been replaced by its children."""
+        return self.retired_step is None
+
+    @property
+    def retired_step(self) -> int | None:
+        """Step in which its children took over; None while it works."""
+        step = int(self.model.family.rows["retired_step"][self.row])
+        return None if step < 0 else step
+
+    @property
+    def unbalanced_load(self) -> float:
+        """Load (N) it leaves, or left at last, unbalanced; NaN before it has settled."""
+        return float(self.model.family.rows["unbalanced_load"][self.row])

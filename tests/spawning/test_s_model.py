@@ -1,0 +1,206 @@
+"""Spawning as a Mesa model: a step is a generation, agents know where they come from."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kaju import Scene, SpawningModel, solve
+from kaju.errors import ParameterError, ResultError
+from kaju.model.spawning import spawning_model
+from kaju.model.spawning.family import Family, corners
+from kaju.model.spawning.leaves import morton
+from kaju.model.stored import load_result
+
+
+def block(dimension=2, cells=8):
+    low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
+    return Scene(
+        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [low, high]}, "force": [0.0] * (dimension - 1) + [-1.0]}],
+    )
+
+
+def assert_same_rows(one, other):
+    for name in one.rows.dtype.names:
+        np.testing.assert_array_equal(one.rows[name], other.rows[name])
+
+
+TOLERANCE = {2: 0.08, 3: 0.25}
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def model(request):
+    model = SpawningModel(block(request.param), TOLERANCE[request.param])
+    model.run()
+    return model
+
+
+def test_a_step_is_a_generation():
+    model = SpawningModel(block(), 0.08)
+    assert (model.generation, model.running) == (0, True)
+    assert np.isnan(model.error_estimate)
+    errors, counts = [], [len(model.agents)]
+    while model.running:
+        model.step()
+        errors.append(model.error_estimate)
+        counts.append(len(model.agents))
+    assert model.generation == len(errors) == model.steps > 3
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] <= 0.08 < errors[-2]
+    assert counts[0] == counts[1], "in the first step the first agents settle"
+    assert counts == sorted(counts)
+    assert model.outcome == f"within the tolerance of 0.08 after {model.generation} steps"
+    model.step()
+    assert model.generation == len(errors)
+
+
+def test_model_and_solver_give_the_same_numbers(model):
+    found = model.result()
+    solved = solve(model.scene, strategy="spawning", tolerance=model.tolerance)
+    np.testing.assert_array_equal(found.spawning.displacement, solved.spawning.displacement)
+    assert_same_rows(found.family, model.family)
+
+
+def test_agents_know_parents_children_and_why_they_spawned(model):
+    retired = [agent for agent in model.agents if not agent.alive]
+    assert retired
+    for agent in retired:
+        family = agent.children
+        assert len(family) == 2 ** len(agent.lower)
+        for child in family:
+            assert child.parent is agent
+            assert child.level == agent.level + 1
+            assert child.size == pytest.approx(0.5 * agent.size)
+            assert child.spawn_step == agent.retired_step
+            assert child.cause == agent.unbalanced_load or np.isnan(child.cause)
+        middle = np.mean([child.lower for child in family], axis=0)
+        np.testing.assert_allclose(middle, np.array(agent.lower) + 0.25 * agent.size)
+    for agent in model.working:
+        assert agent.alive
+        assert agent.children == []
+    first = [agent for agent in model.agents if agent.parent is None]
+    assert all(agent.spawn_step == 0 and agent.cause == 0.0 for agent in first)
+    assert min(agent.level for agent in first) == 0
+    assert {agent.material.name for agent in model.agents} == {"steel"}
+
+
+def test_working_agents_are_those_of_the_result(model):
+    found, working = model.result(), model.working
+    np.testing.assert_allclose([agent.lower for agent in working], found.lower)
+    for name in ("size", "level", "spawn_step", "cause", "unbalanced_load"):
+        values = [getattr(agent, name) for agent in working]
+        np.testing.assert_array_equal(values, getattr(found, name))
+
+
+def test_those_that_leave_most_load_unbalanced_spawn_for_it(model):
+    retired = model.family.rows["retired_step"]
+    for step, generation in enumerate(model.result().generations):
+        load, chosen = generation.load, generation.chosen
+        assert np.all(retired[model.family.standing(step)][chosen] == step + 1)
+        assert chosen.any() == (step + 1 < model.generation)
+        assert not chosen.any() or load[chosen].mean() > load[~chosen].mean()
+
+
+def test_generations_can_be_looked_at_before_the_end(tmp_path):
+    model = SpawningModel(block(), 0.08)
+    with pytest.raises(ResultError, match="take a step first"):
+        model.result()
+    for _ in range(3):
+        model.step()
+    early = model.result()
+    count, energy = early.agents, early.strain_energy
+    assert "above the tolerance" in early.summary()["notes"][0]
+    again = load_result(early.save(tmp_path / "early.npz"))
+    late = model.run()
+    assert early.agents == count == early.generations[-1].agents < late.agents
+    assert early.strain_energy == energy
+    assert len(early.generations) == 3
+    assert late.summary()["notes"] == []
+    assert_same_rows(again.family, early.family)
+    points = early.lower + 0.5 * early.size[:, None]
+    np.testing.assert_array_equal(again.displacement_at(points), early.displacement_at(points))
+    assert len(late.family.standing(2)) == count
+
+
+def test_history_tells_every_generation(model):
+    found = model.result()
+    for step, generation in enumerate(found.generations):
+        rows = found.family.standing(step)
+        assert len(rows) == generation.agents
+        volume = (found.family.size[rows] ** found.family.dimension).sum()
+        assert volume == pytest.approx(1.0)
+    np.testing.assert_array_equal(rows, found.family.working)
+    np.testing.assert_allclose(found.family.lower[rows], found.lower)
+
+
+def test_reset_starts_again():
+    model = SpawningModel(block(), 0.2)
+    first = model.run()
+    model.reset()
+    assert (model.generation, model.running) == (0, True)
+    assert all(agent.parent is None for agent in model.agents)
+    assert_same_rows(model.run().family, first.family)
+
+
+def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
+    monkeypatch.setattr(spawning_model, "MOST_OBJECTS", 100)
+    model = SpawningModel(block(), 0.08)
+    first = model.agents[0]
+    model.run()
+    assert len(model.family) > 100 >= len(model.agents_by_type[type(first)])
+    assert len(model.agents) == len(model.family)
+    assert model.agent(0) is first
+    held = next(agent for agent in model.agents if not agent.alive)
+    assert held.children[0].parent is held
+
+
+def test_mesa_collects_what_agents_tell():
+    from mesa import DataCollector
+
+    model = SpawningModel(block(), 0.2)
+    collector = DataCollector(
+        model_reporters={"error": "error_estimate"},
+        agent_reporters={"level": "level", "alive": "alive"},
+    )
+    model.step()
+    collector.collect(model)
+    table = collector.get_agent_vars_dataframe()
+    assert len(table) == len(model.agents)
+    assert table["alive"].all()
+
+
+def test_run_that_may_not_have_enough_agents_says_so():
+    model = SpawningModel(block(), 0.01, most_agents=200)
+    found = model.run()
+    assert model.outcome.startswith(f"stopped after {model.generation} steps: more than the 200")
+    assert found.agents <= 200
+    coarse = SpawningModel(block(), 0.01, resolution=1)
+    coarse.run()
+    assert "a larger resolution" in coarse.outcome
+    with pytest.raises(ParameterError, match="tolerance"):
+        SpawningModel(block(), 2.0)
+
+
+def test_child_that_spawns_in_the_same_step_is_remembered():
+    """A leaf of 4 units of which one quarter is split again at once."""
+    family = Family(2, 0.5)
+    family.grow(np.array([0]), np.array([4]))
+    family.settle(np.array([3.0]), np.array([True]))
+    family.grow(np.array([0, 1, 2, 3, 4, 8, 12]), np.array([1, 1, 1, 1, 2, 2, 2]))
+    rows = family.rows
+    assert rows["parent"].tolist() == [-1, 0, 0, 0, 0, 1, 1, 1, 1]
+    assert rows["retired_step"].tolist() == [1, 1, -1, -1, -1, -1, -1, -1, -1]
+    assert family.level.tolist() == [0, 1, 1, 1, 1, 2, 2, 2, 2]
+    np.testing.assert_array_equal(rows["cause"], [0, 3, 3, 3, 3] + 4 * [np.nan])
+    assert family.working.tolist() == [5, 6, 7, 8, 2, 3, 4]
+    assert family.standing(0).tolist() == [0]
+    np.testing.assert_array_equal(family.lower[6], [0.5, 0.0])
+
+
+@settings(max_examples=50)
+@given(st.sampled_from([2, 3]), st.lists(st.integers(0, 2**20 - 1), min_size=3, max_size=30))
+def test_codes_name_their_points(dimension, numbers):
+    points = np.array(numbers[: len(numbers) // dimension * dimension]).reshape(-1, dimension)
+    np.testing.assert_array_equal(corners(morton(points), dimension), points)

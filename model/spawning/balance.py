@@ -13,6 +13,7 @@ from kaju.model.elasticity.reactions import INSIDE
 from .composite import Composite, Floats
 from .leaves import Index
 from .loads import face_loads
+from .rows import stiffness_of, sum_rows
 
 
 class Balance:
@@ -37,37 +38,48 @@ class Balance:
         sides = np.arange(n) * 2 * d
         stretches = []
         for axis in range(d):
-            difference = grid.mean[sides + 2 * axis + 1] - grid.mean[sides + 2 * axis]
-            stretches.append(sp.diags_array(1.0 / grid.length) @ difference)
+            ends = np.stack([sides + 2 * axis, sides + 2 * axis + 1], axis=1)
+            stretches.append(
+                sum_rows(grid.mean, ends, np.array([-1.0, 1.0]) / grid.length[:, None])
+            )
         shears, constants = [], [np.zeros(n * d)]
         for edges in grid.edges.values():
             first, second = edges.gradients
-            stiff = sp.diags_array((edges.modulus > 0).astype(np.float64))
-            shears.append(stiff @ (first.matrix + second.matrix))
-            constants.append(np.where(edges.modulus > 0, first.constant + second.constant, 0.0))
+            both = sp.vstack([first.matrix, second.matrix], format="csr")
+            stiff, each = edges.modulus > 0, np.arange(len(edges.modulus))
+            pair = np.stack([each, each + len(each)], axis=1)
+            shears.append(sum_rows(both, pair, np.repeat(stiff[:, None], 2, axis=1).astype(float)))
+            constants.append(np.where(stiff, first.constant + second.constant, 0.0))
         self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
         self.offset = np.concatenate(constants)
         self.load, self.surface_shear = face_loads(grid)
 
     @cached_property
-    def law(self) -> sp.csr_array:
-        """Stresses times volumes by strains."""
-        grid, d = self.grid, self.grid.dimension
+    def _moduli(self) -> tuple[Floats, Floats, Floats]:
+        """Moduli times volumes: of stretches along an axis and across it, and of shear."""
+        grid = self.grid
         moduli, kind = grid.ground.moduli, grid.leaves.kind
-        volume = grid.length**d
-        along = sp.diags_array(volume * moduli.stretch[kind])
-        cross = sp.diags_array(volume * moduli.lateral[kind])
-        blocks = [[along if a == b else cross for b in range(d)] for a in range(d)]
+        volume = grid.length**grid.dimension
         shear = np.concatenate([e.modulus * e.weight for e in grid.edges.values()])
-        return sp.csr_array(
-            sp.block_diag([sp.block_array(blocks), sp.diags_array(shear)], format="csr")
-        )
+        return volume * moduli.stretch[kind], volume * moduli.lateral[kind], shear
 
-    @cached_property
-    def stiffness(self) -> sp.csr_array:
-        """Force on every face by displacements of the faces: symmetric."""
-        matrix = self.strains.T @ (self.law @ self.strains)
-        return sp.csr_array(matrix + sp.diags_array(self.grid.spring))
+    def stress(self, strain: Floats) -> Floats:
+        """Return the stresses times volumes by strains."""
+        along, cross, shear = self._moduli
+        d, n = self.grid.dimension, len(along)
+        stretch = strain[: n * d].reshape(d, n)
+        normal = cross * stretch.sum(axis=0) + (along - cross) * stretch
+        return np.concatenate([normal.ravel(), shear * strain[n * d :]])
+
+    def stiffness(self, faces: Index | None = None) -> sp.csr_array:
+        """Return the forces on faces by displacements of these faces: symmetric.
+
+        `faces` are all of them unless some are given.
+        """
+        faces = np.arange(self.grid.size) if faces is None else faces
+        matrix = stiffness_of(self.strains, faces, *self._moduli, self.grid.dimension)
+        bed = self.grid.spring[faces]
+        return sp.csr_array(matrix + sp.diags_array(bed)) if bed.any() else matrix
 
     @cached_property
     def free(self) -> Index:
@@ -81,24 +93,24 @@ class Balance:
         if not grid.value.any() and not self.offset.any():
             return np.zeros(grid.size)
         given = self.strains @ grid.value + self.offset
-        return np.asarray(self.strains.T @ (self.law @ given))
+        return np.asarray(self.strains.T @ self.stress(given))
 
     @cached_property
     def given_energy(self) -> float:
         """Twice the energy stored while the free faces rest."""
         given = self.strains @ self.grid.value + self.offset
-        return float(given @ (self.law @ given))
+        return float(given @ self.stress(given))
 
     def force(self, displacement: Floats) -> Floats:
         """Return the force that holds every face at a displacement."""
-        stress = self.law @ (self.strains @ displacement + self.offset)
+        stress = self.stress(self.strains @ displacement + self.offset)
         return np.asarray(self.strains.T @ stress + self.grid.spring * displacement)
 
     def energy(self, displacement: Floats) -> float:
         """Return the energy stored in body and foundation."""
         strain = self.strains @ displacement + self.offset
         bed = float(self.grid.spring @ displacement**2)
-        return 0.5 * (float(strain @ (self.law @ strain)) + bed)
+        return 0.5 * (float(strain @ self.stress(strain)) + bed)
 
     def reactions(self, displacement: Floats) -> dict[str, Floats]:
         """Return the force of every support on the body."""
@@ -111,7 +123,7 @@ class Balance:
         some = grid.support >= 0
         np.add.at(totals, (grid.support[some], grid.axis[some]), hold[some])
         touched[grid.support[some]] = True
-        stress = self.law @ (self.strains @ displacement + self.offset)
+        stress = self.stress(self.strains @ displacement + self.offset)
         start = len(grid.leaves) * d
         for pair, edges in grid.edges.items():
             shear = stress[start : start + len(edges.modulus)]

@@ -9,7 +9,7 @@ the energy's gradient is a symmetric matrix whose forces balance.
 
 from __future__ import annotations
 
-from itertools import product
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +19,7 @@ from kaju.model.elasticity.problem import ACTIVE, FIXED
 from kaju.model.elasticity.staggered import Pair, axis_pairs
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
 
+from . import face_kernels
 from .edges import Edges, lay_edges
 from .ground import Ground
 from .leaves import Flags, Index, Leaves
@@ -59,6 +60,16 @@ class Composite:
             pair: lay_edges(self, pair) for pair in axis_pairs(self.dimension)
         }
 
+    @cached_property
+    def slopes(self) -> tuple[sp.csr_array, dict[Pair, int]]:
+        """The rows of `mean`, then of every pair's two gradients; where each pair starts."""
+        blocks, start, end = [self.mean], {}, self.mean.shape[0]
+        for pair, edges in self.edges.items():
+            start[pair] = end
+            blocks += [gradient.matrix for gradient in edges.gradients]
+            end += 2 * len(edges.modulus)
+        return sp.csr_array(sp.vstack(blocks, format="csr")), start
+
     @property
     def size(self) -> int:
         """Number of faces."""
@@ -66,25 +77,17 @@ class Composite:
 
     def _lay_faces(self) -> None:
         leaves, d = self.leaves, self.dimension
-        n = len(leaves)
-        self.beside = np.stack([leaves.find(self._past(side)) for side in range(2 * d)], axis=1)
-        there = self.beside >= 0
-        other = np.where(there, leaves.size[self.beside], np.iinfo(np.int64).max)
-        own_size = leaves.size[:, None]
-        upper = np.arange(2 * d) % 2 == 1
-        own = (other > own_size) | ((other == own_size) & upper)
-        self.master = np.full((n, 2 * d), -1, dtype=np.int64)
-        side, leaf = np.nonzero(own.T)
-        self.master[leaf, side] = np.arange(len(leaf))
-        shared_leaf, shared_side = np.nonzero((other == own_size) & ~upper)
-        opposite = self.beside[shared_leaf, shared_side]
-        self.master[shared_leaf, shared_side] = self.master[opposite, shared_side + 1]
-        self.axis, self.owner, self._side = side // 2, leaf, side
-        self.area = self.length[leaf] ** (d - 1)
-        self.place = leaves.lower[leaf] + 0.5 * leaves.size[leaf, None]
-        outward = np.where(side % 2, 0.5, -0.5)
-        self.place[np.arange(len(leaf)), self.axis] += outward * leaves.size[leaf]
-        self.mean = self._means(other < own_size)
+        tree = (leaves.code, leaves.lower, leaves.size)
+        self.beside = face_kernels.neighbours(*tree)
+        self.master, self.owner, self._side = face_kernels.number_faces(self.beside, leaves.size)
+        start, face, weight = face_kernels.mean_of_faces(self.beside, self.master, *tree)
+        shape = (len(leaves) * 2 * d, len(self.owner))
+        self.mean = sp.csr_array((weight, face, start), shape=shape)
+        self.axis = self._side // 2
+        self.area = self.length[self.owner] ** (d - 1)
+        self.place = leaves.lower[self.owner] + 0.5 * leaves.size[self.owner, None]
+        outward = np.where(self._side % 2, 0.5, -0.5)
+        self.place[np.arange(self.size), self.axis] += outward * leaves.size[self.owner]
 
     def _past(self, side: int) -> Index:
         """Return the unit cell beyond the lower corner of a side of every leaf."""
@@ -96,30 +99,6 @@ class Composite:
     def beyond(self, side: int, leaf: Index) -> Index:
         """Return unit cells beyond a side of leaves."""
         return self._past(side)[leaf]
-
-    def _means(self, divided: Flags) -> sp.csr_array:
-        d = self.dimension
-        row, column, weight = [], [], []
-        leaf, side = np.nonzero(self.master >= 0)
-        row.append(leaf * 2 * d + side)
-        column.append(self.master[leaf, side])
-        weight.append(np.ones(len(leaf)))
-        for side_index in range(2 * d):
-            coarse = np.flatnonzero(divided[:, side_index])
-            point = self._past(side_index)[coarse]
-            half = self.leaves.size[coarse, None] // 2
-            along = [a for a in range(d) if a != side_index // 2]
-            for steps in product((0, 1), repeat=d - 1):
-                shift = np.zeros(d, dtype=np.int64)
-                shift[along] = steps
-                fine = self.leaves.find(point + half * shift)
-                row.append(coarse * 2 * d + side_index)
-                column.append(self.master[fine, side_index ^ 1])
-                weight.append(np.full(len(coarse), 0.5 ** (d - 1)))
-        shape = (len(self.leaves) * 2 * d, self.size)
-        return sp.csr_array(
-            (np.concatenate(weight), (np.concatenate(row), np.concatenate(column))), shape=shape
-        )
 
     def _hold_faces(self) -> None:
         d = self.dimension

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,7 +19,9 @@ from kaju.model.elasticity.moduli import REENTRANT_WEIGHT
 from kaju.model.elasticity.staggered import Pair
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
+from . import tree_kernels
 from .leaves import Flags, Index, morton
+from .rows import sum_rows
 
 if TYPE_CHECKING:
     from .composite import Composite
@@ -89,7 +91,7 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
         around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
         reach = np.where(around >= 0, leaves.size[around], 0).max(axis=0)
         point[:, along[0]] -= point[:, along[0]] % reach
-    _, first, inverse = np.unique(morton(point), return_index=True, return_inverse=True)
+    first, inverse = tree_kernels.number(morton(point))
     point = point[first]
     reach = reach[first] if along else np.full(len(point), grid.ground.cell)
     around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
@@ -165,27 +167,24 @@ def _gradient(
     count = len(point)
     halves = [None if far is None else far[[end, 2 + end]] for end in (0, 1)]
     sides = [_sample(grid, a, quads[[end, 2 + end]], halves[end]) for end in (0, 1)]
-    present = np.stack([side[0] for side in sides])
-    offset = np.where(present, np.stack([side[1] for side in sides]), 0.0)
+    offset = np.stack([side.offset for side in sides])
     # A wall lies as far beyond the edge as the face that it holds lies before it.
-    span = np.where(present.all(axis=0), offset.sum(axis=0), 2 * offset.sum(axis=0))
+    both = sides[0].present & sides[1].present
+    span = np.where(both, 1.0, 2.0) * offset.sum(axis=0)
     span = np.where(span > 0, span, 1.0)
     constant, pull = np.zeros(count), np.zeros(count)
     wall = np.full(count, -1, dtype=np.int64)
-    terms = []
-    for end, (present, _, parts) in enumerate(sides):
+    for end in (0, 1):
         sign = 2.0 * end - 1.0
-        terms += [(rows, index, sign * w / span[rows]) for rows, index, w in parts]
-        bare = ~present & stiff & sides[1 - end][0]
+        bare = np.flatnonzero(~sides[end].present & stiff & sides[1 - end].present)
         pull[bare] = sign / span[bare]
-        outside = grid.outside(_toward(point, b, end), 2 * b + end)
-        wall[bare] = np.where(outside[bare], 2 * b + end, 2 * grid.dimension)
-        moved = bare & outside & np.any(kinds[[end, 2 + end]] == DISPLACED, axis=0)
-        constant[moved] += pull[moved] * grid.ground.given(2 * b + end)[a]
-    rows, index, weight = (np.concatenate(column) for column in zip(*terms, strict=True))
-    shape = (count, len(grid.leaves) * 2 * grid.dimension)
-    matrix = sp.csr_array(sp.csr_array((weight, (rows, index)), shape=shape) @ grid.mean)
-    both = sides[0][0] & sides[1][0]
+        outside = grid.outside(_toward(point[bare], b, end), 2 * b + end)
+        wall[bare] = np.where(outside, 2 * b + end, 2 * grid.dimension)
+        moved = outside & np.any(kinds[[end, 2 + end]][:, bare] == DISPLACED, axis=0)
+        constant[bare[moved]] += pull[bare[moved]] * grid.ground.given(2 * b + end)[a]
+    index = np.concatenate([side.index for side in sides], axis=1)
+    weight = np.concatenate([-sides[0].weight, sides[1].weight], axis=1) / span[:, None]
+    matrix = sum_rows(grid.mean, index, weight)
     one_sided = np.where(both, 1.0, 2.0)
     # Leaves that touch only at their corners have no slope between them.
     joined = ((quads[0] >= 0) & (quads[1] >= 0)) | ((quads[2] >= 0) & (quads[3] >= 0))
@@ -201,34 +200,33 @@ def _toward(point: Index, axis: int, end: int) -> Index:
     return moved
 
 
-def _sample(
-    grid: Composite, a: int, quads: Index, far: Index | None
-) -> tuple[Flags, Floats, list[tuple[Index, Index, Floats]]]:
-    """Return u_a on one side of the edges: whether there is any, how far off, and from where.
+class Sample(NamedTuple):
+    """u_a on one side of edges: whether there is any, how far off, and the sum of which sides."""
 
-    The parts are (edge, row of `mean`, weight).
-    """
+    present: Flags
+    offset: Floats
+    index: Index
+    weight: Floats
+
+
+def _sample(grid: Composite, a: int, quads: Index, far: Index | None) -> Sample:
     low, high = quads
     size = grid.leaves.size
     same = (low >= 0) & (low == high)
     take_low = (low >= 0) & ((high < 0) | (size[low] <= size[high]))
     chosen = np.where(take_low, low, high)
     present = chosen >= 0
-    d2, each = 2 * grid.dimension, np.arange(len(low))
-    own = np.where(take_low, chosen * d2 + 2 * a + 1, chosen * d2 + 2 * a)
-    parts = []
-    inside = np.flatnonzero(same)
-    for end in (0, 1):
-        parts.append((each[inside], low[inside] * d2 + 2 * a + end, np.full(len(inside), 0.5)))
-    face = np.flatnonzero(present & ~same)
-    if far is None:
-        parts.append((each[face], own[face], np.ones(len(face))))
-    else:
-        beyond = np.where(take_low, far[0], far[1])
-        other = np.where(take_low, beyond * d2 + 2 * a + 1, beyond * d2 + 2 * a)
-        parts.append((each[face], own[face], np.full(len(face), 0.5)))
-        parts.append((each[face], other[face], np.full(len(face), 0.5)))
-    return present, 0.5 * grid.length[chosen], parts
+    d2 = 2 * grid.dimension
+    side = 2 * a + take_low
+    # The middle of a leaf that reaches round the edge moves by the mean of its two sides.
+    first = np.where(same, low * d2 + 2 * a, chosen * d2 + side)
+    second = np.where(same, low * d2 + 2 * a + 1, first)
+    if far is not None:
+        second = np.where(same, second, np.where(take_low, far[0], far[1]) * d2 + side)
+    halved = same | (far is not None)
+    weight = np.stack([np.where(halved, 0.5, 1.0), np.where(halved, 0.5, 0.0)], axis=1)
+    offset = np.where(present, 0.5 * grid.length[chosen], 0.0)
+    return Sample(present, offset, np.stack([first, second], axis=1), weight * present[:, None])
 
 
 def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
@@ -244,31 +242,25 @@ def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
     count = large.sum(axis=0)
     diagonal = (large[0] & large[3]) | (large[1] & large[2])
     concave = (count == 1) | ((count == 2) & diagonal)
+    if not concave.any():
+        return edges
     large &= concave
     rest = 1.0 - 0.25 * np.where(concave, count, 0)
-    everything = np.arange(len(rest))
     changed = []
     for number, gradient in enumerate(edges.gradients):
-        row, column, weight = [everything], [everything], [1.0 / rest]
+        index = np.tile(np.arange(len(rest))[:, None], (1, 5))
+        weight = np.zeros(index.shape)
+        weight[:, 4] = 1.0 / rest
         for quadrant in range(4):
             first, second = divmod(quadrant, 2)
             at = np.flatnonzero(large[quadrant])
             beside = (1 - first, second) if number == 0 else (first, 1 - second)
             small = around[2 * beside[0] + beside[1], at]
-            row.append(at)
-            column.append(edges.of_leaf[small, first, second])
-            weight.append(-0.25 / rest[at])
-        mix = sp.csr_array(
-            (np.concatenate(weight), (np.concatenate(row), np.concatenate(column))),
-            shape=(len(rest), len(rest)),
-        )
-        changed.append(
-            replace(
-                gradient,
-                matrix=sp.csr_array(mix @ gradient.matrix),
-                constant=np.asarray(mix @ gradient.constant),
-            )
-        )
+            index[at, quadrant] = edges.of_leaf[small, first, second]
+            weight[at, quadrant] = -0.25 / rest[at]
+        constant = (weight * gradient.constant[index]).sum(axis=1)
+        matrix = sum_rows(gradient.matrix, index, weight)
+        changed.append(replace(gradient, matrix=matrix, constant=constant))
     return replace(edges, gradients=(changed[0], changed[1]), weight=edges.weight * rest)
 
 

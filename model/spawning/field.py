@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from .composite import Composite, Floats
 from .edges import Edges, Gradient
 from .leaves import Flags, Index
+from .rows import sum_rows
 
 
 def interpolation(
@@ -26,31 +27,33 @@ def interpolation(
     leaf : int array, shape (n,)
         Leaf that each point lies in or on.
     """
-    d, leaves = grid.dimension, grid.leaves
+    leaves = grid.leaves
     local = (points - leaves.lower[leaf]) / leaves.size[leaf, None]
-    rows = np.arange(len(leaf))
-    total = sp.csr_array((len(leaf), grid.size))
-    constant = np.zeros(len(leaf))
     along = (1.0 - local[:, axis], local[:, axis])
-    for end in (0, 1):
-        pick = _pick(rows, leaf * 2 * d + 2 * axis + end, along[end], grid.mean.shape[0])
-        total = total + pick @ grid.mean
+    rows, start = grid.slopes
+    side = leaf * 2 * grid.dimension + 2 * axis
+    index, weight = [side, side + 1], [*along]
+    constant = np.zeros(len(leaf))
     for (a, b), edges in grid.edges.items():
         if axis not in (a, b):
             continue
-        across = a + b - axis
+        across, count = a + b - axis, len(edges.modulus)
         gradients, table = oriented(edges, axis == a)
+        offsets = (0, count) if axis == a else (count, 0)
         distance = (local[:, across] - 0.5) * grid.length[leaf]
-        near = (distance > 0).astype(np.int64)
-        shear = grid.ground.moduli.shear[leaves.kind[leaf]]
+        apart = np.flatnonzero(distance)
+        near = (distance[apart] > 0).astype(np.int64)
+        around, shear = table[leaf[apart]], grid.ground.moduli.shear[leaves.kind[leaf[apart]]]
         for end in (0, 1):
-            edge = _nearest_known(gradients, table[leaf], end, near)
+            edge = _nearest_known(gradients, around, end, near)
             slopes = slope_weights(edges, gradients, edge, shear)
-            for gradient, weight in zip(gradients, slopes, strict=True):
-                weight = along[end] * distance * weight
-                total = total + _pick(rows, edge, weight, len(gradient.valid)) @ gradient.matrix
-                constant += weight * gradient.constant[edge]
-    return sp.csr_array(total), constant
+            for gradient, offset, slope in zip(gradients, offsets, slopes, strict=True):
+                share = along[end][apart] * distance[apart] * slope
+                index.append(np.zeros_like(leaf))
+                weight.append(np.zeros(len(leaf)))
+                index[-1][apart], weight[-1][apart] = start[a, b] + offset + edge, share
+                constant[apart] += share * gradient.constant[edge]
+    return sum_rows(rows, np.stack(index, axis=1), np.stack(weight, axis=1)), constant
 
 
 def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Index]:
@@ -102,21 +105,18 @@ def _nearest_known(
     return np.asarray(edge)
 
 
-def _pick(rows: Index, columns: Index, weight: Floats, width: int) -> sp.csr_array:
-    return sp.csr_array((weight, (rows, columns)), shape=(len(rows), width))
-
-
 def prolongation(coarse: Composite, fine: Composite) -> sp.csr_array:
     """Return the displacement of the fine faces by that of the coarse ones.
 
     The leaves of `fine` are those of `coarse` or lie inside of them.
     """
+    # Both stand in the order of their codes, and a child's is not less than its parent's.
+    parents = np.searchsorted(coarse.leaves.code, fine.leaves.code, side="right") - 1
     order, blocks = [], []
     for axis in range(fine.dimension):
         here = np.flatnonzero(fine.axis == axis)
-        parent = coarse.leaves.find(fine.leaves.lower[fine.owner[here]])
-        blocks.append(interpolation(coarse, fine.place[here], parent, axis)[0])
+        blocks.append(interpolation(coarse, fine.place[here], parents[fine.owner[here]], axis)[0])
         order.append(here)
-    stacked = sp.csr_array(sp.vstack(blocks, format="csr"))
+    stacked = sp.vstack(blocks, format="csr")
     back = np.argsort(np.concatenate(order), kind="stable")
     return sp.csr_array(stacked[back])

@@ -166,7 +166,8 @@ class Spawner:
     def _spawn(self, chosen: Flags) -> None:
         number, leaves = len(self.generations), self.balance.grid.leaves
         cause = self.indicator.load * self.ground.scales.force
-        leaves = leaves.split(chosen, number, cause).balanced(number)
+        leaves = leaves.split(chosen, number, cause)
+        leaves = leaves.balanced(number, young=leaves.step == number)
         finer = Balance(Composite(self.ground, leaves))
         grown = self.hierarchy.grow(finer) @ self.displacement
         self.displacement = np.where(finer.grid.state == ACTIVE, grown, finer.grid.value)

@@ -16,7 +16,8 @@ from kaju.model.elasticity.problem import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.purity import MIXED
 
-from .leaves import BITS, Flags, Index, Leaves
+from .leaves import Flags, Index, Leaves
+from .tree_kernels import BITS
 
 Floats = NDArray[np.float64]
 

@@ -31,7 +31,7 @@ def check_held(balance: Balance) -> None:
     grid = balance.grid
     modes = rigid_motions(grid)
     modes[grid.state == FIXED] = 0.0
-    answer = balance.stiffness @ modes
+    answer = balance.stiffness() @ modes
     part = _parts(grid)
     of_face = part[grid.owner]
     d, count = grid.dimension, int(part.max()) + 1

@@ -14,40 +14,15 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from . import tree_kernels
+
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-BITS = {2: 30, 3: 20}
-"""Binary digits of a coordinate in units; the code needs as many for every axis."""
-
-_SPREAD = {
-    2: (
-        (16, 0x0000FFFF0000FFFF),
-        (8, 0x00FF00FF00FF00FF),
-        (4, 0x0F0F0F0F0F0F0F0F),
-        (2, 0x3333333333333333),
-        (1, 0x5555555555555555),
-    ),
-    3: (
-        (32, 0x001F00000000FFFF),
-        (16, 0x001F0000FF0000FF),
-        (8, 0x100F00F00F00F00F),
-        (4, 0x10C30C30C30C30C3),
-        (2, 0x1249249249249249),
-    ),
-}
 
 
 def morton(points: Index) -> Index:
     """Return the Morton codes of points (units, not negative), shape (n, dimension)."""
-    d = points.shape[1]
-    code = np.zeros(len(points), dtype=np.uint64)
-    for axis in range(d):
-        spread = points[:, axis].astype(np.uint64)
-        for shift, mask in _SPREAD[d]:
-            spread = (spread | (spread << np.uint64(shift))) & np.uint64(mask)
-        code |= spread << np.uint64(axis)
-    return code.astype(np.int64)
+    return np.asarray(tree_kernels.codes(points))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +72,7 @@ class Leaves:
 
     def find(self, points: Index) -> Index:
         """Return the leaf that holds each unit cell, -1 where there is none."""
-        limit = 1 << BITS[self.dimension]
-        known = np.all((points >= 0) & (points < limit), axis=1)
-        inside = points if known.all() else np.where(known[:, None], points, 0)
-        at = np.searchsorted(self.code, morton(inside), side="right") - 1
-        place = np.maximum(at, 0)
-        offset = inside - self.lower[place]
-        held = known & (at >= 0) & np.all((offset >= 0) & (offset < self.size[place, None]), axis=1)
-        return np.where(held, at, -1)
+        return np.asarray(tree_kernels.find(points, self.code, self.lower, self.size))
 
     def split(self, chosen: Flags, step: int, cause: NDArray[np.float64]) -> Leaves:
         """Return the leaves with the chosen ones replaced by their children.
@@ -112,17 +80,22 @@ class Leaves:
         `cause` gives, per leaf, what is noted with its children.
         """
         d = self.dimension
-        corners = np.array(list(product((0, 1), repeat=d)), dtype=np.int64)
-        half = self.size[chosen] // 2
-        lower = self.lower[chosen][:, None] + corners * half[:, None, None]
+        # A leaf's children take its place in the order: corner after corner, x the fastest.
+        corners = np.array(list(product((0, 1), repeat=d)), dtype=np.int64)[:, ::-1]
         many = len(corners)
-        stay = ~chosen
-        return Leaves.of(
-            np.concatenate([self.lower[stay], lower.reshape(-1, d)]),
-            np.concatenate([self.size[stay], np.repeat(half, many)]),
-            np.concatenate([self.kind[stay], np.repeat(self.kind[chosen], many)]),
-            np.concatenate([self.step[stay], np.full(many * len(half), step)]),
-            np.concatenate([self.cause[stay], np.repeat(cause[chosen], many)]),
+        count = np.where(chosen, many, 1)
+        parent = np.repeat(np.arange(len(self)), count)
+        child = np.arange(len(parent)) - np.repeat(np.cumsum(count) - count, count)
+        new = chosen[parent]
+        size = np.where(new, self.size[parent] // 2, self.size[parent])
+        lower = self.lower[parent] + corners[np.where(new, child, 0)] * size[:, None]
+        return Leaves(
+            lower,
+            size,
+            self.kind[parent],
+            np.where(new, step, self.step[parent]),
+            np.where(new, cause[parent], self.cause[parent]),
+            self.code[parent] + np.where(new, child * size**d, 0),
         )
 
     def merged(self) -> Leaves:
@@ -148,33 +121,28 @@ class Leaves:
             self.lower[stay], size[stay], self.kind[stay], self.step[stay], self.cause[stay]
         )
 
-    def balanced(self, step: int) -> Leaves:
+    def balanced(self, step: int, young: Flags | None = None) -> Leaves:
         """Return leaves of which no two neighbours differ by more than a factor of two.
 
         Where two materials meet at a face, the leaves on both sides are of one size: small
-        faces on a stiff large leaf would be held by its soft neighbours only.
+        faces on a stiff large leaf would be held by its soft neighbours only. Where all but
+        some `young` leaves are known to be balanced, these alone look about.
         """
         leaves = self
-        directions = np.array([s for s in product((-1, 0, 1), repeat=self.dimension) if any(s)])
-        young = np.ones(len(leaves), dtype=np.bool_)
-        while young.any():
-            chosen = np.zeros(len(leaves), dtype=np.bool_)
-            code, crowded = leaves.code[young], np.zeros(np.count_nonzero(young), dtype=np.bool_)
-            size, lower, kind = leaves.size[young], leaves.lower[young], leaves.kind[young]
-            for way in directions:
-                beside = leaves.find(lower + way * size[:, None])
-                ratio = leaves.size[beside] // size
-                other = (leaves.kind[beside] != kind) & (np.abs(way).sum() == 1)
-                unfit = (beside >= 0) & ((ratio > 2) | ((ratio > 1) & other))
-                chosen[beside[unfit]] = True
-                crowded |= unfit
+        ways = np.array([s for s in product((-1, 0, 1), repeat=self.dimension) if any(s)])
+        ways = ways[:, [0, 1, -1]]
+        looking = np.arange(len(leaves)) if young is None else np.flatnonzero(young)
+        while len(looking):
+            tree = (leaves.code, leaves.lower, leaves.size)
+            chosen, crowded = tree_kernels.too_large(looking, ways, *tree, leaves.kind)
             if not chosen.any():
                 break
-            fresh = leaves.code[chosen]
+            fresh, crowd = leaves.code[chosen], leaves.code[looking[crowded]]
             ends = fresh + leaves.size[chosen] ** self.dimension
             leaves = leaves.split(chosen, step, np.full(len(leaves), np.nan))
             at = np.searchsorted(fresh, leaves.code, side="right") - 1
-            young = (at >= 0) & (leaves.code < ends[np.maximum(at, 0)])
+            again = (at >= 0) & (leaves.code < ends[np.maximum(at, 0)])
             # Those beside a leaf that was much too large look once more.
-            young |= np.isin(leaves.code, code[crowded])
+            again[np.searchsorted(leaves.code, crowd)] = True
+            looking = np.flatnonzero(again)
         return leaves

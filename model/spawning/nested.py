@@ -124,8 +124,7 @@ class NestedMultigrid:
 
 
 def _level(balance: Balance) -> Level:
-    free = balance.free
-    matrix = sp.csr_array(balance.stiffness[free][:, free])
+    matrix = balance.stiffness(balance.free)
     return Level(matrix, _inverse(matrix))
 
 

@@ -94,7 +94,7 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
     first, inverse = tree_kernels.number(morton(point))
     point = point[first]
     reach = reach[first] if along else np.full(len(point), grid.ground.cell)
-    around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
+    around = _leaves_around(grid, point, pair, inverse)
     kinds = _kinds_around(grid, point, pair, around)
     modulus = _edge_modulus(grid, kinds)
     grads, spans = [], []
@@ -118,6 +118,25 @@ def _corner(grid: Composite, pair: Pair, ends: tuple[int, ...]) -> Index:
     for axis, end in zip(pair, ends, strict=True):
         point[:, axis] += end * grid.leaves.size
     return point
+
+
+def _leaves_around(grid: Composite, point: Index, pair: Pair, edge: Index) -> Index:
+    """Return the leaves round the beginning of every edge, -1 for none."""
+    leaves, n = grid.leaves, len(grid.leaves)
+    around = np.full((4, len(point)), -1)
+    along = [a for a in range(grid.dimension) if a not in pair]
+    for quadrant in range(4):
+        # The leaf before an edge has it at its upper end.
+        of_leaf = edge[(3 - quadrant) * n : (4 - quadrant) * n]
+        here = np.arange(n)
+        if along:
+            offset = point[of_leaf, along[0]] - leaves.lower[:, along[0]]
+            here = np.flatnonzero((offset >= 0) & (offset < leaves.size))
+        around[quadrant, of_leaf[here]] = here
+    for row, cells in zip(around, _quadrants(point, pair), strict=True):
+        rest = np.flatnonzero(row < 0)
+        row[rest] = leaves.find(cells[rest])
+    return around
 
 
 def _second_half(grid: Composite, point: Index, pair: Pair, reach: Index) -> Index | None:

@@ -30,11 +30,18 @@ def beyond(lower, leaf, side, edge):
 def neighbours(code, lower, size):
     """Return a leaf on each side of every leaf, -1 for none: with small ones the first."""
     n, d = lower.shape
-    beside = np.empty((n, 2 * d), np.int64)
-    for leaf in range(n):
-        for side in range(2 * d):
-            x, y, z = beyond(lower, leaf, side, size[leaf])
-            beside[leaf, side] = leaf_at(x, y, z, code, lower, size, leaf)
+    unknown = -2
+    beside = np.full((n, 2 * d), unknown, np.int64)
+    for upper in (1, 0):
+        for leaf in range(n):
+            for side in range(upper, 2 * d, 2):
+                if beside[leaf, side] != unknown:
+                    continue
+                x, y, z = beyond(lower, leaf, side, size[leaf])
+                other = leaf_at(x, y, z, code, lower, size, leaf)
+                beside[leaf, side] = other
+                if other >= 0 and size[other] == size[leaf]:
+                    beside[other, side ^ 1] = leaf
     return beside
 
 

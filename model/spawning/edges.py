@@ -201,7 +201,7 @@ def _gradient(
         wall[bare] = np.where(outside, 2 * b + end, 2 * grid.dimension)
         moved = outside & np.any(kinds[[end, 2 + end]][:, bare] == DISPLACED, axis=0)
         constant[bare[moved]] += pull[bare[moved]] * grid.ground.given(2 * b + end)[a]
-    index = np.concatenate([side.index for side in sides], axis=1)
+    index = np.concatenate([sample.side for sample in sides], axis=1)
     weight = np.concatenate([-sides[0].weight, sides[1].weight], axis=1) / span[:, None]
     matrix = sum_rows(grid.mean, index, weight)
     one_sided = np.where(both, 1.0, 2.0)
@@ -220,11 +220,11 @@ def _toward(point: Index, axis: int, end: int) -> Index:
 
 
 class Sample(NamedTuple):
-    """u_a on one side of edges: whether there is any, how far off, and the sum of which sides."""
+    """u_a on one side of edges: whether there is any, how far off, and sides to add up."""
 
     present: Flags
     offset: Floats
-    index: Index
+    side: Index
     weight: Floats
 
 

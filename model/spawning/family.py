@@ -8,7 +8,8 @@ import numpy as np
 
 from .composite import Floats
 from .generations import Generation
-from .leaves import BITS, Flags, Index
+from .leaves import Flags, Index
+from .tree_kernels import BITS
 
 NOBODY = -1
 """Parent of the first agents, and first child of those that have none."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
-from .problem import ACTIVE, ElasticProblem, Floats
+from .problem import ACTIVE, FIXED, ElasticProblem, Floats
 
 
 def face_forces(
@@ -119,6 +119,7 @@ def _couple(
     surface[:, normal] += upper
     field = problem.force[normal]
     lost = np.zeros_like(moment)
+    running = []
     for step in (-1, 1):
         beside, beyond = surface.copy(), cells.copy()
         beside[:, axis] += step
@@ -127,13 +128,19 @@ def _couple(
         walled = ~runs_on & (problem.kinds[tuple(beyond.T)] == RIGID)
         there = np.where(runs_on, 0.5, np.where(walled, 1.0, 0.0))
         np.add.at(field, tuple(beside.T), -step * there * moment)
-        np.add.at(field, tuple(surface.T), -step * (1.0 - there) * moment)
+        np.add.at(field, tuple(surface.T), step * there * moment)
         lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
+        running.append((step, beside, runs_on))
         # The wall's face stands half a cell beyond the wall, which bears the difference.
         edge = _edge_below(cells[walled], axis, normal, upper, step)
-        _tilt(problem, axis, normal, edge, -0.5 * moment[walled])
-    ended = lost != 0.0
-    _make_up(problem, axis, normal, upper, cells[ended], lost[ended])
+        whole = _along(problem, axis, normal, edge, least=FIXED)
+        _tilt(problem, axis, normal, edge[whole], -0.5 * moment[walled][whole])
+    ended = np.flatnonzero(lost)
+    left = _make_up(problem, axis, normal, upper, cells[ended], lost[ended])
+    for step, beside, runs_on in running:
+        rest = -step * np.where(runs_on[ended], left, 0.0)
+        np.add.at(field, tuple(beside[ended].T), rest)
+        np.add.at(field, tuple(surface[ended].T), -rest)
 
 
 def _edge_below(
@@ -144,6 +151,16 @@ def _edge_below(
     edge[:, axis] += step > 0
     edge[:, normal] += 1 - upper
     return edge
+
+
+def _along(
+    problem: ElasticProblem, component: int, across: int, edge: NDArray[np.int64], least: int
+) -> NDArray[np.bool_]:
+    """Tell whether both faces of one component at edges are FIXED or ACTIVE at least."""
+    before = edge.copy()
+    before[:, across] -= 1
+    state = problem.face_states()[component]
+    return np.asarray((state[tuple(before.T)] >= least) & (state[tuple(edge.T)] >= least))
 
 
 def _tilt(
@@ -163,37 +180,26 @@ def _make_up(
     upper: int,
     cells: NDArray[np.int64],
     moment: Floats,
-) -> None:
-    """Enter moments as a turn of the four faces round an edge below the surface."""
-    waiting = np.ones(len(cells), dtype=np.bool_)
-    for step in (-1, 1):
-        edge = _edge_below(cells, axis, normal, upper, step)
-        found = waiting.copy()
-        for component, across in ((axis, normal), (normal, axis)):
-            for row in (0, 1):
-                face = edge.copy()
-                face[:, across] -= row
-                found &= problem.face_states()[component][tuple(face.T)] == ACTIVE
-        _tilt(problem, axis, normal, edge[found], 0.5 * moment[found])
-        _tilt(problem, normal, axis, edge[found], -0.5 * moment[found])
-        waiting &= ~found
-    _lift(problem, axis, normal, upper, cells[waiting], moment[waiting])
+) -> Floats:
+    """Enter moments as a turn of the four faces round the edges below the surface.
 
-
-def _lift(
-    problem: ElasticProblem,
-    axis: int,
-    normal: int,
-    upper: int,
-    cells: NDArray[np.int64],
-    moment: Floats,
-) -> None:
-    """Keep the moment where no surface lies beside: extrapolate from the layer below."""
-    if not len(cells):
-        return
-    outward = 2 * upper - 1
+    Where there are no such faces u(surface) is extrapolated from the layer below, and
+    without a layer below the moment is returned.
+    """
+    edges = [_edge_below(cells, axis, normal, upper, step) for step in (-1, 1)]
+    turns = np.stack(
+        [
+            _along(problem, axis, normal, edge, least=ACTIVE)
+            & _along(problem, normal, axis, edge, least=ACTIVE)
+            for edge in edges
+        ]
+    )
     below = cells.copy()
-    below[:, normal] -= outward
-    for end in (0, 1):
-        _add(problem.force[axis], cells, axis, end, 0.5 * outward * moment)
-        _add(problem.force[axis], below, axis, end, -0.5 * outward * moment)
+    below[:, normal] += 1 - 2 * upper
+    kind = problem.kinds[tuple(below.T)]
+    lifts = ~turns.any(axis=0) & ((kind >= 0) | (kind == RIGID))
+    for edge, turn in zip(edges, turns, strict=True):
+        share = np.where(lifts, 0.5, turn / np.maximum(turns.sum(axis=0), 1)) * moment
+        _tilt(problem, axis, normal, edge, np.where(turn, 0.5, 1.0) * share)
+        _tilt(problem, normal, axis, edge, np.where(turn, -0.5, 0.0) * share)
+    return np.where(lifts | turns.any(axis=0), 0.0, moment)

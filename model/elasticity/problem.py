@@ -288,7 +288,7 @@ def _side_fields(
         index = SIDES[rim.ndim].index(name)
         value = np.asarray(side[1], dtype=np.float64)
         if side[0] == "displacement":
-            _prescribe(fixed, index, value / scales.displacement)
+            _prescribe(fixed, rim, index, value / scales.displacement)
         elif side[0] == "foundation":
             layer = list(rim_layer(rim.ndim, index))
             layer[index // 2] = -2 if index % 2 else 1
@@ -296,13 +296,16 @@ def _side_fields(
     return fixed, spring
 
 
-def _prescribe(fixed: FaceFields, index: int, displacement: Floats) -> None:
-    """Give the faces of a rigid side, and the ghost faces within it, their displacement."""
+def _prescribe(fixed: FaceFields, rim: NDArray[np.int32], index: int, displacement: Floats) -> None:
+    """Give the faces of a rigid side, and the ghost faces within it, their displacement.
+
+    Rigid cells inside the array stay where they are, also where they touch the side.
+    """
     axis, upper = divmod(index, 2)
+    inner = np.moveaxis(rim, axis, 0)[-2 if upper else 1]
     for component, values in enumerate(fixed):
-        layer: list[slice | int] = [slice(None)] * values.ndim
+        lines = np.moveaxis(values, axis, 0)
         if component == axis:
-            layer[axis] = -2 if upper else 1
+            lines[-2 if upper else 1][inner != RIGID] = displacement[component]
         else:
-            layer[axis] = -1 if upper else 0
-        values[tuple(layer)] = displacement[component]
+            lines[-1 if upper else 0] = displacement[component]

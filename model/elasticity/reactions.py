@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.scene.kinds import FOUNDATION, RIGID, ROLLER
+
 from .problem import FIXED, ElasticProblem, FaceFields, Floats
 from .staggered import internal_force
 
@@ -33,7 +35,7 @@ def reactions(problem: ElasticProblem, u: FaceFields, names: tuple[str, ...]) ->
         held = problem.face_states()[axis] == FIXED
         # The load on a fixed face goes straight into the support.
         pull = np.where(held, force - problem.force[axis], -problem.spring[axis] * u[axis])
-        owner = _owners(problem, axis)
+        owner = _owners(problem, axis, names)
         for index in np.unique(owner[pull != 0.0]):
             name = INSIDE if index < 0 else names[index]
             total = found.setdefault(name, np.zeros(problem.dimension))
@@ -41,16 +43,19 @@ def reactions(problem: ElasticProblem, u: FaceFields, names: tuple[str, ...]) ->
     return found
 
 
-def _owners(problem: ElasticProblem, axis: int) -> NDArray[np.int64]:
-    """Return for every face the side that it lies on or beyond, -1 inside the array."""
-    shape = problem.face_shape(axis)
-    owner = np.full(shape, -1, dtype=np.int64)
-    for along in range(problem.dimension):
-        reach = 2 if along == axis else 1
-        lines = np.moveaxis(owner, along, 0)
-        lines[:reach] = 2 * along
-        lines[-reach:] = 2 * along + 1
-    # Faces normal to a side belong to it before they belong to the sides beside it.
+def _owners(problem: ElasticProblem, axis: int, names: tuple[str, ...]) -> NDArray[np.int64]:
+    """Return for every face the side whose cells hold it; -1 if cells inside the array do."""
+    kinds, nothing = problem.kinds, 2 * problem.dimension
+    side = np.full(kinds.shape, -1, dtype=np.int64)
+    for index in range(nothing):
+        # At a corner of arrays that were cut to the body, the side is the one not cut.
+        if names[index] != INSIDE:
+            lines = np.moveaxis(side, index // 2, 0)
+            lines[-1 if index % 2 else 0] = index
+    owner = np.pad(
+        np.where(np.isin(kinds, (RIGID, ROLLER, FOUNDATION)), side, nothing),
+        [(1, 1) if a == axis else (0, 0) for a in range(kinds.ndim)],
+        constant_values=nothing,
+    )
     lines = np.moveaxis(owner, axis, 0)
-    lines[:2], lines[-2:] = 2 * axis, 2 * axis + 1
-    return owner
+    return np.asarray(np.moveaxis(np.minimum(lines[:-1], lines[1:]), 0, axis))

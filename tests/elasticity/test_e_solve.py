@@ -206,6 +206,52 @@ def test_rigid_cells_inside_the_array_carry_reactions():
     np.testing.assert_allclose(held, 0.0, atol=1e-20)
 
 
+def test_side_that_is_free_has_no_reaction():
+    """Where a dragged surface meets a wall, the wall bears its couple."""
+    body = {"size": [0.2, 0.1], "cells": [8, 4], "material": "steel"}
+    load = {"side": "top", "force": [1.0, 0.5]}
+    result = solve(Scene(body=body, sides={"left": "rigid"}, loads=[load]), 1e-12)
+    assert list(result.reactions) == ["left"]
+    np.testing.assert_allclose(result.reactions["left"], [-1.0, -0.5], atol=1e-9)
+
+
+def test_step_in_a_dragged_surface_is_the_same_seen_from_behind():
+    """Where the surface ends at a step, the moment goes to both edges below."""
+    corners = []
+    for drawing, cell, pull in (("..##..\n######", 2, 1.0), ("..##..\n######", 3, -1.0)):
+        scene = Scene.from_drawing(
+            drawing,
+            legend={"#": "steel", ".": "air"},
+            cell_size=0.01,
+            sides={"bottom": "rigid"},
+            loads=[{"cell": [cell, 1], "side": "top", "force": [pull, 0.0]}],
+        )
+        corners.append(solve(scene, 1e-12).corner_displacement)
+    mirrored = corners[1][::-1] * [-1.0, 1.0]
+    np.testing.assert_allclose(corners[0], mirrored, atol=1e-9 * np.nanmax(np.abs(mirrored)))
+
+
+def test_drag_on_one_row_of_cells_upon_a_roller_goes_into_its_ends():
+    """Below the row is no layer from which the surface could be extrapolated."""
+    body = {"size": [0.08, 0.01], "cells": [8, 1], "material": "steel"}
+    sides = {"bottom": "roller", "left": "rigid"}
+    load = {"cell": [7, 0], "side": "top", "force": [1.0, 0.0]}
+    result = solve(Scene(body=body, sides=sides, loads=[load]), 1e-12)
+    assert result.body.shape == (8, 1)
+    assert result.reactions["left"][0] == pytest.approx(-1.0)
+
+
+def test_rigid_cell_stays_where_it_is_beside_a_displaced_side():
+    scene = Scene.from_drawing(
+        "###\n###\n#=#",
+        legend={"#": "steel", "=": "rigid"},
+        cell_size=0.01,
+        sides={"bottom": {"displacement": [0.0, 1e-6]}},
+    )
+    faces = solve(scene, 1e-12).face_displacement[1][:, 0]
+    np.testing.assert_allclose(faces, [1e-6, 0.0, 1e-6])
+
+
 def test_saved_and_loaded(tmp_path):
     result = solve(bar(), resolution=2)
     again = ElasticResult.load(result.save(tmp_path / "bar"))
@@ -302,7 +348,7 @@ def test_slender_members_are_found():
 def test_no_convergence_gives_the_best_field(monkeypatch):
     monkeypatch.setattr("kaju.model.elasticity.engine.DIRECT_LIMIT", {2: 0, 3: 0})
     monkeypatch.setattr(
-        "kaju.model.elasticity.prepared.algebraic_preconditioner",
+        "kaju.model.elasticity.engine.algebraic_preconditioner",
         lambda matrix, numbering: lambda load: np.zeros_like(load),
     )
     kinds = np.zeros((96, 96), int)

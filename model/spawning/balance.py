@@ -28,6 +28,8 @@ class Balance:
         The strains that displaced walls cause by themselves.
     load : array, shape (faces,)
         External force on every face.
+    wall_load : array, shape (2·dimension + 1, dimension)
+        External force on the sides of the array, and on rigid cells inside of it.
     surface_shear : dict from pair of axes to array
         Shear stress that loads along the surface put on the edges.
     """
@@ -52,7 +54,7 @@ class Balance:
             constants.append(np.where(stiff, first.constant + second.constant, 0.0))
         self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
         self.offset = np.concatenate(constants)
-        self.load, self.surface_shear = face_loads(grid)
+        self.load, self.wall_load, self.surface_shear = face_loads(grid)
 
     @cached_property
     def _moduli(self) -> tuple[Floats, Floats, Floats]:
@@ -116,8 +118,8 @@ class Balance:
         """Return the force of every support on the body."""
         grid, d = self.grid, self.grid.dimension
         names = [*grid.ground.scene.lattice.sides, INSIDE]
-        totals = np.zeros((2 * d + 1, d))
-        touched = np.zeros(2 * d + 1, dtype=np.bool_)
+        totals = -self.wall_load
+        touched = np.asarray(self.wall_load.any(axis=1))
         held = grid.state == FIXED
         hold = np.where(held, self.force(displacement) - self.load, -grid.spring * displacement)
         some = grid.support >= 0

@@ -1,0 +1,166 @@
+"""Loads on agents: those of equal cells on equal agents, and no moment lost on any others."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.sparse.linalg import spsolve
+
+from kaju import Scene
+from kaju.errors import SceneError, SupportError
+from kaju.model.elasticity.from_scene import problem_of_scene
+from kaju.model.elasticity.reactions import INSIDE, reactions
+from kaju.model.elasticity.staggered import Numbering, internal_force, stiffness_matrix
+from kaju.model.elasticity.supports import check_supports, slender_cell
+from kaju.model.spawning.balance import Balance
+from kaju.model.spawning.composite import Composite
+from kaju.model.spawning.ground import Ground
+
+LEGEND = {0: "air", 1: "a", 2: "b", 3: "rigid"}
+MATERIALS = {
+    "a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
+    "b": {"youngs_modulus": 3e9, "poissons_ratio": -0.2},
+}
+SIDES = {2: ("left", "right", "bottom", "top")}
+SIDES[3] = (*SIDES[2][:2], "front", "back", *SIDES[2][2:])
+
+
+@st.composite
+def bodies(draw, held):
+    """Cells with holes, two materials and all kinds of sides, pressed and dragged anywhere."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    d = draw(st.sampled_from([2, 2, 3]))
+    codes = rng.choice([0, 1, 1, 1, 2, 3 if held else 0], size=rng.integers(2, 8 - d, size=d))
+    if draw(st.booleans()):
+        codes[codes != 3] = 1
+    walls = [{"stiffness": 1e9}, "free"]
+    if held:
+        walls += ["rigid", "roller", {"displacement": list(1e-9 * rng.normal(size=d))}]
+    sides = {name: walls[rng.integers(len(walls))] for name in SIDES[d]}
+    cells = np.argwhere((codes == 1) | (codes == 2))
+    assume(len(cells))
+    loads = []
+    for _ in range(4):
+        cell = cells[rng.integers(len(cells))]
+        load = {"cell": cell.tolist(), "force": rng.normal(size=d).tolist()}
+        loads.append(load | {"side": SIDES[d][rng.integers(2 * d)]})
+    described = {"legend": LEGEND, "materials": MATERIALS, "allow_floating": True}
+    described |= {"cell_size": 0.5, "sides": {k: v for k, v in sides.items() if v != "free"}}
+    scene = Scene.from_array(codes, loads=loads, **described)
+    try:
+        drag = {"side": SIDES[d][rng.integers(2 * d)], "force": rng.normal(size=d).tolist()}
+        return Scene.from_array(codes, loads=[*loads, drag], **described)
+    except SceneError:
+        return scene
+
+
+def agents(scene, *, smallest):
+    """The balance of agents of one size, that of the cells, or else of several sizes."""
+    ground = Ground(scene, None, at_cells=smallest)
+    leaves = ground.start()
+    while (leaves.size > ground.cell).any():
+        leaves = leaves.split(leaves.size > ground.cell, 0, np.zeros(len(leaves)))
+    rng = np.random.default_rng(len(leaves))
+    for step in range(0 if smallest else 3):
+        # Members one agent wide have no edges that carry shear: halve them first.
+        chosen = np.full(len(leaves), True) if step == 0 else rng.random(len(leaves)) < 0.1
+        leaves = leaves.split(chosen, step, np.zeros(len(leaves))).balanced(step)
+    return Balance(Composite(ground, leaves))
+
+
+def settled_cells(scene):
+    """Displacements (m) of the faces of equal cells, and the problem; None if it has none."""
+    problem, origin = problem_of_scene(scene)
+    try:
+        check_supports(problem)
+    except SupportError:
+        return None
+    numbering = Numbering(problem.face_states())
+    matrix = stiffness_matrix(problem, numbering)
+    if slender_cell(problem) is not None or np.linalg.cond(matrix.toarray()) > 1e10:
+        return None
+    right = numbering.gather(problem.force) - numbering.gather(
+        internal_force(problem, problem.fixed)
+    )
+    u = tuple(values.copy() for values in problem.fixed)
+    numbering.scatter(spsolve(matrix.tocsc(), right), u)
+    return problem, origin, u
+
+
+def reactions_of_cells(scene, problem, origin, u):
+    names = []
+    for index, name in enumerate(scene.lattice.sides):
+        axis, upper = divmod(index, 2)
+        end = origin[axis] + problem.shape[axis] == scene.lattice.shape[axis]
+        names.append(name if (end if upper else origin[axis] == 0) else INSIDE)
+    found = reactions(problem, u, tuple(names))
+    return {name: problem.scales.force * force for name, force in found.items()}
+
+
+@settings(max_examples=150)
+@given(bodies(held=True))
+def test_equal_agents_answer_every_load_as_equal_cells_do(scene):
+    settled = settled_cells(scene)
+    assume(settled is not None)
+    problem, origin, expected = settled
+    balance = agents(scene, smallest=True)
+    grid, d, free = balance.grid, balance.grid.dimension, balance.free
+    u = grid.value.copy()
+    right = (balance.load - balance.pull)[free]
+    u[free] = spsolve(balance.stiffness(free).tocsc(), right)
+    largest = problem.scales.displacement * max(np.abs(values).max() for values in expected)
+    for axis in range(d):
+        here = grid.axis == axis
+        middle = np.where(np.arange(d) == axis, 0.0, 0.5)
+        place = np.rint(grid.place[here] / grid.ground.cell - middle).astype(int)
+        there = expected[axis][tuple((place - np.array(origin) + 1).T)]
+        np.testing.assert_allclose(
+            grid.ground.scales.displacement * u[here],
+            problem.scales.displacement * there,
+            atol=1e-8 * largest,
+        )
+    held = reactions_of_cells(scene, problem, origin, expected)
+    total = scene.applied().force.sum(axis=0)
+    size = np.abs(scene.applied().force).sum() + max(np.abs(f).max() for f in held.values())
+    found = balance.reactions(u)
+    for name in held.keys() | found.keys():
+        force = grid.ground.scales.force * found.get(name, np.zeros(d))
+        np.testing.assert_allclose(force, held.get(name, np.zeros(d)), atol=1e-8 * size)
+    np.testing.assert_allclose(sum(held.values()), -total, atol=1e-8 * size)
+
+
+@settings(max_examples=60)
+@given(bodies(held=False))
+def test_no_force_and_no_moment_is_lost_on_agents_of_several_sizes(scene):
+    balance = agents(scene, smallest=False)
+    grid, d = balance.grid, balance.grid.dimension
+    applied = scene.applied()
+    force = applied.force / grid.ground.scales.force
+    place = applied.cells + 0.5
+    inside = applied.direction < 0
+    axis, end = np.divmod(applied.direction, 2)
+    place[np.arange(len(place)), axis] += np.where(inside, 0.0, end - 0.5)
+    entered = np.where(grid.axis[:, None] == np.arange(d), balance.load[:, None], 0.0)
+    arm = grid.place / grid.ground.cell
+    size = np.abs(force).sum() * max(scene.lattice.shape)
+    np.testing.assert_allclose(entered.sum(axis=0), force.sum(axis=0), atol=1e-11 * size)
+    for a, b in grid.edges:
+        expected = (place[:, a] * force[:, b] - place[:, b] * force[:, a]).sum()
+        moment = (arm[:, a] * entered[:, b] - arm[:, b] * entered[:, a]).sum()
+        assert moment == pytest.approx(expected, abs=1e-11 * size)
+
+
+def test_bodies_of_agents_of_several_sizes_are_among_those():
+    scene = Scene(
+        body={"cells": [4, 4], "cell_size": 1.0, "material": "steel", "allow_floating": True}
+    )
+    assert len(np.unique(agents(scene, smallest=False).grid.length)) > 1
+
+
+def test_force_on_a_held_face_goes_half_into_the_wall():
+    """As on equal cells, where the faces on both sides of it take a half each."""
+    body = {"cells": [4, 4], "cell_size": 1.0, "material": "steel"}
+    load = {"cell": [1, 0], "side": "bottom", "force": [2.0, 0.0]}
+    balance = agents(Scene(body=body, sides={"bottom": "rigid"}, loads=[load]), smallest=True)
+    assert balance.wall_load[2].tolist() == [0.5, 0.0]
+    assert balance.load.sum() == pytest.approx(0.5)

@@ -27,11 +27,12 @@ def solve(
     subject : Scene or SpringNetwork
         A scene is solved as linear elasticity, a network in large deformation.
     **how
-        For a scene: `tolerance`, `resolution`, `stage` and `strategy`. With the strategy
+        For a scene: `tolerance`, `resolution`, `stage`, `strategy`, and `previous`, the answer
+        to a scene of which something was changed, to start from. With the strategy
         "uniform" all cells are equal, and the tolerance is that of their equations: see
         `kaju.model.elasticity.solve`. With "spawning" agents are small only where the
         tolerance, an error in the energy norm, asks for it: see `kaju.model.spawning.solve`.
-        "auto" takes equal cells.
+        "auto" takes equal cells, or what the previous answer took.
         For a network: `increments`, `method`, `tolerance`, as in `kaju.model.network.solve`.
 
     Raises
@@ -54,9 +55,12 @@ def solve(
 def _solve_scene(scene: Scene, strategy: str = "auto", **how: Any) -> ElasticResult | SpawnedResult:
     from kaju.model.elasticity.solve import solve as solve_uniform
     from kaju.model.spawning.solve import solve_spawning
+    from kaju.model.spawning.spawned_result import SpawnedResult
 
     if strategy not in ("auto", "uniform", "spawning"):
         raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
+    if strategy == "auto" and isinstance(how.get("previous"), SpawnedResult):
+        strategy = "spawning"
     if strategy == "spawning":
         return solve_spawning(scene, **{k: v for k, v in how.items() if v is not None})
     return solve_uniform(scene, **how)

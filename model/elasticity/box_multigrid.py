@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID
 
-from .krylov import dot
+from .krylov import best_of, dot
 from .moduli import Moduli
 from .problem import (
     ACTIVE,
@@ -135,8 +135,10 @@ class BoxMultigrid:
         self._cycle(0, load, out)
         return out
 
-    def full_multigrid(self, load: Vector) -> tuple[Vector, float]:
+    def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
         """Start from the coarsest answer and improve it level by level.
+
+        On the finest level from the best combination of the parents' answer and the guess.
 
         Returns
         -------
@@ -159,6 +161,11 @@ class BoxMultigrid:
             np.subtract(loads[at], left, out=left)
             self.clear_fixed(at, left)
             energy = -0.5 * float(dot(loads[at], coarser) + dot(left, coarser))
+            if at == 0 and guess is not None:
+                forces = load - left, self.apply(guess)
+                coarser, force = best_of(load, coarser, forces[0], guess, forces[1])
+                left = load - force
+                self.clear_fixed(0, left)
             x = np.empty_like(left)
             self._cycle(at, left, x)
             x += coarser

@@ -260,7 +260,9 @@ class ElasticResult(BodyResult):
         arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
         arrays |= {f"face.{a}": v for a, v in enumerate(self.solution.displacement)}
         described = {
-            name: value for name, value in vars(self.solution).items() if name != "displacement"
+            name: value
+            for name, value in vars(self.solution).items()
+            if name not in ("displacement", "prepared")
         }
         about = {
             "scene": text,

@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, log, sqrt
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .box_multigrid import BoxMultigrid, face_count, face_views, is_box
-from .fallback import DIRECT_LIMIT, algebraic_preconditioner, solve_direct
-from .incompressible import MixedForm
+from .fallback import DIRECT_LIMIT, solve_direct
 from .krylov import Iteration, conjugate_gradients, dot
+from .prepared import Prepared, same_body
 from .problem import ElasticProblem, FaceFields
 from .sparse_multigrid import SparseMultigrid
-from .staggered import Numbering, internal_force, stiffness_matrix
+from .staggered import Numbering
+from .system import System
 from .transfer import coarsen
 
 Vector = NDArray[np.float64]
 
+ROUNDING = 1e-14
+"""Loads that differ by less, of their largest, are the same."""
 ALGEBRAIC_SHARE = 0.15
 """Unless told otherwise, iterate until the algebraic error is this share of the grid's.
 
@@ -35,23 +37,6 @@ PATIENCE = 8
 """After this many iterations the rate decides whether to change the method."""
 TOO_MANY = 60
 """More iterations than this in sight: change the method."""
-
-
-class Multigrid(Protocol):
-    """What the engine needs of a hierarchy."""
-
-    @property
-    def depth(self) -> int:
-        """Number of levels."""
-
-    def apply(self, x: Vector) -> Vector:
-        """Return the stiffness times x."""
-
-    def precondition(self, load: Vector) -> Vector:
-        """Return one symmetric cycle's answer to a load."""
-
-    def full_multigrid(self, load: Vector) -> tuple[Vector, float]:
-        """Return a first answer, and the potential energy of the parents' answer."""
 
 
 @dataclass
@@ -73,6 +58,8 @@ class Solution:
     converged : bool
     notes : list of str
         What the engine decided by itself.
+    prepared : Prepared, optional
+        Serves for other loads on the same body, unless that is large.
     """
 
     displacement: FaceFields
@@ -84,6 +71,7 @@ class Solution:
     residuals: list[float]
     converged: bool
     notes: list[str] = field(default_factory=list)
+    prepared: Prepared | None = field(default=None, repr=False)
 
     @property
     def iterations(self) -> int:
@@ -96,7 +84,16 @@ class Solution:
         return float(np.hypot(self.discretisation, self.algebraic))
 
 
-def solve_problem(problem: ElasticProblem, tolerance: float | None = None) -> Solution:
+class Answered(NamedTuple):
+    """A problem with its solution, from which one that is like it may start."""
+
+    problem: ElasticProblem
+    solution: Solution
+
+
+def solve_problem(
+    problem: ElasticProblem, tolerance: float | None = None, previous: Answered | None = None
+) -> Solution:
     """Find the displacements at which every face is in balance.
 
     Parameters
@@ -106,72 +103,49 @@ def solve_problem(problem: ElasticProblem, tolerance: float | None = None) -> So
     tolerance : float, optional
         Relative algebraic error in the energy norm; by default well below the estimated
         error of the grid, and for small bodies 1e-10.
+    previous : Answered, optional
+        A problem on as many cells. Its displacements are where the iteration starts, and its
+        matrices serve again if body and supports are the same.
     """
     if tolerance is None and problem.dimension * problem.kinds.size < SMALL:
         tolerance = SMALL_TOLERANCE
-    if problem.needs_mixed_form:
-        return _solve_mixed(_System(problem), tolerance)
-    if is_box(problem):
-        box = BoxMultigrid(problem, sweeps=2 if problem.dimension == 2 else 3)
-        return _solve_multigrid(_System(problem, box), box, "full multigrid", tolerance)
-    system = _System(problem)
-    matrix = stiffness_matrix(problem, system.numbering)
-    hierarchy = SparseMultigrid(matrix, system.numbering)
-    solution = _solve_multigrid(system, hierarchy, "Galerkin multigrid", tolerance)
-    return (
-        solution if solution.converged else _change_method(system, solution, hierarchy, tolerance)
-    )
+    kept = previous.solution.prepared if previous is not None else None
+    prepared = kept if kept is not None and same_body(kept.body, problem) else Prepared(problem)
+    if previous is not None and prepared is kept and _answers(previous, problem, tolerance):
+        return replace(previous.solution, notes=list(previous.solution.notes))
+    system = System(problem, prepared)
+    guess = None if previous is None else system.gather(previous.solution.displacement)
+    solution = _solve(system, tolerance, guess)
+    solution.prepared = prepared if prepared.worth_keeping else None
+    return solution
 
 
-class _System:
-    """Loads and unknowns of a problem as vectors."""
+def _answers(previous: Answered, problem: ElasticProblem, tolerance: float | None) -> bool:
+    """Tell whether a problem of the same body has been solved, but for its units."""
+    old, solution = previous
+    pairs = (*zip(old.force, problem.force, strict=True),)
+    pairs += (*zip(old.fixed, problem.fixed, strict=True),)
+    same = all(float(np.abs(a - b).max()) <= ROUNDING for a, b in pairs)
+    target = tolerance or _default_target(solution.discretisation)
+    return same and solution.converged and solution.algebraic <= target
 
-    def __init__(self, problem: ElasticProblem, box: BoxMultigrid | None = None) -> None:
-        self.problem = problem
-        self.box = box
-        self._numbering: Numbering | None = None
-        self.load = self.gather(problem.force)
-        self.right = self.load
-        self._given = 0.0
-        if any(values.any() for values in problem.fixed):
-            pull = internal_force(problem, problem.fixed)
-            self._given = sum(
-                float(np.vdot(a, b)) for a, b in zip(pull, problem.fixed, strict=True)
-            )
-            self.right = self.load - self.gather(pull)
 
-    @property
-    def numbering(self) -> Numbering:
-        """Numbers of the faces that are free to move."""
-        if self._numbering is None:
-            self._numbering = Numbering(self.problem.face_states())
-        return self._numbering
+def _default_target(discretisation: float) -> float:
+    return min(max(ALGEBRAIC_SHARE * discretisation, 1e-12), LOOSEST)
 
-    def gather(self, fields: FaceFields) -> Vector:
-        """Return the free faces' values as a vector; a box keeps its fixed faces, as zeros."""
-        if self.box is None:
-            return self.numbering.gather(fields)
-        vector = np.empty(face_count(self.problem.shape))
-        for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
-            view[:] = values[self.problem.inner]
-        self.box.clear_fixed(0, vector)
-        return vector
 
-    def scatter(self, vector: Vector) -> FaceFields:
-        """Return displacements of all faces, the given ones included."""
-        fields = tuple(values.copy() for values in self.problem.fixed)
-        if self.box is not None:
-            for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
-                values[self.problem.inner] += view
-        else:
-            self.numbering.scatter(vector, fields)
-        return fields
-
-    def energy(self, x: Vector) -> float:
-        """Return twice the stored energy of a solution x (or of what is nearly one)."""
-        if self.right is self.load:
-            return float(dot(x, self.load))
-        return 2 * float(dot(x, self.load)) - float(dot(x, self.right)) + self._given
+def _solve(system: System, tolerance: float | None, guess: Vector | None) -> Solution:
+    prepared = system.prepared
+    if system.problem.needs_mixed_form:
+        return _solve_mixed(system, tolerance, guess)
+    start, coarser = prepared.hierarchy.full_multigrid(system.right, guess)
+    if not prepared.slow:
+        solution = _solve_multigrid(system, start, coarser, tolerance)
+        if solution.converged or prepared.box is not None:
+            return solution
+        prepared.slow = f"geometric multigrid was slow after {solution.iterations} iterations"
+        start = system.gather(solution.displacement)
+    return _change_method(system, start, coarser, tolerance)
 
 
 class _Watch:
@@ -190,7 +164,7 @@ class _Watch:
             self.discretisation = self._estimate(run)
         target = self._tolerance
         if target is None:
-            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
+            target = _default_target(self.discretisation)
         if run.errors[-1] <= target or _at_rounding(run):
             return True
         if run.iterations >= PATIENCE:
@@ -212,35 +186,46 @@ def _at_rounding(run: Iteration) -> bool:
 
 
 def _solve_multigrid(
-    system: _System, hierarchy: Multigrid, method: str, tolerance: float | None
+    system: System, start: Vector, coarser: float, tolerance: float | None
 ) -> Solution:
-    right = system.right
-    x, coarser = hierarchy.full_multigrid(right)
-    first = [0.0]
+    hierarchy = system.prepared.hierarchy
+    potential = _potential(system, start)
 
     def discretisation(run: Iteration) -> float:
         whole = system.energy(run.solution)
-        if whole <= 0.0:
-            return 0.0
-        gained = 2 * (coarser - first[0]) / whole + run.errors[0] ** 2
-        return sqrt(max(gained, 0.0))
+        return _missed(coarser, potential - 0.5 * run.errors[0] ** 2 * whole, whole)
 
-    apply = hierarchy.apply
-    first[0] = 0.5 * float(dot(x, apply(x))) - float(dot(x, right))
     watch = _Watch(tolerance, discretisation)
     run = conjugate_gradients(
-        apply, hierarchy.precondition, right, x, watch, most=200, energy=system.energy
+        hierarchy.apply,
+        hierarchy.precondition,
+        system.right,
+        start,
+        watch,
+        most=200,
+        energy=system.energy,
     )
     run.converged = run.converged and not watch.slow
+    method = "full multigrid" if system.prepared.box is not None else "Galerkin multigrid"
     solution = _solution(system, run, method, watch.discretisation, hierarchy.depth)
     # Of second order in what the iteration left, where the load's work is of first.
-    left = float(dot(run.solution, right)) - float(dot(run.solution, apply(run.solution)))
-    solution.energy += 0.5 * left
+    x, right = run.solution, system.right
+    solution.energy += 0.5 * float(dot(x, right) - dot(x, hierarchy.apply(x)))
     return solution
 
 
+def _potential(system: System, x: Vector) -> float:
+    force = system.prepared.hierarchy.apply(x)
+    return 0.5 * float(dot(x, force)) - float(dot(x, system.right))
+
+
+def _missed(coarser: float, potential: float, whole: float) -> float:
+    """Return the relative error of the parents' answer, by its potential energy."""
+    return sqrt(max(2 * (coarser - potential) / whole, 0.0)) if whole > 0.0 else 0.0
+
+
 def _solution(
-    system: _System, run: Iteration, method: str, discretisation: float, levels: int
+    system: System, run: Iteration, method: str, discretisation: float, levels: int
 ) -> Solution:
     return Solution(
         displacement=system.scatter(run.solution),
@@ -255,49 +240,46 @@ def _solution(
 
 
 def _change_method(
-    system: _System, slow: Solution, hierarchy: SparseMultigrid, tolerance: float | None
+    system: System, start: Vector, coarser: float, tolerance: float | None
 ) -> Solution:
     """Take the direct solver while the body is small, else algebraic multigrid."""
-    matrix, right = hierarchy.levels[0].matrix, system.right
-    note = f"geometric multigrid was slow after {slow.iterations} iterations"
+    prepared, right = system.prepared, system.right
+    hierarchy, depth = prepared.hierarchy, prepared.hierarchy.depth
+    missed = _missed(coarser, _potential(system, start), system.energy(start))
     if len(right) <= DIRECT_LIMIT[system.problem.dimension]:
-        run = solve_direct(matrix, right)
-        solution = _solution(system, run, "direct", slow.discretisation, 1)
-        solution.notes.append(f"{note}: factorised instead")
-        return solution
-    precondition = algebraic_preconditioner(matrix, system.numbering)
-    method = "algebraic multigrid"
-    if precondition is None:
-        precondition, method = hierarchy.precondition, "Galerkin multigrid"
-        note += "; pyamg (pip install 'kaju[amg]') would be quicker"
+        run, method, depth = solve_direct(prepared.matrix, prepared.factor, right), "direct", 1
+        note = "factorised instead"
     else:
-        note += ": algebraic multigrid instead"
-    target = tolerance or max(ALGEBRAIC_SHARE * slow.discretisation, 1e-9)
-    start = system.numbering.gather(slow.displacement)
-    run = conjugate_gradients(
-        hierarchy.apply,
-        precondition,
-        right,
-        start,
-        lambda run: run.errors[-1] <= target or _at_rounding(run),
-        most=1000,
-        energy=system.energy,
-    )
-    solution = _solution(system, run, method, slow.discretisation, slow.levels)
-    solution.notes.append(note)
+        precondition, method = prepared.algebraic, "algebraic multigrid"
+        note = "algebraic multigrid instead"
+        if precondition is None:
+            precondition, method = hierarchy.precondition, "Galerkin multigrid"
+            note = "pyamg (pip install 'kaju[amg]') would be quicker"
+        target = tolerance or max(ALGEBRAIC_SHARE * missed, 1e-9)
+        run = conjugate_gradients(
+            hierarchy.apply,
+            precondition,
+            right,
+            start,
+            lambda run: run.errors[-1] <= target or _at_rounding(run),
+            most=1000,
+            energy=system.energy,
+        )
+    missed = _missed(coarser, _potential(system, run.solution), system.energy(run.solution))
+    solution = _solution(system, run, method, missed, depth)
+    solution.notes.append(f"{prepared.slow}: {note}")
     return solution
 
 
-def _solve_mixed(system: _System, tolerance: float | None) -> Solution:
-    mixed = MixedForm(system.problem, system.numbering)
-    run = mixed.solve(system.right, min(tolerance or 1e-8, 1e-8))
-    roughness = _roughness(mixed.block, system.numbering, run.solution)
+def _solve_mixed(system: System, tolerance: float | None, guess: Vector | None) -> Solution:
+    prepared, mixed = system.prepared, system.prepared.mixed
+    run = mixed.solve(system.right, min(tolerance or 1e-8, 1e-8), guess)
+    roughness = _roughness(mixed.block, prepared.numbering, run.solution)
     whole = system.energy(run.solution)
     discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
     solution = _solution(system, run, "mixed form", discretisation, mixed.block.depth)
     if not run.converged and len(system.right) <= DIRECT_LIMIT[system.problem.dimension]:
-        matrix = stiffness_matrix(system.problem, system.numbering)
-        direct = solve_direct(matrix, system.right)
+        direct = solve_direct(prepared.matrix, prepared.factor, system.right)
         solution = _solution(system, direct, "direct", discretisation, 1)
         solution.notes.append("the mixed form did not converge: factorised instead")
     return solution

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from .krylov import Iteration, dot
 from .problem import ACTIVE
@@ -25,14 +25,18 @@ DIRECT_LIMIT = {2: 1_200_000, 3: 40_000}
 """Up to this many faces a factorisation is quick and fits in memory."""
 
 
-def solve_direct(matrix: sp.csr_array, load: Vector) -> Iteration:
-    """Factorise and solve, with two steps of iterative refinement."""
-    factor = splu(
+def factorise(matrix: sp.csr_array) -> SuperLU:
+    """Return the factors of a symmetric positive definite matrix."""
+    return splu(
         sp.csc_array(matrix),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )
+
+
+def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Vector) -> Iteration:
+    """Solve by the factors of a matrix, with two steps of iterative refinement."""
     x = np.asarray(factor.solve(load))
     scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x)

@@ -8,6 +8,7 @@ from kaju.errors import SceneError
 from kaju.model.scene import Scene
 
 from .from_scene import Origin, problem_of_scene
+from .prepared import same_body
 from .problem import ElasticProblem
 from .supports import slender_cell
 
@@ -36,18 +37,22 @@ class Grid(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def grid_of(scene: Scene, stage: int | None, division: int = 1) -> Grid:
+def grid_of(
+    scene: Scene, stage: int | None, division: int = 1, known: ElasticProblem | None = None
+) -> Grid:
     """Return the grid of a scene; members one cell wide are halved, so that they carry shear.
+
+    The members of a body that is `known` need no look.
 
     Raises
     ------
     SceneError
         If a member is one cell wide even then.
     """
-    grid, narrow = _refined(scene, stage, division)
+    grid, narrow = _refined(scene, stage, division, known)
     if not narrow:
         return grid
-    finer, still_narrow = _refined(scene, stage, 2 * division)
+    finer, still_narrow = _refined(scene, stage, 2 * division, known)
     if still_narrow:
         raise SceneError(
             f"body: a member is one cell wide at cell {still_narrow} of the grid refined by "
@@ -56,11 +61,14 @@ def grid_of(scene: Scene, stage: int | None, division: int = 1) -> Grid:
     return finer._replace(notes=(f"a member is one cell wide at {narrow}: the cells were halved",))
 
 
-def _refined(scene: Scene, stage: int | None, division: int) -> tuple[Grid, str]:
+def _refined(
+    scene: Scene, stage: int | None, division: int, known: ElasticProblem | None
+) -> tuple[Grid, str]:
     """Return the grid, and where a member is one cell wide (empty if none is)."""
     fine = scene if division == 1 else scene.refine(division)
     problem, origin = problem_of_scene(fine, stage)
-    cell = slender_cell(problem)
+    seen = known is not None and same_body(problem, known)
+    cell = None if seen else slender_cell(problem)
     narrow = ""
     if cell is not None:
         narrow = f"({', '.join(str(a + b) for a, b in zip(cell, origin, strict=True))})"

@@ -54,12 +54,27 @@ class MixedForm:
         )
         self._size = numbering.size
 
-    def solve(self, load: Vector, tolerance: float, most: int = 300) -> Iteration:
+    def solve(
+        self, load: Vector, tolerance: float, guess: Vector | None = None, most: int = 300
+    ) -> Iteration:
         """Return the displacements; the history is that of displacements and pressures."""
         whole = np.concatenate([load, np.zeros(len(self._pressure))])
-        run = minimal_residuals(self._apply, self._precondition, whole, tolerance, most)
-        run.solution = run.solution[: self._size].copy()
+        start, share = np.zeros_like(whole), 1.0
+        if guess is not None and guess.any() and load.any():
+            start = np.concatenate([guess, self.divergence @ guess / self._compliance])
+            force = self._apply(start)
+            start *= float(start @ whole) / float(start @ force)
+            left = whole - self._apply(start)
+            share, whole = self._norm(left) / self._norm(whole), left
+        target = tolerance / max(share, tolerance)
+        run = minimal_residuals(self._apply, self._precondition, whole, target, most)
+        run.residuals = [share * residual for residual in run.residuals]
+        run.errors = [share * error for error in run.errors]
+        run.solution = (start + run.solution)[: self._size].copy()
         return run
+
+    def _norm(self, r: Vector) -> float:
+        return float(np.sqrt(r @ self._precondition(r)))
 
     def _apply(self, x: Vector) -> Vector:
         u, p = x[: self._size], x[self._size :]

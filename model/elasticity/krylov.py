@@ -40,6 +40,23 @@ def _turn(p, z, share):  # type: ignore[no-untyped-def]
         p[i] = z[i] + share * p[i]
 
 
+def best_of(
+    load: Vector, one: Vector, force: Vector, other: Vector, other_force: Vector
+) -> tuple[Vector, Vector]:
+    """Return the combination of two displacements that is nearest to the solution, and its force.
+
+    Nearest in the energy norm (Ritz 1909), for displacements of which the forces that hold
+    them are known. Either may be of any size.
+    """
+    gram = np.array(
+        [[dot(one, force), dot(one, other_force)], [dot(other, force), dot(other, other_force)]]
+    )
+    size = np.sqrt(np.maximum(gram.diagonal(), np.finfo(np.float64).tiny))
+    work = np.array([dot(one, load), dot(other, load)]) / size
+    a, b = np.linalg.lstsq(gram / np.outer(size, size), work, rcond=1e-12)[0] / size
+    return a * one + b * other, a * force + b * other_force
+
+
 @dataclass
 class Iteration:
     """How an iteration went.

@@ -10,8 +10,9 @@ from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 
 from .elastic_result import ElasticResult
-from .engine import solve_problem
-from .grid import grid_of
+from .engine import Answered, solve_problem
+from .grid import Grid, grid_of
+from .prepared import same_body
 from .supports import check_supports
 
 SMALLEST_TOLERANCE = 1e-13
@@ -24,6 +25,7 @@ def solve(
     strategy: Literal["auto", "uniform"] = "auto",
     *,
     stage: int | None = None,
+    previous: ElasticResult | None = None,
 ) -> ElasticResult:
     """Solve a scene as linear elasticity by multigrid.
 
@@ -38,11 +40,15 @@ def solve(
         reported as `error_estimate`; a smaller one needs a larger `resolution`.
     resolution : int, optional
         Cells to solve per cell of the scene, along every axis: 2 halves them. By default 1,
-        or 2 where a member is only one cell wide, which could not carry shear.
+        or 2 where a member is only one cell wide, which could not carry shear; with a
+        previous result as many as there.
     strategy : {"auto", "uniform"}
         "uniform" takes equal cells everywhere; so does "auto" at present.
     stage : int, optional
         Stage of loading; by default the last.
+    previous : ElasticResult, optional
+        The answer to a scene on as many cells, of which something was changed: the iteration
+        starts from it, and where only loads changed the body's matrices serve again.
 
     Returns
     -------
@@ -59,10 +65,11 @@ def solve(
     """
     start = perf_counter()
     _check(tolerance, resolution, strategy)
-    grid = grid_of(scene, stage, resolution or 1)
-    check_supports(grid.problem, grid.origin, grid.division)
-    solution = solve_problem(grid.problem, tolerance)
-    solution.notes[:0] = grid.notes
+    grid, answered = _grid(scene, stage, resolution, previous)
+    if answered is None or not same_body(grid.problem, answered.problem):
+        check_supports(grid.problem, grid.origin, grid.division)
+    solution = solve_problem(grid.problem, tolerance, answered)
+    solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
     result = ElasticResult(
         scene,
         grid.scene,
@@ -76,6 +83,22 @@ def solve(
     if not solution.converged:
         raise ConvergenceError(_remedy(result, tolerance), result.residuals, result)
     return result
+
+
+def _grid(
+    scene: Scene, stage: int | None, resolution: int | None, previous: ElasticResult | None
+) -> tuple[Grid, Answered | None]:
+    """Return the grid, and the previous answer if it is of as many cells in the same place."""
+    if previous is None:
+        return grid_of(scene, stage, resolution or 1), None
+    if not isinstance(previous, ElasticResult):
+        raise ParameterError(
+            f"previous: equal cells continue from an ElasticResult, got {type(previous).__name__}"
+        )
+    grid = grid_of(scene, stage, resolution or previous.subdivision, previous.problem)
+    if previous.origin != grid.origin or previous.problem.kinds.shape != grid.problem.kinds.shape:
+        return grid, None
+    return grid, Answered(previous.problem, previous.solution)
 
 
 def _check(tolerance: float | None, resolution: int | None, strategy: str) -> None:

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from .krylov import dot
+from .krylov import best_of, dot
 from .staggered import Numbering
 from .transfer import coarsen
 
@@ -24,7 +24,8 @@ Vector = NDArray[np.float64]
 PARENTS_AT_ONCE = 100_000
 
 
-@njit(cache=True, fastmath=True)
+# Rows are short: sums that may be reordered become vectors, which costs more than it saves.
+@njit(cache=True)
 def sweep_rows(indptr, indices, values, inverse, load, x, backward):  # type: ignore[no-untyped-def]
     """Let every row in turn yield to its residual: one Gauss-Seidel sweep in place."""
     n = len(load)
@@ -88,8 +89,10 @@ class SparseMultigrid:
         """Return one V-cycle's answer to a load."""
         return self._cycle(0, load)
 
-    def full_multigrid(self, load: Vector) -> tuple[Vector, float]:
+    def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
         """Start from the coarsest answer and improve it level by level.
+
+        On the finest level from the best combination of the parents' answer and the guess.
 
         Returns
         -------
@@ -109,6 +112,10 @@ class SparseMultigrid:
             coarser = np.asarray(level.prolong @ x)
             left = loads[at] - level.matrix @ coarser
             energy = -0.5 * float(dot(loads[at], coarser) + dot(left, coarser))
+            if at == 0 and guess is not None:
+                forces = load - left, self.apply(guess)
+                coarser, force = best_of(load, coarser, forces[0], guess, forces[1])
+                left = load - force
             x = coarser + self._cycle(at, left)
         return x, energy
 

@@ -15,6 +15,7 @@ from kaju.agents.materials import Material, suggestion
 from kaju.errors import SceneError
 
 from .applied import AppliedLoads, at_stage, check_gravity
+from .body import Body
 from .contents import Contents, contents_of
 from .description import Description
 from .filling import CellBox
@@ -23,6 +24,7 @@ from .overrides import overridden
 from .purity import Purity
 from .reading import table_from, table_from_archive
 from .refinement import rasterised_body, refined_body, refined_loads
+from .regions import Region
 from .rule_tables import check_rule
 from .selection import select
 from .sides import FREE, SideCondition
@@ -215,6 +217,20 @@ class Scene(Description):
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some of its parts (`loads`, `rule`, ...) replaced."""
         return Scene(**(dict(self) | changes))
+
+    def with_region(self, material: str = "air", **shape: Any) -> Scene:
+        """Return the scene with a part of the array filled anew: by default a hole.
+
+        Parameters
+        ----------
+        material : str
+            A material's name, "air" or "rigid".
+        **shape
+            One of `box`, `disk`, `ball`, `polygon` and `image`, as in `Region`.
+        """
+        region = Region(material=material, **shape)
+        body = dict(self.body) | {"regions": (*self.body.regions, region)}
+        return self.replace(body=Body(**body))
 
     def refine(self, k: int) -> Scene:
         """Return the same body, supports and loads on cells k times smaller.

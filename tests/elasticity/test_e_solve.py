@@ -348,7 +348,7 @@ def test_slender_members_are_found():
 def test_no_convergence_gives_the_best_field(monkeypatch):
     monkeypatch.setattr("kaju.model.elasticity.engine.DIRECT_LIMIT", {2: 0, 3: 0})
     monkeypatch.setattr(
-        "kaju.model.elasticity.engine.algebraic_preconditioner",
+        "kaju.model.elasticity.prepared.algebraic_preconditioner",
         lambda matrix, numbering: lambda load: np.zeros_like(load),
     )
     kinds = np.zeros((96, 96), int)

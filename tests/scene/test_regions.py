@@ -176,3 +176,20 @@ def test_a_mirrored_region_fills_the_mirrored_cells(shape):
     two = plate({**other, "material": "rigid"}, {"box": [[0, 0], [1, 1]], "material": "ice"},
                 {"box": [[7, 0], [8, 1]], "material": "ice"})  # fmt: skip
     assert np.array_equal(one.rasterise(), two.rasterise()[::-1])
+
+
+def test_a_scene_with_one_region_more():
+    plate = Scene(
+        body={"size": [0.2, 0.1], "cells": [20, 10], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [3, 9], "force": [0.0, -1.0]}],
+    )
+    hole = plate.with_region(disk={"centre": [0.1, 0.05], "radius": 0.02})
+    assert hole.kinds(np.array([[10, 5], [1, 1]])).tolist() == [-1, 0]
+    filled = hole.with_region("cork", disk={"centre": [0.1, 0.05], "radius": 0.02})
+    assert filled.kinds(np.array([[10, 5], [1, 1]])).tolist() == [1, 0]
+    assert plate.kinds(np.array([[10, 5]])).tolist() == [0]
+    with pytest.raises(SceneError, match="exactly one shape"):
+        plate.with_region()
+    with pytest.raises(SceneError, match=r"loads\.0"):
+        plate.with_region(box=[[0.02, 0.05], [0.05, 0.1]])

@@ -1,0 +1,114 @@
+"""What solves a body's equations whatever its loads: it stays as long as the body does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import SuperLU
+
+from .box_multigrid import BoxMultigrid, is_box
+from .fallback import algebraic_preconditioner, factorise
+from .incompressible import MixedForm
+from .problem import ElasticProblem
+from .sparse_multigrid import SparseMultigrid
+from .staggered import Numbering, stiffness_matrix
+
+Vector = NDArray[np.float64]
+
+KEPT = 500_000
+"""Bodies of more faces give back the memory of their matrices (about 1 kB a face)."""
+
+
+class Multigrid(Protocol):
+    """What the engine needs of a hierarchy."""
+
+    @property
+    def depth(self) -> int:
+        """Number of levels."""
+
+    def apply(self, x: Vector) -> Vector:
+        """Return the stiffness times x."""
+
+    def precondition(self, load: Vector) -> Vector:
+        """Return one symmetric cycle's answer to a load."""
+
+    def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
+        """Return a first answer, and the potential energy of the parents' answer."""
+
+
+def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
+    """Tell whether two problems are of the same body, alike supported, whatever their loads."""
+    same = ours.plane == theirs.plane and np.array_equal(ours.kinds, theirs.kinds)
+    pairs = (*zip(ours.moduli, theirs.moduli, strict=True),)
+    pairs += (*zip(ours.spring, theirs.spring, strict=True),)
+    return same and all(np.array_equal(a, b) for a, b in pairs)
+
+
+class Prepared:
+    """Matrices, parents and factors of a body and its supports, each made when first needed.
+
+    Attributes
+    ----------
+    body : ElasticProblem
+        The problem without loads and given displacements.
+    slow : str
+        Why geometric multigrid does not serve, in words; empty while it does.
+    """
+
+    def __init__(self, problem: ElasticProblem) -> None:
+        self.body = replace(problem, force=(), fixed=(), surface_shear={})
+        self.slow = ""
+
+    @cached_property
+    def box(self) -> BoxMultigrid | None:
+        """The hierarchy without matrices, if the body is a full box."""
+        if self.body.needs_mixed_form or not is_box(self.body):
+            return None
+        return BoxMultigrid(self.body, sweeps=2 if self.body.dimension == 2 else 3)
+
+    @cached_property
+    def numbering(self) -> Numbering:
+        """Numbers of the faces that are free to move."""
+        return Numbering(self.body.face_states())
+
+    @cached_property
+    def matrix(self) -> sp.csr_array:
+        """Stiffness of the free faces."""
+        return stiffness_matrix(self.body, self.numbering)
+
+    @cached_property
+    def sparse(self) -> SparseMultigrid:
+        """The hierarchy of matrices."""
+        return SparseMultigrid(self.matrix, self.numbering)
+
+    @property
+    def hierarchy(self) -> Multigrid:
+        """The hierarchy that suits the body."""
+        return self.box or self.sparse
+
+    @cached_property
+    def mixed(self) -> MixedForm:
+        """Displacements and pressures of a nearly incompressible body."""
+        return MixedForm(self.body, self.numbering)
+
+    @cached_property
+    def factor(self) -> SuperLU:
+        """The factors of the stiffness."""
+        return factorise(self.matrix)
+
+    @cached_property
+    def algebraic(self) -> Callable[[Vector], Vector] | None:
+        """A cycle of algebraic multigrid; None if pyamg is not installed."""
+        return algebraic_preconditioner(self.matrix, self.numbering)
+
+    @property
+    def worth_keeping(self) -> bool:
+        """Whether the next problem may have it: not if it is large."""
+        faces = self.body.dimension * self.body.kinds.size
+        return self.box is not None or faces <= KEPT

@@ -1,0 +1,66 @@
+"""Loads and unknowns of a problem as vectors."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .box_multigrid import face_count, face_views
+from .krylov import dot
+from .prepared import Prepared
+from .problem import ElasticProblem, FaceFields
+from .staggered import internal_force
+
+Vector = NDArray[np.float64]
+
+
+class System:
+    """A problem's loads on the faces that are free to move.
+
+    Attributes
+    ----------
+    problem : ElasticProblem
+    prepared : Prepared
+        What solves it.
+    load, right : arrays
+        External forces, and these without what the given displacements take.
+    """
+
+    def __init__(self, problem: ElasticProblem, prepared: Prepared) -> None:
+        self.problem, self.prepared = problem, prepared
+        self.load = self.gather(problem.force)
+        self.right = self.load
+        self._given = 0.0
+        if any(values.any() for values in problem.fixed):
+            pull = internal_force(problem, problem.fixed)
+            self._given = sum(
+                float(np.vdot(a, b)) for a, b in zip(pull, problem.fixed, strict=True)
+            )
+            self.right = self.load - self.gather(pull)
+
+    def gather(self, fields: FaceFields) -> Vector:
+        """Return the free faces' values as a vector; a box keeps its fixed faces, as zeros."""
+        box = self.prepared.box
+        if box is None:
+            return self.prepared.numbering.gather(fields)
+        vector = np.empty(face_count(self.problem.shape))
+        for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
+            view[:] = values[self.problem.inner]
+        box.clear_fixed(0, vector)
+        return vector
+
+    def scatter(self, vector: Vector) -> FaceFields:
+        """Return displacements of all faces, the given ones included."""
+        fields = tuple(values.copy() for values in self.problem.fixed)
+        if self.prepared.box is not None:
+            for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
+                values[self.problem.inner] += view
+        else:
+            self.prepared.numbering.scatter(vector, fields)
+        return fields
+
+    def energy(self, x: Vector) -> float:
+        """Return twice the stored energy of a solution x (or of what is nearly one)."""
+        if self.right is self.load:
+            return float(dot(x, self.load))
+        return 2 * float(dot(x, self.load)) - float(dot(x, self.right)) + self._given

@@ -1,0 +1,197 @@
+"""Solving again after a change: the same answer as afresh, from what was there."""
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kaju import solve
+from kaju.errors import ParameterError, SupportError
+from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.scene import Scene
+
+STEEL = {"size": [0.2, 0.1], "cells": [40, 20], "thickness": 0.002, "material": "steel"}
+
+
+def press(first=15, force=(0.0, -2.0), steps=1):
+    """A load on five cells of the top."""
+    low, high = first * 0.005, (first + 5) * 0.005
+    return [{"region": {"box": [[low, 0.1], [high, 0.1]]}, "force": list(force), "steps": steps}]
+
+
+def plate(**changes):
+    return Scene(**({"body": STEEL, "sides": {"bottom": "rigid"}, "loads": press()} | changes))
+
+
+def comb():
+    """Teeth four cells wide, too thin for geometric parents."""
+    cells = np.zeros((96, 96), int)
+    cells[(np.arange(96) // 4) % 2 == 1, 24:] = 1
+    return Scene.from_array(
+        cells, legend={0: "steel", 1: "air"}, cell_size=0.01, sides={"bottom": "rigid"},
+        loads=[{"cell": [0, 95], "force": [1.0, -1.0]}],
+    )  # fmt: skip
+
+
+BODIES = {
+    "box": plate(),
+    "hole": plate().with_region(disk={"centre": [0.1, 0.05], "radius": 0.02}),
+    "two materials": plate().with_region("rubber", box=[[0.0, 0.0], [0.2, 0.03]]),
+    "nearly incompressible": plate(body=STEEL | {"material": "rubber", "plane": "strain"}),
+    "displaced": plate(sides={"bottom": "rigid", "left": {"displacement": [1e-9, 0.0]}}),
+    "bed": plate(sides={"bottom": {"stiffness": 1e12}, "left": "roller"}),
+}
+
+
+def assert_like(one, other, digits=7):
+    size = np.nanmax(np.abs(other.cell_displacement))
+    np.testing.assert_allclose(
+        one.cell_displacement, other.cell_displacement, rtol=0, atol=10.0**-digits * size
+    )
+    assert one.strain_energy == pytest.approx(other.strain_energy, rel=10.0**-digits)
+    for side, force in other.reactions.items():
+        np.testing.assert_allclose(one.reactions[side], force, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_a_moved_load_takes_the_same_matrices_to_the_same_answer(name):
+    first = solve(BODIES[name], tolerance=1e-10)
+    moved = BODIES[name].replace(loads=press(22, (0.5, -1.0)))
+    again = solve(moved, tolerance=1e-10, previous=first)
+    assert again.solution.prepared is first.solution.prepared
+    assert_like(again, solve(moved, tolerance=1e-10))
+    assert again.error_estimate == pytest.approx(solve(moved).error_estimate, rel=1e-2)
+
+
+def test_a_force_changed_in_proportion_needs_no_iteration():
+    first = solve(plate(), tolerance=1e-10)
+    harder = solve(plate(loads=press(force=(0.0, -6.0))), tolerance=1e-10, previous=first)
+    np.testing.assert_allclose(harder.cell_displacement, 3 * first.cell_displacement, rtol=1e-13)
+    assert harder.strain_energy == pytest.approx(9 * first.strain_energy, rel=1e-13)
+    assert harder.residuals == first.residuals
+
+
+def test_another_sign_or_a_tighter_tolerance_is_iterated():
+    first = solve(plate(), tolerance=1e-4)
+    pulled = solve(plate(loads=press(force=(0.0, 2.0))), tolerance=1e-4, previous=first)
+    assert pulled.strain_energy == pytest.approx(first.strain_energy, rel=1e-7)
+    assert pulled.iterations <= 1
+    tighter = solve(plate(), tolerance=1e-11, previous=first)
+    assert tighter.solution.algebraic <= 1e-11
+
+
+def test_stages_follow_from_each_other():
+    scene = plate(loads=[*press(steps=4), {"cell": [39, 10], "force": [-1.0, 0.0]}])
+    result = None
+    for stage in (1, 2, 3, 4):
+        result = solve(scene, tolerance=1e-10, stage=stage, previous=result)
+        assert_like(result, solve(scene, tolerance=1e-10, stage=stage))
+
+
+CHANGES = {
+    "cut": lambda scene: scene.with_region(disk={"centre": [0.12, 0.06], "radius": 0.015}),
+    "cut at a side": lambda scene: scene.with_region(box=[[0.15, 0.0], [0.2, 0.1]]),
+    "filled": lambda scene: scene.with_region("rubber", box=[[0.0, 0.0], [0.05, 0.1]]),
+    "softer": lambda scene: scene.replace(body=STEEL | {"material": "rubber"}),
+    "held elsewhere": lambda scene: scene.replace(sides={"left": "rigid"}),
+    "on a bed": lambda scene: scene.replace(sides={"left": "roller", "bottom": {"stiffness": 1e9}}),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_changed_body_is_solved_as_afresh(name):
+    first = solve(plate(), tolerance=1e-10)
+    changed = CHANGES[name](plate())
+    again = solve(changed, tolerance=1e-10, previous=first)
+    assert_like(again, solve(changed, tolerance=1e-10))
+
+
+def test_a_body_that_a_change_has_let_loose_is_refused():
+    first = solve(plate())
+    with pytest.raises(SupportError, match="could move along x"):
+        solve(plate(sides={"bottom": "roller"}), previous=first)
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 35), st.floats(-2, 2), st.floats(-2, -0.1)), min_size=2, max_size=4
+    )
+)
+def test_any_chain_of_moves_ends_where_a_fresh_solve_does(moves):
+    result, scene = None, BODIES["hole"]
+    for first, along, down in moves:
+        scene = scene.replace(loads=press(first, (along, down)))
+        result = solve(scene, tolerance=1e-10, previous=result)
+    assert_like(result, solve(scene, tolerance=1e-10))
+
+
+def test_three_dimensions():
+    block = Scene(
+        body={"size": [0.1, 0.1, 0.1], "cells": [10, 10, 10], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [3, 4, 9], "force": [0.0, 0.0, -1.0]}],
+    )
+    moved = block.replace(loads=[{"cell": [6, 4, 9], "force": [0.2, 0.0, -1.0]}])
+    again = solve(moved, tolerance=1e-10, previous=solve(block, tolerance=1e-10))
+    assert_like(again, solve(moved, tolerance=1e-10))
+
+
+def test_what_was_too_slow_is_not_tried_again():
+    first = solve(comb(), tolerance=1e-10)
+    assert first.solution.method == "direct"
+    moved = comb().replace(loads=[{"cell": [8, 95], "force": [-1.0, -2.0]}])
+    again = solve(moved, tolerance=1e-10, previous=first)
+    assert again.solution.prepared is first.solution.prepared
+    fresh = solve(moved, tolerance=1e-10)
+    assert again.summary()["notes"] == fresh.summary()["notes"]
+    assert_like(again, fresh)
+
+
+def test_the_number_of_cells_stays_as_it_was():
+    member = Scene.from_drawing(
+        "##..\n##..\n####", legend={"#": "steel", ".": "air"}, cell_size=0.01,
+        sides={"left": "rigid"}, loads=[{"cell": [3, 0], "force": [0.0, -1.0]}],
+    )  # fmt: skip
+    first = solve(member)
+    assert first.subdivision == 2
+    other = member.replace(loads=[{"cell": [2, 0], "force": [0.1, -1.0]}])
+    assert solve(other, previous=first).subdivision == 2
+    assert solve(plate(), previous=solve(plate(), resolution=2)).subdivision == 2
+    assert solve(plate(), resolution=1, previous=first).subdivision == 1
+
+
+def test_a_stored_result_serves_too(tmp_path):
+    first = solve(plate(), tolerance=1e-10)
+    stored = ElasticResult.load(first.save(tmp_path / "first"))
+    moved = plate(loads=press(20))
+    again = solve(moved, tolerance=1e-10, previous=stored)
+    assert_like(again, solve(moved, tolerance=1e-10, previous=first))
+
+
+def test_nothing_keeps_the_results_before_alive():
+    result = solve(plate())
+    before = []
+    for first in range(5, 15):
+        before.append(weakref.ref(result))
+        before.append(weakref.ref(result.solution))
+        result = solve(plate(loads=press(first)), previous=result)
+    gc.collect()
+    assert [reference for reference in before if reference() is not None] == []
+
+
+def test_large_bodies_give_their_matrices_back(monkeypatch):
+    monkeypatch.setattr("kaju.model.elasticity.prepared.KEPT", 100)
+    assert solve(BODIES["hole"]).solution.prepared is None
+    assert solve(BODIES["box"]).solution.prepared is not None
+    moved = BODIES["hole"].replace(loads=press(3))
+    again = solve(moved, tolerance=1e-10, previous=solve(BODIES["hole"]))
+    assert_like(again, solve(moved, tolerance=1e-10))
+
+
+def test_only_answers_of_equal_cells_are_continued():
+    with pytest.raises(ParameterError, match="continue from an ElasticResult, got int"):
+        solve(plate(), strategy="uniform", previous=3)

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from kaju.model.elasticity.krylov import dot
 from kaju.model.elasticity.problem import ACTIVE, FIXED
 from kaju.model.elasticity.reactions import INSIDE
 
@@ -101,7 +102,7 @@ class Balance:
     def given_energy(self) -> float:
         """Twice the energy stored while the free faces rest."""
         given = self.strains @ self.grid.value + self.offset
-        return float(given @ self.stress(given))
+        return float(dot(given, self.stress(given)))
 
     def force(self, displacement: Floats) -> Floats:
         """Return the force that holds every face at a displacement."""
@@ -111,8 +112,8 @@ class Balance:
     def energy(self, displacement: Floats) -> float:
         """Return the energy stored in body and foundation."""
         strain = self.strains @ displacement + self.offset
-        bed = float(self.grid.spring @ displacement**2)
-        return 0.5 * (float(strain @ self.stress(strain)) + bed)
+        bed = float(dot(self.grid.spring, displacement**2))
+        return 0.5 * (float(dot(strain, self.stress(strain))) + bed)
 
     def reactions(self, displacement: Floats) -> dict[str, Floats]:
         """Return the force of every support on the body."""

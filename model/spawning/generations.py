@@ -19,7 +19,7 @@ from .indicator import Indicator, indicate
 from .leaves import Flags, Index
 from .nested import DIRECT, FACTORISED, NestedMultigrid
 
-BULK = 0.75
+BULK = {2: 0.85, 3: 0.75}
 """The agents that spawn children stand for this share of the squared error (Dörfler 1996)."""
 SPARE = 0.9
 """The last generation aims at this share of the tolerance."""
@@ -262,7 +262,7 @@ def _energy(balance: Balance, u: Floats) -> float:
     """Return the energy, of second order in what the iteration left."""
     free = balance.free
     rest = balance.force(u)[free] - balance.load[free]
-    return balance.energy(u) - float(rest @ u[free])
+    return balance.energy(u) - float(dot(rest, u[free]))
 
 
 def _relative(indicator: Indicator, energy: float) -> float:
@@ -280,7 +280,7 @@ def _chosen(grid: Composite, indicator: Indicator, energy: float, tolerance: flo
     square = np.where(grid.leaves.size > grid.ground.smallest, indicator.square, 0.0)
     total = float(square.sum())
     excess = total - 2 * energy * (SPARE * tolerance) ** 2
-    goal = max(min(BULK * total, excess / GAIN), 0.0)
+    goal = max(min(BULK[grid.dimension] * total, excess / GAIN), 0.0)
     order = np.argsort(-square, kind="stable")
     count = int(np.searchsorted(np.cumsum(square[order]), goal)) + 1
     chosen = np.zeros(len(square), dtype=np.bool_)

@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
+from numba import njit
 from scipy.sparse.linalg import SuperLU, splu
 
 from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
-from kaju.model.elasticity.sparse_multigrid import Level
 
 from .balance import Balance
 from .composite import Composite, Floats
@@ -28,7 +28,7 @@ SWEEPS = 2
 MOST = 100
 FACTORISED = {2: 400_000, 3: 15_000}
 """A generation that does not settle in MOST iterations is factorised, up to so many faces."""
-DIRECT = {2: 6_000, 3: 2_500}
+DIRECT = {2: 1_500, 3: 2_500}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
 
 
@@ -37,7 +37,7 @@ class NestedMultigrid:
 
     def __init__(self, balance: Balance, direct: int) -> None:
         self._direct_limit = direct
-        self._levels: list[Level] = []
+        self._levels: list[_Level] = []
         ancestors = [balance]
         while len(ancestors[-1].free) > direct:
             grid = ancestors[-1].grid
@@ -62,9 +62,7 @@ class NestedMultigrid:
             self._factorise(balance)
         else:
             prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
-            level = _level(balance)
-            level.prolong = prolong
-            self._levels.append(level)
+            self._levels.append(_level(balance, prolong))
             if len(np.unique(balance.grid.ground.moduli.stretch)) > 1:
                 self._project()
         self._balance = balance
@@ -102,7 +100,6 @@ class NestedMultigrid:
             assert prolong is not None
             felt = sp.csr_array(prolong.T @ (self._levels[at].matrix @ prolong))
             self._levels[at - 1].matrix = felt
-            self._levels[at - 1].inverse = _inverse(felt)
         self._direct = _factor(self._levels[0].matrix)
 
     def _factorise(self, balance: Balance) -> None:
@@ -123,9 +120,62 @@ class NestedMultigrid:
         return x
 
 
-def _level(balance: Balance) -> Level:
-    matrix = balance.stiffness(balance.free)
-    return Level(matrix, _inverse(matrix))
+@njit(cache=True, fastmath=True)
+def _sweep(rows, start, column, value, inverse, load, x):  # type: ignore[no-untyped-def]
+    """Let some rows in turn yield to their residuals: one Gauss-Seidel sweep in place."""
+    for i in rows:
+        left = load[i]
+        for at in range(start[i], start[i + 1]):
+            left -= value[at] * x[column[at]]
+        x[i] += left * inverse[i]
+
+
+@njit(cache=True)
+def _touched(fresh, start, column):  # type: ignore[no-untyped-def]
+    """Mark rows with an entry in a column of those marked."""
+    marked = np.zeros(len(fresh), np.bool_)
+    for i in range(len(fresh)):
+        for at in range(start[i], start[i + 1]):
+            marked[i] |= fresh[column[at]]
+    return marked
+
+
+class _Level:
+    """One generation: its stiffness, the way to its parents, and the faces that it changed.
+
+    Only these yield to their residuals, for the others did so among their parents (Brandt
+    1977): so that a cycle over all generations costs little more than one sweep over the last.
+    """
+
+    def __init__(self, matrix: sp.csr_array, prolong: sp.csr_array | None = None) -> None:
+        self.prolong = prolong
+        rows = np.ones(matrix.shape[0], dtype=np.bool_)
+        if prolong is not None:
+            kept = np.diff(prolong.indptr) == 1
+            kept[kept] = prolong.data[prolong.indptr[:-1][kept]] == 1.0
+            rows = _touched(~kept, matrix.indptr, matrix.indices)
+        self.rows = np.flatnonzero(rows)
+        self.matrix = matrix
+
+    @property
+    def matrix(self) -> sp.csr_array:
+        """Stiffness among the free faces."""
+        return self._matrix
+
+    @matrix.setter
+    def matrix(self, matrix: sp.csr_array) -> None:
+        self._matrix = matrix
+        self._inverse = _inverse(matrix)
+
+    def sweep(self, load: Floats, x: Floats, *, backward: bool) -> None:
+        """One Gauss-Seidel sweep, in the opposite order if `backward`."""
+        rows = self.rows[::-1] if backward else self.rows
+        m = self._matrix
+        _sweep(rows, m.indptr, m.indices, m.data, self._inverse, load, x)
+
+
+def _level(balance: Balance, prolong: sp.csr_array | None = None) -> _Level:
+    return _Level(balance.stiffness(balance.free), prolong)
 
 
 def _inverse(matrix: sp.csr_array) -> Floats:

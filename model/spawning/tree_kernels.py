@@ -131,16 +131,17 @@ def number(keys):
 
     Returns the places of the first appearances, and the number of every key.
     """
-    slots = 16
-    while slots < 2 * len(keys):
-        slots *= 2
+    bits = 4
+    while (1 << bits) < 2 * len(keys):
+        bits += 1
+    slots, rest = 1 << bits, np.uint64(64 - bits)
     table = np.full(slots, -1, np.int64)
     numbers = np.empty(len(keys), np.int64)
     first = np.empty(len(keys), np.int64)
     count = 0
     for i in range(len(keys)):
-        mixed = np.uint64(keys[i]) * np.uint64(0x9E3779B97F4A7C15)
-        slot = np.int64(mixed >> np.uint64(20)) & (slots - 1)
+        # The upper digits of a product with 2⁶⁴ over the golden ratio are well mixed.
+        slot = np.int64((np.uint64(keys[i]) * np.uint64(0x9E3779B97F4A7C15)) >> rest)
         while table[slot] >= 0 and keys[first[table[slot]]] != keys[i]:
             slot = (slot + 1) & (slots - 1)
         if table[slot] < 0:

@@ -11,6 +11,7 @@ import numpy as np
 from kaju.model.elasticity.krylov import Iteration, dot
 from kaju.model.elasticity.problem import ACTIVE, STIFF_PRESSURE
 
+from .aims import Aim, Aimed, EnergyAim
 from .balance import Balance
 from .composite import Composite, Floats
 from .ground import Ground
@@ -19,12 +20,6 @@ from .indicator import Indicator, indicate
 from .leaves import Flags, Index
 from .nested import DIRECT, FACTORISED, NestedMultigrid
 
-BULK = {2: 0.85, 3: 0.75}
-"""The agents that spawn children stand for this share of the squared error (Dörfler 1996)."""
-SPARE = 0.9
-"""The last generation aims at this share of the tolerance."""
-GAIN = 0.7
-"""Share of its squared error that an agent's children are expected to take away."""
 ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
 LAST = 1e-10
@@ -43,6 +38,8 @@ class Generation(NamedTuple):
         Estimated error in the energy norm, relative.
     energy : float
     iterations : int
+    aimed_error : float
+        Estimated error that the tolerance is about, relative.
     code, size : int array, shape (agents,)
         Morton code of the lower corner and edge (units) of every agent.
     load : array, shape (agents,)
@@ -55,6 +52,7 @@ class Generation(NamedTuple):
     error: float
     energy: float
     iterations: int
+    aimed_error: float
     code: Index
     size: Index
     load: Floats
@@ -75,6 +73,8 @@ class Spawning:
     energy : float
     error : float
         Estimated error in the energy norm, relative.
+    aimed : Aimed
+        The error that the tolerance is about, and who contributes to it.
     generations : list of Generation
     residuals : list of float
         History of the last generation's iteration.
@@ -93,6 +93,7 @@ class Spawning:
     indicator: Indicator
     energy: float
     error: float
+    aimed: Aimed
     generations: list[Generation]
     residuals: list[float]
     levels: int
@@ -108,9 +109,11 @@ class Spawner:
     ----------
     ground : Ground
     tolerance : float
-        Relative error in the energy norm.
+        Relative error.
     most_agents : int
         End, short of the tolerance, before there are more agents than this.
+    aim : Aim, optional
+        What the tolerance is about; by default the error in the energy norm.
 
     Attributes
     ----------
@@ -119,14 +122,20 @@ class Spawner:
     displacement : array, shape (faces,)
     indicator : Indicator
     generations : list of Generation
+    energy : float
     error : float
-        Estimated error of this generation; its target before it settles.
+        Estimated error of this generation in the energy norm; its target before it settles.
+    aimed : Aimed
+        The error that the tolerance is about, and who has to spawn for it.
     finished : bool
         Whether no step is left.
     """
 
-    def __init__(self, ground: Ground, tolerance: float, most_agents: int) -> None:
+    def __init__(
+        self, ground: Ground, tolerance: float, most_agents: int, aim: Aim | None = None
+    ) -> None:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
+        self.aim = aim or EnergyAim()
         self.balance, self.notes = _first(ground)
         check_held(self.balance)
         self.hierarchy = NestedMultigrid(self.balance, _direct_limit(ground))
@@ -143,23 +152,28 @@ class Spawner:
             self._spawn(self._chosen)
         run = self._settle(ALGEBRAIC_SHARE * self.error)
         iterations = run.iterations
-        chosen = _chosen(self.balance.grid, self.indicator, self.energy, self.tolerance)
-        self._stopped = self._reason_to_stop(chosen)
-        self.finished = self.error <= self.tolerance or bool(self._stopped)
-        if self.finished:
+        if self._ends():
             run = self._settle(LAST)
             iterations += run.iterations
+            self._ends()
             self._note_rest(run)
         self._residuals = run.residuals
-        self._chosen = None if self.finished else chosen
+        self._chosen = None if self.finished else self.aimed.chosen
         self._remember(iterations)
+
+    def _ends(self) -> bool:
+        """Look how far off the agents are; tell whether no step is left."""
+        self.aimed = self.aim.look(self)
+        self._stopped = self._reason_to_stop(self.aimed.chosen)
+        self.finished = self.aimed.error <= self.tolerance or bool(self._stopped)
+        return self.finished
 
     def outcome(self) -> Spawning:
         """Return the agents as they are."""
-        reached = self.error <= self.tolerance and self._stopped != "iteration"
+        reached = self.aimed.error <= self.tolerance and self._stopped != "iteration"
         return Spawning(
             self.balance, self.displacement, self.indicator, self.energy, self.error,
-            list(self.generations), self._residuals, self.hierarchy.depth, reached,
+            self.aimed, list(self.generations), self._residuals, self.hierarchy.depth, reached,
             "" if reached else self._stopped, list(self.notes),
         )  # fmt: skip
 
@@ -189,8 +203,8 @@ class Spawner:
 
     def _note_rest(self, run: Iteration) -> None:
         if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
-            self._stopped = "iteration"
-        if not run.converged:
+            self._stopped, self.finished = "iteration", True
+        if not run.converged and self.finished:
             self.notes.append(
                 f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
             )
@@ -199,13 +213,13 @@ class Spawner:
         leaves, load = self.balance.grid.leaves, self.indicator.load
         nobody = np.zeros(len(leaves), dtype=np.bool_)
         chosen = nobody if self._chosen is None else self._chosen
-        cost = (len(leaves), self.error, self.energy, iterations)
+        cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
         self.generations.append(Generation(*cost, leaves.code, leaves.size, load, chosen))
 
 
-def spawn(ground: Ground, tolerance: float, most_agents: int) -> Spawning:
+def spawn(ground: Ground, tolerance: float, most_agents: int, aim: Aim | None = None) -> Spawning:
     """Solve with agents that are small only where the error asks for it; see `Spawner`."""
-    spawner = Spawner(ground, tolerance, most_agents)
+    spawner = Spawner(ground, tolerance, most_agents, aim)
     while not spawner.finished:
         spawner.step()
     return spawner.outcome()
@@ -270,19 +284,3 @@ def _relative(indicator: Indicator, energy: float) -> float:
     if energy <= 0.0:
         return 0.0 if total == 0.0 else inf
     return sqrt(total / (2 * energy))
-
-
-def _chosen(grid: Composite, indicator: Indicator, energy: float, tolerance: float) -> Flags:
-    """Choose the agents that spawn children: those that leave most unbalanced.
-
-    What the smallest agents leave cannot be helped and does not count.
-    """
-    square = np.where(grid.leaves.size > grid.ground.smallest, indicator.square, 0.0)
-    total = float(square.sum())
-    excess = total - 2 * energy * (SPARE * tolerance) ** 2
-    goal = max(min(BULK[grid.dimension] * total, excess / GAIN), 0.0)
-    order = np.argsort(-square, kind="stable")
-    count = int(np.searchsorted(np.cumsum(square[order]), goal)) + 1
-    chosen = np.zeros(len(square), dtype=np.bool_)
-    chosen[order[:count]] = True
-    return chosen & (square > 0.0) & (excess > 0.0)

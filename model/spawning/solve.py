@@ -71,9 +71,9 @@ def solve_spawning(
     result = SpawnedResult(scene, stage, tolerance, resolution, spawning, perf_counter() - start)
     if spawning.stopped == "agents":
         raise ConvergenceError(
-            f"solve: {result.agents} agents leave an estimated error of {spawning.error:.2g}, and "
-            f"a tolerance of {tolerance:g} needs more than the {limit} allowed; take a larger "
-            "tolerance, or allow more by most_agents. The error's `best` holds the result so far",
+            f"solve: {result.agents} agents leave an estimated error of "
+            f"{spawning.aimed.error:.2g}, and a tolerance of {tolerance:g} needs more than the "
+            f"{limit} allowed; take a larger tolerance, or allow more by most_agents. The error's `best` holds the result so far",
             result.residuals,
             result,
         )
@@ -92,7 +92,9 @@ def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> lis
     """Return what agents that ended, or stand, above the tolerance leave to be said."""
     if spawning.reached or spawning.stopped not in ("", "depth"):
         return []
-    above = f"an estimated error of {spawning.error:.2g}, above the tolerance of {tolerance:g}"
+    above = (
+        f"an estimated error of {spawning.aimed.error:.2g}, above the tolerance of {tolerance:g}"
+    )
     if not spawning.stopped:
         steps = len(spawning.generations)
         return [f"looked at after {steps} steps, which leave {above}"]

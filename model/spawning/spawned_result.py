@@ -122,9 +122,9 @@ class SpawnedResult(BodyResult):
 
     @property
     def error_share(self) -> Floats:
-        """Share of each agent in the square of the error; the sum is 1."""
-        square = self.spawning.indicator.square
-        return np.asarray(square / (square.sum() or 1.0))
+        """Share of each agent in the (squared) error that the tolerance is about; the sum is 1."""
+        part = self.spawning.aimed.part
+        return np.asarray(part / (part.sum() or 1.0))
 
     @property
     def material(self) -> Index:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from kaju.model.result import read_archive, write_archive
 from kaju.model.scene import Scene
 
+from .aims import Aimed
 from .balance import Balance
 from .composite import Composite
 from .generations import Generation, Spawning
@@ -30,6 +31,7 @@ def store(result: SpawnedResult, path: str | Path) -> Path:
     arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
     arrays |= {name: getattr(leaves, name) for name in _ARRAYS}
     arrays["displacement"] = spawning.displacement
+    arrays["part"] = spawning.aimed.part
     for name in _HISTORY:
         arrays[f"history.{name}"] = np.concatenate(
             [getattr(generation, name) for generation in spawning.generations]
@@ -44,7 +46,8 @@ def store(result: SpawnedResult, path: str | Path) -> Path:
         "tolerance": result.tolerance,
         "resolution": result.resolution,
         "spawning": history,
-        "generations": [list(g[:4]) for g in spawning.generations],
+        "aimed_error": spawning.aimed.error,
+        "generations": [list(g[:5]) for g in spawning.generations],
         "seconds": result.seconds,
     }
     return write_archive(path, result.kind, arrays, about)
@@ -64,8 +67,14 @@ def restore(path: str | Path) -> SpawnedResult:
     generations = [
         Generation(*entry, *part) for entry, *part in zip(about["generations"], *parts, strict=True)
     ]
+    nobody = np.zeros(len(leaves), dtype=np.bool_)
     spawning = Spawning(
-        balance, u, indicate(balance, u), generations=generations, **about["spawning"]
+        balance,
+        u,
+        indicate(balance, u),
+        aimed=Aimed(about["aimed_error"], arrays["part"], nobody),
+        generations=generations,
+        **about["spawning"],
     )
     return SpawnedResult(
         scene,

@@ -1,0 +1,79 @@
+"""What the tolerance is about: how far off the answer is, and who spawns to mend it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from .composite import Composite, Floats
+from .leaves import Flags
+
+if TYPE_CHECKING:
+    from .generations import Spawner
+
+BULK = {2: 0.85, 3: 0.75}
+"""The agents that spawn children stand for this share of the error (Dörfler 1996)."""
+SPARE = 0.9
+"""The last generation aims at this share of the tolerance."""
+GAIN = 0.7
+"""Share of its part of the error that an agent's children are expected to take away."""
+
+
+class Aimed(NamedTuple):
+    """How far off a generation is.
+
+    Attributes
+    ----------
+    error : float
+        Estimated error, relative: what the tolerance is compared with.
+    part : array, shape (agents,)
+        What every agent contributes to it.
+    chosen : bool array, shape (agents,)
+        Who has to spawn children, if the tolerance is to be kept; nobody, if none may.
+    """
+
+    error: float
+    part: Floats
+    chosen: Flags
+
+
+class Aim(Protocol):
+    """Something that the tolerance can be about."""
+
+    def look(self, spawner: Spawner) -> Aimed:
+        """Return how far off the agents are, after they have settled."""
+
+
+class EnergyAim:
+    """The error in the energy norm, over the whole body."""
+
+    def look(self, spawner: Spawner) -> Aimed:
+        """Return how far off the agents are, after they have settled."""
+        square = spawner.indicator.square
+        allowed = 2 * spawner.energy * (SPARE * spawner.tolerance) ** 2
+        return Aimed(spawner.error, square, choose(spawner.balance.grid, square, allowed))
+
+
+def choose(grid: Composite, part: Floats, allowed: float) -> Flags:
+    """Choose the agents that spawn children: those with the largest parts in an error.
+
+    What the smallest agents leave cannot be helped and does not count.
+
+    Parameters
+    ----------
+    grid : Composite
+    part : array, shape (agents,)
+        What every agent contributes; parts add up.
+    allowed : float
+        What may be left of them all.
+    """
+    part = np.where(grid.leaves.size > grid.ground.smallest, part, 0.0)
+    total = float(part.sum())
+    excess = total - allowed
+    goal = max(min(BULK[grid.dimension] * total, excess / GAIN), 0.0)
+    order = np.argsort(-part, kind="stable")
+    count = int(np.searchsorted(np.cumsum(part[order]), goal)) + 1
+    chosen = np.zeros(len(part), dtype=np.bool_)
+    chosen[order[:count]] = True
+    return chosen & (part > 0.0) & (excess > 0.0)

@@ -73,7 +73,8 @@ def solve_spawning(
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an estimated error of "
             f"{spawning.aimed.error:.2g}, and a tolerance of {tolerance:g} needs more than the "
-            f"{limit} allowed; take a larger tolerance, or allow more by most_agents. The error's `best` holds the result so far",
+            f"{limit} allowed; take a larger tolerance, or allow more by "
+            "most_agents. The error's `best` holds the result so far",
             result.residuals,
             result,
         )

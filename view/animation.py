@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any, cast
@@ -19,7 +20,8 @@ from kaju.model.result import Result
 
 from .network_plots import increments
 from .reels import Reel, loading, spawning
-from .subject import is_network
+from .spawning_reels import generations
+from .subject import is_network, is_spawned
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -31,6 +33,11 @@ TRANSFER: dict[str, ReelMaker] = {"generations": spawning, "stages": loading}
 """What can be animated of a run of load transfer."""
 NETWORK: dict[str, ReelMaker] = {"increments": increments}
 """What can be animated of a loaded spring network."""
+SPAWNED: dict[str, ReelMaker] = {
+    "generations": generations,
+    "loads": partial(generations, colour="unbalanced_load"),
+}
+"""What can be animated of agents of many sizes."""
 
 
 def animate(
@@ -47,18 +54,20 @@ def animate(
     Parameters
     ----------
     result : Result
-        A run of load transfer or of a spring network.
+        A run of load transfer or of a spring network, or agents of many sizes.
     path : path
         A file ending in ``.gif``, or in ``.mp4`` if the program ffmpeg is there.
     what : str, optional
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
-        loading; of a spring network "increments".
+        loading; of a spring network "increments"; of agents of many sizes "generations", or
+        "loads", which colours them by the load that they leave unbalanced.
     fps : float
         Frames per second, up to 50.
     hold : float
         For how long the last frame stays (s).
     **options
-        ``cut`` and ``crop`` as for `plot`.
+        ``cut`` and ``crop`` as for `plot`; for generations of agents of many sizes also
+        ``colour``.
 
     Returns
     -------
@@ -94,6 +103,8 @@ def _maker(result: Result, what: str | None) -> ReelMaker:
     known = NETWORK if is_network(result) else {}
     if isinstance(result, TransferResult):
         known = TRANSFER
+    elif is_spawned(result):
+        known = SPAWNED
     if not known:
         raise ParameterError(
             f"result: a result of {result.kind} is one state, there is nothing to animate; plot it"

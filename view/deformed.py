@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -74,11 +74,32 @@ def magnification_for(section: Section, tiles: Ints, moved: Floats) -> float:
     if shift == 0.0:
         return 1.0
     lower, upper = section.box
-    wanted = _LARGEST_SHIFT * float((upper - lower).max()) / shift
+    wanted = largest_shift(float((upper - lower).max())) / shift
     edges = np.abs(np.diff(moved, axis=1)).max() / float(section.tile_size.min())
     if edges > 0.0:
         wanted = min(wanted, _LARGEST_STRAIN / float(edges))
     return round_down(wanted)
+
+
+def largest_shift(span: float) -> float:
+    """Return how far (m) the point that moves most is drawn from its place."""
+    return _LARGEST_SHIFT * span
+
+
+def check_magnification(magnification: float | None) -> None:
+    """Refuse what magnifies nothing."""
+    if magnification is not None and not (isfinite(magnification) and magnification > 0.0):
+        raise ParameterError(f"magnification: a number above 0 is needed, got {magnification}")
+
+
+def moved_colours(size: Floats, norm: Normalize) -> dict[str, Any]:
+    """Return the colours of what has moved by `size` (m); what has not stays light."""
+    still = _UNMOVED * float(size.max(initial=0.0))
+    return {
+        "array": np.ma.masked_less_equal(size, still),
+        "cmap": colormaps[SIZE].with_extremes(bad=BODY[0]),
+        "norm": norm,
+    }
 
 
 def draw_deformed(
@@ -93,14 +114,11 @@ def draw_deformed(
     """Draw tiles where they have moved to, coloured by `size` (m); unmoved ones stay light."""
     corners = section.polygons(tiles) + magnification * moved
     small = len(tiles) > 10_000
-    still = _UNMOVED * float(size.max(initial=0.0))
     return add_polygons(
         ax,
         corners,
         "moved",
-        array=np.ma.masked_less_equal(size, still),
-        cmap=colormaps[SIZE].with_extremes(bad=BODY[0]),
-        norm=norm,
+        **moved_colours(size, norm),
         edgecolors="none" if small else "#8a8a8a",
         linewidths=0.0 if small else 0.4,
         antialiased=not small,
@@ -139,8 +157,7 @@ def plot_deformed(
     ParameterError
         If the magnification is not a positive number.
     """
-    if magnification is not None and not (isfinite(magnification) and magnification > 0.0):
-        raise ParameterError(f"magnification: a number above 0 is needed, got {magnification}")
+    check_magnification(magnification)
     section = section_of(grid_of(result), focus_of(result), cut, crop)
     ax = new_axes(ax)
     every, kind = section.ground

@@ -32,7 +32,9 @@ class Arrows(NamedTuple):
     pulls: np.ndarray
 
 
-def force_arrows(scene: Scene, applied: AppliedLoads, rows: Ints) -> Arrows:
+def force_arrows(
+    scene: Scene, applied: AppliedLoads, rows: Ints, most: int = MOST_ARROWS
+) -> Arrows:
     """Choose arrows for some of the applied forces: few enough to be seen one by one.
 
     A force in the middle of many cells, such as a weight, becomes one arrow in the middle
@@ -41,9 +43,9 @@ def force_arrows(scene: Scene, applied: AppliedLoads, rows: Ints) -> Arrows:
     rows = rows[np.abs(applied.force[rows]).max(axis=1, initial=0.0) > 0.0]
     weight = rows[applied.direction[rows] < 0]
     faces = rows[applied.direction[rows] >= 0]
-    if len(weight) <= MOST_ARROWS:
+    if len(weight) <= most:
         faces, weight = rows, rows[:0]
-    chosen = faces[np.linspace(0, len(faces) - 1, min(len(faces), MOST_ARROWS)).astype(np.int64)]
+    chosen = faces[np.linspace(0, len(faces) - 1, min(len(faces), most)).astype(np.int64)]
     lattice = scene.lattice
     normal = lattice.normals[applied.direction[chosen]]
     normal = normal * (applied.direction[chosen] >= 0)[:, None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -94,22 +94,29 @@ def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCo
     _, low = section.gather(cells, shown.values, "min")
     values = np.where(-low > high, low, high)
     small = len(section.ground[0]) > 10_000
-    size = float(np.abs(values).max(initial=0.0)) or 1.0
-    norm: Normalize = Normalize(-size, size) if shown.signed else Normalize(0.0, size)
-    if shown.logarithmic:
-        norm = load_norm(values)
     return add_polygons(
         ax,
         section.polygons(tiles),
         "map",
         array=values,
-        cmap=DIVERGING if shown.signed else LOADS if shown.logarithmic else SIZE,
-        norm=norm,
+        **colours_of(shown, values),
         edgecolors="none" if small else "#b5b5b5",
         linewidths=0.0 if small else 0.3,
         antialiased=not small,
         zorder=2,
     )
+
+
+def colours_of(shown: Quantity, values: Floats, largest: float | None = None) -> dict[str, Any]:
+    """Return colour map and scale for values, or for all up to a largest one."""
+    size = (largest or float(np.abs(values).max(initial=0.0))) or 1.0
+    norm: Normalize = Normalize(-size, size) if shown.signed else Normalize(0.0, size)
+    if shown.logarithmic:
+        norm = load_norm(values)
+    return {
+        "cmap": DIVERGING if shown.signed else LOADS if shown.logarithmic else SIZE,
+        "norm": norm,
+    }
 
 
 def plot_map(

@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import Result
+from kaju.model.result import BodyResult, Result
 from kaju.model.scene import Scene
 
+from .agent_maps import plot_agent_map, plot_agents_deformed
 from .agents import plot_agents
 from .body import draw_scene
 from .cropping import section_of
@@ -24,6 +25,7 @@ from .load_path import plot_load_path
 from .loads import plot_loads
 from .maps import plot_map
 from .network_plots import plot_network, plot_response
+from .octree import plot_octree
 from .quadtree import plot_quadtree
 from .stages import plot_both, plot_stages
 from .style import figure_of
@@ -32,6 +34,8 @@ from .voxels import plot_body_in_space, plot_voxels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from kaju.model.spawning.spawned_result import SpawnedResult
 
 Picture = Callable[..., "Axes | Figure"]
 
@@ -92,7 +96,24 @@ TRANSFER: dict[str, Picture] = {
 NETWORK: dict[str, Picture] = {"deformed": plot_network, "response": plot_response}
 """Pictures of a loaded spring network."""
 
-SPAWNED: dict[str, Picture] = {"agents": plot_quadtree}
+
+def _many_sizes(result: SpawnedResult, ax: Axes | None = None, **options: Any) -> Axes:
+    whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
+    return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
+
+
+def _agent_map(what: str) -> Picture:
+    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+        return plot_agent_map(result, what, ax, **options)
+
+    return draw
+
+
+SPAWNED: dict[str, Picture] = {
+    "agents": _many_sizes,
+    "deformed": plot_agents_deformed,
+    **{name: _agent_map(name) for name in ("displacement", "strain", "stress", "von_mises")},
+}
 """Pictures of agents of many sizes."""
 
 USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
@@ -125,12 +146,15 @@ def plot(
     what : str, optional
         Of a scene "scene". Of a run of load transfer "agents" (as unless given), "loads",
         "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
-        "ledger", "stages" or "scene". Of a network's result "deformed" or "response".
+        "ledger", "stages" or "scene". Of elastic results those of them that are fields or
+        the scene, and of agents of many sizes "agents" as well. Of a network's result
+        "deformed" or "response".
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     **options
         As the picture's own function takes them: ``cut={"y": 5}`` for a layer of a body of
-        cubes, ``crop=False`` for the whole of a large body, ``magnification=1e5``, ...
+        cubes (of agents of many sizes ``cut={"y": 0.05}``, a place in m), ``crop=False`` for
+        the whole of a large body, ``magnification=1e5``, ``colour="spawn_step"``, ...
 
     Returns
     -------
@@ -179,14 +203,18 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
     written = []
     for name in _usual(result):
         written.append(save(plot(result, name), folder / f"{name}.png"))
-        if (
-            isinstance(result, TransferResult)
-            and name == "agents"
-            and result.scene.lattice.dimension == 3
-        ):
-            section = plot_agents(result, cut=None)
+        if name == "agents" and (section := _section(result)):
             written.append(save(figure_of(section), folder / "agents_section.png"))
     return written
+
+
+def _section(result: Result) -> Axes | None:
+    """Draw a section through the agents of a body in space."""
+    if not isinstance(result, BodyResult) or result.scene.lattice.dimension == 2:
+        return None
+    if is_spawned(result):
+        return plot_quadtree(result)
+    return plot_agents(result) if isinstance(result, TransferResult) else None
 
 
 def _usual(result: Result) -> list[str]:

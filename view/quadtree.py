@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
@@ -11,42 +11,47 @@ from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError
 
-from .style import (
-    SEQUENTIAL,
-    SIZE,
-    add_polygons,
-    caption,
-    colour_bar,
-    fit_figure,
-    label_axis,
-    new_axes,
-)
-from .units import counted
+from .body import finish
+from .forces import draw_forces
+from .layers import agents_told, draw_squares, draw_surroundings, layer_of, squares_of
+from .section import Floats, Ints
+from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, colour_bar, new_axes
+from .subject import stage_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
+    from matplotlib.cm import ScalarMappable
 
     from kaju.model.spawning.spawned_result import SpawnedResult
 
 
 class Colour(NamedTuple):
-    """What agents can be coloured by: attribute of the result, label and unit."""
+    """What agents can be coloured by: label, unit, and whether it counts something."""
 
-    attribute: str
     label: str
     unit: str
+    whole: bool = False
 
 
 COLOURS = {
-    "level": Colour("level", "level: how often the largest agent was halved", ""),
-    "spawn_step": Colour("spawn_step", "step in which the agent spawned", ""),
-    "unbalanced_load": Colour("unbalanced_load", "load that the agent leaves unbalanced", "N"),
-    "von_mises": Colour("von_mises", "equivalent stress", "Pa"),
+    "level": Colour("level: how often the largest agent was halved", "", whole=True),
+    "spawn_step": Colour("step in which the agent spawned", "", whole=True),
+    "unbalanced_load": Colour("load that the agent leaves unbalanced", "N"),
+    "error_share": Colour("share in the square of the error", ""),
+    "von_mises": Colour("equivalent stress", "Pa"),
 }
-MANY = 20_000
-"""More agents than this are drawn without outlines."""
+OF_EVERY_GENERATION = ("level", "spawn_step", "unbalanced_load")
+"""What is known of agents that have retired."""
 DECADES = 6
+
+
+class Standing(NamedTuple):
+    """The agents of a generation: lower corners and edges (m), spawn steps and values."""
+
+    lower: Floats
+    size: Floats
+    spawn_step: Ints
+    value: Floats
 
 
 def plot_quadtree(
@@ -55,6 +60,8 @@ def plot_quadtree(
     *,
     colour: str = "level",
     cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+    generation: int | None = None,
     step: int | None = None,
 ) -> Axes:
     """Draw agents at their places and in their sizes.
@@ -65,11 +72,16 @@ def plot_quadtree(
         Agents of many sizes.
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
-    colour : {"level", "spawn_step", "unbalanced_load", "von_mises"}
+    colour : {"level", "spawn_step", "unbalanced_load", "error_share", "von_mises"}
         What the colours show.
     cut : dict, optional
         Of a three-dimensional body the plane to show, such as ``{"y": 0.05}`` (m); by
-        default through the agent that spawned last.
+        default through small agents.
+    crop : bool, optional
+        Whether to show only the surroundings of the smaller half of the agents; by itself
+        where they could not be seen otherwise.
+    generation : int, optional
+        The generation to show, from 0; by default the last.
     step : int, optional
         Outline boldly the agents that spawned in this step.
 
@@ -80,81 +92,81 @@ def plot_quadtree(
     Raises
     ------
     ParameterError
-        For an unknown colour, a plane outside of the body, or a cut through two dimensions.
+        For an unknown colour or generation, a colour that is not known of an earlier
+        generation, a plane outside of the body, or a cut through two dimensions.
     """
+    agents = standing(result, colour, generation)
+    layer = layer_of(result, cut, crop)
+    ax = new_axes(ax)
+    entries = draw_surroundings(ax, layer)
+    notes = draw_forces(ax, layer, stage_number(result))
+    shown = squares_of(layer, agents.lower, agents.size, agents.value)
+    look = look_of(colour, agents.value)
+    drawn = draw_squares(ax, layer, shown, "agents", array=shown.value, **look)
+    if step is not None:
+        born = agents.spawn_step[shown.row] == step
+        bold: dict[str, Any] = {"facecolors": "none", "edgecolors": FORCE, "linewidths": 0.8}
+        add_polygons(ax, shown.corners[born], "spawned", **bold, zorder=3)
+    bar_of(ax, drawn, colour, agents.value)
+    finish(ax, layer, "Agents", [told(result, generation), *notes], entries)
+    return ax
+
+
+def told(result: SpawnedResult, generation: int | None) -> str:
+    """Return in words what stands in a generation."""
+    last = len(result.generations) - 1
+    number = last if generation is None else generation
+    found = result.generations[number]
+    return agents_told(found.agents, number, found.error)
+
+
+def standing(result: SpawnedResult, colour: str, generation: int | None = None) -> Standing:
+    """Return the agents of a generation, with what their colours show."""
     if colour not in COLOURS:
         raise ParameterError(
             f"colour: there is no {colour!r}{suggestion(colour, COLOURS)}; there is "
             f"{', '.join(COLOURS)}"
         )
-    shown, axes, place = _layer(result, cut)
+    last = len(result.generations) - 1
+    if generation is None or generation == last:
+        value = np.asarray(getattr(result, colour), dtype=np.float64)
+        return Standing(result.lower, result.size, result.spawn_step, value)
+    if not 0 <= generation <= last:
+        raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
+    if colour not in OF_EVERY_GENERATION:
+        raise ParameterError(
+            f"colour: {colour!r} is known of the last generation only; of earlier ones there is "
+            f"{', '.join(OF_EVERY_GENERATION)}"
+        )
+    family = result.family
+    rows = family.standing(generation)
+    values = {
+        "level": family.level[rows],
+        "spawn_step": family.rows["spawn_step"][rows],
+        "unbalanced_load": result.generations[generation].load,
+    }
+    value = np.asarray(values[colour], dtype=np.float64)
+    return Standing(family.lower[rows], family.size[rows], values["spawn_step"], value)
+
+
+def look_of(colour: str, values: Floats) -> dict[str, Any]:
+    """Return colour map and scale."""
+    return {"cmap": SIZE if colour == "level" else SEQUENTIAL, "norm": _norm(colour, values)}
+
+
+def bar_of(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
+    """Add the colour bar."""
     what = COLOURS[colour]
-    values = np.asarray(getattr(result, what.attribute), dtype=np.float64)
-    ax = new_axes(ax)
-    lower, size = result.lower[shown][:, axes], result.size[shown]
-    ring = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    corners = lower[:, None] + ring * size[:, None, None]
-    thin = 0.0 if len(size) > MANY else 0.25
-    drawn = add_polygons(
-        ax,
-        corners,
-        "agents",
-        array=values[shown],
-        cmap=SIZE if colour == "level" else SEQUENTIAL,
-        norm=_norm(values, whole=not what.unit),
-        edgecolors="#262626" if thin else "none",
-        linewidths=thin,
-    )
-    if step is not None:
-        born = result.spawn_step[shown] == step
-        look = {"facecolors": "none", "edgecolors": "#b2340b", "linewidths": 1.2}
-        add_polygons(ax, corners[born], "spawned", **look)
-    low, high = lower.min(axis=0), (lower + size[:, None]).max(axis=0)
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
-    ax.set_aspect("equal")
-    label_axis(ax.xaxis, "xyz"[axes[0]], (low[0], high[0]), "m")
-    label_axis(ax.yaxis, "xyz"[axes[1]], (low[1], high[1]), "m")
     bar = colour_bar(ax, drawn, what.label, what.unit)
-    if not what.unit:
+    if what.whole:
         last = int(values.max())
         bar.set_ticks(list(range(0, last + 1, 1 + last // 12)))
         bar.ax.minorticks_off()
-    span = high - low
-    fit_figure(ax, float(span[0] / span[1]), 0)
-    steps = len(result.generations) - 1
-    counts = f"{counted(result.agents, 'agent')} after {counted(steps, 'step')} of spawning"
-    caption(ax, "Agents", [counts, f"estimated error {result.error_estimate:.2g}{place}"])
-    return ax
 
 
-def _layer(
-    result: SpawnedResult, cut: Mapping[str, float] | None
-) -> tuple[NDArray[np.bool_], list[int], str]:
-    """Return which agents a plane meets, the axes in it, and where it lies in words."""
-    d = result.lower.shape[1]
-    if d == 2:
-        if cut:
-            raise ParameterError("cut: belongs to three dimensions; leave it out")
-        return np.ones(result.agents, dtype=np.bool_), [0, 1], ""
-    if cut is None:
-        last = int(np.argmin(result.size))
-        cut = {"y": float(result.lower[last, 1] + 0.5 * result.size[last])}
-    if len(cut) != 1 or not set(cut) <= set("xyz"):
-        raise ParameterError(f"cut: names one of x, y and z, such as {{'y': 0.05}}; got {cut}")
-    ((name, place),) = cut.items()
-    axis = "xyz".index(name)
-    low = result.lower[:, axis]
-    shown = (low <= place) & (place < low + result.size)
-    if not shown.any():
-        raise ParameterError(f"cut: no agent stands at {name} = {place:g} m")
-    return shown, [a for a in range(3) if a != axis], f"; cut at {name} = {place:g} m"
-
-
-def _norm(values: NDArray[np.float64], *, whole: bool) -> Normalize:
-    if whole:
-        last = int(values.max())
-        return BoundaryNorm(np.arange(-0.5, last + 1.0), 256)
-    high = float(values.max()) or 1.0
+def _norm(colour: str, values: Floats) -> Normalize:
+    if COLOURS[colour].whole:
+        return BoundaryNorm(np.arange(-0.5, values.max() + 1.0), 256)
+    high = float(values.max(initial=0.0)) or 1.0
     low = float(values[values > 0].min(initial=high))
     return LogNorm(max(low, high / 10**DECADES, np.finfo(float).tiny), high * (1 + 1e-12))

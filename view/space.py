@@ -8,7 +8,7 @@ import numpy as np
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from .forces import force_arrows, told
+from .forces import MOST_ARROWS, force_arrows, told
 from .style import FAINT, FORCE, INK, label_axis
 from .units import grouped
 
@@ -152,11 +152,13 @@ def draw_frame(ax: Axes3D, scene: Scene, box: Box) -> None:
     ax.grid(False)
 
 
-def draw_arrows(ax: Axes3D, scene: Scene, box: Box, stage: int | None) -> list[str]:
-    """Draw the applied forces; return a note that says how much they are."""
+def draw_arrows(
+    ax: Axes3D, scene: Scene, box: Box, stage: int | None, most: int = MOST_ARROWS
+) -> list[str]:
+    """Draw the applied forces, or `most` of them; return a note that says how much they are."""
     applied = scene.applied(stage)
     inside = np.all((applied.cells >= box.lower) & (applied.cells < box.upper), axis=1)
-    arrows = force_arrows(scene, applied, np.flatnonzero(inside))
+    arrows = force_arrows(scene, applied, np.flatnonzero(inside), most)
     if len(arrows.force):
         size = np.linalg.norm(arrows.force, axis=1).max()
         reach = 0.28 * float((box.upper - box.lower).max()) * scene.lattice.cell_size

@@ -143,16 +143,24 @@ def label_axis(axis: Axis, name: str, values: Sequence[float], unit: str) -> Non
         name = f"{name} − {offset / far.factor:.12g} {far.unit}"
     scale = scale_for([low - offset, high - offset], unit)
     axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: scale.text(value - offset)))
+    still = 1e-9 * span  # what rounding leaves of a zero
+    axis.set_major_formatter(
+        FuncFormatter(
+            lambda value, _: scale.text(0.0 if abs(value - offset) < still else value - offset)
+        )
+    )
     axis.set_label_text(f"{name} ({scale.unit})" if scale.unit else name, fontsize=9)
     axis.set_tick_params(labelsize=8, color=FAINT)
 
 
-def colour_bar(ax: Axes, mappable: ScalarMappable, label: str, unit: str = "") -> Colorbar:
-    """Add a colour bar in a prefixed unit."""
+def colour_bar(
+    ax: Axes, mappable: ScalarMappable, label: str, unit: str = "", extend: str = "neither"
+) -> Colorbar:
+    """Add a colour bar in a prefixed unit; `extend` points on to values beyond its ends."""
     norm = mappable.norm
     pad = 0.02 if ax.name != "3d" else 0.1
-    bar = figure_of(ax).colorbar(mappable, ax=ax, shrink=0.85, aspect=28, pad=pad)
+    look: dict[str, Any] = {"shrink": 0.85, "aspect": 28, "pad": pad, "extend": extend}
+    bar = figure_of(ax).colorbar(mappable, ax=ax, **look)
     low, high = cast(float, norm.vmin), cast(float, norm.vmax)
     if isinstance(norm, LogNorm):
         decades = log10(high / low)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.result import Result
     from kaju.model.scene import Scene
+    from kaju.model.spawning.spawned_result import SpawnedResult
 
     from .section import Floats, Ints
 
@@ -35,7 +36,9 @@ def focus_of(result: Result) -> Ints | None:
 
 def stage_number(result: Result) -> int | None:
     """Return the stage of loading that a result stands at, counted from 1; None: the last."""
-    return len(result.stages) if isinstance(result, TransferResult) else _elastic(result).stage
+    if isinstance(result, TransferResult):
+        return len(result.stages)
+    return result.stage if is_spawned(result) else _elastic(result).stage
 
 
 def threshold_of(result: TransferResult) -> float:
@@ -54,7 +57,7 @@ def is_network(result: object) -> TypeGuard[NetworkResult]:
     return isinstance(result, NetworkResult)
 
 
-def is_spawned(result: object) -> bool:
+def is_spawned(result: object) -> TypeGuard[SpawnedResult]:
     """Tell whether a result is one of agents of many sizes."""
     if isinstance(result, TransferResult):
         return False
@@ -65,7 +68,9 @@ def is_spawned(result: object) -> bool:
 
 def grid_of(result: Result) -> Scene:
     """Return the scene on the cells that a result's fields belong to."""
-    return result.scene if isinstance(result, TransferResult) else _elastic(result).grid
+    if isinstance(result, TransferResult):
+        return result.scene
+    return result.grid if is_spawned(result) else _elastic(result).grid
 
 
 def cells_of(result: Result) -> Ints:
@@ -78,10 +83,12 @@ def cells_of(result: Result) -> Ints:
 
 
 def field_of(result: Result, name: str) -> Floats:
-    """Return "displacement", "strain", "stress" or "von_mises" of the cells, in their order."""
+    """Return "displacement", "strain", "stress" or "von_mises" of cells or agents, in order."""
     values: Floats
     if isinstance(result, TransferResult):
         values = getattr(result, name)
+    elif is_spawned(result):
+        values = getattr(result, "agent_displacement" if name == "displacement" else name)
     else:
         elastic = _elastic(result)
         own = "cell_displacement" if name == "displacement" else name

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import RIGID
 
+from .moduli import Moduli
 from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields, Floats
 from .staggered import Strains, axis_pairs, cell_modulus, cut, strains, stresses
 
@@ -173,10 +174,14 @@ def _mean_along(values: Floats, axis: int) -> Floats:
 
 def strain_tensor(problem: ElasticProblem, stress: Floats) -> Floats:
     """Return the strain tensors that belong to stress tensors (both scaled) of the cells."""
-    d = problem.dimension
-    kinds = np.maximum(problem.kinds[problem.inner], 0)
+    return strain_of(stress, problem.moduli, np.maximum(problem.kinds[problem.inner], 0))
+
+
+def strain_of(stress: Floats, moduli: Moduli, kinds: NDArray[np.int64]) -> Floats:
+    """Return the strain tensors that belong to stress tensors (scaled) in materials."""
+    d = stress.shape[-1]
     shear, lateral, stretch = (
-        getattr(problem.moduli, name)[kinds] for name in ("shear", "lateral", "stretch")
+        np.asarray(getattr(moduli, name))[kinds] for name in ("shear", "lateral", "stretch")
     )
     trace = np.trace(stress, axis1=-2, axis2=-1)
     # In d dimensions the trace of σ is (C₁₁ + (d−1)C₁₂) times the trace of ε.

@@ -142,6 +142,17 @@ class SpawnedResult(BodyResult):
         return self._stress_unit * self._fields.stress
 
     @cached_property
+    def strain(self) -> Floats:
+        """Strain tensors of the agents, shape (agents, dimension, dimension)."""
+        scaled = self.stress / self._ground.scales.modulus
+        return fields.strain_of(scaled, self._ground.moduli, self._leaves.kind)
+
+    @cached_property
+    def principal_stress(self) -> Floats:
+        """Principal stresses (Pa) of the agents in the plane (space), smallest first."""
+        return np.asarray(np.linalg.eigvalsh(self.stress))
+
+    @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the agents."""
         across: Floats | float = 0.0

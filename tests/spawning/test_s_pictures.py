@@ -2,52 +2,228 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from kaju import Scene, plot, solve
+from kaju import Scene, animate, plot, solve
 from kaju.errors import ParameterError
+from kaju.view.layers import layer_of, squares_of, together
+from kaju.view.octree import seen_faces, view_of
+from kaju.view.plots import plot_all, plot_scene
 
 
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
-
-
-def result(dimension):
+def block(dimension, cells=8):
     low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
     force = [0.0] * (dimension - 1) + [-1.0]
-    return spawned_by(
-        Scene(
-            body={"size": [1.0] * dimension, "cells": [8] * dimension, "material": "steel"},
-            sides={"bottom": "rigid"},
-            loads=[{"region": {"box": [low, high]}, "force": force}],
-        ),
-        tolerance=0.2,
+    return Scene(
+        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [low, high]}, "force": force}],
     )
 
 
-@pytest.mark.parametrize("colour", ["level", "spawn_step", "unbalanced_load", "von_mises"])
-def test_every_agent_is_drawn_in_its_colour(colour):
-    found = result(2)
-    figure = plot(found, "agents", colour=colour, step=1)
-    agents, born = (
-        next(c for c in figure.axes[0].collections if c.get_gid() == name)
-        for name in ("agents", "spawned")
-    )
-    np.testing.assert_array_equal(agents.get_array(), getattr(found, colour))
-    assert len(born.get_paths()) == np.count_nonzero(found.spawn_step == 1)
+@pytest.fixture(scope="module")
+def flat():
+    return solve(block(2), strategy="spawning", tolerance=0.1)
+
+
+@pytest.fixture(scope="module")
+def solid():
+    return solve(block(3), strategy="spawning", tolerance=0.25)
+
+
+def drawn(figure, name):
+    return next(c for c in figure.axes[0].collections if c.get_gid() == name)
+
+
+def words(figure):
+    notes = next(t for t in figure.axes[0].texts if t.get_gid() == "notes")
+    return notes.get_text()
+
+
+COLOURS = ["level", "spawn_step", "unbalanced_load", "error_share", "von_mises"]
+
+
+@pytest.mark.parametrize("colour", COLOURS)
+def test_every_agent_is_drawn_in_its_colour(flat, colour):
+    figure = plot(flat, "agents", colour=colour, step=1)
+    agents, born = drawn(figure, "agents"), drawn(figure, "spawned")
+    np.testing.assert_array_equal(agents.get_array(), getattr(flat, colour))
+    assert len(born.get_paths()) == np.count_nonzero(flat.spawn_step == 1)
     edges = [np.ptp(path.vertices[:, 0]) for path in agents.get_paths()]
-    np.testing.assert_allclose(edges, found.size)
+    np.testing.assert_allclose(edges, flat.size)
+    assert f"{flat.agents} agents" in words(figure)
 
 
-def test_plane_shows_the_agents_that_it_meets():
-    found = result(3)
-    figure = plot(found, "agents", cut={"z": 0.99})
-    (agents,) = figure.axes[0].collections
-    assert len(agents.get_paths()) == np.count_nonzero(found.lower[:, 2] + found.size > 0.99)
-    assert plot(found).axes[0].get_ylabel().startswith("z")
+def test_earlier_generations_can_be_drawn(flat):
+    for step, generation in enumerate(flat.generations):
+        figure = plot(flat, "agents", colour="unbalanced_load", generation=step)
+        np.testing.assert_array_equal(drawn(figure, "agents").get_array(), generation.load)
+        assert f"step {step} of spawning: {generation.agents} agents" in words(figure)
 
 
-def test_what_cannot_be_drawn_is_named():
-    with pytest.raises(ParameterError, match="level"):
-        plot(result(2), "agents", colour="levle")
+def test_plane_shows_the_agents_that_it_meets(solid):
+    figure = plot(solid, "agents", cut={"z": 0.99})
+    top = np.count_nonzero(solid.lower[:, 2] + solid.size > 0.99)
+    assert len(drawn(figure, "agents").get_paths()) == top
+    assert "cut at z = 990 mm" in words(figure)
+
+
+def test_octree_is_cut_open_where_agents_are_small(solid):
+    """What can be seen has the area of the block's three near sides, less the hole on top."""
+    view = view_of(solid)
+    x, y = view.planes
+    assert 0.25 <= x <= 0.5
+    assert 0.25 <= y <= 0.5
+    found = seen_faces(solid.grid, view, solid.lower, solid.lower + solid.size[:, None])
+    faces, owner, light = found
+    edges = np.linalg.norm(np.diff(faces, axis=1), axis=2)
+    area, flat = edges[:, 0] * edges[:, 1], np.ptp(faces, axis=1) == 0.0
+    np.testing.assert_allclose(
+        [area[flat[:, a]].sum() for a in range(3)], [1.0, 1.0, 1.0 - (1.0 - x) * y]
+    )
+    assert area[light == 1.0].sum() == pytest.approx(y + (1.0 - x))
+    inside = faces.mean(axis=1) - solid.lower[owner]
+    assert np.all((inside > -1e-9) & (inside < solid.size[owner, None] + 1e-9))
+    figure = plot(solid, "agents", colour="error_share")
+    assert len(drawn(figure, "agents").get_facecolor()) > 0
+    assert "cut away" in words(figure)
+
+
+def test_hole_in_the_middle_can_be_looked_into():
+    hole = {"material": "air", "box": [[0.25, 0.25, 0.25], [0.75, 0.75, 0.75]]}
+    body = {"size": [1.0] * 3, "cells": [8] * 3, "material": "steel", "regions": [hole]}
+    load = {"region": {"box": [[0.25, 0.25, 1], [0.75, 0.75, 1]]}, "force": [0, 0, -1.0]}
+    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+    result = solve(scene, strategy="spawning", tolerance=0.4)
+    view = view_of(result)._replace(planes=(0.5, 0.5))
+    upper = result.lower + result.size[:, None]
+    faces, _, light = seen_faces(scene, view, result.lower, upper)
+    edges = np.linalg.norm(np.diff(faces, axis=1), axis=2)
+    area = edges[:, 0] * edges[:, 1]
+    # Both cuts have lost an eighth of the block's side to the hole.
+    assert area[light == 1.0].sum() == pytest.approx(2 * (0.5 - 0.125))
+
+
+def test_fields_are_drawn_on_the_agents(flat):
+    size = np.linalg.norm(flat.agent_displacement, axis=1)
+    found = drawn(plot(flat, "displacement"), "map").get_array()
+    np.testing.assert_array_equal(found, size)
+    for what, a, b in (("stress", 0, 1), ("strain", 1, 1)):
+        found = drawn(plot(flat, what, component="xy"[a] + "xy"[b]), "map").get_array()
+        np.testing.assert_array_equal(found, getattr(flat, what)[:, a, b])
+    found = drawn(plot(flat, "von_mises"), "map").get_array()
+    np.testing.assert_array_equal(found, flat.von_mises)
+
+
+def test_layers_of_cubes_show_the_fields_of_those_that_they_meet(solid):
+    found = drawn(plot(solid, "von_mises", cut={"x": 0.4}), "map").get_array()
+    met = (solid.lower[:, 0] <= 0.4) & (solid.lower[:, 0] + solid.size > 0.4)
+    np.testing.assert_array_equal(found, solid.von_mises[met])
+
+
+@pytest.mark.parametrize("name", ["flat", "solid"])
+def test_corners_of_the_deformed_agents_have_moved_as_the_body_there(name, request):
+    result = request.getfixturevalue(name)
+    figure = plot(result, "deformed", magnification=1e6)
+    layer = layer_of(result)
+    rows = layer.meets(result.lower, result.size)
+    corner = [path.vertices[:4] for path in drawn(figure, "moved").get_paths()]
+    rest = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * result.size[rows, None, None]
+    rest = rest + result.lower[rows][:, None, layer.axes]
+    moved = result.displacement_at(layer.in_body(rest.reshape(-1, 2)))
+    np.testing.assert_allclose(
+        np.array(corner), rest + 1e6 * layer.in_plane(moved).reshape(rest.shape), atol=1e-12
+    )
+    assert "×1\u202f000\u202f000" in words(figure)
+
+
+def test_body_at_rest_is_drawn_at_rest():
+    still = block(2).replace(loads=[])
+    figure = plot(solve(still, strategy="spawning", tolerance=0.1), "deformed")
+    assert "largest displacement 0 m" in words(figure)
+
+
+def test_agents_too_small_to_be_seen_are_drawn_together():
+    lower = np.array([[0.0, 0.0], [1.0, 0.0], [1.5, 0.0], [1.0, 0.5], [1.5, 0.5]])
+    size = np.array([1.0, 0.5, 0.5, 0.5, 0.5])
+    value = np.array([1.0, 2.0, -7.0, 3.0, 4.0])
+    for finest in (0.1, 0.5):
+        assert len(together(lower, size, value, finest)[1]) == 5
+    place, edge, seen, row = together(lower, size, value, 0.6)
+    np.testing.assert_array_equal(place, [[0.0, 0.0], [1.0, 0.0]])
+    assert (edge.tolist(), seen.tolist(), row.tolist()) == ([1.0, 1.0], [1.0, -7.0], [0, 2])
+
+
+def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
+    load = {"region": {"box": [[50.0, 100.0], [50.1, 100.0]]}, "force": [0.0, -1.0]}
+    body = {"size": [100.0, 100.0], "cells": [4000, 4000], "material": "steel"}
+    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+    result = solve(scene, strategy="spawning", tolerance=0.1)
+    assert not layer_of(result).cropped
+    layer = layer_of(result, crop=True)
+    assert layer.cropped
+    assert np.all(layer.box[0] < [50.0, 99.9])
+    assert np.all(layer.box[1] > [50.1, 99.9])
+    assert np.ptp(layer.box, axis=0).max() < 30.0
+    whole = squares_of(layer_of(result, crop=False), result.lower, result.size, result.von_mises)
+    assert len(whole.size) < result.agents
+    assert (whole.size**2).sum() == pytest.approx(1e4)
+    assert whole.value.max() == result.von_mises.max()
+
+
+def test_usual_pictures_are_written(solid, tmp_path):
+    names = [path.stem for path in plot_all(solid, tmp_path)]
+    assert names[:3] == ["agents", "agents_section", "deformed"]
+    assert names[3:] == ["displacement", "strain", "stress", "von_mises"]
+    assert plot_scene(solid.scene) is not None
+
+
+def durations(path):
+    with Image.open(path) as film:
+        return film.n_frames
+
+
+@pytest.mark.parametrize("name", ["flat", "solid"])
+def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
+    result = request.getfixturevalue(name)
+    count = len(result.generations)
+    for what, options in (("generations", {"colour": "spawn_step"}), ("loads", {"crop": True})):
+        assert durations(animate(result, tmp_path / "film.gif", what, **options)) == count
+    if name == "solid":
+        path = animate(result, tmp_path / "film.gif", cut={"y": 0.4})
+        assert durations(path) == count
+
+
+def test_films_of_stored_results_are_the_same(flat, tmp_path):
+    stored = type(flat).load(flat.save(tmp_path / "result.npz"))
+    first, again = (animate(r, tmp_path / "film.gif").read_bytes() for r in (flat, stored))
+    assert first == again
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"colour": "levle"}, "did you mean 'level'"),
+        ({"colour": "von_mises", "generation": 0}, "last generation only"),
+        ({"generation": 99}, "generation: must lie between 0"),
+        ({"cut": {"y": 0.1}}, "three dimensions"),
+    ],
+)
+def test_what_cannot_be_drawn_is_named(flat, options, match):
+    with pytest.raises(ParameterError, match=match):
+        plot(flat, "agents", **options)
+
+
+def test_cuts_and_films_that_cannot_be_are_named(flat, solid, tmp_path):
     with pytest.raises(ParameterError, match="no agent"):
-        plot(result(3), "agents", cut={"x": 3.0})
+        plot(solid, "agents", cut={"x": 3.0})
+    with pytest.raises(ParameterError, match="one of x, y and z"):
+        plot(solid, "von_mises", cut={"w": 3.0})
+    with pytest.raises(ParameterError, match="component"):
+        plot(flat, "stress", component="xz")
+    with pytest.raises(ParameterError, match="magnification"):
+        plot(flat, "deformed", magnification=0.0)
+    with pytest.raises(ParameterError, match="an animation shows level"):
+        animate(flat, tmp_path / "film.gif", colour="von_mises")
+    with pytest.raises(ParameterError, match="did you mean 'generations'"):
+        animate(flat, tmp_path / "film.gif", "generation")

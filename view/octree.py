@@ -1,0 +1,210 @@
+"""Agents of many sizes in space: their cubes where they can be seen, one quarter cut away."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from numpy.typing import NDArray
+
+from .layers import FINEST, small_agents, together
+from .quadtree import Standing, bar_of, look_of, standing, told
+from .section import Floats, Ints
+from .space import Box, box_around, draw_arrows, draw_frame
+from .style import caption, new_axes
+from .subject import stage_number
+from .units import quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from kaju.model.scene import Scene
+    from kaju.model.spawning.spawned_result import SpawnedResult
+
+Flags = NDArray[np.bool_]
+
+SPACE = (6.8, 6.2)
+"""Of a picture in space (inches)."""
+MOST_ARROWS = 5
+"""Few, for they hide what lies below."""
+_SEEN = ((0, 1), (1, 0), (2, 1))
+"""Axis and end of the faces that look towards the reader."""
+_LIGHT = {0: 0.88, 1: 0.8, 2: 0.95}
+"""Of the body's surface by axis; cuts have full light."""
+
+
+class View(NamedTuple):
+    """What is shown of a body: a box (m), less the quarter in front of two upright planes."""
+
+    box: Box
+    lower: Floats
+    upper: Floats
+    planes: tuple[float, float]
+
+
+def plot_octree(
+    result: SpawnedResult,
+    ax: Axes | None = None,
+    *,
+    colour: str = "level",
+    crop: bool | None = None,
+    generation: int | None = None,
+) -> Axes:
+    """Draw agents as cubes in space, with a quarter of the body cut away at small ones.
+
+    Parameters
+    ----------
+    result : SpawnedResult
+        Agents of many sizes in three dimensions.
+    ax : matplotlib Axes3D, optional
+        Where to draw; a new figure unless given.
+    colour, crop, generation
+        As for `plot_quadtree`.
+
+    Returns
+    -------
+    matplotlib Axes3D
+
+    Raises
+    ------
+    ParameterError
+        As `plot_quadtree`.
+    """
+    agents = standing(result, colour, generation)
+    view = view_of(result, crop)
+    ax = new_axes(ax, SPACE, "3d")
+    space = cast(Axes3D, ax)
+    draw_frame(space, result.grid, view.box)
+    notes = draw_arrows(space, result.grid, view.box, stage_number(result), MOST_ARROWS)
+    look = look_of(colour, agents.value)
+    draw_cubes(space, result.grid, view, agents, look)
+    bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, agents.value)
+    caption(space, "Agents", [told(result, generation), *notes, *view_told(view)])
+    return ax
+
+
+def view_of(result: SpawnedResult, crop: bool | None = None) -> View:
+    """Choose the box and the planes by the smallest agents."""
+    scene, small = result.grid, small_agents(result)
+    edge = scene.lattice.cell_size
+    cells = scene.lattice.locate(small.middle)
+    first, last = cells.min(axis=0), cells.max(axis=0)
+    around = int((last - first).max()) // 2  # also downwards, where small agents lie flat
+    cells = np.clip([first - around, last + around], *_ends(scene))
+    box = box_around(scene, cells, small.hidden if crop is None else crop)
+    # Along the side of a small agent: the cubes beside the cut stay whole.
+    offset = np.abs(small.lower - np.median(small.middle, axis=0)).sum(axis=1)
+    x, y, _ = small.lower[offset.argmin()].tolist()
+    low, high = (np.asarray(end * edge, dtype=np.float64) for end in (box.lower, box.upper))
+    return View(box, low, high, (x, y))
+
+
+def _ends(scene: Scene) -> tuple[Ints, Ints]:
+    lower, upper = scene.bounds()
+    return lower, upper - 1
+
+
+def view_told(view: View) -> list[str]:
+    """Return what a reader must be told."""
+    x, y = (quantity(place, "m") for place in view.planes)
+    crops = [note for note in view.box.notes if note.startswith("cropped")]
+    return [f"cut away: x above {x}, y below {y}", *crops]
+
+
+def draw_cubes(
+    ax: Axes3D, scene: Scene, view: View, agents: Standing, look: dict[str, Any]
+) -> Poly3DCollection:
+    """Draw the faces of agents that can be seen, coloured by their values."""
+    finest = 2.0 * float((view.upper - view.lower).max()) / FINEST
+    lower, size, value, _ = together(agents.lower, agents.size, agents.value, finest)
+    faces, owner, light = seen_faces(scene, view, lower, lower + size[:, None])
+    colours = colormaps[look["cmap"]](look["norm"](value[owner]))
+    colours[:, :3] *= light[:, None]
+    small = size[owner] < 4.0 * finest
+    drawn = Poly3DCollection(
+        list(faces),
+        facecolors=colours,
+        edgecolors=np.where(small[:, None], colours, (0.2, 0.2, 0.2, 1.0)),
+        linewidths=0.25,
+        zorder=3,
+    )
+    drawn.set_gid("agents")
+    ax.add_collection3d(drawn)
+    return drawn
+
+
+def seen_faces(
+    scene: Scene, view: View, lower: Floats, upper: Floats
+) -> tuple[Floats, Ints, Floats]:
+    """Return the faces of agents that can be seen: on the body's surface, or by a cut.
+
+    Parameters
+    ----------
+    scene : Scene
+        The body.
+    view : View
+        What is shown of it.
+    lower, upper : array, shape (agents, 3)
+        Corners of the agents (m).
+
+    Returns
+    -------
+    corners : array, shape (faces, 4, 3)
+    owner : int array, shape (faces,)
+    light : array, shape (faces,)
+    """
+    corners, owner, light = [], [], []
+    for first, last in _parts(view):
+        low, high = np.maximum(lower, first), np.minimum(upper, last)
+        there = np.flatnonzero(np.all(high - low > 1e-9 * (upper - lower), axis=1))
+        low, high = low[there], high[there]
+        for axis, end in _SEEN:
+            free = _bare(scene, low, high, axis, end)
+            cut = ~free & _by_cut(view, low, high, axis, (last if end else first)[axis], end)
+            for chosen, bright in ((cut, 1.0), (free, _LIGHT[axis])):
+                corners.append(_rectangles(low[chosen], high[chosen], axis, end))
+                owner.append(there[chosen])
+                light.append(np.full(np.count_nonzero(chosen), bright))
+    return np.concatenate(corners), np.concatenate(owner), np.concatenate(light)
+
+
+def _parts(view: View) -> list[tuple[Floats, Floats]]:
+    """Return the box without its quarter as two boxes (lower and upper corner, m)."""
+    x, y = view.planes
+    left, behind = view.upper.copy(), view.lower.copy()
+    left[0] = x
+    behind[0], behind[1] = x, y
+    return [(view.lower, left), (behind, view.upper)]
+
+
+def _by_cut(view: View, low: Floats, high: Floats, axis: int, limit: float, end: int) -> Flags:
+    """Tell which faces lie where a part ends inside of the body, with nothing shown beyond."""
+    outer = (view.upper if end else view.lower)[axis]
+    face = (high if end else low)[:, axis]
+    cut = np.abs(face - limit) < 1e-9 * np.abs(view.upper).max()
+    if axis == 0 and limit < outer:
+        # Behind the second plane the two parts meet.
+        cut &= 0.5 * (low + high)[:, 1] < view.planes[1]
+    return np.asarray(cut)
+
+
+def _bare(scene: Scene, low: Floats, high: Floats, axis: int, end: int) -> Flags:
+    """Tell which faces have no body beyond them."""
+    middle = 0.5 * (low + high)
+    shift = 1e-6 * scene.lattice.cell_size
+    middle[:, axis] = high[:, axis] + shift if end else low[:, axis] - shift
+    return np.asarray(scene.kinds(scene.lattice.locate(middle)) < 0)
+
+
+def _rectangles(low: Floats, high: Floats, axis: int, end: int) -> Floats:
+    """Return one face each of boxes, shape (n, 4, 3)."""
+    first, second = (a for a in range(3) if a != axis)
+    corners = np.repeat(low[:, None], 4, axis=1)
+    corners[..., axis] = (high if end else low)[:, None, axis]
+    corners[:, 1:3, first] = high[:, None, first]
+    corners[:, 2:4, second] = high[:, None, second]
+    return corners

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 
@@ -12,8 +11,6 @@ from kaju.model.elasticity.staggered import Pair
 
 from .balance import Balance
 from .composite import Floats
-from .field import interpolation
-from .leaves import Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +45,25 @@ class AgentFields:
     @cached_property
     def edge_shear(self) -> dict[Pair, Floats]:
         """Shear stresses of the edges, with the tractions on loaded surfaces."""
-        found = {}
-        for pair, edges in self.balance.grid.edges.items():
-            strain = sum(g.matrix @ self.u + g.constant for g in edges.gradients)
-            found[pair] = edges.modulus * strain + self.balance.surface_shear[pair]
-        return found
+        return {
+            pair: edges.modulus * sum(self.slopes[pair]) + self.balance.surface_shear[pair]
+            for pair, edges in self.balance.grid.edges.items()
+        }
+
+    @cached_property
+    def slopes(self) -> dict[Pair, tuple[Floats, Floats]]:
+        """∂u_a/∂b and ∂u_b/∂a at the edges of every pair of axes (a, b)."""
+        gradients = {pair: edges.gradients for pair, edges in self.balance.grid.edges.items()}
+        return {
+            pair: (first.matrix @ self.u + first.constant, second.matrix @ self.u + second.constant)
+            for pair, (first, second) in gradients.items()
+        }
+
+    @cached_property
+    def sides(self) -> Floats:
+        """Normal displacements of the agents' sides, shape (agents, 2·dimension)."""
+        grid = self.balance.grid
+        return np.asarray(grid.mean @ self.u).reshape(len(grid.leaves), 2 * grid.dimension)
 
     @cached_property
     def stress(self) -> Floats:
@@ -69,47 +80,4 @@ class AgentFields:
     @cached_property
     def displacement(self) -> Floats:
         """Displacement of the agents' middles, shape (agents, dimension)."""
-        sides = (self.balance.grid.mean @ self.u).reshape(len(self.stress), -1, 2)
-        return np.asarray(sides.mean(axis=2))
-
-    def displacement_at(self, points: Floats, leaf: Index) -> Floats:
-        """Return displacements at points (units) in leaves, shape (n, dimension)."""
-        columns = []
-        for axis in range(self.balance.grid.dimension):
-            matrix, constant = interpolation(self.balance.grid, points, leaf, axis)
-            columns.append(matrix @ self.u + constant)
-        return np.stack(columns, axis=1)
-
-    def stress_at(self, points: Floats, leaf: Index) -> Floats:
-        """Return stress tensors at points (units) in leaves.
-
-        Normal stresses run by the differences to neighbours of the same material, shear
-        stresses between the leaf's edges.
-        """
-        grid, d = self.balance.grid, self.balance.grid.dimension
-        local = (points - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
-        tensor = np.zeros((len(leaf), d, d))
-        for a in range(d):
-            tensor[:, a, a] = self._along_slopes(self.normal_stress[a], leaf, local)
-        for (a, b), shear in self.edge_shear.items():
-            around, total = grid.edges[a, b].of_leaf[leaf], np.zeros(len(leaf))
-            for first, second in product((0, 1), repeat=2):
-                share = np.where(first, local[:, a], 1 - local[:, a])
-                share = share * np.where(second, local[:, b], 1 - local[:, b])
-                total += share * shear[around[:, first, second]]
-            tensor[:, a, b] = tensor[:, b, a] = total
-        return tensor
-
-    def _along_slopes(self, value: Floats, leaf: Index, local: Floats) -> Floats:
-        grid = self.balance.grid
-        kind, h, total = grid.leaves.kind, grid.length, value[leaf].copy()
-        for axis in range(grid.dimension):
-            slope, count = np.zeros(len(leaf)), np.zeros(len(leaf))
-            for side in (2 * axis, 2 * axis + 1):
-                other = grid.beside[leaf, side]
-                alike = (other >= 0) & (kind[other] == kind[leaf])
-                rise = (value[other] - value[leaf]) / (0.5 * (h[other] + h[leaf]))
-                slope += np.where(alike, (2 * (side % 2) - 1) * rise, 0.0)
-                count += alike
-            total += (local[:, axis] - 0.5) * h[leaf] * slope / np.maximum(count, 1)
-        return np.asarray(total)
+        return np.asarray(self.sides.reshape(len(self.sides), -1, 2).mean(axis=2))

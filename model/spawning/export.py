@@ -14,7 +14,6 @@ from kaju.model.elasticity.staggered import axis_pairs
 if TYPE_CHECKING:
     import pandas
 
-    from .composite import Floats
     from .spawned_result import SpawnedResult
 
 AXES = "xyz"
@@ -56,16 +55,15 @@ def write_vtk(result: SpawnedResult, path: str | Path) -> Path:
     d = result.lower.shape[1]
     ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
     order = ring if d == 2 else [(*corner, up) for up, corner in product((0, 1), ring)]
-    points, moved = corners(result, np.array(order))
+    points = result.lower[:, None] + np.array(order) * result.size[:, None, None]
     flat, first, inverse = np.unique(
         np.round(points.reshape(-1, d) / result.size.min()),
         axis=0,
         return_index=True,
         return_inverse=True,
     )
-    shared = np.zeros((len(flat), 3))
-    np.add.at(shared[:, :d], inverse.ravel(), moved.reshape(-1, d))
-    shared /= np.bincount(inverse.ravel())[:, None]
+    moved = np.zeros((len(flat), 3))
+    moved[:, :d] = result.displacement_at(points.reshape(-1, d)[first])
     places = np.zeros((len(flat), 3))
     places[:, :d] = points.reshape(-1, d)[first]
     data = {
@@ -78,20 +76,9 @@ def write_vtk(result: SpawnedResult, path: str | Path) -> Path:
     }
     kind = "quad" if d == 2 else "hexahedron"
     cells = inverse.reshape(len(result.size), len(order))
-    mesh = meshio.Mesh(places, [(kind, cells)], {"displacement": shared}, data)
+    mesh = meshio.Mesh(places, [(kind, cells)], {"displacement": moved}, data)
     try:
         mesh.write(target)
     except OSError as error:
         raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
     return target
-
-
-def corners(result: SpawnedResult, order: Floats) -> tuple[Floats, Floats]:
-    """Return corners of the agents and their displacements (m), (agents, corners, dimension)."""
-    points, moved = [], []
-    for corner in order:
-        place = result.lower + corner * result.size[:, None]
-        # Each agent's own field, for a corner may lie on the surface of several.
-        points.append(place)
-        moved.append(result.own_displacement(corner))
-    return np.stack(points, axis=1), np.stack(moved, axis=1)

@@ -45,7 +45,7 @@ def interpolation(
         near = (distance[apart] > 0).astype(np.int64)
         around, shear = table[leaf[apart]], grid.ground.moduli.shear[leaves.kind[leaf[apart]]]
         for end in (0, 1):
-            edge = _nearest_known(gradients, around, end, near)
+            edge = nearest_known(gradients, around, end, near)
             slopes = slope_weights(edges, gradients, edge, shear)
             for gradient, offset, slope in zip(gradients, offsets, slopes, strict=True):
                 share = along[end][apart] * distance[apart] * slope
@@ -92,7 +92,7 @@ def known_slopes(gradients: tuple[Gradient, Gradient]) -> Flags:
     return np.asarray((own.valid | other.valid) & ~(own.jump & other.jump))
 
 
-def _nearest_known(
+def nearest_known(
     gradients: tuple[Gradient, Gradient], table: Index, end: int, near: Index
 ) -> Index:
     """Return the nearest edge with a slope: at this end and on the near side, if it has one."""

@@ -15,6 +15,7 @@ from kaju.model.elasticity import fields
 from kaju.model.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
 
+from . import sampling
 from .agent_fields import AgentFields
 from .composite import Floats
 from .family import Family, levels
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SpawnedResult(BodyResult):
     """Linear elasticity of a scene by agents that are small only where they have to be.
 
@@ -235,12 +236,14 @@ class SpawnedResult(BodyResult):
     def displacement_at(self, points: NDArray[np.float64]) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         place, leaf = self._locate(points)
-        return self._ground.scales.displacement * self._fields.displacement_at(place, leaf)
+        return self._ground.scales.displacement * sampling.displacement_at(
+            self._fields, place, leaf
+        )
 
     def stress_at(self, points: NDArray[np.float64]) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
         place, leaf = self._locate(points)
-        return self._stress_unit * self._fields.stress_at(place, leaf)
+        return self._stress_unit * sampling.stress_at(self._fields, place, leaf)
 
     def _locate(self, points: NDArray[np.float64]) -> tuple[Floats, Index]:
         """Return points in units, and the agent that each lies in or on."""
@@ -249,12 +252,6 @@ class SpawnedResult(BodyResult):
         place = np.clip(points / self._metre, first, first + self._ground.cell)
         unit = np.clip(np.floor(place).astype(np.int64), first, first + self._ground.cell - 1)
         return place, self._leaves.find(unit)
-
-    def own_displacement(self, local: Floats) -> Floats:
-        """Return every agent's displacement (m) at one place within it, 0 to 1 along each axis."""
-        place = self._leaves.lower + np.asarray(local) * self._leaves.size[:, None]
-        moved = self._fields.displacement_at(place, np.arange(self.agents))
-        return self._ground.scales.displacement * moved
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per agent: place, size, level, when and why it spawned, what it bears."""

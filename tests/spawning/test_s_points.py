@@ -1,0 +1,125 @@
+"""Displacement and stress between the agents, on faces, walls and surfaces."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from kaju import Scene, solve
+from kaju.model.spawning import sampling
+
+
+def spawned_by(scene, **how):
+    return solve(scene, strategy="spawning", **how)
+
+
+def plate(**others):
+    load = {"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
+    body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, "material": "steel"}
+    return Scene(**({"body": body, "sides": {"bottom": "rigid"}, "loads": [load]} | others))
+
+
+def block(**others):
+    load = {"region": {"box": [[0.25, 0.25, 1.0], [0.5, 0.5, 1.0]]}, "force": [0.3, 0.0, -1.0]}
+    body = {"size": [1.0] * 3, "cells": [8] * 3, "material": "steel"}
+    return Scene(**({"body": body, "sides": {"bottom": "rigid"}, "loads": [load]} | others))
+
+
+@pytest.mark.parametrize("scene", [plate(), block()], ids=["plate", "block"])
+def test_body_does_not_leave_a_wall(scene):
+    result = spawned_by(scene, tolerance=0.3)
+    size = scene.lattice.size ** (1 / scene.lattice.dimension) * scene.lattice.cell_size
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0.0, size, size=(300, scene.lattice.dimension))
+    points = np.concatenate([points, np.array(list(product((0.0, size), repeat=points.shape[1])))])
+    points[:, -1] = 0.0
+    assert np.all(result.displacement_at(points) == 0.0)
+    points[:, -1] = 1e-4 * result.size.min()
+    assert np.abs(result.displacement_at(points)).max() < 1e-3 * result.max_displacement
+
+
+def test_body_goes_where_a_wall_goes():
+    sides = {"bottom": "rigid", "right": {"displacement": [1e-6, 2e-6]}}
+    result = spawned_by(plate(sides=sides), tolerance=0.1)
+    points = np.stack([np.full(50, 0.2), np.linspace(0.001, 0.2, 50)], axis=1)
+    np.testing.assert_allclose(result.displacement_at(points), [[1e-6, 2e-6]] * 50, rtol=1e-12)
+
+
+def test_rigid_cells_inside_stand_still():
+    drawing = "########\n" * 3 + "###RR###\n" * 2 + "########\n" * 3
+    scene = Scene.from_drawing(
+        drawing,
+        legend={"#": "steel", "R": "rigid"},
+        cell_size=0.01,
+        loads=[{"side": "top", "force": [1.0, -2.0]}],
+    )
+    result = spawned_by(scene, tolerance=0.2)
+    around = np.linspace(0.03, 0.05, 41)
+    for fixed, axis in product((0.03, 0.05), (0, 1)):
+        points = np.insert(around[:, None], axis, fixed, axis=1)
+        assert np.all(result.displacement_at(points) == 0.0)
+
+
+@pytest.mark.parametrize("scene", [plate(), block()], ids=["plate", "block"])
+def test_point_on_a_face_has_one_displacement(scene):
+    """The mean of what is said on either side of it."""
+    result = spawned_by(scene, tolerance=0.3)
+    rows = np.flatnonzero(result.lower[:, 0] > 0.0)
+    points = result.lower[rows] + result.size[rows, None] * [
+        0.0,
+        *[0.3] * (result.lower.shape[1] - 1),
+    ]
+    aside = np.zeros(points.shape)
+    aside[:, 0] = 1e-4 * result.size[rows]
+    sides = [result.displacement_at(points + way * aside) for way in (-1.0, 1.0)]
+    between = np.mean(sides, axis=0)
+    largest = result.max_displacement
+    assert np.abs(result.displacement_at(points) - between).max() < 1e-3 * largest
+    stress = [result.stress_at(points + way * aside) for way in (-1.0, 1.0)]
+    error = np.abs(result.stress_at(points) - np.mean(stress, axis=0)).max()
+    assert error < 1e-3 * np.abs(result.stress).max()
+
+
+def test_all_agents_round_a_point_are_found():
+    grid = spawned_by(plate(), tolerance=0.3).spawning.balance.grid
+    leaves = grid.leaves
+    points = leaves.lower.astype(np.float64)
+    point, leaf = sampling.touching(grid, points, np.arange(len(leaves)))
+    upper = leaves.lower + leaves.size[:, None]
+    counts = []
+    for row, corner in enumerate(points):
+        there = np.flatnonzero(np.all((leaves.lower <= corner) & (upper >= corner), axis=1))
+        np.testing.assert_array_equal(leaf[point == row], there)
+        counts.append(len(there))
+    assert set(counts) == {1, 2, 3, 4}
+
+
+def test_ends_of_a_loaded_surface_are_as_accurate_as_the_rest():
+    scene = plate()
+    fine = solve(scene, resolution=32, strategy="uniform")
+    result = spawned_by(scene, tolerance=0.03)
+    x = np.linspace(0.08, 0.12, 81)
+    top = np.stack([x, np.full(81, 0.2)], axis=1)
+    true = fine.displacement_at(top)
+    error = np.abs(result.displacement_at(top) - true).max() / np.abs(true).max()
+    assert error < 1.5e-3
+    below = result.displacement_at(top - [0.0, 0.01]) - fine.displacement_at(top - [0.0, 0.01])
+    assert np.abs(below).max() / np.abs(true).max() < 1.5e-3
+
+
+def test_surface_that_is_dragged_along_leans_by_its_shear():
+    """Pure shear: the displacement is linear everywhere, up to the dragged surfaces."""
+    shear = 1e6
+    body = {"size": [0.2, 0.2], "cells": [16, 16], "thickness": 1e-2, "material": "steel"}
+    force = shear * 0.2 * 1e-2
+    loads = [
+        {"side": "top", "force": [force, 0.0]},
+        {"side": "right", "force": [0.0, force]},
+        {"side": "left", "force": [0.0, -force]},
+    ]
+    result = spawned_by(Scene(body=body, sides={"bottom": "rigid"}, loads=loads), tolerance=0.2)
+    assert result.size.max() == pytest.approx(0.025)
+    x = np.linspace(0.06, 0.14, 9)
+    levels = [np.stack([x, np.full(9, y)], axis=1) for y in (0.15, 0.175, 0.2)]
+    low, middle, top = (result.displacement_at(points)[:, 0] for points in levels)
+    np.testing.assert_allclose(top - middle, middle - low, rtol=0.02)

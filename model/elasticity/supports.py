@@ -24,6 +24,9 @@ from .staggered import cut, edge_modulus
 
 Index = NDArray[np.int64]
 
+FREE = 1e-6
+"""A motion that strains what holds a body by less (in cells, moved by a cell) is free."""
+
 
 def check_supports(
     problem: ElasticProblem, origin: tuple[int, ...] | None = None, division: int = 1
@@ -42,9 +45,9 @@ def check_supports(
         problem = _miniature(problem)
     labelled, count = label(problem.kinds >= 0)
     parts: NDArray[np.int32] = labelled.astype(np.int32)
-    stops = [_stops(problem, parts, axis) for axis in range(problem.dimension)]
+    owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
-        rows = _modes_of_part(stops, part)
+        rows = stops[owner == part]
         motion = _free_motion(rows, problem.dimension)
         if motion:
             cell = np.argwhere(parts == part)[0] - 1
@@ -73,82 +76,75 @@ def _miniature(problem: ElasticProblem) -> ElasticProblem:
     )
 
 
-def _modes_of_part(stops: list[tuple[Index, Floats]], part: int) -> Floats:
-    """Return one row per held face: how far each rigid motion would move it."""
-    points = [p[owner == part] for owner, p in stops]
-    everything = np.concatenate(points)
-    if not len(everything):
-        return np.empty((0, 0))
-    centre, span = everything.mean(axis=0), np.ptp(everything, axis=0).max() or 1.0
-    return np.concatenate([_modes((p - centre) / span, axis) for axis, p in enumerate(points)])
-
-
-def _modes(points: Floats, axis: int) -> Floats:
-    """Return displacement along `axis` at points in every rigid motion."""
-    d = points.shape[1]
-    columns = [np.full(len(points), float(a == axis)) for a in range(d)]
-    for a, b in combinations(range(d), 2):
-        turn = np.zeros(len(points))
-        if axis == a:
-            turn = -points[:, b]
-        elif axis == b:
-            turn = points[:, a]
-        columns.append(turn)
-    return np.stack(columns, axis=1)
-
-
 def _free_motion(rows: Floats, dimension: int) -> str:
     """Return in words a rigid motion that the rows do not stop, "" if there is none."""
     if not len(rows):
         return "move anywhere"
-    gram = rows.T @ rows
-    values = np.linalg.eigvalsh(gram)
-    if values[0] > 1e-10 * values[-1]:
-        return ""
+    # What is left of every motion when those before it are stopped; lengths are in cells.
+    square = np.concatenate([rows, np.zeros((rows.shape[1],) * 2)])
+    free = np.abs(np.diag(np.linalg.qr(square, mode="r"))) < FREE
     for axis in range(dimension):
-        if gram[axis, axis] <= 1e-10 * values[-1]:
+        if free[axis]:
             return f"move along {'xyz'[axis]}"
-    return "turn"
+    return "turn" if free.any() else ""
 
 
-def _stops(problem: ElasticProblem, parts: NDArray[np.int32], axis: int) -> tuple[Index, Floats]:
-    """Return which part is stopped from moving along `axis`, and where (in cells)."""
+def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Index, Floats]:
+    """Return what is held: to which part it belongs, and how far every rigid motion strains it.
+
+    These are held faces, springs, and edges that shear when faces round them stay.
+    """
     d = problem.dimension
-    state = problem.face_states()[axis]
-    owners, points = [], []
-    low, high = cut(d, axis, slice(1, None)), cut(d, axis, slice(None, -1))
-    stopped = (state == FIXED) | (problem.spring[axis] > 0)
-    for face, offset in ((high, 0.0), (low, 1.0)):
-        hit = stopped[face] & (parts > 0)
-        owners.append(parts[hit])
-        shift = np.full(d, 0.5)
-        shift[axis] = offset
-        points.append(np.argwhere(hit) + shift)
-    for across in range(d):
-        if across != axis:
-            owner, point = _gripped(problem, parts, axis, across)
-            owners.append(owner)
-            points.append(point)
-    return np.concatenate(owners).astype(np.int64), np.concatenate(points)
+    states = problem.face_states()
+    owners: list[Index] = []
+    rows: list[Floats] = []
+    for axis in range(d):
+        stopped = (states[axis] == FIXED) | (problem.spring[axis] > 0)
+        for face in (slice(1, None), slice(None, -1)):
+            cell = np.argwhere(stopped[cut(d, axis, face)] & (parts > 0))
+            owners.append(parts[tuple(cell.T)].astype(np.int64))
+            at = cell.copy()
+            at[:, axis] += face.start or 0
+            rows.append(_motions(at, axis, d))
+    for pair in combinations(range(d), 2):
+        owner, strained = _gripped(problem, parts, states, pair)
+        owners.append(owner)
+        rows.append(strained)
+    return np.concatenate(owners), np.concatenate(rows)
+
+
+def _motions(face: Index, axis: int, dimension: int) -> Floats:
+    """Return how far every rigid motion about the array's corner moves faces (by index)."""
+    place = face + np.where(np.arange(dimension) == axis, 0.0, 0.5)
+    columns = [np.full(len(face), float(a == axis)) for a in range(dimension)]
+    for a, b in combinations(range(dimension), 2):
+        columns.append(-place[:, b] * (a == axis) + place[:, a] * (b == axis))
+    return np.stack(columns, axis=1)
 
 
 def _gripped(
-    problem: ElasticProblem, parts: NDArray[np.int32], axis: int, across: int
+    problem: ElasticProblem,
+    parts: NDArray[np.int32],
+    states: tuple[NDArray[np.int8], ...],
+    pair: tuple[int, int],
 ) -> tuple[Index, Floats]:
-    """Return where a rigid wall normal to `across` holds by friction along `axis`."""
+    """Return the edges that shear because held faces round them stay where they are."""
     d = problem.dimension
-    stiff = edge_modulus(problem, (min(axis, across), max(axis, across))) > 0
-    rigid = problem.kinds == RIGID
-    owners, points = [], []
-    for step in (-1, 1):
-        wall = np.roll(rigid, -step, axis=across)
-        hit = (parts > 0) & wall
-        edge = stiff[cut(d, across, slice(1, None) if step > 0 else slice(None, -1))]
-        for end in (slice(None, -1), slice(1, None)):
-            here = hit & edge[cut(d, axis, end)]
-            owners.append(parts[here])
-            points.append(np.argwhere(here) + 0.5)
-    return np.concatenate(owners).astype(np.int64), np.concatenate(points)
+    edge = np.argwhere(edge_modulus(problem, pair) > 0)
+    rows = np.zeros((len(edge), d + d * (d - 1) // 2))
+    owner = np.zeros(len(edge), dtype=np.int32)
+    for axis, across in (pair, pair[::-1]):
+        for step in (-1, 0):
+            face = edge.copy()
+            face[:, across] += step
+            held = states[axis][tuple(face.T)] == FIXED
+            rows += np.where(held, 2.0 * step + 1.0, 0.0)[:, None] * _motions(face, axis, d)
+            for side in (-1, 0):
+                cell = face.copy()
+                cell[:, axis] += side
+                owner = np.maximum(owner, parts[tuple(cell.T)])
+    some = rows.any(axis=1)
+    return owner[some].astype(np.int64), rows[some]
 
 
 def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:

@@ -15,9 +15,9 @@ from .aims import Aim, Aimed, EnergyAim
 from .balance import Balance
 from .composite import Composite, Floats
 from .ground import Ground
-from .held import check_held, slender
+from .held import beside_rigid_cells, check_held, loose_part, slender
 from .indicator import Indicator, indicate
-from .leaves import Flags, Index
+from .leaves import Flags, Index, Leaves
 from .nested import DIRECT, FACTORISED, NestedMultigrid
 
 ALGEBRAIC_SHARE = 0.05
@@ -137,7 +137,6 @@ class Spawner:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
         self.aim = aim or EnergyAim()
         self.balance, self.notes = _first(ground)
-        check_held(self.balance)
         self.hierarchy = NestedMultigrid(self.balance, _direct_limit(ground))
         self.displacement = self.balance.grid.value.copy()
         self.generations: list[Generation] = []
@@ -226,14 +225,25 @@ def spawn(ground: Ground, tolerance: float, most_agents: int, aim: Aim | None = 
 
 
 def _first(ground: Ground) -> tuple[Balance, list[str]]:
-    """Return the first agents; members one agent wide get smaller ones."""
-    leaves = ground.start()
-    notes: list[str] = []
+    """Return the first agents; members one agent wide and pins get smaller ones."""
+    leaves, notes = ground.start(), list[str]()
+    balance = Balance(_stiff(ground, leaves, notes))
+    if loose_part(balance) is not None:
+        pinned = beside_rigid_cells(balance.grid)
+        leaves = balance.grid.leaves.split(pinned, 0, np.zeros(len(pinned))).balanced(0)
+        balance = Balance(_stiff(ground, leaves, notes))
+        notes.append("a single rigid cell holds no turn: the cells beside were halved")
+        check_held(balance)
+    return balance, notes
+
+
+def _stiff(ground: Ground, leaves: Leaves, notes: list[str]) -> Composite:
+    """Lay leaves so small that every one is held by its neighbours against sliding."""
     grid = Composite(ground, leaves)
     while True:
         thin = slender(grid)
         if not thin.any():
-            return Balance(grid), notes
+            return grid
         if not notes and (leaves.size[thin] <= ground.cell).any():
             cell = leaves.lower[thin & (leaves.size <= ground.cell)][0] // ground.cell
             place = ", ".join(str(int(i)) for i in cell)

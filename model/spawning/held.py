@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from kaju.errors import SupportError
@@ -16,8 +15,8 @@ from .composite import Composite, Floats
 from .field import oriented
 from .leaves import Flags, Index
 
-FREE = 1e-10
-"""A motion that costs less than this share of the stiffest is free."""
+FREE = 1e-13
+"""A motion that strains supports by less than this share of what another one does is free."""
 
 
 def check_held(balance: Balance) -> None:
@@ -28,33 +27,68 @@ def check_held(balance: Balance) -> None:
     SupportError
         Naming a cell of the part and how it could move.
     """
-    grid = balance.grid
-    modes = rigid_motions(grid)
-    modes[grid.state == FIXED] = 0.0
-    answer = balance.stiffness() @ modes
+    loose = loose_part(balance)
+    if loose is not None:
+        leaf, motion = loose
+        grid = balance.grid
+        place = ", ".join(str(int(i)) for i in grid.leaves.lower[leaf] // grid.ground.cell)
+        raise SupportError(
+            f"sides: the supports do not hold the part of the body with cell ({place}): it "
+            f"could {motion}; hold it by a rigid cell or side, or join it to the rest by a "
+            "face (cells that touch at a corner are not joined)"
+        )
+
+
+def loose_part(balance: Balance) -> tuple[int, str] | None:
+    """Return a leaf of a part that could move without straining, and how; None if all are held.
+
+    A rigid motion strains nothing but what holds the body: faces that stay where they are.
+    """
+    grid, d = balance.grid, balance.grid.dimension
     part = _parts(grid)
-    of_face = part[grid.owner]
-    d, count = grid.dimension, int(part.max()) + 1
-    order = np.argsort(of_face, kind="stable")
-    ends = np.searchsorted(of_face[order], np.arange(count + 1))
+    modes = rigid_motions(grid, part)
+    modes[grid.state == FIXED] = 0.0
+    count = int(part.max()) + 1
+    of_rows = [part] * d
+    for edges in grid.edges.values():
+        of_edge = np.zeros(len(edges.modulus), dtype=np.int64)
+        of_edge[edges.of_leaf] = part[:, None, None]
+        of_rows.append(of_edge)
+    bed, of_face = grid.spring > 0, part[grid.owner]
+    mass = _products(modes, of_face, count)
+    resistance = _products(balance.strains @ modes, np.concatenate(of_rows), count)
+    resistance += _products(modes[bed], of_face[bed], count)
     for number in range(count):
-        rows = order[ends[number] : ends[number + 1]]
-        motion = _free_motion(modes[rows], answer[rows], grid.axis[rows], d)
+        motion = _free_motion(mass[number], resistance[number], d)
         if motion:
-            leaf = np.flatnonzero(part == number)[0]
-            place = ", ".join(str(int(i)) for i in grid.leaves.lower[leaf] // grid.ground.cell)
-            raise SupportError(
-                f"sides: the supports do not hold the part of the body with cell ({place}): it "
-                f"could {motion}; hold it by a rigid cell or side, or join it to the rest by a "
-                "face (cells that touch at a corner are not joined)"
-            )
+            return int(np.flatnonzero(part == number)[0]), motion
+    return None
 
 
-def rigid_motions(grid: Composite) -> Floats:
-    """Return the faces' displacements in every rigid motion, one column each."""
+def _products(rows: Floats, part: Index, count: int) -> Floats:
+    """Return the sums, part by part, of the products of all columns; shape (count, k, k)."""
+    some = rows.any(axis=1)
+    rows, part, k = rows[some], part[some], rows.shape[1]
+    total = np.zeros((count, k, k))
+    for i, j in np.ndindex(k, k):
+        total[:, i, j] = np.bincount(part, rows[:, i] * rows[:, j], minlength=count)
+    return total
+
+
+def rigid_motions(grid: Composite, part: Index) -> Floats:
+    """Return the faces' displacements in every rigid motion, one column each.
+
+    Every part turns about its own middle, by as much as moves its ends by about one.
+    """
     d = grid.dimension
+    of_face = part[grid.owner]
     place = grid.place / grid.ground.cell
-    place = (place - place.mean(axis=0)) / max(float(np.ptp(place, axis=0).max()), 1.0)
+    count = np.bincount(of_face)
+    for axis in range(d):
+        place[:, axis] -= (np.bincount(of_face, place[:, axis]) / count)[of_face]
+    reach = np.ones(len(count))
+    np.maximum.at(reach, of_face, np.abs(place).max(axis=1))
+    place /= reach[of_face, None]
     columns = [(grid.axis == a).astype(np.float64) for a in range(d)]
     for a, b in grid.edges:
         turn = np.where(grid.axis == a, -place[:, b], 0.0)
@@ -62,29 +96,45 @@ def rigid_motions(grid: Composite) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def _parts(grid: Composite) -> NDArray[np.int32]:
+def _parts(grid: Composite) -> Index:
     """Return the part of the body that each leaf belongs to: leaves joined by faces."""
     leaf, side = np.nonzero(grid.beside >= 0)
     links = sp.coo_array(
         (np.ones(len(leaf)), (leaf, grid.beside[leaf, side])), shape=(len(grid.leaves),) * 2
     )
     # A large leaf names only one small neighbour, but each of these names it in turn.
-    return np.asarray(connected_components(links, directed=False)[1])
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
 
 
-def _free_motion(modes: Floats, answer: Floats, axis: Index, dimension: int) -> str:
-    """Return in words a rigid motion that nothing resists, "" if there is none."""
-    scale = np.sqrt(np.maximum((modes**2).sum(axis=0), 1e-300))
-    gram = (modes.T @ answer) / np.outer(scale, scale)
-    values = np.linalg.eigvalsh(0.5 * (gram + gram.T))
+def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
+    """Return in words a rigid motion that nothing resists, "" if there is none.
+
+    Only those count that move a face that is free (by its mass).
+    """
+    size, motion = np.linalg.eigh(mass)
+    moves = size > 1e-12 * size[-1]
+    if size[-1] <= 0:
+        return ""
+    motion = motion[:, moves] / np.sqrt(size[moves])
+    values = np.linalg.eigvalsh(motion.T @ resistance @ motion)
     if values[-1] <= 0:
         return "move anywhere"
     if values[0] > FREE * values[-1]:
         return ""
     for a in range(dimension):
-        if gram[a, a] <= FREE * values[-1]:
+        if mass[a, a] > 0 and resistance[a, a] <= FREE * values[-1] * mass[a, a]:
             return f"move along {'xyz'[a]}"
     return "turn"
+
+
+def beside_rigid_cells(grid: Composite) -> Flags:
+    """Tell which leaves touch rigid cells inside the array, of which a single one is a pin."""
+    beside = np.zeros(len(grid.leaves), dtype=np.bool_)
+    for side in range(2 * grid.dimension):
+        bare = np.flatnonzero(grid.beside[:, side] < 0)
+        point = grid.beyond(side, bare)
+        beside[bare] |= (grid.ground.kinds_at(point) == RIGID) & ~grid.outside(point, side)
+    return beside
 
 
 def slender(grid: Composite) -> Flags:
@@ -109,7 +159,9 @@ def slender(grid: Composite) -> Flags:
             table = oriented(edges, axis < across)[1]
             smooth = ~(edges.modulus[table[:, end]] > 0).any(axis=1)
             held = pinned[:, across] & (rigid[:, side] | pinned[other, across])
-            sliding = smooth & ((other >= 0) | rigid[:, side]) & ~held
+            # Between a large leaf and small ones, those tell: the edges between them carry too.
+            divided = (other >= 0) & (grid.length[other] < grid.length)
+            sliding = smooth & ((other >= 0) | rigid[:, side]) & ~held & ~divided
             loose |= sliding
             loose[other[sliding & (other >= 0)]] = True
     return loose

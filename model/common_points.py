@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kaju.errors import ResultError
 from kaju.model.reference import Reference
-from kaju.model.result import BodyResult
+from kaju.model.result import BodyResult, body_cells, grid_of
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -32,26 +32,12 @@ class Stressed(Protocol):
 
 
 @runtime_checkable
-class OnOwnCells(Protocol):
-    """A result on other cells than those of its scene."""
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that the fields belong to."""
-
-
-@runtime_checkable
 class Staged(Protocol):
     """A result that stands at one stage of loading."""
 
     @property
     def stage(self) -> int | None:
         """The stage, from 1; None: the last."""
-
-
-def grid_of(result: BodyResult) -> Scene:
-    """Return the scene on the cells that a result's fields belong to."""
-    return result.grid if isinstance(result, OnOwnCells) else result.scene
 
 
 def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
@@ -77,18 +63,8 @@ def cell_centres(scene: Scene, *others: Scene) -> Floats:
     cells = cells[scene.kinds(cells) >= 0]
     points = scene.lattice.centres(cells)
     for other in others:
-        points = points[inside(other, points)]
+        points = points[body_cells(other, points)[1]]
     return points
-
-
-def inside(scene: Scene, points: Floats) -> NDArray[np.bool_]:
-    """Tell which points (m) lie in a body or on its surface."""
-    lattice = scene.lattice
-    within: NDArray[np.bool_] = scene.kinds(lattice.locate(points)) >= 0
-    # A point on the surface belongs to the body, on whichever side rounding has put it.
-    for shift in 1e-6 * lattice.cell_size * lattice.normals:
-        within |= scene.kinds(lattice.locate(points + shift)) >= 0
-    return within
 
 
 def _cells_in(box: CellBox) -> NDArray[np.int64]:

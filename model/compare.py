@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kaju.errors import ResultError, ResultFileError
-from kaju.model.common_points import Stressed, check_comparable, common_points, grid_of, inside
+from kaju.model.common_points import Stressed, check_comparable, common_points
 from kaju.model.pair import Pair, Profile
+from kaju.model.profile import line_of
 from kaju.model.reference import Reference
-from kaju.model.result import BodyResult, read_archive
+from kaju.model.result import BodyResult, body_cells, grid_of, read_archive
 from kaju.model.stored import load_result
 
 if TYPE_CHECKING:
@@ -69,21 +70,13 @@ class Comparison:
         ResultError
             If no point of the line can be compared.
         """
-        first, last = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
-        dimension = self.points.shape[1]
-        length = float(np.linalg.norm(last - first)) if first.shape == last.shape else 0.0
-        if first.shape != (dimension,) or not length > 0.0:
-            raise ResultError(
-                f"along: two different points of {dimension} numbers are needed, "
-                f"got {list(start)} and {list(end)}"
-            )
-        way = (last - first) / length
+        first, way, length = line_of(start, end, self.points.shape[1], "along")
         if isinstance(self.reference, Reference):
             points = near_line(self.reference.points, first, way, length)
         else:
             points = first + np.linspace(0.0, length, count)[:, None] * way
-            points = points[inside(grid_of(self.reference), points)]
-        points = points[inside(grid_of(self.result), points)]
+            points = points[body_cells(grid_of(self.reference), points)[1]]
+        points = points[body_cells(grid_of(self.result), points)[1]]
         if not len(points):
             raise ResultError(
                 "along: no point of the line lies in both bodies, or is known to the reference"

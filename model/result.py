@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     import pandas
 
     from kaju.model.scene import Scene
+
+_SCENE = "scene."
 
 
 class Result(ABC):
@@ -73,6 +76,91 @@ class BodyResult(Result):
     def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
+    @abstractmethod
+    def stress_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+
+    def profile(
+        self, start: Sequence[float], end: Sequence[float], count: int = 101
+    ) -> pandas.DataFrame:
+        """Return displacement and stress along a line.
+
+        Parameters
+        ----------
+        start, end : sequence of float
+            Points (m) at its ends.
+        count : int
+            Number of points, evenly spaced; those outside of the body are left out.
+
+        Returns
+        -------
+        DataFrame
+            One row per point, with its distance from `start` (m).
+
+        Raises
+        ------
+        ResultError
+            If the ends are the same or of another dimension, or the line misses the body.
+        """
+        from .profile import along_line
+
+        return along_line(self, start, end, count)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to one ``.npz`` file, whole or not at all.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        text, scene_arrays = self.scene.to_archive()
+        arrays, about = self._archive()
+        arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
+        about |= {"scene": text, "seconds": self.seconds}
+        return write_archive(path, self.kind, arrays, about)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a result that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, or holds something else.
+        """
+        from kaju.model.scene import Scene
+
+        arrays, about = read_archive(path, cls.kind)
+        names = [name for name in arrays if name.startswith(_SCENE)]
+        own = {name.removeprefix(_SCENE): arrays.pop(name) for name in names}
+        return cls._from_archive(Scene.from_archive(about["scene"], own), arrays, about)
+
+    @abstractmethod
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored besides scene and time: arrays, and plain values."""
+
+    @classmethod
+    @abstractmethod
+    def _from_archive(
+        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
+    ) -> Self:
+        """Return the result that `_archive` took apart."""
+
+
+@runtime_checkable
+class OnOwnCells(Protocol):
+    """A result on other cells than those of its scene."""
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that the fields belong to."""
+
+
+def grid_of(result: BodyResult) -> Scene:
+    """Return the scene on the cells that a result's fields belong to."""
+    return result.grid if isinstance(result, OnOwnCells) else result.scene
+
 
 def cells_of_points(
     scene: Scene, points: NDArray[np.float64]
@@ -93,6 +181,18 @@ def cells_of_points(
         )
     if not np.isfinite(points).all():
         raise ResultError("points: must be finite numbers")
+    cells, inside = body_cells(scene, points)
+    if not inside.all():
+        where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])
+        raise ResultError(f"points: ({where}) m lies outside the body")
+    return points, cells
+
+
+def body_cells(
+    scene: Scene, points: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the body cell that each point (m) lies in or on, and whether there is one."""
+    lattice = scene.lattice
     cells = lattice.locate(points)
     outside = scene.kinds(cells) < 0
     # A point on the surface belongs to the body, on whichever side rounding has put it.
@@ -103,10 +203,7 @@ def cells_of_points(
         place = np.flatnonzero(outside)[inside]
         cells[place] = moved[inside]
         outside[place] = False
-    if outside.any():
-        where = ", ".join(f"{value:g}" for value in points[np.argmax(outside)])
-        raise ResultError(f"points: ({where}) m lies outside the body")
-    return points, cells
+    return cells, ~outside
 
 
 def write_archive(

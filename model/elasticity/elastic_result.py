@@ -4,30 +4,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju import __version__
-from kaju.model.result import BodyResult, cells_of_points, read_archive, write_archive
+from kaju.model.result import cells_of_points
 from kaju.model.scene import Scene
 
 from . import fields, sampling
 from .engine import Solution
 from .from_scene import problem_of_scene
-from .problem import ABSENT, ElasticProblem, FaceFields, Floats
+from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
 from .reactions import INSIDE, reactions
+from .solid_result import SolidResult
 from .staggered import Pair, Strains
 
 if TYPE_CHECKING:
-    import pandas
     import xarray
+
+    from .export import Mesh
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ElasticResult(BodyResult):
+class ElasticResult(SolidResult):
     """Linear elasticity of a scene on the staggered grid.
 
     Arrays over cells are indexed [x, y(, z)] over the box around the body; `origin` is the
@@ -73,9 +73,12 @@ class ElasticResult(BodyResult):
         return self.problem.kinds[self.problem.inner] >= 0
 
     @property
-    def _stress_unit(self) -> float:
-        scales = self.problem.scales
-        return scales.modulus * scales.displacement / scales.length
+    def _scales(self) -> Scales:
+        return self.problem.scales
+
+    @property
+    def _energy(self) -> float:
+        return self.solution.energy
 
     @cached_property
     def face_displacement(self) -> FaceFields:
@@ -140,11 +143,6 @@ class ElasticResult(BodyResult):
             across = ratio * np.trace(self.stress, axis1=-2, axis2=-1)
         return fields.von_mises(self.stress, across)
 
-    @property
-    def strain_energy(self) -> float:
-        """Energy (J) stored in the body, and in a foundation if there is one."""
-        return self.solution.energy * self.problem.scales.force * self.problem.scales.displacement
-
     @cached_property
     def reactions(self) -> dict[str, Floats]:
         """Force (N) of each support on the body; "rigid" are rigid cells inside the array."""
@@ -168,11 +166,6 @@ class ElasticResult(BodyResult):
         return self.solution.error_estimate
 
     @property
-    def iterations(self) -> int:
-        """Number of iterations after full multigrid."""
-        return self.solution.iterations
-
-    @property
     def residuals(self) -> tuple[float, ...]:
         """Relative residual before every iteration."""
         return tuple(self.solution.residuals)
@@ -182,25 +175,13 @@ class ElasticResult(BodyResult):
         """Largest displacement of a cell's middle (m)."""
         return float(np.nanmax(np.linalg.norm(self.cell_displacement, axis=-1)))
 
-    def summary(self) -> dict[str, Any]:
-        """Return the key figures as plain numbers and strings."""
-        numbers = {name: force.tolist() for name, force in self.reactions.items()}
+    def _figures(self) -> dict[str, Any]:
         return {
-            "rule": "elastic",
-            "plane": self.problem.plane,
-            "strain_energy": self.strain_energy,
-            "error_estimate": self.error_estimate,
             "agents": int(np.count_nonzero(self.body)),
             "levels": self.solution.levels,
-            "iterations": self.iterations,
-            "residual": self.residuals[-1] if self.residuals else 0.0,
-            "reaction": numbers,
-            "max_displacement": self.max_displacement,
-            "seconds": self.seconds,
             "method": self.solution.method,
             "subdivision": self.subdivision,
             "notes": list(self.solution.notes),
-            "kaju_version": __version__,
         }
 
     def displacement_at(self, points: NDArray[np.float64]) -> Floats:
@@ -218,11 +199,15 @@ class ElasticResult(BodyResult):
         local = points / self.cell_size - cells
         return cells - np.asarray(self.origin), np.clip(local, 0.0, 1.0)
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return one row per cell: place, material, displacement, strain, stress."""
-        from .export import dataframe
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        from .export import columns
 
-        return dataframe(self)
+        return columns(self)
+
+    def _mesh(self) -> Mesh:
+        from .export import mesh
+
+        return mesh(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return cells, faces and corners with coordinates and units.
@@ -236,55 +221,20 @@ class ElasticResult(BodyResult):
 
         return dataset(self)
 
-    def to_vtk(self, path: str | Path) -> Path:
-        """Write the cells as an unstructured grid that ParaView reads (.vtu or .vtk).
-
-        Raises
-        ------
-        MissingExtraError
-            If meshio is not installed.
-        """
-        from .export import write_vtk
-
-        return write_vtk(self, path)
-
-    def save(self, path: str | Path) -> Path:
-        """Write the result to one ``.npz`` file, whole or not at all.
-
-        Raises
-        ------
-        ResultFileError
-            If the file cannot be written.
-        """
-        text, scene_arrays = self.scene.to_archive()
-        arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
-        arrays |= {f"face.{a}": v for a, v in enumerate(self.solution.displacement)}
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         described = {
             name: value
             for name, value in vars(self.solution).items()
             if name not in ("displacement", "prepared")
         }
-        about = {
-            "scene": text,
-            "stage": self.stage,
-            "subdivision": self.subdivision,
-            "solution": described,
-            "seconds": self.seconds,
-        }
-        return write_archive(path, self.kind, arrays, about)
+        faces = {f"face.{a}": values for a, values in enumerate(self.solution.displacement)}
+        about = {"stage": self.stage, "subdivision": self.subdivision, "solution": described}
+        return faces, about
 
     @classmethod
-    def load(cls, path: str | Path) -> ElasticResult:
-        """Read a result that `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, or holds something else.
-        """
-        arrays, about = read_archive(path, cls.kind)
-        own = {k.removeprefix("scene."): v for k, v in arrays.items() if k.startswith("scene.")}
-        scene = Scene.from_archive(about["scene"], own)
+    def _from_archive(
+        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
+    ) -> ElasticResult:
         division = about["subdivision"]
         grid = scene if division == 1 else scene.refine(division)
         problem, origin = problem_of_scene(grid, about["stage"])

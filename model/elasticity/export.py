@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.errors import MissingExtraError, ResultFileError
 
+from .problem import Floats
 from .staggered import axis_pairs
 
 if TYPE_CHECKING:
-    import pandas
     import xarray
 
     from .elastic_result import ElasticResult
@@ -21,26 +22,55 @@ if TYPE_CHECKING:
 AXES = "xyz"
 
 
-def dataframe(result: ElasticResult) -> pandas.DataFrame:
-    """Return one row per cell of the body."""
-    import pandas as pd
+class Mesh(NamedTuple):
+    """Agents as VTK knows them.
 
+    Attributes
+    ----------
+    points : array, shape (points, dimension)
+        Corners (m).
+    cells : int array, shape (agents, 4 or 8)
+        The corners of each, in VTK's order.
+    displacement : array, shape (points, dimension)
+        Of the corners (m).
+    data : dict of str to array
+        Values of the agents.
+    """
+
+    points: Floats
+    cells: NDArray[np.int64]
+    displacement: Floats
+    data: dict[str, NDArray[Any]]
+
+
+def columns(result: ElasticResult) -> dict[str, NDArray[Any]]:
+    """Return one row per cell of the body."""
     body = result.body
     place = np.argwhere(body) + np.asarray(result.origin)
     d = result.problem.dimension
-    columns: dict[str, Any] = {f"cell_{AXES[a]}": place[:, a] for a in range(d)}
+    found = {f"cell_{AXES[a]}": place[:, a] for a in range(d)}
     centres = result.cell_size * (place + 0.5)
-    columns |= {f"{AXES[a]} (m)": centres[:, a] for a in range(d)}
+    found |= {f"{AXES[a]} (m)": centres[:, a] for a in range(d)}
     names = np.array([material.name for material in result.grid.cell_materials])
-    columns["material"] = names[result.problem.kinds[result.problem.inner][body]]
-    moved = result.cell_displacement[body]
-    columns |= {f"displacement_{AXES[a]} (m)": moved[:, a] for a in range(d)}
-    for name, unit, tensor in (("strain", "", result.strain), ("stress", " (Pa)", result.stress)):
-        inside = tensor[body]
+    found["material"] = names[result.problem.kinds[result.problem.inner][body]]
+    return found | fields_of(
+        result.cell_displacement[body],
+        result.strain[body],
+        result.stress[body],
+        result.von_mises[body],
+    )
+
+
+def fields_of(
+    moved: Floats, strain: Floats, stress: Floats, von_mises: Floats
+) -> dict[str, NDArray[Any]]:
+    """Return the columns of the fields of agents, one row each."""
+    d = moved.shape[1]
+    found = {f"displacement_{AXES[a]} (m)": moved[:, a] for a in range(d)}
+    for name, unit, tensor in (("strain", "", strain), ("stress", " (Pa)", stress)):
         for a, b in [(a, a) for a in range(d)] + axis_pairs(d):
-            columns[f"{name}_{AXES[a]}{AXES[b]}{unit}"] = inside[:, a, b]
-    columns["von_mises (Pa)"] = result.von_mises[body]
-    return pd.DataFrame(columns)
+            found[f"{name}_{AXES[a]}{AXES[b]}{unit}"] = tensor[:, a, b]
+    return found | {"von_mises (Pa)": von_mises}
 
 
 def dataset(result: ElasticResult) -> xarray.Dataset:
@@ -86,8 +116,31 @@ def dataset(result: ElasticResult) -> xarray.Dataset:
     return xarray.Dataset(variables, coordinates, plain)
 
 
-def write_vtk(result: ElasticResult, path: str | Path) -> Path:
-    """Write the cells of the body as quadrilaterals or hexahedra."""
+def mesh(result: ElasticResult) -> Mesh:
+    """Return the cells of the body as quadrilaterals or hexahedra."""
+    place, d = np.argwhere(result.body), result.problem.dimension
+    nodes = [n + 1 for n in result.problem.shape]
+    corners = np.stack(
+        [np.ravel_multi_index(tuple((place + step).T), nodes) for step in corner_order(d)], axis=1
+    )
+    used, cells = np.unique(corners, return_inverse=True)
+    index = np.stack(np.unravel_index(used, nodes), axis=1)
+    body = result.body
+    return Mesh(
+        result.cell_size * (index + np.asarray(result.origin)),
+        cells.reshape(corners.shape),
+        result.corner_displacement.reshape(-1, d)[used],
+        {
+            "von_mises": result.von_mises[body],
+            "stress": result.stress[body].reshape(-1, d * d),
+            "strain": result.strain[body].reshape(-1, d * d),
+            "material": result.problem.kinds[result.problem.inner][body],
+        },
+    )
+
+
+def write_mesh(found: Mesh, path: str | Path) -> Path:
+    """Write agents as an unstructured grid; see `SolidResult.to_vtk`."""
     try:
         import meshio
     except ImportError as error:
@@ -96,36 +149,19 @@ def write_vtk(result: ElasticResult, path: str | Path) -> Path:
     target = Path(path)
     if target.suffix not in (".vtu", ".vtk"):
         target = target.with_name(target.name + ".vtu")
-    place, d = np.argwhere(result.body), result.problem.dimension
-    nodes = [n + 1 for n in result.problem.shape]
-    corners = np.stack(
-        [np.ravel_multi_index(tuple((place + step).T), nodes) for step in _corner_order(d)], axis=1
-    )
-    used, cells = np.unique(corners, return_inverse=True)
-    index = np.stack(np.unravel_index(used, nodes), axis=1)
-    points = np.zeros((len(used), 3))
-    points[:, :d] = result.cell_size * (index + np.asarray(result.origin))
-    moved = np.zeros((len(used), 3))
-    moved[:, :d] = result.corner_displacement.reshape(-1, d)[used]
-    body = result.body
-    data = {
-        "von_mises": [result.von_mises[body]],
-        "stress": [result.stress[body].reshape(-1, d * d)],
-        "strain": [result.strain[body].reshape(-1, d * d)],
-        "material": [result.problem.kinds[result.problem.inner][body]],
-    }
-    kind = "quad" if d == 2 else "hexahedron"
-    mesh = meshio.Mesh(
-        points, [(kind, cells.reshape(corners.shape))], {"displacement": moved}, data
-    )
+    flat = [(0, 3 - found.points.shape[1])]
+    points, moved = (np.pad(a, [(0, 0), *flat]) for a in (found.points, found.displacement))
+    kind = "quad" if found.cells.shape[1] == 4 else "hexahedron"
+    values = {name: [column] for name, column in found.data.items()}
+    written = meshio.Mesh(points, [(kind, found.cells)], {"displacement": moved}, values)
     try:
-        mesh.write(target)
+        written.write(target)
     except OSError as error:
         raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
     return target
 
 
-def _corner_order(dimension: int) -> list[tuple[int, ...]]:
+def corner_order(dimension: int) -> list[tuple[int, ...]]:
     """Return the corners of a cell in VTK's order: round the bottom, then round the top."""
     ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
     if dimension == 2:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.errors import ResultError
-from kaju.model.result import BodyResult, cells_of_points, read_archive, write_archive
+from kaju.model.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID
 
@@ -185,14 +184,7 @@ class TransferResult(BodyResult):
                 columns[f"stress_{a}{b}"] = self.stress[:, i, j]
         return pandas.DataFrame(columns)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the result to one ``.npz`` file, whole or not at all.
-
-        Raises
-        ------
-        ResultFileError
-            If the file cannot be written.
-        """
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays: dict[str, NDArray[Any]] = {}
         described = []
         for number, stage in enumerate(self.stages):
@@ -208,31 +200,12 @@ class TransferResult(BodyResult):
                     "ledger": asdict(stage.ledger),
                 }
             )
-        text, scene_arrays = self.scene.to_archive()
-        arrays |= {f"scene.{name}": array for name, array in scene_arrays.items()}
-        about = {
-            "scene": text,
-            "stages": described,
-            "certificate": asdict(self.certificate),
-            "seconds": self.seconds,
-        }
-        return write_archive(path, self.kind, arrays, about)
+        return arrays, {"stages": described, "certificate": asdict(self.certificate)}
 
     @classmethod
-    def load(cls, path: str | Path) -> TransferResult:
-        """Read a result that `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, or holds something else.
-        """
-        arrays, about = read_archive(path, cls.kind)
-        scene_arrays = {
-            name.removeprefix("scene."): array
-            for name, array in arrays.items()
-            if name.startswith("scene.")
-        }
+    def _from_archive(
+        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
+    ) -> TransferResult:
         stages = []
         for number, described in enumerate(about["stages"]):
             history = {f.name: arrays[f"{number}.history.{f.name}"] for f in fields(History)}
@@ -243,7 +216,6 @@ class TransferResult(BodyResult):
             }
             described["ledger"] = Ledger(**described["ledger"])
             stages.append(Stage(**described, **columns, history=History(**history)))
-        scene = Scene.from_archive(about["scene"], scene_arrays)
         certificate = Certificate(**about["certificate"])
         return cls(scene, tuple(stages), certificate, about["seconds"])
 

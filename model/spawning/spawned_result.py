@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju import __version__
 from kaju.model.elasticity import fields
-from kaju.model.result import BodyResult, cells_of_points
+from kaju.model.elasticity.problem import Scales
+from kaju.model.elasticity.solid_result import SolidResult
+from kaju.model.result import cells_of_points
 from kaju.model.scene import Scene
 
 from . import sampling
@@ -24,11 +24,11 @@ from .ground import Ground
 from .leaves import Index, Leaves
 
 if TYPE_CHECKING:
-    import pandas
+    from kaju.model.elasticity.export import Mesh
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SpawnedResult(BodyResult):
+class SpawnedResult(SolidResult):
     """Linear elasticity of a scene by agents that are small only where they have to be.
 
     Arrays over agents are in the order of `agents`: a space-filling curve through the body.
@@ -71,9 +71,12 @@ class SpawnedResult(BodyResult):
         return self.spawning.balance.grid.leaves
 
     @property
-    def _stress_unit(self) -> float:
-        scales = self._ground.scales
-        return scales.modulus * scales.displacement / scales.length
+    def _scales(self) -> Scales:
+        return self._ground.scales
+
+    @property
+    def _energy(self) -> float:
+        return self.spawning.energy
 
     @cached_property
     def _fields(self) -> AgentFields:
@@ -119,7 +122,7 @@ class SpawnedResult(BodyResult):
     @property
     def unbalanced_load(self) -> Floats:
         """Load (N) each agent leaves unbalanced, as its children would feel it."""
-        return np.asarray(self.spawning.indicator.load * self._ground.scales.force)
+        return np.asarray(self.spawning.indicator.load * self._scales.force)
 
     @property
     def error_share(self) -> Floats:
@@ -135,7 +138,7 @@ class SpawnedResult(BodyResult):
     @cached_property
     def agent_displacement(self) -> Floats:
         """Displacement (m) of the agents' middles, shape (agents, dimension)."""
-        return self._ground.scales.displacement * self._fields.displacement
+        return self._scales.displacement * self._fields.displacement
 
     @cached_property
     def stress(self) -> Floats:
@@ -145,7 +148,7 @@ class SpawnedResult(BodyResult):
     @cached_property
     def strain(self) -> Floats:
         """Strain tensors of the agents, shape (agents, dimension, dimension)."""
-        scaled = self.stress / self._ground.scales.modulus
+        scaled = self.stress / self._scales.modulus
         return fields.strain_of(scaled, self._ground.moduli, self._leaves.kind)
 
     @cached_property
@@ -165,12 +168,6 @@ class SpawnedResult(BodyResult):
         return fields.von_mises(self.stress, across)
 
     @property
-    def strain_energy(self) -> float:
-        """Energy (J) stored in the body, and in a foundation if there is one."""
-        scales = self._ground.scales
-        return self.spawning.energy * scales.force * scales.displacement
-
-    @property
     def error_estimate(self) -> float:
         """Estimated error in the energy norm, relative to the solution.
 
@@ -181,8 +178,8 @@ class SpawnedResult(BodyResult):
     @property
     def generations(self) -> tuple[Generation, ...]:
         """Every step of spawning: its agents, estimated error, strain energy (J), load left (N)."""
-        force = self._ground.scales.force
-        unit = force * self._ground.scales.displacement
+        force = self._scales.force
+        unit = force * self._scales.displacement
         return tuple(
             g._replace(energy=g.energy * unit, load=g.load * force)
             for g in self.spawning.generations
@@ -202,43 +199,30 @@ class SpawnedResult(BodyResult):
     def reactions(self) -> dict[str, Floats]:
         """Force (N) of each support on the body; "rigid" are rigid cells inside the array."""
         found = self.spawning.balance.reactions(self.spawning.displacement)
-        return {name: force * self._ground.scales.force for name, force in found.items()}
+        return {name: force * self._scales.force for name, force in found.items()}
 
     @property
     def max_displacement(self) -> float:
         """Largest displacement of an agent's middle (m)."""
         return float(np.linalg.norm(self.agent_displacement, axis=1).max())
 
-    def summary(self) -> dict[str, Any]:
-        """Return the key figures as plain numbers and strings."""
+    def _figures(self) -> dict[str, Any]:
         size = self._leaves.size
         return {
-            "rule": "elastic",
-            "plane": self.scene.plane,
-            "strain_energy": self.strain_energy,
-            "error_estimate": self.error_estimate,
             "tolerance": self.tolerance,
             "agents": self.agents,
             "levels": len(np.unique(size)),
-            "iterations": max(len(self.residuals) - 1, 0),
-            "residual": self.residuals[-1] if self.residuals else 0.0,
-            "reaction": {name: force.tolist() for name, force in self.reactions.items()},
-            "max_displacement": self.max_displacement,
-            "seconds": self.seconds,
             "method": "spawning",
             "generations": len(self.spawning.generations),
             "smallest_agent": float(size.min() * self._metre),
             "largest_agent": float(size.max() * self._metre),
             "notes": list(self.spawning.notes),
-            "kaju_version": __version__,
         }
 
     def displacement_at(self, points: NDArray[np.float64]) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         place, leaf = self._locate(points)
-        return self._ground.scales.displacement * sampling.displacement_at(
-            self._fields, place, leaf
-        )
+        return self._scales.displacement * sampling.displacement_at(self._fields, place, leaf)
 
     def stress_at(self, points: NDArray[np.float64]) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
@@ -253,45 +237,32 @@ class SpawnedResult(BodyResult):
         unit = np.clip(np.floor(place).astype(np.int64), first, first + self._ground.cell - 1)
         return place, self._leaves.find(unit)
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return one row per agent: place, size, level, when and why it spawned, what it bears."""
-        from .export import dataframe
+    def _columns(self) -> dict[str, NDArray[Any]]:
+        from .export import columns
 
-        return dataframe(self)
+        return columns(self)
 
-    def to_vtk(self, path: str | Path) -> Path:
-        """Write the agents as an unstructured grid that ParaView reads (.vtu or .vtk).
+    def _mesh(self) -> Mesh:
+        from .export import mesh
 
-        Raises
-        ------
-        MissingExtraError
-            If meshio is not installed.
-        """
-        from .export import write_vtk
+        return mesh(self)
 
-        return write_vtk(self, path)
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        from .storage import taken_apart
 
-    def save(self, path: str | Path) -> Path:
-        """Write the result to one ``.npz`` file, whole or not at all.
-
-        Raises
-        ------
-        ResultFileError
-            If the file cannot be written.
-        """
-        from .storage import store
-
-        return store(self, path)
+        return taken_apart(self)
 
     @classmethod
-    def load(cls, path: str | Path) -> SpawnedResult:
-        """Read a result that `save` wrote.
+    def _from_archive(
+        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
+    ) -> SpawnedResult:
+        from .storage import spawning_of
 
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, or holds something else.
-        """
-        from .storage import restore
-
-        return restore(path)
+        return cls(
+            scene,
+            about["stage"],
+            about["tolerance"],
+            about["resolution"],
+            spawning_of(scene, arrays, about),
+            about["seconds"],
+        )

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.result import read_archive, write_archive
 from kaju.model.scene import Scene
 
 from .aims import Aimed
@@ -18,18 +16,18 @@ from .generations import Generation, Spawning
 from .ground import ground_of
 from .indicator import indicate
 from .leaves import Leaves
-from .spawned_result import SpawnedResult
+
+if TYPE_CHECKING:
+    from .spawned_result import SpawnedResult
 
 _HISTORY = ("code", "size", "load", "chosen")
 _ARRAYS = ("lower", "size", "kind", "step", "cause")
 
 
-def store(result: SpawnedResult, path: str | Path) -> Path:
-    """Write a result; see `SpawnedResult.save`."""
+def taken_apart(result: SpawnedResult) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return what is stored of a result: arrays, and plain values."""
     spawning, leaves = result.spawning, result.spawning.balance.grid.leaves
-    text, scene_arrays = result.scene.to_archive()
-    arrays: dict[str, NDArray[Any]] = {f"scene.{k}": v for k, v in scene_arrays.items()}
-    arrays |= {name: getattr(leaves, name) for name in _ARRAYS}
+    arrays = {name: getattr(leaves, name) for name in _ARRAYS}
     arrays["displacement"] = spawning.displacement
     arrays["part"] = spawning.aimed.part
     for name in _HISTORY:
@@ -41,23 +39,18 @@ def store(result: SpawnedResult, path: str | Path) -> Path:
         for name in ("energy", "error", "residuals", "levels", "reached", "stopped", "notes")
     }
     about = {
-        "scene": text,
         "stage": result.stage,
         "tolerance": result.tolerance,
         "resolution": result.resolution,
         "spawning": history,
         "aimed_error": spawning.aimed.error,
         "generations": [list(g[:5]) for g in spawning.generations],
-        "seconds": result.seconds,
     }
-    return write_archive(path, result.kind, arrays, about)
+    return arrays, about
 
 
-def restore(path: str | Path) -> SpawnedResult:
-    """Read what `store` wrote; all that follows from the agents is worked out again."""
-    arrays, about = read_archive(path, SpawnedResult.kind)
-    own = {k.removeprefix("scene."): v for k, v in arrays.items() if k.startswith("scene.")}
-    scene = Scene.from_archive(about["scene"], own)
+def spawning_of(scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> Spawning:
+    """Return what was taken apart; all that follows from the agents is worked out again."""
     ground = ground_of(scene, about["stage"], about["resolution"])
     leaves = Leaves.of(*(arrays[name] for name in _ARRAYS))
     balance = Balance(Composite(ground, leaves))
@@ -68,19 +61,11 @@ def restore(path: str | Path) -> SpawnedResult:
         Generation(*entry, *part) for entry, *part in zip(about["generations"], *parts, strict=True)
     ]
     nobody = np.zeros(len(leaves), dtype=np.bool_)
-    spawning = Spawning(
+    return Spawning(
         balance,
         u,
         indicate(balance, u),
         aimed=Aimed(about["aimed_error"], arrays["part"], nobody),
         generations=generations,
         **about["spawning"],
-    )
-    return SpawnedResult(
-        scene,
-        about["stage"],
-        about["tolerance"],
-        about["resolution"],
-        spawning,
-        about["seconds"],
     )

@@ -59,6 +59,15 @@ class Filling:
         """Whether every cell of the array is the same."""
         return isinstance(self.base, int) and not self.regions
 
+    def same(self, other: Filling) -> bool:
+        """Tell whether another filling is described alike."""
+        ours, theirs = (
+            (one.lattice, [(region.shape, region.kind) for region in one.regions])
+            for one in (self, other)
+        )
+        arrays = (self.base, other.base), (self.beyond, other.beyond)
+        return ours == theirs and all(np.array_equal(a, b) for a, b in arrays)
+
     def kinds(self, cells: Cells) -> NDArray[np.int64]:
         """Return the kind of each cell, those outside the array included."""
         side = self.lattice.side_beyond(cells)

@@ -214,6 +214,13 @@ class Scene(Description):
             self._contents, self.loads, self._selections, stage, self.thickness, self.body.gravity
         )
 
+    def same_body(self, other: Scene) -> bool:
+        """Tell whether another scene is of the same body, alike held, whatever loads it."""
+        ours, theirs = (
+            (one.plane, one.thickness, one.cell_materials, one._conditions) for one in (self, other)
+        )
+        return ours == theirs and self._contents.filling.same(other._contents.filling)
+
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some of its parts (`loads`, `rule`, ...) replaced."""
         return Scene(**(dict(self) | changes))
@@ -299,10 +306,13 @@ class Scene(Description):
         )
 
     def _in_words(self) -> tuple[object, ...]:
-        sides = tuple(self.side_condition(name) for name in self.lattice.sides)
         body = (self.body.gravity, self.body.regions, self.body.allow_floating)
         space = (self.lattice, self.plane, self.thickness)
-        return (*space, body, self.cell_materials, sides, self.loads, self.rule)
+        return (*space, body, self.cell_materials, self._conditions, self.loads, self.rule)
+
+    @property
+    def _conditions(self) -> tuple[SideCondition, ...]:
+        return tuple(self.side_condition(name) for name in self.lattice.sides)
 
     def _table(self) -> dict[str, Any]:
         return table_of(self)

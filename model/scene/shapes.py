@@ -115,6 +115,13 @@ class Mask:
     dark: NDArray[np.bool_]
     """First index along x from the left, second along y from the bottom."""
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Mask):
+            return NotImplemented
+        return self.box == other.box and np.array_equal(self.dark, other.dark)
+
+    __hash__ = None  # type: ignore[assignment]
+
     @property
     def extent(self) -> tuple[Points, Points]:
         """Lower and upper corner of the picture's box (m)."""

@@ -31,11 +31,14 @@ class Aimed(NamedTuple):
         What every agent contributes to it.
     chosen : bool array, shape (agents,)
         Who has to spawn children, if the tolerance is to be kept; nobody, if none may.
+    allowed : float
+        What all may contribute together.
     """
 
     error: float
     part: Floats
     chosen: Flags
+    allowed: float
 
 
 class Aim(Protocol):
@@ -52,7 +55,8 @@ class EnergyAim:
         """Return how far off the agents are, after they have settled."""
         square = spawner.indicator.square
         allowed = 2 * spawner.energy * (SPARE * spawner.tolerance) ** 2
-        return Aimed(spawner.error, square, choose(spawner.balance.grid, square, allowed))
+        chosen = choose(spawner.balance.grid, square, allowed)
+        return Aimed(spawner.error, square, chosen, allowed)
 
 
 def choose(grid: Composite, part: Floats, allowed: float) -> Flags:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +13,7 @@ from kaju.model.elasticity.problem import ACTIVE, FIXED
 from kaju.model.elasticity.reactions import INSIDE
 
 from .composite import Composite, Floats
+from .ground import Ground
 from .leaves import Index
 from .loads import face_loads
 from .rows import stiffness_of, sum_rows
@@ -56,6 +58,14 @@ class Balance:
         self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
         self.offset = np.concatenate(constants)
         self.load, self.wall_load, self.surface_shear = face_loads(grid)
+
+    def loaded_by(self, ground: Ground) -> Balance:
+        """Return the same agents and matrices under the loads of other ground of the same body."""
+        twin = copy(self)
+        twin.grid = copy(self.grid)
+        twin.grid.ground = ground
+        twin.load, twin.wall_load, twin.surface_shear = face_loads(twin.grid)
+        return twin
 
     @cached_property
     def _moduli(self) -> tuple[Floats, Floats, Floats]:

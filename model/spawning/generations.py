@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from kaju.model.elasticity.krylov import Iteration, dot
-from kaju.model.elasticity.problem import ACTIVE, STIFF_PRESSURE
+from kaju.model.elasticity.krylov import Iteration
+from kaju.model.elasticity.problem import ACTIVE
 
 from .aims import Aim, Aimed, EnergyAim
 from .balance import Balance
 from .composite import Composite, Floats
+from .first import direct_limit, first_agents
 from .ground import Ground
-from .held import beside_rigid_cells, check_held, loose_part, slender
+from .held import rebalance
 from .indicator import Indicator, indicate
 from .leaves import Flags, Index, Leaves
-from .nested import DIRECT, FACTORISED, NestedMultigrid
+from .nested import NestedMultigrid
+from .previous import Standing, count_retired, regroup, take_up
+from .settle import energy_of, relative_error, settle
 
 ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
 LAST = 1e-10
+ENOUGH = 0.01
+"""Share of its estimated error to which the last generation after a change is solved."""
+KEPT = {2: 500_000, 3: 60_000}
+"""Answers of more agents give back the memory of their parents' matrices."""
 MOST_GENERATIONS = 60
 FIRST_GUESS = 0.3
 """Of the first generation's error."""
@@ -86,6 +92,10 @@ class Spawning:
         Why it ended, if it is not: "depth" (the smallest agents allowed), "agents" or
         "iteration".
     notes : list of str
+    hierarchy : NestedMultigrid, optional
+        Serves for other loads on the same agents, unless these are many.
+    retired : int
+        Agents of the previous answer for which a parent has come back.
     """
 
     balance: Balance
@@ -100,6 +110,8 @@ class Spawning:
     reached: bool
     stopped: str
     notes: list[str] = field(default_factory=list)
+    hierarchy: NestedMultigrid | None = field(default=None, repr=False)
+    retired: int = 0
 
 
 class Spawner:
@@ -114,6 +126,8 @@ class Spawner:
         End, short of the tolerance, before there are more agents than this.
     aim : Aim, optional
         What the tolerance is about; by default the error in the energy norm.
+    previous : Spawning, optional
+        Agents on the same cells to begin with, instead of the first ones.
 
     Attributes
     ----------
@@ -129,21 +143,31 @@ class Spawner:
         The error that the tolerance is about, and who has to spawn for it.
     finished : bool
         Whether no step is left.
+    retired : int
+        Agents of the previous answer for which a parent has come back.
     """
 
     def __init__(
-        self, ground: Ground, tolerance: float, most_agents: int, aim: Aim | None = None
+        self,
+        ground: Ground,
+        tolerance: float,
+        most_agents: int,
+        aim: Aim | None = None,
+        previous: Spawning | None = None,
     ) -> None:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
         self.aim = aim or EnergyAim()
-        self.balance, self.notes = _first(ground)
-        self.hierarchy = NestedMultigrid(self.balance, _direct_limit(ground))
-        self.displacement = self.balance.grid.value.copy()
+        self._stand(_first(ground) if previous is None else take_up(previous, ground))
         self.generations: list[Generation] = []
-        self.error = FIRST_GUESS
+        self.error = FIRST_GUESS if previous is None else previous.error
         self.finished = False
+        self._before = None if previous is None else previous.balance.grid.leaves
+        self.retired = 0
         self._chosen: Flags | None = None
         self._stopped = ""
+
+    def _stand(self, standing: Standing) -> None:
+        self.balance, self.hierarchy, self.displacement, self.notes = standing
 
     def step(self) -> None:
         """Spawn, but for the first time, and settle."""
@@ -151,8 +175,10 @@ class Spawner:
             self._spawn(self._chosen)
         run = self._settle(ALGEBRAIC_SHARE * self.error)
         iterations = run.iterations
+        if self._before is not None and not self.generations:
+            iterations += self._regroup(self._before)
         if self._ends():
-            run = self._settle(LAST)
+            run = self._settle(LAST if self._before is None else ENOUGH * self.error)
             iterations += run.iterations
             self._ends()
             self._note_rest(run)
@@ -161,11 +187,23 @@ class Spawner:
         self._remember(iterations)
 
     def _ends(self) -> bool:
-        """Look how far off the agents are; tell whether no step is left."""
-        self.aimed = self.aim.look(self)
+        """Tell whether no step is left."""
         self._stopped = self._reason_to_stop(self.aimed.chosen)
         self.finished = self.aimed.error <= self.tolerance or bool(self._stopped)
         return self.finished
+
+    def _regroup(self, before: Leaves) -> int:
+        """Let agents of the previous answer retire, or spawn at once; return the iterations."""
+        iterations, within = 0, True
+        while within:
+            standing = regroup(self.ground, self.balance, self.displacement, self.aimed)
+            if standing is None:
+                break
+            within = self.aimed.error <= self.tolerance
+            self._stand(standing)
+            iterations += self._settle(ALGEBRAIC_SHARE * self.error).iterations
+        self.retired = count_retired(before, self.balance.grid.leaves)
+        return iterations
 
     def outcome(self) -> Spawning:
         """Return the agents as they are."""
@@ -174,7 +212,13 @@ class Spawner:
             self.balance, self.displacement, self.indicator, self.energy, self.error,
             self.aimed, list(self.generations), self._residuals, self.hierarchy.depth, reached,
             "" if reached else self._stopped, list(self.notes),
+            self._kept_hierarchy(), self.retired,
         )  # fmt: skip
+
+    def _kept_hierarchy(self) -> NestedMultigrid | None:
+        """Return a twin, for this one may grow; none of so many agents that it takes too much."""
+        few = len(self.balance.grid.leaves) <= KEPT[self.ground.dimension]
+        return self.hierarchy.loaded_by(self.balance) if few else None
 
     def _spawn(self, chosen: Flags) -> None:
         number, leaves = len(self.generations), self.balance.grid.leaves
@@ -188,10 +232,13 @@ class Spawner:
 
     def _settle(self, share: float) -> Iteration:
         """Balance the forces to a relative algebraic error; see what is left unbalanced."""
-        run = _settle(self.balance, self.hierarchy, self.displacement, share)
+        run = settle(self.balance, self.hierarchy, self.displacement, share)
+        if share < ALGEBRAIC_SHARE * self.error:
+            rebalance(self.balance, self.hierarchy.matrix, self.displacement)
         self.indicator = indicate(self.balance, self.displacement)
-        self.energy = _energy(self.balance, self.displacement)
-        self.error = float(np.hypot(_relative(self.indicator, self.energy), run.errors[-1]))
+        self.energy = energy_of(self.balance, self.displacement)
+        self.error = float(np.hypot(relative_error(self.indicator, self.energy), run.errors[-1]))
+        self.aimed = self.aim.look(self)
         return run
 
     def _reason_to_stop(self, chosen: Flags) -> str:
@@ -216,81 +263,21 @@ class Spawner:
         self.generations.append(Generation(*cost, leaves.code, leaves.size, load, chosen))
 
 
-def spawn(ground: Ground, tolerance: float, most_agents: int, aim: Aim | None = None) -> Spawning:
+def spawn(
+    ground: Ground,
+    tolerance: float,
+    most_agents: int,
+    aim: Aim | None = None,
+    previous: Spawning | None = None,
+) -> Spawning:
     """Solve with agents that are small only where the error asks for it; see `Spawner`."""
-    spawner = Spawner(ground, tolerance, most_agents, aim)
+    spawner = Spawner(ground, tolerance, most_agents, aim, previous)
     while not spawner.finished:
         spawner.step()
     return spawner.outcome()
 
 
-def _first(ground: Ground) -> tuple[Balance, list[str]]:
-    """Return the first agents; members one agent wide and pins get smaller ones."""
-    leaves, notes = ground.start(), list[str]()
-    balance = Balance(_stiff(ground, leaves, notes))
-    if loose_part(balance) is not None:
-        pinned = beside_rigid_cells(balance.grid)
-        leaves = balance.grid.leaves.split(pinned, 0, np.zeros(len(pinned))).balanced(0)
-        balance = Balance(_stiff(ground, leaves, notes))
-        notes.append("a single rigid cell holds no turn: the cells beside were halved")
-        check_held(balance)
-    return balance, notes
-
-
-def _stiff(ground: Ground, leaves: Leaves, notes: list[str]) -> Composite:
-    """Lay leaves so small that every one is held by its neighbours against sliding."""
-    grid = Composite(ground, leaves)
-    while True:
-        thin = slender(grid)
-        if not thin.any():
-            return grid
-        if not notes and (leaves.size[thin] <= ground.cell).any():
-            cell = leaves.lower[thin & (leaves.size <= ground.cell)][0] // ground.cell
-            place = ", ".join(str(int(i)) for i in cell)
-            notes.append(f"a member is one cell wide at ({place}): its cells were halved")
-        leaves = leaves.split(thin, 0, np.zeros(len(leaves))).balanced(0)
-        grid = Composite(ground, leaves)
-
-
-def _direct_limit(ground: Ground) -> int:
-    """Return up to how many faces a generation is factorised: all, if nearly incompressible."""
-    moduli = ground.moduli
-    d = ground.dimension
-    rubber = np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear)
-    return FACTORISED[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]
-
-
-def _settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: float) -> Iteration:
-    """Solve for the free faces of `u`, in place, to a relative algebraic error."""
-    free = balance.free
-    right = (balance.load - balance.pull)[free]
-    load, given = balance.load[free], balance.given_energy
-
-    def twice_energy(x: Floats) -> float:
-        return 2 * float(dot(x, load)) - float(dot(x, right)) + given
-
-    def done(run: Iteration) -> bool:
-        return run.errors[-1] <= share or _at_rounding(run)
-
-    run = hierarchy.solve(right, u[free], done, twice_energy)
-    u[free] = run.solution
-    return run
-
-
-def _at_rounding(run: Iteration) -> bool:
-    recent = run.residuals
-    return len(recent) > 8 and min(recent[-4:]) > 0.5 * min(recent[:-4]) and run.errors[-1] < 1e-8
-
-
-def _energy(balance: Balance, u: Floats) -> float:
-    """Return the energy, of second order in what the iteration left."""
-    free = balance.free
-    rest = balance.force(u)[free] - balance.load[free]
-    return balance.energy(u) - float(dot(rest, u[free]))
-
-
-def _relative(indicator: Indicator, energy: float) -> float:
-    total = float(indicator.square.sum())
-    if energy <= 0.0:
-        return 0.0 if total == 0.0 else inf
-    return sqrt(total / (2 * energy))
+def _first(ground: Ground) -> Standing:
+    balance, notes = first_agents(ground)
+    hierarchy = NestedMultigrid(balance, direct_limit(ground))
+    return Standing(balance, hierarchy, balance.grid.value.copy(), notes)

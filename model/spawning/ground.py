@@ -105,7 +105,7 @@ class Ground:
         boxes = np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1)
         leaves = self._pure(boxes << exponent, exponent)
         leaves = self._until(leaves, self._beside_mixed)
-        leaves = self._until(leaves, self._unevenly_loaded)
+        leaves = self._until(leaves, self.unevenly_loaded)
         return leaves.balanced(0)
 
     def parents(self, leaves: Leaves) -> Leaves:
@@ -153,7 +153,7 @@ class Ground:
                     unfit[here] |= self._purity.kinds(box, exponent) == MIXED
         return unfit
 
-    def _unevenly_loaded(self, leaves: Leaves) -> Flags:
+    def unevenly_loaded(self, leaves: Leaves) -> Flags:
         """Tell which leaves larger than a cell take loads on a part only, or unequal ones."""
         unfit = np.zeros(len(leaves), dtype=np.bool_)
         if not len(self._cells):

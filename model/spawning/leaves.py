@@ -8,7 +8,7 @@ in the order of their Morton codes, so that the leaf around any point is found b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -98,11 +98,11 @@ class Leaves:
             self.code[parent] + np.where(new, child * size**d, 0),
         )
 
-    def merged(self) -> Leaves:
-        """Return the leaves with every complete family of one kind replaced by its parent."""
+    def families(self) -> Index:
+        """Return the first children of all complete families of one kind; the rest follow them."""
         d, many = self.dimension, 1 << self.dimension
         # In the order of the codes a family stands together, its first child at its corner.
-        first = np.arange(len(self) - many + 1)
+        first = np.arange(max(len(self) - many + 1, 0))
         last = first + many - 1
         parent = 2 * self.size[first]
         whole = np.all(self.lower[first] % parent[:, None] == 0, axis=1)
@@ -110,15 +110,31 @@ class Leaves:
         for child in range(1, many):
             whole &= self.size[first + child] == self.size[first]
             whole &= self.kind[first + child] == self.kind[first]
-        start = np.flatnonzero(whole)
-        gone = (start[:, None] + np.arange(many)).ravel()
-        stay = np.ones(len(self), dtype=np.bool_)
-        stay[gone] = False
-        stay[start] = True
+        return np.flatnonzero(whole)
+
+    def merged(self, start: Index | None = None) -> Leaves:
+        """Return the leaves with families replaced by their parents: all, or some `start`."""
+        start = self.families() if start is None else start
         size = self.size.copy()
         size[start] *= 2
-        return Leaves.of(
-            self.lower[stay], size[stay], self.kind[stay], self.step[stay], self.cause[stay]
+        return replace(self, size=size).only(self.without_siblings(start))
+
+    def without_siblings(self, start: Index) -> Flags:
+        """Tell apart from all others the children in families that follow the first."""
+        stay = np.ones(len(self), dtype=np.bool_)
+        for child in range(1, 1 << self.dimension):
+            stay[start + child] = False
+        return stay
+
+    def only(self, chosen: Flags) -> Leaves:
+        """Return some of the leaves."""
+        return Leaves(
+            self.lower[chosen],
+            self.size[chosen],
+            self.kind[chosen],
+            self.step[chosen],
+            self.cause[chosen],
+            self.code[chosen],
         )
 
     def balanced(self, step: int, young: Flags | None = None) -> Leaves:

@@ -10,6 +10,7 @@ condition), which copes with large contrasts; in one material their own does as 
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 import scipy.sparse as sp
@@ -54,6 +55,17 @@ class NestedMultigrid:
     def depth(self) -> int:
         """Number of levels."""
         return len(self._levels)
+
+    @property
+    def matrix(self) -> sp.csr_array:
+        """Stiffness among the free faces of the finest generation."""
+        return self._levels[-1].matrix
+
+    def loaded_by(self, balance: Balance) -> NestedMultigrid:
+        """Return the same hierarchy, to grow by itself, for the same agents under other loads."""
+        twin = copy(self)
+        twin._balance, twin._levels = balance, [copy(level) for level in self._levels]
+        return twin
 
     def grow(self, balance: Balance) -> sp.csr_array:
         """Add a generation; return the interpolation to all its faces."""
@@ -120,7 +132,8 @@ class NestedMultigrid:
         return x
 
 
-@njit(cache=True, fastmath=True)
+# Rows are short: sums that may be reordered become vectors, which costs more than it saves.
+@njit(cache=True)
 def _sweep(rows, start, column, value, inverse, load, x):  # type: ignore[no-untyped-def]
     """Let some rows in turn yield to their residuals: one Gauss-Seidel sweep in place."""
     for i in rows:

@@ -10,20 +10,22 @@ from kaju.model.scene import Scene
 
 from .generations import Spawning, spawn
 from .ground import ground_of
+from .previous import check_previous
 from .spawned_result import SpawnedResult
 
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
-SMALLEST_TOLERANCE = 1e-6
+SMALLEST_TOLERANCE, TOLERANCE = 1e-6, 1e-2
 
 
 def solve_spawning(
     scene: Scene,
-    tolerance: float = 1e-2,
+    tolerance: float | None = None,
     resolution: int | None = None,
     *,
     stage: int | None = None,
     most_agents: int | None = None,
+    previous: SpawnedResult | None = None,
 ) -> SpawnedResult:
     """Solve a scene as linear elasticity by agents of many sizes.
 
@@ -37,15 +39,20 @@ def solve_spawning(
         Of square or cubic cells. Its cells say where the body is; agents may be smaller and
         larger than they are, and the body is never rasterised as a whole.
     tolerance : float
-        Relative error in the energy norm. Its square is the relative error of the energy.
+        Relative error in the energy norm. Its square is the relative error of the energy. By
+        default 0.01, or that of the previous answer.
     resolution : int, optional
         The body is described by cells that are this many times smaller (regions are asked
         again, so that round shapes become rounder), and no agent is smaller than these. By
-        default agents become as small as the tolerance asks.
+        default agents become as small as the tolerance asks, or as in the previous answer.
     stage : int, optional
         Stage of loading; by default the last.
     most_agents : int, optional
         Give up before there are more; by default 4 million, 400,000 in three dimensions.
+    previous : SpawnedResult, optional
+        The answer to a scene on the same cells, of which something was changed. Its agents
+        are those to begin with; where the body is the same they keep their matrices, where
+        fewer would do they retire and a parent comes back.
 
     Returns
     -------
@@ -63,10 +70,13 @@ def solve_spawning(
         If an argument or the scene breaks a rule.
     """
     start = perf_counter()
+    before, tolerance, resolution = _continued(previous, tolerance, resolution)
     check_arguments(tolerance, resolution, most_agents)
     ground = ground_of(scene, stage, resolution)
     limit = most_agents or MOST_AGENTS[ground.dimension]
-    spawning = spawn(ground, tolerance, limit)
+    if before is not None:
+        check_previous(before.balance.grid.ground, ground)
+    spawning = spawn(ground, tolerance, limit, previous=before)
     spawning.notes += rest_of(spawning, tolerance, resolution)
     result = SpawnedResult(scene, stage, tolerance, resolution, spawning, perf_counter() - start)
     if spawning.stopped == "agents":
@@ -87,6 +97,22 @@ def solve_spawning(
             result,
         )
     return result
+
+
+def _continued(
+    previous: SpawnedResult | None, tolerance: float | None, resolution: int | None
+) -> tuple[Spawning | None, float, int | None]:
+    """Return the previous agents, and what was not given as it was for them."""
+    if previous is None:
+        return None, TOLERANCE if tolerance is None else tolerance, resolution
+    if not isinstance(previous, SpawnedResult):
+        raise ParameterError(
+            "previous: spawning agents continue from a SpawnedResult, got "
+            f"{type(previous).__name__}"
+        )
+    tolerance = previous.tolerance if tolerance is None else tolerance
+    resolution = previous.resolution if resolution is None else resolution
+    return previous.spawning, tolerance, resolution
 
 
 def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> list[str]:

@@ -108,7 +108,7 @@ class SpawnedResult(SolidResult):
 
     @property
     def spawn_step(self) -> Index:
-        """Step in which each agent spawned; 0 for the first ones."""
+        """Step in which each agent spawned; 0 for the first, and those of a previous answer."""
         return self._leaves.step
 
     @property
@@ -214,6 +214,7 @@ class SpawnedResult(SolidResult):
             "levels": len(np.unique(size)),
             "method": "spawning",
             "generations": len(self.spawning.generations),
+            "retired": self.spawning.retired,
             "smallest_agent": float(size.min() * self._metre),
             "largest_agent": float(size.max() * self._metre),
             "notes": list(self.spawning.notes),

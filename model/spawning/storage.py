@@ -36,14 +36,23 @@ def taken_apart(result: SpawnedResult) -> tuple[dict[str, NDArray[Any]], dict[st
         )
     history = {
         name: getattr(spawning, name)
-        for name in ("energy", "error", "residuals", "levels", "reached", "stopped", "notes")
+        for name in (
+            "energy",
+            "error",
+            "residuals",
+            "levels",
+            "reached",
+            "stopped",
+            "notes",
+            "retired",
+        )
     }
     about = {
         "stage": result.stage,
         "tolerance": result.tolerance,
         "resolution": result.resolution,
         "spawning": history,
-        "aimed_error": spawning.aimed.error,
+        "aimed": [spawning.aimed.error, spawning.aimed.allowed],
         "generations": [list(g[:5]) for g in spawning.generations],
     }
     return arrays, about
@@ -60,12 +69,13 @@ def spawning_of(scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, 
     generations = [
         Generation(*entry, *part) for entry, *part in zip(about["generations"], *parts, strict=True)
     ]
+    error, allowed = about["aimed"]
     nobody = np.zeros(len(leaves), dtype=np.bool_)
     return Spawning(
         balance,
         u,
         indicate(balance, u),
-        aimed=Aimed(about["aimed_error"], arrays["part"], nobody),
+        aimed=Aimed(error, arrays["part"], nobody, allowed),
         generations=generations,
         **about["spawning"],
     )

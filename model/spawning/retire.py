@@ -1,0 +1,69 @@
+"""Who retires and who spawns, if all are to leave alike.
+
+An agent that leaves much spawns children; a family that leaves little retires, and its
+parent comes back. Where no agent leaves more than any returning parent would, one agent
+more or less changes the error alike wherever it is: no others, as many, leave less.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .composite import Floats
+from .leaves import Index, Leaves
+
+RETURN = 4.0
+"""A parent leaves this many times what its children leave together: errors in the energy norm
+fall like the edge, their squares like its square."""
+
+
+def even_share(leaves: Leaves, part: Floats, allowed: float) -> float:
+    """Return what an agent may leave, for all together to leave what is allowed.
+
+    Parameters
+    ----------
+    leaves : Leaves
+    part : array, shape (leaves,)
+        What every agent contributes to the error; parts add up.
+    allowed : float
+        At least a quarter of them all: children leave that much of their parents' parts.
+    """
+    shares = [part]
+    left = float(part.sum()) / RETURN
+    while True:
+        start = leaves.families()
+        if not len(start):
+            break
+        expected = _expected(leaves, part, start)
+        shares.append(expected)
+        leaves, part = _come_back(leaves, part, start, expected)
+    # If all may leave up to a share s, then those above it spawn and the parents below it come
+    # back: together they leave a quarter of all, and ¾ of every part and parent's part up to s.
+    ordered = np.sort(np.concatenate(shares))
+    up_to = left + (1.0 - 1.0 / RETURN) * np.cumsum(ordered)
+    count = int(np.searchsorted(up_to, allowed, side="right"))
+    return float(ordered[count - 1]) if count else 0.0
+
+
+def retired(leaves: Leaves, part: Floats, share: float) -> tuple[Leaves, Floats]:
+    """Return the leaves, and their parts, with every parent back that would leave up to a share."""
+    while True:
+        start = leaves.families()
+        expected = _expected(leaves, part, start)
+        few = expected <= share
+        if not few.any():
+            return leaves, part
+        leaves, part = _come_back(leaves, part, start[few], expected[few])
+
+
+def _expected(leaves: Leaves, part: Floats, start: Index) -> Floats:
+    family = start[:, None] + np.arange(1 << leaves.dimension)
+    return np.asarray(RETURN * part[family].sum(axis=1))
+
+
+def _come_back(
+    leaves: Leaves, part: Floats, start: Index, expected: Floats
+) -> tuple[Leaves, Floats]:
+    part = part.copy()
+    part[start] = expected
+    return leaves.merged(start), part[leaves.without_siblings(start)]

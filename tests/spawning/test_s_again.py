@@ -1,0 +1,298 @@
+"""Solving again after a change: previous agents stay, spawn or retire."""
+
+import gc
+import weakref
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kaju import Scene, solve
+from kaju.errors import ParameterError, SupportError
+from kaju.model.spawning.leaves import Leaves
+from kaju.model.spawning.previous import refined_by
+from kaju.model.spawning.retire import even_share, retired
+from kaju.model.spawning.spawned_result import SpawnedResult
+
+BODY = {"size": [0.2, 0.1], "cells": [32, 16], "thickness": 0.002, "material": "steel"}
+HOLE = {"centre": [0.1, 0.05], "radius": 0.02}
+
+
+def press(first=14, force=(0.0, -2.0)):
+    """A load on four cells of the top."""
+    low, high = first * 0.00625, (first + 4) * 0.00625
+    return [{"region": {"box": [[low, 0.1], [high, 0.1]]}, "force": list(force)}]
+
+
+def plate(**changes):
+    return Scene(**({"body": BODY, "sides": {"bottom": "rigid"}, "loads": press()} | changes))
+
+
+def spawned(scene, tolerance=0.04, **how):
+    return solve(scene, strategy="spawning", tolerance=tolerance, **how)
+
+
+def assert_as_good(again, fresh):
+    """As near to the truth, in balance with its loads, and of not many more agents."""
+    assert again.spawning.reached
+    # The energy is too large by the square of the error.
+    gap = again.strain_energy / fresh.strain_energy - 1
+    assert abs(gap) < 1.5 * (again.error_estimate**2 + fresh.error_estimate**2)
+    assert again.agents <= 1.4 * fresh.agents + 100
+    ours, theirs = sum(again.reactions.values()), sum(fresh.reactions.values())
+    np.testing.assert_allclose(ours, theirs, atol=1e-9 * np.abs(theirs).max() + 1e-9)
+    assert_well_placed(again)
+
+
+def assert_well_placed(result):
+    """Neighbours alike in size, agents in one material each, evenly loaded."""
+    leaves, ground = result.spawning.balance.grid.leaves, result.spawning.balance.grid.ground
+    assert len(leaves.balanced(0)) == len(leaves)
+    assert not ground.unevenly_loaded(leaves).any()
+    np.testing.assert_array_equal(ground.kinds_at(leaves.lower), leaves.kind)
+    np.testing.assert_array_equal(
+        ground.kinds_at(leaves.lower + leaves.size[:, None] - 1), leaves.kind
+    )
+    first = ground.start()
+    assert (leaves.size <= first.size[first.find(leaves.lower)]).all()
+    assert (leaves.size**2).sum() == (first.size**2).sum()
+
+
+def test_a_force_changed_in_proportion_needs_no_iteration():
+    first = spawned(plate())
+    harder = spawned(plate(loads=press(force=(0.0, -6.0))), previous=first)
+    assert harder.strain_energy == pytest.approx(9 * first.strain_energy, rel=1e-12)
+    rise = harder.agent_displacement - 3 * first.agent_displacement
+    assert np.abs(rise).max() < 1e-9 * first.max_displacement
+    assert [g.iterations for g in harder.generations] == [0]
+    assert harder.error_estimate == pytest.approx(first.error_estimate, rel=1e-6)
+
+
+def test_agents_that_suit_another_load_keep_their_matrices():
+    first = spawned(plate())
+    turned = plate(loads=press(force=(0.3, -2.0)))
+    again = spawned(turned, previous=first)
+    assert again.spawning.balance.strains is first.spawning.balance.strains
+    assert again.spawning.retired == 0
+    assert_as_good(again, spawned(turned))
+
+
+def test_the_previous_answer_stays_as_it_was():
+    first = spawned(plate())
+    before = first.spawning.displacement.copy(), first.spawning.hierarchy.depth, first.reactions
+    spawned(plate(loads=press(2)), previous=first, tolerance=0.02)
+    np.testing.assert_array_equal(first.spawning.displacement, before[0])
+    assert first.spawning.hierarchy.depth == before[1]
+    np.testing.assert_array_equal(first.reactions["bottom"], before[2]["bottom"])
+    assert first.grid.loads == tuple(plate().loads)
+
+
+def test_agents_retire_where_a_load_has_gone():
+    first = spawned(plate(loads=press(2)), tolerance=0.02)
+    moved = plate(loads=press(26))
+    again = spawned(moved, previous=first)
+    assert again.spawning.retired > 0
+    assert again.summary()["retired"] == again.spawning.retired
+    fresh = spawned(moved, tolerance=0.02)
+    assert_as_good(again, fresh)
+
+    def beside_the_old_load(result):
+        middle = result.lower + 0.5 * result.size[:, None]
+        return np.count_nonzero(np.linalg.norm(middle - [0.0225, 0.1], axis=1) < 0.02)
+
+    assert beside_the_old_load(again) < 0.2 * beside_the_old_load(first)
+
+
+PUSHED = {"bottom": "rigid", "top": {"displacement": [0.0, -1e-10]}}
+FROM_THE_RIGHT = [{"region": {"box": [[0.2, 0.025], [0.2, 0.05]]}, "force": [-1.0, 0.5]}]
+CHANGES = {
+    "moved": plate(loads=press(4)),
+    "moved by a cell": plate(loads=press(15)),
+    "another load more": plate(loads=[*press(), *press(2, (1.0, 0.0))]),
+    "cut": plate().with_region(disk=HOLE),
+    "softer": plate().with_region("rubber", box=[[0.0, 0.0], [0.2, 0.1]]),
+    "two materials": plate().with_region("oak", box=[[0.0, 0.0], [0.1, 0.05]]),
+    "held elsewhere": plate(sides={"left": "rigid"}),
+    "displaced": plate(sides=PUSHED, loads=FROM_THE_RIGHT),
+    "on a bed": plate(sides={"left": "roller", "bottom": {"stiffness": 1e13}}),
+    "strained": plate(body=BODY | {"plane": "strain"}),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_changed_scene_is_answered_as_afresh_there_and_back(name):
+    first = spawned(plate())
+    changed = spawned(CHANGES[name], previous=first)
+    assert_as_good(changed, spawned(CHANGES[name]))
+    assert_as_good(spawned(plate(), previous=changed), first)
+
+
+def test_stages_of_a_displaced_wall_follow_from_each_other():
+    scene = plate(sides=PUSHED, loads=[FROM_THE_RIGHT[0] | {"steps": 3}])
+    result = None
+    for stage in (1, 2, 3):
+        result = spawned(scene, stage=stage, previous=result)
+        assert_as_good(result, spawned(scene, stage=stage))
+
+
+def test_another_tolerance_goes_on_from_the_same_agents():
+    first = spawned(plate(), tolerance=0.05)
+    finer = spawned(plate(), tolerance=0.02, previous=first)
+    assert finer.generations[0].agents == first.agents
+    assert_as_good(finer, spawned(plate(), tolerance=0.02))
+    coarser = spawned(plate(), tolerance=0.1, previous=finer)
+    assert coarser.spawning.retired > 0.5 * finer.agents
+    assert_as_good(coarser, spawned(plate(), tolerance=0.1))
+    assert spawned(plate(), tolerance=None, previous=finer).tolerance == 0.02
+
+
+def test_a_resolution_bounds_the_agents_again():
+    first = spawned(plate(), tolerance=0.01)
+    assert first.size.min() < 0.2 / 32
+    bounded = spawned(plate(), tolerance=0.01, resolution=1, previous=first)
+    assert bounded.size.min() >= 0.999 * 0.2 / 32
+    assert_well_placed(bounded)
+    assert spawned(plate(), previous=bounded).resolution == 1
+
+
+def test_twice_the_same_gives_the_same():
+    first = spawned(plate())
+    one, other = (spawned(CHANGES["moved"], previous=first) for _ in range(2))
+    np.testing.assert_array_equal(one.spawning.displacement, other.spawning.displacement)
+    np.testing.assert_array_equal(one.lower, other.lower)
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.data())
+def test_any_chain_of_changes_ends_as_good_as_afresh(data):
+    scene, result = plate(), spawned(plate(), tolerance=0.06)
+    for _ in range(4):
+        first = data.draw(st.integers(0, 28))
+        if data.draw(st.booleans()):
+            along = data.draw(st.floats(-2, 2))
+            scene = scene.replace(loads=press(first, (along, -1.0)))
+        else:
+            x, y = (data.draw(st.floats(0.03, high)) for high in (0.17, 0.07))
+            scene = plate(loads=scene.loads).with_region(disk={"centre": [x, y], "radius": 0.015})
+        result = spawned(scene, tolerance=0.06, previous=result)
+    assert_as_good(result, spawned(scene, tolerance=0.06))
+
+
+@pytest.mark.slow
+def test_agents_do_not_pile_up_over_many_moves():
+    random, result, ratio = np.random.default_rng(5), None, []
+    for _ in range(40):
+        scene = plate(loads=press(int(random.integers(0, 28)), (float(random.normal()), -1.0)))
+        result = spawned(scene, tolerance=0.02, previous=result)
+        fresh = spawned(scene, tolerance=0.02)
+        assert_as_good(result, fresh)
+        ratio.append(result.agents / fresh.agents)
+    assert np.mean(ratio) < 1.2
+
+
+def test_three_dimensions():
+    block = Scene(
+        body={"size": [0.1, 0.1, 0.1], "cells": [8, 8, 8], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.0, 0.0, 0.1], [0.025, 0.025, 0.1]]}, "force": [0, 0, -1.0]}],
+    )
+    first = spawned(block, tolerance=0.2)
+    load = {"region": {"box": [[0.05, 0.05, 0.1], [0.075, 0.1, 0.1]]}, "force": [0.1, 0.0, -1.0]}
+    moved = block.replace(loads=[load]).with_region(box=[[0.0, 0.0, 0.0], [0.025, 0.025, 0.05]])
+    again, fresh = spawned(moved, tolerance=0.2, previous=first), spawned(moved, tolerance=0.2)
+    gap = again.strain_energy / fresh.strain_energy - 1
+    assert abs(gap) < again.error_estimate**2 + fresh.error_estimate**2
+    assert again.agents < 1.3 * fresh.agents
+    np.testing.assert_allclose(again.reactions["bottom"], [-0.1, 0.0, 1.0], atol=1e-9)
+
+
+def test_history_starts_with_the_agents_taken_over():
+    first = spawned(plate())
+    again = spawned(CHANGES["moved"], previous=first)
+    assert (again.spawn_step >= 0).all()
+    assert again.spawn_step.max() == len(again.generations) - 1
+    assert (again.cause[again.spawn_step == 0] == 0.0).all()
+    working = again.family.rows[again.family.working]
+    np.testing.assert_array_equal(working["spawn_step"], again.spawn_step)
+
+
+def test_halved_members_stay_so_and_are_told_of():
+    member = Scene.from_drawing(
+        "##......\n##......\n########", legend={"#": "steel", ".": "air"}, cell_size=0.01,
+        sides={"left": "rigid"}, loads=[{"cell": [7, 0], "force": [0.0, -1.0]}],
+    )  # fmt: skip
+    first = spawned(member, tolerance=0.3)
+    other = member.replace(loads=[{"cell": [5, 0], "force": [0.5, -1.0]}])
+    again = spawned(other, tolerance=0.3, previous=first)
+    assert "one cell wide" in again.summary()["notes"][0]
+    fresh = spawned(other, tolerance=0.3)
+    assert again.strain_energy == pytest.approx(fresh.strain_energy, rel=0.1)
+
+
+def test_a_stored_answer_serves_too(tmp_path):
+    first = spawned(plate())
+    stored = SpawnedResult.load(first.save(tmp_path / "first"))
+    for scene in (plate(loads=press(force=(0.3, -2.0))), CHANGES["moved"]):
+        assert_as_good(spawned(scene, previous=stored), spawned(scene))
+
+
+def test_nothing_keeps_the_answers_before_alive():
+    result, before = spawned(plate()), []
+    for first in (14, 15, 2, 2, 20, 21, 22):
+        before += [weakref.ref(result), weakref.ref(result.spawning)]
+        before.append(weakref.ref(result.spawning.balance))
+        result = spawned(plate(loads=press(first)), previous=result)
+    gc.collect()
+    assert [reference for reference in before if reference() is not None] == []
+
+
+def test_many_agents_give_their_matrices_back(monkeypatch):
+    monkeypatch.setattr("kaju.model.spawning.generations.KEPT", {2: 10})
+    first = spawned(plate())
+    assert first.spawning.hierarchy is None
+    scene = plate(loads=press(force=(0.3, -2.0)))
+    assert_as_good(spawned(scene, previous=first), spawned(scene))
+
+
+def test_what_cannot_go_on_says_so():
+    first = spawned(plate())
+    other = plate(body=BODY | {"cells": [64, 32]})
+    with pytest.raises(ParameterError, match=r"stand on 32 x 16 cells of 0\.00625 m"):
+        spawned(other, previous=first)
+    with pytest.raises(ParameterError, match="continue from a SpawnedResult, got ElasticResult"):
+        spawned(plate(), previous=solve(plate()))
+    with pytest.raises(ParameterError, match="continue from an ElasticResult, got SpawnedResult"):
+        solve(plate(), strategy="uniform", previous=first)
+    with pytest.raises(SupportError):
+        spawned(plate(sides={"bottom": "roller"}), previous=first)
+    assert isinstance(solve(plate(), previous=first), SpawnedResult)
+
+
+def squares(lower, size):
+    lower, size = np.array(lower), np.array(size)
+    zeros = np.zeros(len(size))
+    return Leaves.of(lower, size, zeros.astype(int), zeros.astype(int), zeros)
+
+
+def test_first_agents_are_refined_by_those_kept_inside_of_them():
+    first = squares([[0, 0], [4, 0], [0, 4]], [4, 4, 2])
+    # Small ones in a corner of the first, all of the second, one larger than the third.
+    kept = squares([[1, 1], [4, 0], [6, 0], [4, 2], [6, 2], [0, 4]], [1, 2, 2, 2, 2, 4])
+    both = refined_by(first, kept, 1)
+    assert sorted(both.size.tolist()) == [1] * 4 + [2] * 8
+    assert both.size[both.find(np.array([[1, 1], [3, 3], [5, 3], [1, 5]]))].tolist() == [1, 2, 2, 2]
+
+
+def test_agents_that_leave_alike_stay():
+    grid = [[x, y] for x in range(4) for y in range(4)]
+    leaves = squares(grid, [1] * 16)
+    even = np.ones(16)
+    share = even_share(leaves, even, allowed=16.0)
+    assert share == 1.0
+    assert retired(leaves, even, share)[0] is leaves
+    # A parent that would leave no more than the others comes back; its parts count four times.
+    few = np.where((leaves.lower < 2).all(axis=1), 0.01, 1.0)
+    fewer, part = retired(leaves, few, even_share(leaves, few, allowed=12.2))
+    assert sorted(fewer.size.tolist()) == [1] * 12 + [2]
+    assert part[fewer.size == 2] == pytest.approx(0.16)

@@ -73,7 +73,7 @@ def _cells_in(box: CellBox) -> NDArray[np.int64]:
     if count > MOST_POINTS:
         raise ResultError(
             f"points: the body has about {count:.2g} cells, more than {MOST_POINTS:.0e}; "
-            "name the points to compare at with points="
+            "name the points to compare at with points=, such as the `middle` of spawned agents"
         )
     every = np.indices(tuple(upper - lower)).reshape(len(lower), -1).T
     cells: NDArray[np.int64] = every + lower

@@ -229,6 +229,5 @@ def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
 def _name(answer: BodyResult | Reference) -> str:
     if isinstance(answer, Reference):
         return answer.source.partition(":")[0] or "reference"
-    from kaju.model.propagation.transfer_result import TransferResult
-
-    return "prescribed rule" if isinstance(answer, TransferResult) else "elasticity"
+    names = {"load transfer": "prescribed rule", "spawned": "spawned agents"}
+    return names.get(answer.kind, answer.kind)

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
 
 def columns(result: SpawnedResult) -> dict[str, NDArray[Any]]:
     """Return one row per agent."""
-    middle = result.lower + 0.5 * result.size[:, None]
     names = np.array([material.name for material in result.scene.cell_materials])
-    found = {f"{AXES[a]} (m)": column for a, column in enumerate(middle.T)}
+    found = {f"{AXES[a]} (m)": column for a, column in enumerate(result.middle.T)}
     found |= {
         "size (m)": result.size,
         "level": result.level,

@@ -98,6 +98,11 @@ class SpawnedResult(SolidResult):
         return np.asarray(self._leaves.size * self._metre)
 
     @property
+    def middle(self) -> Floats:
+        """Middles (m) of the agents, shape (agents, dimension)."""
+        return self.lower + 0.5 * self.size[:, None]
+
+    @property
     def _metre(self) -> float:
         return self.grid.lattice.cell_size / self._ground.cell
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kaju import __version__
-from kaju.errors import KajuError, ParameterError
+from kaju.errors import ConvergenceError, KajuError, ParameterError
 
 from . import commands_compare
 
@@ -42,6 +42,21 @@ AllowUnstable = Annotated[
 ]
 Resolution = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
+]
+Strategy = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Solve the scene as linear elasticity, whatever its rule: uniform (equal cells), "
+        "spawning (agents that are small where the error asks for it) or auto.",
+    ),
+]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(
+        help="Solve the scene as linear elasticity to this error: of the equations on equal "
+        "cells, of the answer (energy norm) if agents spawn.",
+    ),
 ]
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]
 
@@ -78,11 +93,15 @@ def run(
     force: Force = False,
     allow_unstable: AllowUnstable = False,
     resolution: Resolution = None,
+    strategy: Strategy = None,
+    tolerance: Tolerance = None,
 ) -> None:
     """Run a scene and write summary.json, result.npz and pictures."""
     described = _scene(scene, settings)
     folder = out or Path(f"{scene.stem}-result")
-    options = {"allow_unstable": allow_unstable, "resolution": resolution}
+    options: dict[str, Any] = {"allow_unstable": allow_unstable, "resolution": resolution}
+    if strategy is not None or tolerance is not None:
+        options["solving"] = {"strategy": strategy or "auto", "tolerance": tolerance}
     _run_into(folder, described, pictures, force, **options)
 
 
@@ -93,7 +112,8 @@ def animate_result(
         Path | None, typer.Option("--out", "-o", metavar="FILE", help="A .gif or .mp4 file.")
     ] = None,
     what: Annotated[
-        str | None, typer.Option(help="generations (unless given), stages or increments.")
+        str | None,
+        typer.Option(help="generations (unless given), stages, increments, or loads left."),
     ] = None,
     frames_per_second: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 2.0,
     force: Force = False,
@@ -188,12 +208,19 @@ def _refuse_to_replace(path: Path, force: bool) -> None:
 
 def _run_into(folder: Path, scene: Scene, pictures: bool, force: bool, **options: Any) -> Result:
     """Run a scene, print its key figures and write the folder."""
+    from kaju.model.result import Result
+
     from .output import Folder
 
     target = Folder(folder, force)
-    result, interrupted = (
-        _solve(scene, **options) if scene.rule.kind == "elastic" else _step(scene, **options)
-    )
+    solved = scene.rule.kind == "elastic" or "solving" in options
+    try:
+        result, interrupted = _solve(scene, **options) if solved else _step(scene, **options)
+    except ConvergenceError as error:
+        if isinstance(error.best, Result):
+            for path in target.write(error.best, pictures=False):
+                typer.echo(path)
+        raise
     for key, value in result.summary().items():
         typer.echo(f"  {key:22} {value}")
     for path in target.write(result, pictures and not interrupted):
@@ -224,15 +251,17 @@ def _step(
 
 
 def _solve(
-    scene: Scene, allow_unstable: bool = False, resolution: int | None = None
+    scene: Scene,
+    allow_unstable: bool = False,
+    resolution: int | None = None,
+    solving: dict[str, Any] | None = None,
 ) -> tuple[Result, bool]:
     """Solve a scene with the elastic rule."""
     from kaju.model.solving import solve
 
     if allow_unstable:
         raise ParameterError("--allow-unstable: the solver of the elastic rule is always stable")
-    result = solve(scene, resolution=resolution)
-    return result, False
+    return solve(scene, resolution=resolution, **(solving or {})), False
 
 
 def main() -> None:

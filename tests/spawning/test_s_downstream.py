@@ -1,0 +1,149 @@
+"""Spawned agents compared with other answers, and on the command line."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from kaju import LoadModel, Reference, Scene, SpawnedResult, compare, load_scene, solve
+from kaju.__main__ import main
+from kaju.errors import ResultError
+from kaju.model.compare import load_answer
+from kaju.model.spawning import solve as spawning
+from kaju.view.comparison_maps import plot_error, plot_shapes
+
+ROOT = Path(__file__).parents[2]
+PLATE = str(ROOT / "examples" / "plate.toml")
+ELEMENTS = ROOT / "tests" / "data" / "plate_finite_elements.npz"
+
+
+def spawned_by(scene, **how):
+    return solve(scene, strategy="spawning", **how)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return load_scene(PLATE).with_overrides({"loads.0.steps": 1})
+
+
+@pytest.fixture(scope="module")
+def spawned(scene):
+    return spawned_by(scene, tolerance=0.03)
+
+
+def test_spawned_agents_and_equal_cells_tell_the_same(scene, spawned):
+    uniform = solve(scene, resolution=16)
+    for found in (compare(spawned, uniform), compare(uniform, spawned)):
+        assert set(found.names) == {"spawned agents", "elasticity"}
+        assert len(found.points) == 400
+        assert found.displacement.max_error < 3e-3
+        assert found.stress.l2_error < 3e-3
+        assert found.energy_error < 0.02
+
+
+def test_fewer_agents_are_further_off(scene, spawned):
+    errors = [
+        compare(spawned_by(scene, tolerance=t), spawned).displacement.l2_error for t in (0.3, 0.1)
+    ]
+    assert errors[0] > 2 * errors[1] > 0.0
+
+
+def test_prescribed_rule_is_judged_by_spawned_agents_as_by_equal_cells(scene, spawned):
+    run = LoadModel(scene).run()
+    by_agents, by_cells = compare(run, spawned), compare(run, solve(scene, resolution=16))
+    assert by_agents.names == ("prescribed rule", "spawned agents")
+    assert by_agents.displacement.misfit == pytest.approx(by_cells.displacement.misfit, rel=0.01)
+
+
+def test_spawned_agents_are_judged_by_finite_elements(spawned):
+    found = compare(spawned, Reference.load(ELEMENTS))
+    assert found.names[0] == "spawned agents"
+    assert found.displacement.l2_error < 2e-3
+
+
+def test_answers_are_compared_along_lines(scene, spawned):
+    profile = compare(spawned, solve(scene, resolution=16)).along([0.1, 0.0], [0.1, 0.2], 41)
+    assert len(profile.points) == 41
+    np.testing.assert_array_equal(
+        profile.displacement.values, spawned.displacement_at(profile.points)
+    )
+
+
+def test_comparisons_are_drawn(scene, spawned):
+    uniform = solve(scene, resolution=4)
+    assert "largest" in plot_error(compare(spawned, uniform)).get_title(loc="left")
+    assert len(plot_shapes({"agents": spawned}, uniform).axes) == 1
+
+
+def test_large_bodies_are_compared_in_the_middles_of_agents():
+    load = {"region": {"box": [[50.0, 100.0], [50.1, 100.0]]}, "force": [0.0, -1.0]}
+    body = {"size": [100.0, 100.0], "cells": [4096, 4096], "material": "steel"}
+    huge = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+    coarse, fine = (spawned_by(huge, tolerance=t) for t in (0.2, 0.1))
+    with pytest.raises(ResultError, match="`middle`"):
+        compare(coarse, fine)
+    found = compare(coarse, fine, points=coarse.middle)
+    assert 0.0 < found.displacement.l2_error < 0.05
+
+
+@pytest.fixture
+def kaju(monkeypatch, capsys, tmp_path):
+    """Type a command in an empty folder; return exit code, output and error output."""
+    monkeypatch.chdir(tmp_path)
+
+    def typed(*words):
+        monkeypatch.setattr(sys, "argv", ["kaju", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        printed = capsys.readouterr()
+        return end.value.code or 0, printed.out, printed.err
+
+    return typed
+
+
+def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
+    before = Path(PLATE).read_bytes()
+    spawning_words = ("--strategy", "spawning", "--tolerance", "0.1")
+    code, out, _ = kaju("run", PLATE, "--out", "agents", *spawning_words)
+    assert code == 0
+    assert "spawning" in out
+    summary = json.loads(Path("agents/summary.json").read_text())
+    assert (summary["method"], summary["tolerance"]) == ("spawning", 0.1)
+    assert summary["error_estimate"] <= 0.1
+    names = {path.name for path in Path("agents").iterdir()}
+    assert {"result.npz", "agents.png", "von_mises.png", "deformed.png"} <= names
+    assert isinstance(load_answer("agents"), SpawnedResult)
+    assert Path(PLATE).read_bytes() == before
+
+    assert kaju("run", PLATE, "--out", "cells", "--no-pictures", "--strategy", "uniform")[0] == 0
+    code, out, _ = kaju("compare", "agents", "cells", "--out", "errors")
+    assert code == 0
+    assert "spawned agents against elasticity, 400 points" in out
+    assert Path("errors/error_displacement.png").is_file()
+
+    for words in ((), ("--what", "loads", "--fps", "4")):
+        code, out, _ = kaju("animate", "agents", *words)
+        assert code == 0
+        with Image.open(out.strip()) as film:
+            assert film.n_frames == summary["generations"]
+
+
+def test_tolerance_alone_asks_for_the_solver(kaju):
+    assert kaju("run", PLATE, "--no-pictures", "--tolerance", "1e-8", "--out", "here")[0] == 0
+    assert json.loads(Path("here/summary.json").read_text())["residual"] < 1e-6
+    code, _, err = kaju("run", PLATE, "--strategy", "clever", "--out", "there")
+    assert (code, Path("there").exists()) == (2, False)
+    assert err.startswith("error: strategy: must be")
+
+
+def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
+    monkeypatch.setitem(spawning.MOST_AGENTS, 2, 300)
+    words = ("--strategy", "spawning", "--tolerance", "0.01", "--out", "here")
+    code, out, err = kaju("run", PLATE, *words)
+    assert code == 2
+    assert "most_agents" in err
+    assert str(Path("here/result.npz")) in out
+    assert 100 < SpawnedResult.load("here/result.npz").agents <= 300

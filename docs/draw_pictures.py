@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kaju import LoadModel, animate, load_scene
+from kaju import LoadModel, Scene, SpawnedResult, animate, load_scene, plot, solve
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
@@ -19,6 +19,32 @@ def main() -> None:
     folder.mkdir(exist_ok=True)
     plate = LoadModel(load_scene(EXAMPLES / "plate.toml", {"rule.threshold": 1e-3})).run()
     animate(plate, folder / "spawning.gif")
+    animate(_spawned(_square(), 0.03), folder / "agents_spawn.gif", fps=1.5)
+    plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
+
+
+def _spawned(scene: Scene, tolerance: float) -> SpawnedResult:
+    found = solve(scene, strategy="spawning", tolerance=tolerance)
+    assert isinstance(found, SpawnedResult)
+    return found
+
+
+def _square() -> Scene:
+    return Scene(
+        body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}],
+    )
+
+
+def _block() -> Scene:
+    return Scene(
+        body={"size": [1.0, 1.0, 1.0], "cells": [16, 16, 16], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[
+            {"region": {"box": [[0.375, 0.375, 1.0], [0.625, 0.625, 1.0]]}, "force": [0, 0, -1.0]}
+        ],
+    )
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ FINEST = 800
 """Agents smaller than this part of the picture are drawn together."""
 OUTLINED = 160
 """Agents smaller than this part of the picture are drawn without outlines."""
-LEGIBLE = 300
+LEGIBLE = 1000
 """If small agents are smaller than this part of the body, pictures are cropped."""
 SMALL = 0.25
 """The agents that pictures are about are the smallest: this share of all."""

@@ -96,11 +96,20 @@ def view_of(result: SpawnedResult, crop: bool | None = None) -> View:
     around = int((last - first).max()) // 2  # also downwards, where small agents lie flat
     cells = np.clip([first - around, last + around], *_ends(scene))
     box = box_around(scene, cells, small.hidden if crop is None else crop)
-    # Along the side of a small agent: the cubes beside the cut stay whole.
-    offset = np.abs(small.lower - np.median(small.middle, axis=0)).sum(axis=1)
-    x, y, _ = small.lower[offset.argmin()].tolist()
+    unit = float(result.size.min())
+    x, y = (_plane(small.lower[:, axis], unit) for axis in (0, 1))
     low, high = (np.asarray(end * edge, dtype=np.float64) for end in (box.lower, box.upper))
     return View(box, low, high, (x, y))
+
+
+def _plane(place: Floats, unit: float) -> float:
+    """Return where to cut: near the middle of some places, and along sides of large agents."""
+    low, middle, high = np.quantile(place, (0.25, 0.5, 0.75))
+    near = np.unique(place[(place >= low) & (place <= high)])
+    steps = np.rint(near / unit).astype(np.int64)
+    largest = steps & -steps  # a side of agents of up to this size, in the smallest ones
+    roundest = near[largest == largest.max()]
+    return float(roundest[np.abs(roundest - middle).argmin()])
 
 
 def _ends(scene: Scene) -> tuple[Ints, Ints]:
@@ -166,7 +175,10 @@ def seen_faces(
             free = _bare(scene, low, high, axis, end)
             cut = ~free & _by_cut(view, low, high, axis, (last if end else first)[axis], end)
             for chosen, bright in ((cut, 1.0), (free, _LIGHT[axis])):
-                corners.append(_rectangles(low[chosen], high[chosen], axis, end))
+                top = high[chosen]
+                if axis == 0 and bright == 1.0 and last[0] < view.upper[0]:
+                    top[:, 1] = np.minimum(top[:, 1], view.planes[1])
+                corners.append(_rectangles(low[chosen], top, axis, end))
                 owner.append(there[chosen])
                 light.append(np.full(np.count_nonzero(chosen), bright))
     return np.concatenate(corners), np.concatenate(owner), np.concatenate(light)
@@ -187,8 +199,7 @@ def _by_cut(view: View, low: Floats, high: Floats, axis: int, limit: float, end:
     face = (high if end else low)[:, axis]
     cut = np.abs(face - limit) < 1e-9 * np.abs(view.upper).max()
     if axis == 0 and limit < outer:
-        # Behind the second plane the two parts meet.
-        cut &= 0.5 * (low + high)[:, 1] < view.planes[1]
+        cut &= low[:, 1] < view.planes[1]  # behind that plane the two parts meet
     return np.asarray(cut)
 
 

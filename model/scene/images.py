@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from base64 import b64decode, b64encode
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -17,16 +19,36 @@ MOST_CELLS = 200_000_000
 """Bodies above this many cells are never held cell by cell."""
 
 
+EMBEDDED = "data:image/png;base64,"
+"""What an image that a scene carries with it starts with, in place of a path (RFC 2397)."""
+
+
+def embedded(dark: NDArray[np.bool_]) -> str:
+    """Return a text for which `read_pixels` gives black pixels where `dark`, else white ones.
+
+    `dark` is indexed along x from the left and along y from the bottom.
+    """
+    from PIL import Image
+
+    file = BytesIO()
+    grey = np.where(dark.T[::-1], 0, 255).astype(np.uint8)
+    Image.fromarray(grey).save(file, "PNG")
+    return EMBEDDED + b64encode(file.getvalue()).decode("ascii")
+
+
 def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
     """Return an image's pixels as red, green, blue and opacity, shape (height, width, 4)."""
     from PIL import Image
 
-    if not Path(path).is_file():
+    source: str | BytesIO = path
+    if path.startswith(EMBEDDED):
+        path, source = "the embedded image", BytesIO(b64decode(path.removeprefix(EMBEDDED)))
+    elif not Path(path).is_file():
         raise SceneFileError(f"{key}: there is no image {path}")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
+            with Image.open(source) as image:
                 if image.width * image.height > MOST_PIXELS:
                     raise SceneFileError(
                         f"{key}: {path} has {image.width} x {image.height} pixels, more than "

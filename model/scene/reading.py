@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from kaju.errors import SceneError
 
+from .images import EMBEDDED
+
 
 def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     """Return the table in a TOML text; paths in it start from `folder`.
@@ -50,5 +52,6 @@ def _moved(part: Any, folder: Path) -> Any:
     moved = {}
     for key, value in part.items():
         is_path = key in ("image", "array", "file") and isinstance(value, str)
+        is_path = is_path and not value.startswith(EMBEDDED)
         moved[key] = str(folder / value) if is_path else _moved(value, folder)
     return moved

@@ -8,7 +8,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.materials import Material
 from kaju.errors import ParameterError, SceneError
 
 from . import kinds
@@ -49,18 +48,6 @@ def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) 
     for axis in range(codes.ndim):
         codes = np.repeat(codes, k, axis=axis)
     return Body(**(given | {"drawing": None, "image": None, "array": codes}))
-
-
-def rasterised_body(
-    body: Body, cells: NDArray[np.int16], materials: Sequence[Material]
-) -> tuple[Body, dict[str, str]]:
-    """Return a body as an array of cells without regions, and the legend of its codes."""
-    names = {kinds.AIR: "air", kinds.RIGID: "rigid"}
-    names |= {index: material.name for index, material in enumerate(materials)}
-    codes = cells - min(names)
-    legend = {str(kind - min(names)): name for kind, name in names.items()}
-    pictures = {"cells": None, "material": None, "drawing": None, "image": None, "array": codes}
-    return Body(**(dict(body) | pictures | {"regions": ()})), legend
 
 
 def refined_loads(

@@ -19,14 +19,16 @@ from .body import Body
 from .contents import Contents, contents_of
 from .description import Description
 from .filling import CellBox
+from .images import embedded
 from .lattice import Cells, Lattice
 from .overrides import overridden
 from .purity import Purity
 from .reading import table_from, table_from_archive
-from .refinement import rasterised_body, refined_body, refined_loads
+from .refinement import refined_body, refined_loads
 from .regions import Region
 from .rule_tables import check_rule
 from .selection import select
+from .shapes import Mask
 from .sides import FREE, SideCondition
 from .support import check_body
 from .surfaces import Selection
@@ -275,12 +277,13 @@ class Scene(Description):
     def to_archive(self) -> tuple[str, dict[str, NDArray[Any]]]:
         """Return the scene as TOML and the arrays that it refers to; see `from_archive`.
 
-        Regions that are images are turned into cells, so that no other file is needed.
+        The images of regions become part of the text, so that no other file is needed.
         """
-        if any(region.image is not None for region in self.body.regions):
-            body, legend = rasterised_body(self.body, self.rasterise(), self.cell_materials)
-            return self.replace(body=body, legend=legend).to_archive()
-        return archive_of(self._table(), self._contents.picture)
+        table = self._table()
+        for number, filled in enumerate(self._contents.filling.regions):
+            if isinstance(filled.shape, Mask):
+                table["body"]["regions"][number]["image"]["file"] = embedded(filled.shape.dark)
+        return archive_of(table, self._contents.picture)
 
     @classmethod
     def from_archive(cls, text: str, arrays: Mapping[str, NDArray[Any]]) -> Scene:

@@ -17,6 +17,7 @@ from kaju.files import scratch_beside
 
 from .body import Body
 from .description import Description
+from .images import EMBEDDED
 from .pictures import Picture
 from .toml_text import dumps
 
@@ -120,7 +121,7 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
             np.save(scratch, picture.codes, allow_pickle=False)
         table = _arrayed(table, picture, beside.name)
     for region in table["body"].get("regions", []):
-        if "image" in region:
+        if "image" in region and not region["image"]["file"].startswith(EMBEDDED):
             region["image"]["file"] = os.path.relpath(region["image"]["file"], path.parent)
     with scratch_beside(path, SceneFileError) as scratch:
         scratch.write_text(dumps(table), encoding="utf-8")

@@ -16,6 +16,10 @@ BULK = {2: 0.85, 3: 0.75}
 """The agents that spawn children stand for this share of the error (Dörfler 1996)."""
 SPARE = 0.9
 """The last generation aims at this share of the tolerance."""
+ALIKE = 0.01
+"""Who contributes as much as the last one chosen, but for this share, spawns as well.
+
+So children keep the symmetry of their parents."""
 GAIN = 0.7
 """Share of its part of the error that an agent's children are expected to take away."""
 
@@ -78,6 +82,5 @@ def choose(grid: Composite, part: Floats, allowed: float) -> Flags:
     goal = max(min(BULK[grid.dimension] * total, excess / GAIN), 0.0)
     order = np.argsort(-part, kind="stable")
     count = int(np.searchsorted(np.cumsum(part[order]), goal)) + 1
-    chosen = np.zeros(len(part), dtype=np.bool_)
-    chosen[order[:count]] = True
-    return chosen & (part > 0.0) & (excess > 0.0)
+    enough = part[order[count - 1]] if count <= len(part) else 0.0
+    return (part >= (1.0 - ALIKE) * enough) & (part > 0.0) & (excess > 0.0)

@@ -55,16 +55,23 @@ def indicate(balance: Balance, u: Floats) -> Indicator:
 
 
 def _change_ahead(grid: Composite, value: Floats, axis: int) -> Floats:
-    """Return the mean square slope of a leaf's value along an axis, within its material."""
-    kind, h = grid.leaves.kind, grid.length
-    total, count = np.zeros(len(h)), np.zeros(len(h))
+    """Return the mean square slope of a leaf's value along an axis, within its material.
+
+    Of the small neighbours on one side all count alike, each by its share of that side.
+    """
+    kind, h, n = grid.leaves.kind, grid.length, len(grid.leaves)
+    total, count = np.zeros(n), np.zeros(n)
+    share = 0.5 ** (grid.dimension - 1)
     for side in (2 * axis, 2 * axis + 1):
         other = grid.beside[:, side]
-        alike = (other >= 0) & (kind[other] == kind)
-        slope = (value[other] - value) / (0.5 * (h[other] + h))
-        total += np.where(alike, slope**2, 0.0)
-        count += alike
-    return np.asarray(total / np.maximum(count, 1))
+        # A large leaf names one of its small neighbours only, but each of these names it.
+        leaf = np.flatnonzero((other >= 0) & (kind[other] == kind) & (h[other] >= h))
+        beyond = other[leaf]
+        square = ((value[beyond] - value[leaf]) / (0.5 * (h[beyond] + h[leaf]))) ** 2
+        large = share * (h[beyond] > h[leaf])
+        total += np.bincount(leaf, square, n) + np.bincount(beyond, large * square, n)
+        count += np.bincount(leaf, minlength=n) + np.bincount(beyond, large, n)
+    return np.asarray(total / np.where(count > 0, count, 1.0))
 
 
 def _change_beside(grid: Composite, u: Floats, a: int, b: int) -> Floats:

@@ -1,0 +1,90 @@
+"""Graded finite elements, the truth that others are measured by, on bodies with known answers."""
+
+import numpy as np
+import pytest
+
+from kaju import Scene
+from kaju.bench.problems import PLATE
+from kaju.errors import ParameterError
+
+pytest.importorskip("skfem")
+
+from kaju.bench.graded_bricks import graded_ticks, solve_bricks
+from kaju.bench.graded_elements import singular_points, solve_graded, surroundings
+
+STUFF = {"stuff": {"youngs_modulus": 2e6, "poissons_ratio": 0.0, "density": 1000.0}}
+
+
+def test_worked_plate_is_that_of_the_benchmark():
+    """Computed by another program of the same elements, to nine digits."""
+    answer, truth = solve_graded(PLATE.scene(1), levels=10), PLATE.truth()
+    assert answer.energy == pytest.approx(truth.strain_energy, rel=1e-8)
+    away = answer.displacement_at(PLATE.points) - truth.displacement
+    assert np.abs(away).max() < 1e-8 * np.abs(truth.displacement).max()
+
+
+def test_column_under_its_own_weight():
+    """u = −ρg(Hy − y²/2)/E, U = ρ²g²H³Wt/6E; ν = 0, so that the ground holds nothing back."""
+    body = {"size": [0.2, 0.4], "cells": [2, 4], "material": "stuff", "gravity": [0.0, -10.0]}
+    scene = Scene(body=body, materials=STUFF, sides={"bottom": "rigid", "left": "roller"})
+    answer = solve_graded(scene, levels=1, order=2)
+    assert answer.energy == pytest.approx(1e4**2 * 0.4**3 * 0.2 / (6 * 2e6), rel=1e-9)
+    points = np.array([[0.1, 0.4], [0.03, 0.17]])
+    x, y = points.T
+    expected = np.stack([0 * x, -1e4 * (0.4 * y - y**2 / 2) / 2e6], axis=1)
+    np.testing.assert_allclose(answer.displacement_at(points), expected, atol=1e-12)
+
+
+def test_bar_of_bricks_under_tension():
+    """u = σ/E (x, −νy, −νz) on three rollers, also where ν is nearly ½."""
+    sides = {"left": "roller", "front": "roller", "bottom": "roller"}
+    for ratio in (0.3, 0.4999):
+        scene = Scene(
+            body={"cells": [4, 2, 2], "cell_size": 0.1, "material": "a"},
+            materials={"a": {"youngs_modulus": 1e6, "poissons_ratio": ratio}},
+            sides=sides,
+            loads=[{"side": "right", "pressure": -1e3}],
+        )
+        answer = solve_bricks(scene, ((0, 4), (), (1,)), 2)
+        assert answer.energy == pytest.approx(1e3**2 / 2e6 * 0.016, rel=1e-9)
+        points = np.array([[0.4, 0.2, 0.2], [0.13, 0.07, 0.0]])
+        expected = 1e-3 * points * [1, -ratio, -ratio]
+        np.testing.assert_allclose(answer.displacement_at(points), expected, atol=1e-9)
+
+
+def test_singular_points_are_corners_and_ends():
+    drawing = "aa..\naab.\naabb\n"
+    scene = Scene(
+        body={"cell_size": 1.0, "drawing": drawing},
+        legend={"a": "steel", "b": "rubber", ".": "air"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[1, 3], [2, 3]]}, "force": [0, -1.0]}],
+    )
+    found = {tuple(map(int, p)) for p in singular_points(scene, surroundings(scene))}
+    ground = {(0, 0), (2, 0), (4, 0)}  # its ends, and where two materials meet on it
+    corners = {(2, 2), (3, 1)}
+    load = {(1, 3), (2, 3)}
+    assert found == ground | corners | load
+
+
+def test_ticks_crowd_towards_singular_planes():
+    np.testing.assert_allclose(graded_ticks(2, [0], 2), [0, 0.25, 1, 2])
+    np.testing.assert_allclose(graded_ticks(1, [0, 1], 4), [0, 0.125, 0.5, 0.875, 1])
+    np.testing.assert_allclose(graded_ticks(1, [1], 2), [0, 0.75, 1])
+
+
+def test_what_elements_do_not_know_is_named():
+    body = {"size": [0.2, 0.2], "cells": [2, 2], "material": "steel"}
+    scene = Scene(body=body, sides={"bottom": {"stiffness": 1e9}})
+    with pytest.raises(ParameterError, match="rollers"):
+        solve_graded(scene, levels=1)
+    body = {"cells": [2, 2], "cell_size": 0.1, "lattice": "hexagon", "material": "steel"}
+    hexagons = Scene(body=body, sides={"bottom": "rigid"})
+    with pytest.raises(ParameterError, match="square"):
+        solve_graded(hexagons, levels=1)
+    cubes = Scene(
+        body={"cells": [2] * 3, "cell_size": 1.0, "material": "steel"},
+        sides={"bottom": {"stiffness": 1e9}},
+    )
+    with pytest.raises(ParameterError, match="foundation"):
+        solve_bricks(cubes, ((), (), ()), 2)

@@ -1,0 +1,39 @@
+"""The asked tolerance is reached: checked against converged finite elements."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from spawning_bodies import BODIES, PLANE, SOLID
+
+from kaju import solve
+from kaju.bench.graded_elements import solve_graded
+from kaju.model.reference import Reference
+
+DATA = Path(__file__).parents[1] / "data" / "spawning"
+CASES = [(name, t) for name in PLANE for t in (0.1, 0.05)]
+CASES += [(name, t) for name in SOLID for t in (0.2, 0.1)]
+
+
+@pytest.mark.parametrize(("name", "tolerance"), CASES)
+def test_true_error_is_what_was_asked_for(name, tolerance):
+    """Ragged bodies, holes between two materials, rubber, contrasts of 10⁴, in both dimensions."""
+    truth = Reference.load(DATA / f"{name}.npz")
+    result = solve(BODIES[name](), strategy="spawning", tolerance=tolerance)
+    error = np.sqrt(abs(result.strain_energy / truth.strain_energy - 1))
+    assert result.error_estimate <= tolerance
+    assert 0.5 < result.error_estimate / error < 3.0
+    assert error < 1.5 * tolerance
+    # Displacements converge with the energy, at twice the order of its norm.
+    away = np.linalg.norm(result.displacement_at(truth.points) - truth.displacement, axis=1)
+    assert away.max() < 4 * tolerance**2 * np.linalg.norm(truth.displacement, axis=1).max()
+
+
+@pytest.mark.parametrize("name", ["rubber", "rubber-corner"])
+def test_truth_is_what_finite_elements_say(name):
+    pytest.importorskip("skfem")
+    truth = Reference.load(DATA / f"{name}.npz")
+    answer = solve_graded(BODIES[name](), levels=6)
+    assert answer.energy == pytest.approx(truth.strain_energy, rel=3e-5)
+    away = answer.displacement_at(truth.points) - truth.displacement
+    assert np.abs(away).max() < 1e-4 * np.abs(truth.displacement).max()

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.colors import Normalize
 
+from kaju.model.spawning.export import same_points
+
 from .body import draw_body, finish
 from .deformed import check_magnification, draw_rest, largest_shift, moved_colours
 from .forces import draw_forces
@@ -141,8 +143,10 @@ def corner_moves(result: SpawnedResult, layer: Layer, squares: Squares) -> Float
     """
     moved = np.repeat(layer.in_plane(result.agent_displacement[squares.row])[:, None], 4, axis=1)
     own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])
-    points = layer.in_body(squares.corners[own].reshape(-1, 2))
-    moved[own] = layer.in_plane(result.displacement_at(points)).reshape(-1, 4, 2)
+    corners = squares.corners[own].reshape(-1, 2)
+    first, number = same_points(corners, float(result.size.min()))
+    at_corners = result.displacement_at(layer.in_body(corners[first]))
+    moved[own] = layer.in_plane(at_corners)[number].reshape(-1, 4, 2)
     return moved
 
 

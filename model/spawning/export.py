@@ -11,6 +11,8 @@ from kaju.model.elasticity.export import AXES, Mesh, corner_order, fields_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from .composite import Floats
+    from .leaves import Index
     from .spawned_result import SpawnedResult
 
 
@@ -35,8 +37,7 @@ def mesh(result: SpawnedResult) -> Mesh:
     """Return the agents as quadrilaterals or hexahedra, with the corners that they share."""
     d = result.lower.shape[1]
     points = result.lower[:, None] + np.array(corner_order(d)) * result.size[:, None, None]
-    place = np.rint(points.reshape(-1, d) / result.size.min())
-    _, first, cells = np.unique(place, axis=0, return_index=True, return_inverse=True)
+    first, cells = same_points(points.reshape(-1, d), result.size.min())
     corners = points.reshape(-1, d)[first]
     data = {
         "level": result.level,
@@ -48,3 +49,19 @@ def mesh(result: SpawnedResult) -> Mesh:
         "strain": result.strain.reshape(-1, d * d),
     }
     return Mesh(corners, cells.reshape(points.shape[:2]), result.displacement_at(corners), data)
+
+
+def same_points(points: Floats, apart: float) -> tuple[Index, Index]:
+    """Return which points to keep of those that are the same, and which of these each is.
+
+    Parameters
+    ----------
+    points : array, shape (n, dimension)
+        Not below 0.
+    apart : float
+        The distance of points that differ.
+    """
+    place = np.rint(points / apart).astype(np.int64)
+    key = np.ravel_multi_index(tuple(place.T), tuple(place.max(axis=0) + 1))
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return first, inverse

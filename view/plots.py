@@ -69,17 +69,16 @@ def _stages(result: TransferResult, ax: Axes | None = None, **options: Any) -> A
     return plot_both(result) if ax is None and not options else plot_stages(result, ax, **options)
 
 
-def _map(what: str) -> Picture:
-    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
-        return plot_map(result, what, ax, **options)
+def _map(what: str, plot: Picture = plot_map) -> Picture:
+    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes | Figure:
+        return plot(result, what, ax, **options)
 
     return draw
 
 
-FIELDS: dict[str, Picture] = {
-    "deformed": plot_deformed,
-    **{name: _map(name) for name in ("displacement", "strain", "stress", "von_mises")},
-}
+MAPS = ("displacement", "strain", "stress", "von_mises")
+
+FIELDS: dict[str, Picture] = {"deformed": plot_deformed, **{name: _map(name) for name in MAPS}}
 """Pictures of any result with fields over cells."""
 
 TRANSFER: dict[str, Picture] = {
@@ -102,17 +101,10 @@ def _many_sizes(result: SpawnedResult, ax: Axes | None = None, **options: Any) -
     return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
 
 
-def _agent_map(what: str) -> Picture:
-    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
-        return plot_agent_map(result, what, ax, **options)
-
-    return draw
-
-
 SPAWNED: dict[str, Picture] = {
     "agents": _many_sizes,
     "deformed": plot_agents_deformed,
-    **{name: _agent_map(name) for name in ("displacement", "strain", "stress", "von_mises")},
+    **{name: _map(name, plot_agent_map) for name in MAPS},
 }
 """Pictures of agents of many sizes."""
 

@@ -16,13 +16,15 @@ from .prepared import Prepared, same_body
 from .problem import ElasticProblem, FaceFields
 from .sparse_multigrid import SparseMultigrid
 from .staggered import Numbering
-from .system import System
+from .system import System, likeness
 from .transfer import coarsen
 
 Vector = NDArray[np.float64]
 
 ROUNDING = 1e-14
 """Loads that differ by less, of their largest, are the same."""
+ALIKE = 1e-2
+"""Loads that differ by less, in the mean, from a multiple of others are nearly proportional."""
 ALGEBRAIC_SHARE = 0.15
 """Unless told otherwise, iterate until the algebraic error is this share of the grid's.
 
@@ -104,30 +106,28 @@ def solve_problem(
         Relative algebraic error in the energy norm; by default well below the estimated
         error of the grid, and for small bodies 1e-10.
     previous : Answered, optional
-        A problem on as many cells. Its displacements are where the iteration starts, and its
-        matrices serve again if body and supports are the same.
+        A problem on as many cells. If body and supports are the same its matrices serve again,
+        and its displacements are where the iteration starts if the loads are alike too.
     """
     if tolerance is None and problem.dimension * problem.kinds.size < SMALL:
         tolerance = SMALL_TOLERANCE
-    kept = previous.solution.prepared if previous is not None else None
-    prepared = kept if kept is not None and same_body(kept.body, problem) else Prepared(problem)
-    if previous is not None and prepared is kept and _answers(previous, problem, tolerance):
-        return replace(previous.solution, notes=list(previous.solution.notes))
-    system = System(problem, prepared)
-    guess = None if previous is None else system.gather(previous.solution.displacement)
-    solution = _solve(system, tolerance, guess)
-    solution.prepared = prepared if prepared.worth_keeping else None
-    return solution
-
-
-def _answers(previous: Answered, problem: ElasticProblem, tolerance: float | None) -> bool:
-    """Tell whether a problem of the same body has been solved, but for its units."""
+    if previous is None or not same_body(previous.problem, problem):
+        return _prepared_solve(System(problem, Prepared(problem)), tolerance, None)
     old, solution = previous
-    pairs = (*zip(old.force, problem.force, strict=True),)
-    pairs += (*zip(old.fixed, problem.fixed, strict=True),)
-    same = all(float(np.abs(a - b).max()) <= ROUNDING for a, b in pairs)
+    gap, rest = likeness((*old.force, *old.fixed), (*problem.force, *problem.fixed))
     target = tolerance or _default_target(solution.discretisation)
-    return same and solution.converged and solution.algebraic <= target
+    if gap <= ROUNDING and solution.converged and solution.algebraic <= target:
+        return replace(solution, notes=list(solution.notes))
+    system = System(problem, solution.prepared or Prepared(problem))
+    # Unless loads are nearly in proportion the parents' answer is the better start.
+    guess = system.gather(solution.displacement) if rest <= ALIKE else None
+    return _prepared_solve(system, tolerance, guess)
+
+
+def _prepared_solve(system: System, tolerance: float | None, guess: Vector | None) -> Solution:
+    solution = _solve(system, tolerance, guess)
+    solution.prepared = system.prepared if system.prepared.worth_keeping else None
+    return solution
 
 
 def _default_target(discretisation: float) -> float:

@@ -47,8 +47,8 @@ def solve(
     stage : int, optional
         Stage of loading; by default the last.
     previous : ElasticResult, optional
-        The answer to a scene on as many cells, of which something was changed: the iteration
-        starts from it, and where only loads changed the body's matrices serve again.
+        The answer to a scene on as many cells, of which something was changed. Where only
+        loads changed the body's matrices serve again; loads in proportion need no iteration.
 
     Returns
     -------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from .box_multigrid import face_count, face_views
@@ -12,6 +13,30 @@ from .problem import ElasticProblem, FaceFields
 from .staggered import internal_force
 
 Vector = NDArray[np.float64]
+
+
+@njit(cache=True)
+def _compare(a, b):  # type: ignore[no-untyped-def]
+    """Return a·b, a·a, b·b and max|a − b|."""
+    both = first = second = gap = 0.0
+    for i in range(len(a)):
+        both += a[i] * b[i]
+        first += a[i] * a[i]
+        second += b[i] * b[i]
+        gap = max(gap, abs(a[i] - b[i]))
+    return both, first, second, gap
+
+
+def likeness(old: FaceFields, new: FaceFields) -> tuple[float, float]:
+    """Return how far values are from others, and (relative) from the nearest multiple of them.
+
+    The first is the largest difference, the second one in the mean.
+    """
+    pairs = zip(old, new, strict=True)
+    both, first, second, gaps = np.array([_compare(a.ravel(), b.ravel()) for a, b in pairs]).T
+    square, products = second.sum(), first.sum() * second.sum()
+    rest = 1.0 - both.sum() ** 2 / products if products > 0.0 else float(square > 0.0)
+    return float(gaps.max()), float(np.sqrt(max(rest, 0.0)))
 
 
 class System:

@@ -19,14 +19,14 @@ from .held import rebalance
 from .indicator import Indicator, indicate
 from .leaves import Flags, Index, Leaves
 from .nested import NestedMultigrid
-from .previous import Standing, count_retired, regroup, take_up
+from .previous import Standing, answered, count_retired, regroup, take_up
 from .settle import energy_of, relative_error, settle
 
 ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
 LAST = 1e-10
-ENOUGH = 0.01
-"""Share of its estimated error to which the last generation after a change is solved."""
+ROUGH = 0.05
+"""One cycle of previous agents is enough to tell within a per cent what they will leave."""
 KEPT = {2: 500_000, 3: 60_000}
 """Answers of more agents give back the memory of their parents' matrices."""
 MOST_GENERATIONS = 60
@@ -173,37 +173,51 @@ class Spawner:
         """Spawn, but for the first time, and settle."""
         if self._chosen is not None:
             self._spawn(self._chosen)
-        run = self._settle(ALGEBRAIC_SHARE * self.error)
-        iterations = run.iterations
         if self._before is not None and not self.generations:
-            iterations += self._regroup(self._before)
+            runs = self._take_stock(self._before)
+        else:
+            runs = [self._settle(ALGEBRAIC_SHARE * self.error)]
+            self._look(runs[-1].errors[-1])
         if self._ends():
-            run = self._settle(LAST if self._before is None else ENOUGH * self.error)
-            iterations += run.iterations
+            runs.append(self._finish())
             self._ends()
-            self._note_rest(run)
-        self._residuals = run.residuals
+            self._note_rest(runs[-1])
+        self._residuals = runs[-1].residuals
         self._chosen = None if self.finished else self.aimed.chosen
-        self._remember(iterations)
+        self._remember(sum(run.iterations for run in runs))
 
-    def _ends(self) -> bool:
-        """Tell whether no step is left."""
-        self._stopped = self._reason_to_stop(self.aimed.chosen)
-        self.finished = self.aimed.error <= self.tolerance or bool(self._stopped)
-        return self.finished
-
-    def _regroup(self, before: Leaves) -> int:
-        """Let agents of the previous answer retire, or spawn at once; return the iterations."""
-        iterations, within = 0, True
+    def _take_stock(self, before: Leaves) -> list[Iteration]:
+        """Let agents of the previous answer settle roughly, retire, and spawn at once."""
+        runs = [self._settle(ROUGH)]
+        self._look(None)
+        within = True
         while within:
             standing = regroup(self.ground, self.balance, self.displacement, self.aimed)
             if standing is None:
                 break
             within = self.aimed.error <= self.tolerance
             self._stand(standing)
-            iterations += self._settle(ALGEBRAIC_SHARE * self.error).iterations
+            runs.append(self._settle(ALGEBRAIC_SHARE * self.error))
+            self._look(runs[-1].errors[-1])
         self.retired = count_retired(before, self.balance.grid.leaves)
-        return iterations
+        return runs
+
+    def _finish(self) -> Iteration:
+        """Settle for good."""
+        if self._before is None:
+            run = self._settle(LAST)
+            self._look(run.errors[-1])
+            return run
+        run = self._settle(ALGEBRAIC_SHARE * self.error)
+        rebalance(self.balance, self.hierarchy.matrix, self.displacement)
+        self.energy = energy_of(self.balance, self.displacement)
+        return run
+
+    def _ends(self) -> bool:
+        """Tell whether no step is left."""
+        self._stopped = self._reason_to_stop(self.aimed.chosen)
+        self.finished = self.aimed.error <= self.tolerance or bool(self._stopped)
+        return self.finished
 
     def outcome(self) -> Spawning:
         """Return the agents as they are."""
@@ -231,15 +245,18 @@ class Spawner:
         self.balance = finer
 
     def _settle(self, share: float) -> Iteration:
-        """Balance the forces to a relative algebraic error; see what is left unbalanced."""
-        run = settle(self.balance, self.hierarchy, self.displacement, share)
-        if share < ALGEBRAIC_SHARE * self.error:
-            rebalance(self.balance, self.hierarchy.matrix, self.displacement)
+        """Balance the forces to a relative algebraic error."""
+        return settle(self.balance, self.hierarchy, self.displacement, share)
+
+    def _look(self, algebraic: float | None) -> None:
+        """See what is left unbalanced, besides an algebraic error."""
         self.indicator = indicate(self.balance, self.displacement)
         self.energy = energy_of(self.balance, self.displacement)
-        self.error = float(np.hypot(relative_error(self.indicator, self.energy), run.errors[-1]))
+        error = relative_error(self.indicator, self.energy)
+        # An error that is still to be settled will be a share of this one.
+        algebraic = ALGEBRAIC_SHARE * error if algebraic is None else algebraic
+        self.error = float(np.hypot(error, algebraic))
         self.aimed = self.aim.look(self)
-        return run
 
     def _reason_to_stop(self, chosen: Flags) -> str:
         agents = len(chosen) + ((1 << self.ground.dimension) - 1) * np.count_nonzero(chosen)
@@ -271,6 +288,10 @@ def spawn(
     previous: Spawning | None = None,
 ) -> Spawning:
     """Solve with agents that are small only where the error asks for it; see `Spawner`."""
+    if previous is not None and aim is None:
+        answer = answered(previous, ground, tolerance)
+        if answer is not None:
+            return answer
     spawner = Spawner(ground, tolerance, most_agents, aim, previous)
     while not spawner.finished:
         spawner.step()

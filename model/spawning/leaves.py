@@ -126,6 +126,10 @@ class Leaves:
             stay[start + child] = False
         return stay
 
+    def as_first(self) -> Leaves:
+        """Return the leaves as if they had been there from the start."""
+        return replace(self, step=np.zeros_like(self.step), cause=np.zeros_like(self.cause))
+
     def only(self, chosen: Flags) -> Leaves:
         """Return some of the leaves."""
         return Leaves(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 WORTHWHILE = 0.85
 """Agents retire if no more than this share is left of those that there would be otherwise."""
+SUITS = 0.7
+"""An answer with less than this share of the tolerance lets agents retire."""
 LEAST = 0.4
 """Spawning once leaves at least this share of an error."""
 
@@ -66,6 +69,25 @@ def check_previous(previous: Ground, ground: Ground) -> None:
         )
 
 
+def answered(previous: Spawning, ground: Ground, tolerance: float) -> Spawning | None:
+    """Return the previous answer on ground that differs by the unit of its loads; else None."""
+    old, error = previous.balance, previous.error
+    suits = previous.reached and SUITS * tolerance <= error <= tolerance
+    if not (suits and error == previous.aimed.error and ground.loaded_like(old.grid.ground)):
+        return None
+    if not of_same_body(old, ground):
+        return None
+    balance, hierarchy = _loaded(previous, ground)
+    return replace(
+        previous,
+        balance=balance,
+        generations=[previous.generations[-1]._replace(iterations=0)],
+        notes=_lasting(previous.notes),
+        hierarchy=hierarchy,
+        retired=0,
+    )
+
+
 def take_up(previous: Spawning, ground: Ground) -> Standing:
     """Return the agents of a previous answer on new ground.
 
@@ -73,14 +95,23 @@ def take_up(previous: Spawning, ground: Ground) -> Standing:
     they are kept as far as they are of one kind and inside of what the first agents would be.
     """
     old = previous.balance
-    if _of_same_body(old, ground):
-        balance = old.loaded_by(ground)
-        kept, limit = previous.hierarchy, direct_limit(ground)
-        hierarchy = NestedMultigrid(balance, limit) if kept is None else kept.loaded_by(balance)
+    if of_same_body(old, ground):
+        balance, kept = _loaded(previous, ground)
+        hierarchy = kept or NestedMultigrid(balance, direct_limit(ground))
         start = previous.displacement * _unit(old.grid.ground, ground)
-        notes = [note for note in previous.notes if note.endswith(HALVED)]
-        return Standing(balance, hierarchy, _scaled(balance, start), notes)
+        return Standing(balance, hierarchy, _scaled(balance, start), _lasting(previous.notes))
     return _regrouped(ground, old, previous.displacement, old.grid.leaves)
+
+
+def _loaded(previous: Spawning, ground: Ground) -> tuple[Balance, NestedMultigrid | None]:
+    """Return the previous agents with their matrices, as the first ones, under new loads."""
+    balance, kept = previous.balance.loaded_by(ground), previous.hierarchy
+    balance.grid.leaves = balance.grid.leaves.as_first()
+    return balance, None if kept is None else kept.loaded_by(balance)
+
+
+def _lasting(notes: list[str]) -> list[str]:
+    return [note for note in notes if note.endswith(HALVED)]
 
 
 def regroup(ground: Ground, balance: Balance, u: Floats, aimed: Aimed) -> Standing | None:
@@ -105,7 +136,7 @@ def count_retired(before: Leaves, now: Leaves) -> int:
     return int(np.count_nonzero((at >= 0) & (now.size[at] > before.size)))
 
 
-def _of_same_body(old: Balance, ground: Ground) -> bool:
+def of_same_body(old: Balance, ground: Ground) -> bool:
     """Tell whether agents may stay as they are, whatever their loads."""
     grid, before = old.grid, old.grid.ground
     same = ground.scene.same_body(before.scene) and grid.leaves.size.min() >= ground.smallest

@@ -170,6 +170,8 @@ def test_a_stored_result_serves_too(tmp_path):
     moved = plate(loads=press(20))
     again = solve(moved, tolerance=1e-10, previous=stored)
     assert_like(again, solve(moved, tolerance=1e-10, previous=first))
+    harder = plate(loads=press(force=(0.0, -4.0)))
+    assert solve(harder, tolerance=1e-10, previous=stored).residuals == first.residuals
 
 
 def test_nothing_keeps_the_results_before_alive():

@@ -66,7 +66,10 @@ def test_a_force_changed_in_proportion_needs_no_iteration():
     rise = harder.agent_displacement - 3 * first.agent_displacement
     assert np.abs(rise).max() < 1e-9 * first.max_displacement
     assert [g.iterations for g in harder.generations] == [0]
-    assert harder.error_estimate == pytest.approx(first.error_estimate, rel=1e-6)
+    assert harder.error_estimate == first.error_estimate
+    np.testing.assert_allclose(harder.reactions["bottom"], [0.0, 6.0], atol=1e-8)
+    coarser = spawned(plate(loads=press(force=(0.0, -6.0))), previous=first, tolerance=0.1)
+    assert coarser.agents < 0.5 * first.agents
 
 
 def test_agents_that_suit_another_load_keep_their_matrices():
@@ -207,9 +210,10 @@ def test_three_dimensions():
     np.testing.assert_allclose(again.reactions["bottom"], [-0.1, 0.0, 1.0], atol=1e-9)
 
 
-def test_history_starts_with_the_agents_taken_over():
+@pytest.mark.parametrize("loads", [press(4), press(force=(0.3, -2.0)), press(force=(0.0, -3.0))])
+def test_history_starts_with_the_agents_taken_over(loads):
     first = spawned(plate())
-    again = spawned(CHANGES["moved"], previous=first)
+    again = spawned(plate(loads=loads), previous=first)
     assert (again.spawn_step >= 0).all()
     assert again.spawn_step.max() == len(again.generations) - 1
     assert (again.cause[again.spawn_step == 0] == 0.0).all()

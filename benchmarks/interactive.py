@@ -9,6 +9,7 @@ with the load in its first place; times are medians of the calls of `solve` alon
     python benchmarks/interactive.py hole         # equal cells, a hole
     python benchmarks/interactive.py 0.02         # spawning agents, that tolerance
     python benchmarks/interactive.py memory       # what a chain of 50 moves leaves behind
+    python benchmarks/interactive.py chain        # whether agents pile up
 """
 
 import gc
@@ -16,6 +17,8 @@ import sys
 import tracemalloc
 from statistics import median
 from time import perf_counter
+
+import numpy as np
 
 from kaju import Scene, solve
 
@@ -95,11 +98,25 @@ def memory():
         print(f"{strategy:10}" + "".join(f"{value:8.1f}" for value in in_use))
 
 
+def chain():
+    """Print how many agents a chain of random moves ends with, against afresh each time."""
+    random, result, ratio = np.random.default_rng(1), None, []
+    how = {"strategy": "spawning", "tolerance": 0.02}
+    for _ in range(20):
+        place, along = random.uniform(0.0, SIDE - PATCH), random.normal()
+        place = round(place / SIDE * CELLS) * SIDE / CELLS
+        scene = plate().replace(loads=press(place, (along, -2.0)))
+        result = solve(scene, previous=result, **how)
+        ratio.append(result.agents / solve(scene, **how).agents)
+    print(f"\nagents after each of 20 random moves, against afresh: {np.mean(ratio):.2f} times")
+    print(f"in the mean, at most {max(ratio):.2f} times")
+
+
 def main():
-    asked = sys.argv[1:] or ["plate", "hole", "0.05", "0.02", "0.005", "memory"]
+    asked = sys.argv[1:] or ["plate", "hole", "0.05", "0.02", "0.005", "memory", "chain"]
     for name in asked:
-        if name == "memory":
-            memory()
+        if name in ("memory", "chain"):
+            {"memory": memory, "chain": chain}[name]()
         elif name == "plate":
             solve(plate(), previous=solve(plate()))
             table("equal cells", plate(), strategy="uniform")

@@ -117,7 +117,8 @@ def solve_problem(
     gap, rest = likeness((*old.force, *old.fixed), (*problem.force, *problem.fixed))
     target = tolerance or _default_target(solution.discretisation)
     if gap <= ROUNDING and solution.converged and solution.algebraic <= target:
-        return replace(solution, notes=list(solution.notes))
+        residuals = solution.residuals[-1:]
+        return replace(solution, notes=list(solution.notes), residuals=residuals)
     system = System(problem, solution.prepared or Prepared(problem))
     # Unless loads are nearly in proportion the parents' answer is the better start.
     guess = system.gather(solution.displacement) if rest <= ALIKE else None

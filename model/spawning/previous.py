@@ -82,6 +82,7 @@ def answered(previous: Spawning, ground: Ground, tolerance: float) -> Spawning |
         previous,
         balance=balance,
         generations=[previous.generations[-1]._replace(iterations=0)],
+        residuals=previous.residuals[-1:],
         notes=_lasting(previous.notes),
         hierarchy=hierarchy,
         retired=0,

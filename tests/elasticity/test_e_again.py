@@ -71,7 +71,7 @@ def test_a_force_changed_in_proportion_needs_no_iteration():
     harder = solve(plate(loads=press(force=(0.0, -6.0))), tolerance=1e-10, previous=first)
     np.testing.assert_allclose(harder.cell_displacement, 3 * first.cell_displacement, rtol=1e-13)
     assert harder.strain_energy == pytest.approx(9 * first.strain_energy, rel=1e-13)
-    assert harder.residuals == first.residuals
+    assert harder.iterations == 0
 
 
 def test_another_sign_or_a_tighter_tolerance_is_iterated():
@@ -171,7 +171,7 @@ def test_a_stored_result_serves_too(tmp_path):
     again = solve(moved, tolerance=1e-10, previous=stored)
     assert_like(again, solve(moved, tolerance=1e-10, previous=first))
     harder = plate(loads=press(force=(0.0, -4.0)))
-    assert solve(harder, tolerance=1e-10, previous=stored).residuals == first.residuals
+    assert solve(harder, tolerance=1e-10, previous=stored).iterations == 0
 
 
 def test_nothing_keeps_the_results_before_alive():

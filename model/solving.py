@@ -28,11 +28,21 @@ def solve(
         A scene is solved as linear elasticity, a network in large deformation.
     **how
         For a scene: `tolerance`, `resolution`, `stage`, `strategy`, and `previous`, the answer
-        to a scene of which something was changed, to start from. With the strategy
-        "uniform" all cells are equal, and the tolerance is that of their equations: see
-        `kaju.model.elasticity.solve`. With "spawning" agents are small only where the
-        tolerance, an error in the energy norm, asks for it: see `kaju.model.spawning.solve`.
-        "auto" takes equal cells, or what the previous answer took.
+        to a scene of which something was changed, to start from.
+
+        With the strategy "auto" (unless given) and a tolerance, the relative error in the
+        energy norm is at most the tolerance, by whichever is expected to be cheaper: equal
+        cells so small that they keep it, or agents that spawn where they have to. The result's
+        notes say which, and why; see `kaju.model.spawning.choice`. Without a tolerance the
+        scene's own cells are solved, or `resolution` times as many along every axis. A
+        previous answer is continued in the way that it was found.
+
+        With "spawning" agents are small only where the tolerance, an error in the energy norm,
+        asks for it: see `kaju.model.spawning.solve`.
+
+        With "uniform" all cells are equal, and the tolerance is only that to which their
+        equations are solved: see `kaju.model.elasticity.solve`.
+
         For a network: `increments`, `method`, `tolerance`, as in `kaju.model.network.solve`.
 
     Raises
@@ -54,13 +64,22 @@ def solve(
 
 def _solve_scene(scene: Scene, strategy: str = "auto", **how: Any) -> ElasticResult | SpawnedResult:
     from kaju.model.elasticity.solve import solve as solve_uniform
+    from kaju.model.spawning.choice import solve_cheaply
     from kaju.model.spawning.solve import solve_spawning
-    from kaju.model.spawning.spawned_result import SpawnedResult
 
     if strategy not in ("auto", "uniform", "spawning"):
         raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
-    if strategy == "auto" and isinstance(how.get("previous"), SpawnedResult):
+    given = {name: value for name, value in how.items() if value is not None}
+    if strategy == "auto" and _asks_for_agents(given):
         strategy = "spawning"
     if strategy == "spawning":
-        return solve_spawning(scene, **{k: v for k, v in how.items() if v is not None})
-    return solve_uniform(scene, **how)
+        return solve_spawning(scene, **given)
+    if strategy == "auto" and "tolerance" in given:
+        return solve_cheaply(scene, **given)
+    return solve_uniform(scene, **given)
+
+
+def _asks_for_agents(given: dict[str, Any]) -> bool:
+    from kaju.model.spawning.spawned_result import SpawnedResult
+
+    return "tolerance_at" in given or isinstance(given.get("previous"), SpawnedResult)

@@ -15,6 +15,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU, splu
 
+from kaju.errors import SceneError
+
 from .krylov import Iteration, dot
 from .problem import ACTIVE
 from .staggered import Numbering
@@ -26,13 +28,25 @@ DIRECT_LIMIT = {2: 1_200_000, 3: 40_000}
 
 
 def factorise(matrix: sp.csr_array) -> SuperLU:
-    """Return the factors of a symmetric positive definite matrix."""
-    return splu(
-        sp.csc_array(matrix),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    """Return the factors of a symmetric positive definite matrix.
+
+    Raises
+    ------
+    SceneError
+        If it is singular.
+    """
+    try:
+        return splu(
+            sp.csc_array(matrix),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError as error:
+        raise SceneError(
+            "body: some of its cells hang together by single faces, about which they turn freely; "
+            "give a larger resolution (2 halves the cells), or strategy='spawning'"
+        ) from error
 
 
 def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Vector) -> Iteration:

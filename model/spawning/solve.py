@@ -77,8 +77,28 @@ def solve_spawning(
     if before is not None:
         check_previous(before.balance.grid.ground, ground)
     spawning = spawn(ground, tolerance, limit, previous=before)
+    seconds = perf_counter() - start
+    return answer_of(spawning, scene, stage, tolerance, resolution, limit, seconds)
+
+
+def answer_of(
+    spawning: Spawning,
+    scene: Scene,
+    stage: int | None,
+    tolerance: float,
+    resolution: int | None,
+    limit: int,
+    seconds: float,
+) -> SpawnedResult:
+    """Return agents that have ended as a result.
+
+    Raises
+    ------
+    ConvergenceError
+        If they ended early; `best` holds the result.
+    """
     spawning.notes += rest_of(spawning, tolerance, resolution)
-    result = SpawnedResult(scene, stage, tolerance, resolution, spawning, perf_counter() - start)
+    result = SpawnedResult(scene, stage, tolerance, resolution, spawning, seconds)
     if spawning.stopped == "agents":
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an estimated error of "

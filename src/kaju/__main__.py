@@ -54,8 +54,8 @@ Strategy = Annotated[
 Tolerance = Annotated[
     float | None,
     typer.Option(
-        help="Solve the scene as linear elasticity to this error: of the equations on equal "
-        "cells, of the answer (energy norm) if agents spawn.",
+        help="Solve the scene as linear elasticity to this error (energy norm), by whichever "
+        "strategy is cheaper. With --strategy uniform: solve the equations to this error.",
     ),
 ]
 SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]

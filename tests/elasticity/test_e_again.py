@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kaju import solve
 from kaju.errors import ParameterError, SupportError
 from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elasticity.solve import solve
 from kaju.model.scene import Scene
 
 STEEL = {"size": [0.2, 0.1], "cells": [40, 20], "thickness": 0.002, "material": "steel"}

@@ -132,8 +132,10 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
 
 
 def test_tolerance_alone_asks_for_the_solver(kaju):
-    assert kaju("run", PLATE, "--no-pictures", "--tolerance", "1e-8", "--out", "here")[0] == 0
-    assert json.loads(Path("here/summary.json").read_text())["residual"] < 1e-6
+    assert kaju("run", PLATE, "--no-pictures", "--tolerance", "0.1", "--out", "here")[0] == 0
+    summary = json.loads(Path("here/summary.json").read_text())
+    assert summary["error_estimate"] <= 0.1
+    assert any("taken for a tolerance of 0.1" in note for note in summary["notes"])
     code, _, err = kaju("run", PLATE, "--strategy", "clever", "--out", "there")
     assert (code, Path("there").exists()) == (2, False)
     assert err.startswith("error: strategy: must be")

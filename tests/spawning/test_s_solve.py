@@ -224,7 +224,6 @@ def test_bad_arguments_are_named(how, match):
 def test_agents_spawn_if_that_strategy_is_asked_for():
     assert isinstance(solve(plate(), tolerance=0.3, strategy="spawning"), SpawnedResult)
     assert not isinstance(solve(plate(), tolerance=0.1, strategy="uniform"), SpawnedResult)
-    assert not isinstance(solve(plate(), tolerance=0.1), SpawnedResult)
 
 
 def test_saved_result_is_the_same_when_read(tmp_path):

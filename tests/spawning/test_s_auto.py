@@ -1,0 +1,204 @@
+"""A tolerance and no strategy: equal cells or agents, whichever is expected to be cheaper."""
+
+from math import sqrt
+
+import numpy as np
+import pytest
+
+from kaju import Scene, solve
+from kaju.errors import ParameterError, SceneError, SupportError
+from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elasticity.solve import solve as solve_equal_cells
+from kaju.model.spawning import choice
+from kaju.model.spawning.equal_cells import same_loads
+from kaju.model.spawning.spawned_result import SpawnedResult
+
+LIMIT = 1.32302e-8
+"""Strain energy (J) of the plate by converged quadratic finite elements."""
+PATCH = {"region": {"box": [[0.1, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
+
+
+def plate(loads=(PATCH,), **body):
+    """The worked plate under 2 N over 10 mm of its top."""
+    given = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, "material": "steel"}
+    return Scene(body=given | body, sides={"bottom": "rigid"}, loads=list(loads))
+
+
+def bar(cells=16):
+    """A bar clamped on the left and bent."""
+    return Scene(
+        body={"size": [0.4, 0.05], "cells": [8 * cells, cells], "material": "steel"},
+        sides={"left": "rigid"},
+        loads=[{"side": "right", "force": [0.0, -100.0]}],
+    )
+
+
+def test_small_patch_of_load_makes_agents_spawn():
+    result = solve(plate(), tolerance=0.01)
+    assert isinstance(result, SpawnedResult)
+    assert result.error_estimate <= 0.01
+    assert sqrt(result.strain_energy / LIMIT - 1) < 0.012
+    assert any("equal cells were expected" in note for note in result.summary()["notes"])
+
+
+def test_bent_bar_is_solved_on_equal_cells():
+    result = solve(bar(4), tolerance=0.02)
+    assert isinstance(result, ElasticResult)
+    assert result.error_estimate <= 0.02
+    assert any("agents" in note for note in result.summary()["notes"])
+    finer = solve_equal_cells(bar(4), resolution=2 * result.subdivision)
+    limit = finer.strain_energy - (result.strain_energy - finer.strain_energy) / 3
+    assert sqrt(abs(result.strain_energy / limit - 1)) < 0.02
+
+
+def test_pressure_on_rollers_needs_no_more_than_the_own_cells():
+    body = {"size": [0.2, 0.2], "cells": [32, 32], "material": "steel"}
+    sides = {"bottom": "roller", "left": "roller"}
+    scene = Scene(body=body, sides=sides, loads=[{"side": "top", "pressure": 1e6}])
+    result = solve(scene, tolerance=0.1)
+    assert isinstance(result, ElasticResult)
+    assert result.subdivision == 1
+    energy = 0.5 * 1e6**2 / scene.cell_materials[0].youngs_modulus * 0.2 * 0.2
+    assert result.strain_energy == pytest.approx(energy, rel=1e-9)
+
+
+def test_equal_cells_are_those_of_the_uniform_strategy():
+    result = solve(bar(), tolerance=0.02)
+    same = solve(bar(), resolution=result.subdivision, strategy="uniform")
+    for ours, theirs in zip(result.face_displacement, same.face_displacement, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_agents_are_those_of_the_spawning_strategy():
+    result = solve(plate(), tolerance=0.01)
+    same = solve(plate(), tolerance=0.01, strategy="spawning")
+    np.testing.assert_array_equal(result.lower, same.lower)
+    np.testing.assert_array_equal(result.agent_displacement, same.agent_displacement)
+
+
+def test_without_a_tolerance_the_own_cells_are_solved():
+    result, own = solve(plate()), solve_equal_cells(plate())
+    assert isinstance(result, ElasticResult)
+    assert result.summary()["notes"] == []
+    for ours, theirs in zip(result.face_displacement, own.face_displacement, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_body_of_a_million_million_cells_is_never_rasterised():
+    load = {"region": {"box": [[0.5, 1.0], [0.5625, 1.0]]}, "force": [0.0, -1.0]}
+    scene = plate([load], size=[1.0, 1.0], cells=[2**20, 2**20])
+    assert isinstance(solve(scene, tolerance=0.1), SpawnedResult)
+
+
+def test_own_cells_do_where_these_are_many_and_agents_would_be_more():
+    result = solve(bar(128), tolerance=0.01)
+    assert isinstance(result, ElasticResult)
+    assert result.subdivision == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"regions": [{"material": "air", "disk": {"centre": [0.1, 0.1], "radius": 0.05}}]},
+        {"loads": [{"point": [0.1, 0.2], "force": [0.0, -2.0]}]},
+        {"loads": [{"region": {"box": [[0.1, 0.2], [0.114, 0.2]]}, "force": [0.0, -2.0]}]},
+    ],
+)
+def test_cells_that_would_pose_another_problem_are_not_divided(changes, monkeypatch):
+    """Smaller cells make round holes rounder and point loads sharper; agents keep both."""
+    monkeypatch.setattr(choice, "FAVOUR", 0.0)  # equal cells, if there is any way
+    assert isinstance(solve(plate(), tolerance=0.05), ElasticResult)
+    result = solve(plate(**changes), tolerance=0.05)
+    assert isinstance(result, SpawnedResult)
+    assert any("same problem" in note for note in result.summary()["notes"])
+
+
+def test_loads_are_the_same_on_smaller_cells_if_they_fill_cells():
+    face = {"cell": [3, 19], "side": "top", "force": [1.0, -2.0]}
+    inside = {"region": {"box": [[0.02, 0.02], [0.05, 0.06]]}, "force": [1.0, 1.0]}
+    filling = plate([PATCH, face, inside, {"side": "top", "pressure": 1e4}])
+    assert same_loads(filling, filling.refine(3), 3, None)
+    for load in (
+        {"point": [0.1, 0.2], "force": [0.0, -2.0]},
+        {"region": {"box": [[0.1, 0.2], [0.114, 0.2]]}, "force": [0.0, -2.0]},
+        {"region": {"box": [[0.02, 0.02], [0.055, 0.06]]}, "force": [0.0, -2.0]},
+    ):
+        scene = plate([load])
+        assert not same_loads(scene, scene.refine(4), 4, None)
+
+
+def test_no_cell_is_smaller_than_the_resolution_allows():
+    result = solve(bar(4), tolerance=0.001, resolution=2)
+    assert isinstance(result, ElasticResult)
+    assert result.subdivision == 2
+    assert result.error_estimate > 0.001
+    assert any("a larger resolution" in note for note in result.summary()["notes"])
+    coarse = solve(bar(4), tolerance=0.3, resolution=2)
+    assert coarse.subdivision == 1
+    spawned = solve(plate(cells=[320, 320]), tolerance=0.03, resolution=2)
+    assert spawned.size.min() >= 0.2 / 640
+
+
+def test_more_agents_than_allowed_leave_it_to_equal_cells():
+    result = solve(plate(), tolerance=0.02, most_agents=500)
+    assert isinstance(result, ElasticResult)
+    assert result.error_estimate <= 0.02
+
+
+def test_agents_go_where_members_are_too_thin_for_equal_cells():
+    """Cells that hang together by single faces, about which they turn freely."""
+    scene = Scene.from_drawing(
+        "a.\naa\n.a\naa\na.\naa",
+        legend={"a": "steel", ".": "air"},
+        cell_size=0.01,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [0, 5], "side": "top", "force": [1.0, -1.0]}],
+    )
+    with pytest.raises(SceneError, match="turn freely"):
+        solve(scene)
+    result = solve(scene, tolerance=0.1)
+    assert isinstance(result, SpawnedResult)
+    assert result.error_estimate <= 0.1
+
+
+def test_previous_answer_is_continued_in_its_own_way():
+    moved = bar().replace(loads=[{"side": "right", "force": [10.0, -50.0]}])
+    first = solve(bar(), tolerance=0.02)
+    again = solve(moved, tolerance=0.02, previous=first)
+    assert isinstance(again, ElasticResult)
+    assert again.subdivision == first.subdivision
+    assert sum("equal cells were taken" in note for note in again.summary()["notes"]) == 1
+    finer = solve(moved, tolerance=0.01, previous=again)
+    assert finer.subdivision > again.subdivision
+    spawned = solve(bar(), tolerance=0.1, strategy="spawning")
+    assert isinstance(solve(moved, tolerance=0.1, previous=spawned), SpawnedResult)
+
+
+def test_loose_bodies_are_refused_at_once():
+    with pytest.raises(SupportError, match="move along x"):
+        solve(plate().replace(sides={"bottom": "roller"}), tolerance=0.1)
+
+
+@pytest.mark.parametrize(
+    ("how", "match"),
+    [
+        ({"tolerance": 1e-10}, "strategy='uniform'"),
+        ({"tolerance": 0.1, "resolution": 0}, "resolution"),
+        ({"tolerance": 0.1, "most_agents": 1.5}, "most_agents"),
+    ],
+)
+def test_bad_arguments_are_named(how, match):
+    with pytest.raises(ParameterError, match=match):
+        solve(plate(), **how)
+
+
+def test_cube_under_a_patch_spawns_and_a_block_that_is_bent_does_not():
+    load = {"region": {"box": [[0.375, 0.375, 1.0], [0.5, 0.5, 1.0]]}, "force": [0.0, 0.0, -1.0]}
+    body = {"size": [1.0] * 3, "cells": [16] * 3, "material": "steel"}
+    cube = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+    assert isinstance(solve(cube, tolerance=0.2), SpawnedResult)
+    body = {"size": [0.4, 0.1, 0.1], "cells": [16, 4, 4], "material": "steel"}
+    end = {"side": "right", "force": [0.0, 0.0, -100.0]}
+    bent = solve(Scene(body=body, sides={"left": "rigid"}, loads=[end]), tolerance=0.1)
+    assert isinstance(bent, ElasticResult)
+    assert bent.error_estimate <= 0.1

@@ -17,9 +17,9 @@ from .first import direct_limit, first_agents
 from .ground import Ground
 from .held import rebalance
 from .indicator import Indicator, indicate
-from .leaves import Flags, Index, Leaves
+from .leaves import Flags, Index
 from .nested import NestedMultigrid
-from .previous import Standing, answered, count_retired, regroup, take_up
+from .previous import Heirs, Standing, answered
 from .settle import energy_of, relative_error, settle
 
 ALGEBRAIC_SHARE = 0.05
@@ -157,11 +157,15 @@ class Spawner:
     ) -> None:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
         self.aim = aim or EnergyAim()
-        self._stand(_first(ground) if previous is None else take_up(previous, ground))
+        self._heirs = None
+        if previous is None:
+            self._stand(_first(ground))
+        else:
+            self._heirs = Heirs(ground, previous.balance.grid.leaves)
+            self._stand(self._heirs.take_up(previous))
         self.generations: list[Generation] = []
         self.error = FIRST_GUESS if previous is None else previous.error
         self.finished = False
-        self._before = None if previous is None else previous.balance.grid.leaves
         self.retired = 0
         self._chosen: Flags | None = None
         self._stopped = ""
@@ -173,8 +177,8 @@ class Spawner:
         """Spawn, but for the first time, and settle."""
         if self._chosen is not None:
             self._spawn(self._chosen)
-        if self._before is not None and not self.generations:
-            runs = self._take_stock(self._before)
+        if self._heirs is not None and not self.generations:
+            runs = self._take_stock(self._heirs)
         else:
             runs = [self._settle(ALGEBRAIC_SHARE * self.error)]
             self._look(runs[-1].errors[-1])
@@ -186,25 +190,25 @@ class Spawner:
         self._chosen = None if self.finished else self.aimed.chosen
         self._remember(sum(run.iterations for run in runs))
 
-    def _take_stock(self, before: Leaves) -> list[Iteration]:
+    def _take_stock(self, heirs: Heirs) -> list[Iteration]:
         """Let agents of the previous answer settle roughly, retire, and spawn at once."""
         runs = [self._settle(ROUGH)]
         self._look(None)
         within = True
         while within:
-            standing = regroup(self.ground, self.balance, self.displacement, self.aimed)
+            standing = heirs.regroup(self.balance, self.displacement, self.aimed)
             if standing is None:
                 break
             within = self.aimed.error <= self.tolerance
             self._stand(standing)
             runs.append(self._settle(ALGEBRAIC_SHARE * self.error))
             self._look(runs[-1].errors[-1])
-        self.retired = count_retired(before, self.balance.grid.leaves)
+        self.retired = heirs.retired(self.balance.grid.leaves)
         return runs
 
     def _finish(self) -> Iteration:
         """Settle for good."""
-        if self._before is None:
+        if self._heirs is None:
             run = self._settle(LAST)
             self._look(run.errors[-1])
             return run

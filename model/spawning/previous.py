@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -89,19 +90,71 @@ def answered(previous: Spawning, ground: Ground, tolerance: float) -> Spawning |
     )
 
 
-def take_up(previous: Spawning, ground: Ground) -> Standing:
-    """Return the agents of a previous answer on new ground.
+class Heirs:
+    """Agents on new ground that begin with those of a previous answer.
 
-    On the same body they stay as they are, with all their matrices. Where the body changed
-    they are kept as far as they are of one kind and inside of what the first agents would be.
+    Attributes
+    ----------
+    ground : Ground
+    before : Leaves
+        The previous agents.
     """
-    old = previous.balance
-    if of_same_body(old, ground):
-        balance, kept = _loaded(previous, ground)
-        hierarchy = kept or NestedMultigrid(balance, direct_limit(ground))
-        start = previous.displacement * _unit(old.grid.ground, ground)
-        return Standing(balance, hierarchy, _scaled(balance, start), _lasting(previous.notes))
-    return _regrouped(ground, old, previous.displacement, old.grid.leaves)
+
+    def __init__(self, ground: Ground, before: Leaves) -> None:
+        self.ground, self.before = ground, before
+
+    @cached_property
+    def first(self) -> tuple[Balance, list[str]]:
+        """The agents that would be the first ones otherwise, and what is to be noted."""
+        return first_agents(self.ground)
+
+    def take_up(self, previous: Spawning) -> Standing:
+        """Return the agents of the previous answer.
+
+        On the same body they stay as they are, with all their matrices. Where the body
+        changed they are kept as far as they lie inside of what the first agents would be.
+        """
+        old, ground = previous.balance, self.ground
+        if of_same_body(old, ground):
+            balance, kept = _loaded(previous, ground)
+            hierarchy = kept or NestedMultigrid(balance, direct_limit(ground))
+            start = previous.displacement * _unit(old.grid.ground, ground)
+            notes = _lasting(previous.notes)
+            return Standing(balance, hierarchy, _scaled(balance, start), notes)
+        return self._stand(self._placed(old.grid.leaves), old, previous.displacement)
+
+    def regroup(self, balance: Balance, u: Floats, aimed: Aimed) -> Standing | None:
+        """Let agents retire that are not needed, and others spawn, after they have settled.
+
+        None if those that stand may as well stay.
+        """
+        leaves, part, ground = balance.grid.leaves, aimed.part, self.ground
+        share = even_share(leaves, part, max(aimed.allowed, LEAST * float(part.sum())))
+        fewer, part = retired(leaves, part, share)
+        spawning = (part > share) & (fewer.size > ground.smallest)
+        wanted = fewer.split(spawning, 0, np.zeros(len(fewer)))
+        children = (1 << leaves.dimension) - 1
+        enough = WORTHWHILE * (len(leaves) + children * np.count_nonzero(aimed.chosen))
+        unfit = ground.unevenly_loaded(leaves).any()
+        if len(wanted) > enough and not unfit:
+            return None
+        placed = self._placed(wanted)
+        return None if len(placed) > enough and not unfit else self._stand(placed, balance, u)
+
+    def retired(self, now: Leaves) -> int:
+        """Return for how many of the previous agents a larger one stands now."""
+        at = now.find(self.before.lower)
+        return int(np.count_nonzero((at >= 0) & (now.size[at] > self.before.size)))
+
+    def _placed(self, leaves: Leaves) -> Leaves:
+        return refined_by(self.first[0].grid.leaves, leaves, self.ground.smallest).balanced(0)
+
+    def _stand(self, leaves: Leaves, old: Balance, u: Floats) -> Standing:
+        grid = Composite(self.ground, leaves)
+        balance = Balance(grid)
+        hierarchy = NestedMultigrid(balance, direct_limit(self.ground))
+        start = _scaled(balance, carried(old, u, grid))
+        return Standing(balance, hierarchy, start, list(self.first[1]))
 
 
 def _loaded(previous: Spawning, ground: Ground) -> tuple[Balance, NestedMultigrid | None]:
@@ -115,43 +168,12 @@ def _lasting(notes: list[str]) -> list[str]:
     return [note for note in notes if note.endswith(HALVED)]
 
 
-def regroup(ground: Ground, balance: Balance, u: Floats, aimed: Aimed) -> Standing | None:
-    """Let agents retire that are not needed, and others spawn, after they have settled.
-
-    None if those that stand may as well stay.
-    """
-    leaves, part = balance.grid.leaves, aimed.part
-    share = even_share(leaves, part, max(aimed.allowed, LEAST * float(part.sum())))
-    fewer, part = retired(leaves, part, share)
-    spawning = (part > share) & (fewer.size > ground.smallest)
-    wanted = fewer.split(spawning, 0, np.zeros(len(fewer)))
-    grown = len(leaves) + ((1 << leaves.dimension) - 1) * np.count_nonzero(aimed.chosen)
-    if len(wanted) > WORTHWHILE * grown and not ground.unevenly_loaded(leaves).any():
-        return None
-    return _regrouped(ground, balance, u, wanted)
-
-
-def count_retired(before: Leaves, now: Leaves) -> int:
-    """Return for how many agents a larger one stands now."""
-    at = now.find(before.lower)
-    return int(np.count_nonzero((at >= 0) & (now.size[at] > before.size)))
-
-
 def of_same_body(old: Balance, ground: Ground) -> bool:
     """Tell whether agents may stay as they are, whatever their loads."""
     grid, before = old.grid, old.grid.ground
     same = ground.scene.same_body(before.scene) and grid.leaves.size.min() >= ground.smallest
     moved = grid.value.any() or old.offset.any()
     return same and (not moved or ground.scales == before.scales)
-
-
-def _regrouped(ground: Ground, old: Balance, u: Floats, kept: Leaves) -> Standing:
-    first, notes = first_agents(ground)
-    leaves = refined_by(first.grid.leaves, kept, ground.smallest).balanced(0)
-    grid = Composite(ground, leaves)
-    balance = Balance(grid)
-    hierarchy = NestedMultigrid(balance, direct_limit(ground))
-    return Standing(balance, hierarchy, _scaled(balance, carried(old, u, grid)), notes)
 
 
 def refined_by(first: Leaves, kept: Leaves, smallest: int) -> Leaves:

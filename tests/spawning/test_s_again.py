@@ -211,6 +211,20 @@ def test_three_dimensions():
 
 
 @pytest.mark.parametrize("loads", [press(4), press(force=(0.3, -2.0)), press(force=(0.0, -3.0))])
+def test_agents_that_may_not_be_larger_do_not_retire():
+    """The load holds the agents on top to the size of a cell: none too many, none too few."""
+    block = Scene(
+        body={"size": [1.0] * 3, "cells": [16] * 3, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.5, 0.5, 1.0], [0.625, 0.625, 1.0]]}, "force": [0, 0, -1.0]}],
+    )
+    first = spawned(block, tolerance=0.5)
+    load = {"region": {"box": [[0.4375, 0.5, 1.0], [0.5625, 0.625, 1.0]]}, "force": [0, 0, -1.0]}
+    again = spawned(block.replace(loads=[load]), tolerance=0.5, previous=first)
+    assert again.spawning.reached
+    assert again.agents <= 1.1 * first.agents
+
+
 def test_history_starts_with_the_agents_taken_over(loads):
     first = spawned(plate())
     again = spawned(plate(loads=loads), previous=first)

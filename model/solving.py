@@ -37,8 +37,8 @@ def solve(
         scene's own cells are solved, or `resolution` times as many along every axis. A
         previous answer is continued in the way that it was found.
 
-        With "spawning" agents are small only where the tolerance, an error in the energy norm,
-        asks for it: see `kaju.model.spawning.solve`.
+        With "spawning" agents are small only where the tolerance, an error in the energy norm
+        or in what `tolerance_at` names, asks for it: see `kaju.model.spawning.solve`.
 
         With "uniform" all cells are equal, and the tolerance is only that to which their
         equations are solved: see `kaju.model.elasticity.solve`.
@@ -74,6 +74,10 @@ def _solve_scene(scene: Scene, strategy: str = "auto", **how: Any) -> ElasticRes
         strategy = "spawning"
     if strategy == "spawning":
         return solve_spawning(scene, **given)
+    if "tolerance_at" in given:
+        raise ParameterError(
+            "tolerance_at: equal cells have no error to choose; take strategy='spawning'"
+        )
     if strategy == "auto" and "tolerance" in given:
         return solve_cheaply(scene, **given)
     return solve_uniform(scene, **given)

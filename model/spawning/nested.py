@@ -85,7 +85,7 @@ class NestedMultigrid:
         right: Floats,
         start: Floats,
         done: Callable[[Iteration], bool],
-        energy: Callable[[Floats], float],
+        energy: Callable[[Floats], float] | None = None,
     ) -> Iteration:
         """Return the displacements of the free faces of the finest generation."""
         matrix = self._levels[-1].matrix

@@ -9,6 +9,7 @@ from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 
 from .generations import Spawning, spawn
+from .goals import aim_of
 from .ground import ground_of
 from .previous import check_previous
 from .spawned_result import SpawnedResult
@@ -23,6 +24,7 @@ def solve_spawning(
     tolerance: float | None = None,
     resolution: int | None = None,
     *,
+    tolerance_at: str | None = None,
     stage: int | None = None,
     most_agents: int | None = None,
     previous: SpawnedResult | None = None,
@@ -39,12 +41,15 @@ def solve_spawning(
         Of square or cubic cells. Its cells say where the body is; agents may be smaller and
         larger than they are, and the body is never rasterised as a whole.
     tolerance : float
-        Relative error in the energy norm. Its square is the relative error of the energy. By
-        default 0.01, or that of the previous answer.
+        Relative error in the energy norm, unless `tolerance_at` asks for another. Its square
+        is the relative error of the energy. By default 0.01, or that of the previous answer.
     resolution : int, optional
         The body is described by cells that are this many times smaller (regions are asked
         again, so that round shapes become rounder), and no agent is smaller than these. By
         default agents become as small as the tolerance asks, or as in the previous answer.
+    tolerance_at : str, optional
+        What the tolerance is about instead: "displacement" is the largest displacement error
+        anywhere, relative to the largest displacement.
     stage : int, optional
         Stage of loading; by default the last.
     most_agents : int, optional
@@ -71,14 +76,17 @@ def solve_spawning(
     """
     start = perf_counter()
     before, tolerance, resolution = _continued(previous, tolerance, resolution)
+    if previous is not None and tolerance_at is None:
+        tolerance_at = previous.tolerance_at
     check_arguments(tolerance, resolution, most_agents)
     ground = ground_of(scene, stage, resolution)
     limit = most_agents or MOST_AGENTS[ground.dimension]
     if before is not None:
         check_previous(before.balance.grid.ground, ground)
-    spawning = spawn(ground, tolerance, limit, previous=before)
+    spawning = spawn(ground, tolerance, limit, aim_of(tolerance_at), before)
     seconds = perf_counter() - start
-    return answer_of(spawning, scene, stage, tolerance, resolution, limit, seconds)
+    how = (scene, stage, tolerance, resolution)
+    return answer_of(spawning, *how, limit, seconds, tolerance_at)
 
 
 def answer_of(
@@ -89,6 +97,7 @@ def answer_of(
     resolution: int | None,
     limit: int,
     seconds: float,
+    tolerance_at: str | None = None,
 ) -> SpawnedResult:
     """Return agents that have ended as a result.
 
@@ -98,7 +107,7 @@ def answer_of(
         If they ended early; `best` holds the result.
     """
     spawning.notes += rest_of(spawning, tolerance, resolution)
-    result = SpawnedResult(scene, stage, tolerance, resolution, spawning, seconds)
+    result = SpawnedResult(scene, stage, tolerance, resolution, spawning, seconds, tolerance_at)
     if spawning.stopped == "agents":
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an estimated error of "

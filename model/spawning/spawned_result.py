@@ -18,10 +18,14 @@ from kaju.model.scene import Scene
 from . import sampling
 from .agent_fields import AgentFields
 from .composite import Floats
+from .displacement_error import displacement_error
 from .family import Family, levels
+from .first import direct_limit
 from .generations import Generation, Spawning
+from .goals import DISPLACEMENT
 from .ground import Ground
 from .leaves import Index, Leaves
+from .nested import NestedMultigrid
 
 if TYPE_CHECKING:
     from kaju.model.elasticity.export import Mesh
@@ -40,12 +44,14 @@ class SpawnedResult(SolidResult):
     stage : int or None
         Stage of loading; None is the last.
     tolerance : float
-        Relative error in the energy norm that was asked for.
+        Relative error that was asked for: in the energy norm, unless `tolerance_at` says else.
     resolution : int or None
         Smallest agents allowed, per cell of the scene; None is no limit.
     spawning : Spawning
         Agents and displacements in scaled units, and the history.
     seconds : float
+    tolerance_at : str or None
+        What the tolerance is about, if not the energy norm.
     """
 
     kind: ClassVar[str] = "spawned"
@@ -56,6 +62,7 @@ class SpawnedResult(SolidResult):
     resolution: int | None
     spawning: Spawning
     seconds: float
+    tolerance_at: str | None = None
 
     @property
     def grid(self) -> Scene:
@@ -180,6 +187,26 @@ class SpawnedResult(SolidResult):
         """
         return self.spawning.error
 
+    @cached_property
+    def displacement_error_estimate(self) -> float:
+        """Estimated largest displacement error anywhere, relative to the largest displacement.
+
+        Worked out when it is asked for, by one more solution with the same agents.
+        """
+        if self.tolerance_at == DISPLACEMENT:
+            return self.goal_error_estimate
+        spawning = self.spawning
+        hierarchy = spawning.hierarchy
+        if hierarchy is None:
+            hierarchy = NestedMultigrid(spawning.balance, direct_limit(self._ground))
+        state = (spawning.balance, spawning.displacement, spawning.indicator)
+        return displacement_error(*state, hierarchy).largest
+
+    @property
+    def goal_error_estimate(self) -> float:
+        """Estimated error that the tolerance is about, relative: see `tolerance_at`."""
+        return self.spawning.aimed.error
+
     @property
     def generations(self) -> tuple[Generation, ...]:
         """Every step of spawning: its agents, estimated error, strain energy (J), load left (N)."""
@@ -215,6 +242,8 @@ class SpawnedResult(SolidResult):
         size = self._leaves.size
         return {
             "tolerance": self.tolerance,
+            "tolerance_at": self.tolerance_at,
+            "goal_error_estimate": self.goal_error_estimate,
             "agents": self.agents,
             "levels": len(np.unique(size)),
             "method": "spawning",
@@ -271,4 +300,5 @@ class SpawnedResult(SolidResult):
             about["resolution"],
             spawning_of(scene, arrays, about),
             about["seconds"],
+            about["tolerance_at"],
         )

@@ -12,6 +12,7 @@ from kaju.errors import ResultError
 
 from .family import Family
 from .generations import Generation, Spawner
+from .goals import aim_of
 from .ground import ground_of
 from .solve import MOST_AGENTS, check_arguments, rest_of
 from .spawned_result import SpawnedResult
@@ -41,8 +42,8 @@ class SpawningModel(mesa.Model):
     scene : Scene
         Of square or cubic cells.
     tolerance : float
-        Relative error in the energy norm.
-    resolution, stage, most_agents
+        Relative error: in the energy norm, unless `tolerance_at` asks for another.
+    resolution, stage, most_agents, tolerance_at
         As in `kaju.model.spawning.solve.solve_spawning`.
     rng : int, optional
         Seed for Mesa; the agents draw no random numbers.
@@ -71,6 +72,7 @@ class SpawningModel(mesa.Model):
         resolution: int | None = None,
         stage: int | None = None,
         most_agents: int | None = None,
+        tolerance_at: str | None = None,
         rng: int | None = None,
     ) -> None:
         super().__init__(rng=rng)
@@ -79,6 +81,7 @@ class SpawningModel(mesa.Model):
         self.tolerance, self.resolution = tolerance, resolution
         self.ground = ground_of(scene, stage, resolution)
         self.most_agents = most_agents or MOST_AGENTS[self.ground.dimension]
+        self.tolerance_at = tolerance_at
         self._objects: list[SpawningAgent] = []
         self.reset()
 
@@ -88,7 +91,8 @@ class SpawningModel(mesa.Model):
         for agent in self._objects:
             agent.remove()
         self._objects = []
-        self.spawner = Spawner(self.ground, self.tolerance, self.most_agents)
+        aim = aim_of(self.tolerance_at)
+        self.spawner = Spawner(self.ground, self.tolerance, self.most_agents, aim)
         metre = self.ground.scene.lattice.cell_size / self.ground.cell
         self.family = Family(self.ground.dimension, metre)
         leaves = self.spawner.balance.grid.leaves
@@ -204,6 +208,5 @@ class SpawningModel(mesa.Model):
             raise ResultError("result: no agent has settled yet; take a step first")
         spawning = self.spawner.outcome()
         spawning.notes += rest_of(spawning, self.tolerance, self.resolution)
-        return SpawnedResult(
-            self.scene, self.stage, self.tolerance, self.resolution, spawning, self.seconds
-        )
+        asked = (self.scene, self.stage, self.tolerance, self.resolution)
+        return SpawnedResult(*asked, spawning, self.seconds, self.tolerance_at)

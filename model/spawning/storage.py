@@ -50,6 +50,7 @@ def taken_apart(result: SpawnedResult) -> tuple[dict[str, NDArray[Any]], dict[st
     about = {
         "stage": result.stage,
         "tolerance": result.tolerance,
+        "tolerance_at": result.tolerance_at,
         "resolution": result.resolution,
         "spawning": history,
         "aimed": [spawning.aimed.error, spawning.aimed.allowed],

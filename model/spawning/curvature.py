@@ -1,0 +1,205 @@
+"""Second differences of displacements, from agent to agent, and the energies they stand for."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from .balance import Balance
+from .composite import Composite, Floats
+from .edges import Gradient
+from .field import known_slopes, oriented, slope_weights
+from .leaves import Index
+
+
+class Ahead(NamedTuple):
+    """Leaves and their neighbours along an axis, of the same material.
+
+    Of the small neighbours on one side all count alike, each by its share of that side.
+
+    Attributes
+    ----------
+    leaf, beyond : int array, shape (pairs,)
+        A leaf, and its neighbour of the same size or larger.
+    distance : array, shape (pairs,)
+    own, other : array, shape (pairs,)
+        Weight of the pair in the mean over the leaf's neighbours, and over the neighbour's.
+    """
+
+    leaf: Index
+    beyond: Index
+    distance: Floats
+    own: Floats
+    other: Floats
+
+    @classmethod
+    def of(cls, grid: Composite, axis: int) -> Ahead:
+        """Return the pairs of a grid along an axis."""
+        kind, h, n = grid.leaves.kind, grid.length, len(grid.leaves)
+        leaves, others, counts = [], [], np.zeros(n)
+        share = 0.5 ** (grid.dimension - 1)
+        for side in (2 * axis, 2 * axis + 1):
+            other = grid.beside[:, side]
+            # A large leaf names one of its small neighbours only, but each of these names it.
+            leaf = np.flatnonzero((other >= 0) & (kind[other] == kind) & (h[other] >= h))
+            leaves.append(leaf)
+            others.append(other[leaf])
+            counts += np.bincount(leaf, minlength=n)
+            counts += np.bincount(other[leaf], share * (h[other[leaf]] > h[leaf]), n)
+        leaf, beyond = np.concatenate(leaves), np.concatenate(others)
+        large = share * (h[beyond] > h[leaf])
+        distance = 0.5 * (h[beyond] + h[leaf])
+        return cls(leaf, beyond, distance, 1.0 / counts[leaf], large / counts[beyond])
+
+    def slopes(self, value: Floats) -> Floats:
+        """Return the slopes of a value of the leaves, shape (pairs,)."""
+        return np.asarray((value[self.beyond] - value[self.leaf]) / self.distance)
+
+    def mean(self, square: Floats, count: int) -> Floats:
+        """Return the means of something of the pairs for every leaf, shape (leaves,)."""
+        total = np.bincount(self.leaf, self.own * square, count)
+        return np.asarray(total + np.bincount(self.beyond, self.other * square, count))
+
+    def back(self, slope: Floats, weight: Floats) -> Floats:
+        """Return half the derivative of ``weight · mean(slope²)`` by the value of the leaves."""
+        whole = self.own * weight[self.leaf] + self.other * weight[self.beyond]
+        push = whole * slope / self.distance
+        n = len(weight)
+        return np.asarray(np.bincount(self.beyond, push, n) - np.bincount(self.leaf, push, n))
+
+
+class Beside(NamedTuple):
+    """∂²u_a/∂b² of the leaves, as a sum over the slopes at their edges.
+
+    Attributes
+    ----------
+    gradients : pair of Gradient
+        ∂u_a/∂b and ∂u_b/∂a.
+    edge : int array, shape (4, leaves)
+    weight : array, shape (2, 4, leaves)
+        Of either gradient at each edge.
+    """
+
+    gradients: tuple[Gradient, Gradient]
+    edge: Index
+    weight: Floats
+
+    @classmethod
+    def of(cls, grid: Composite, a: int, b: int) -> Beside:
+        """Return the edges of a grid that tell ∂²u_a/∂b²; where some are unknown it is zero."""
+        edges = grid.edges[min(a, b), max(a, b)]
+        gradients, table = oriented(edges, a < b)
+        known = known_slopes(gradients)
+        shear = grid.ground.moduli.shear[grid.leaves.kind]
+        ends = list(product((0, 1), repeat=2))
+        edge = np.stack([table[:, end, far] for end, far in ends])
+        counts = known[edge].reshape(2, 2, -1).sum(axis=0)
+        inside = (counts > 0).all(axis=0) / grid.length
+        weight = np.empty((2, *edge.shape))
+        for row, (_, far) in enumerate(ends):
+            share = (2.0 * far - 1.0) * inside * known[edge[row]] / np.maximum(counts[far], 1)
+            for part, slope in enumerate(slope_weights(edges, gradients, edge[row], shear)):
+                weight[part, row] = share * slope
+        return cls(gradients, edge, weight)
+
+    def bend(self, u: Floats, given: bool) -> Floats:
+        """Return ∂²u_a/∂b², shape (leaves,)."""
+        total = np.zeros(self.edge.shape[1])
+        for gradient, weight in zip(self.gradients, self.weight, strict=True):
+            slope = gradient.matrix @ u + (gradient.constant if given else 0.0)
+            total += (weight * slope[self.edge]).sum(axis=0)
+        return np.asarray(total)
+
+    def back(self, bend: Floats, weight: Floats) -> Floats:
+        """Return half the derivative of ``weight · bend²`` by the displacements of the faces."""
+        push = self.weight * (weight * bend)
+        total = np.zeros(self.gradients[0].matrix.shape[1])
+        for gradient, part in zip(self.gradients, push, strict=True):
+            at_edge = np.bincount(self.edge.ravel(), part.ravel(), len(gradient.valid))
+            total += gradient.matrix.T @ at_edge
+        return np.asarray(total)
+
+
+class Bends(NamedTuple):
+    """Second differences of a displacement.
+
+    Attributes
+    ----------
+    along, volume : tuple of array, shape (pairs,)
+        Axis by axis, slopes of the strain along it and of the change in volume.
+    beside : tuple of array, shape (leaves,)
+        ∂²u_a/∂b² for every axis a and every other one b.
+    """
+
+    along: tuple[Floats, ...]
+    volume: tuple[Floats, ...]
+    beside: tuple[Floats, ...]
+
+
+class Curvature:
+    """Second differences of displacements on a grid, and their energies.
+
+    The energies of an agent's second differences add up to its η²; those of the second
+    differences of two displacements, multiplied, to the energy of their errors in each other.
+    """
+
+    def __init__(self, balance: Balance) -> None:
+        self._balance = balance
+        grid = self._grid = balance.grid
+        axes = range(grid.dimension)
+        moduli, kind = grid.ground.moduli, grid.leaves.kind
+        unit = grid.length ** (grid.dimension + 2) / 12.0
+        self._shear = unit * moduli.shear[kind]
+        self._lateral = unit * np.maximum(moduli.lateral[kind], 0.0)
+        self._ahead = [Ahead.of(grid, a) for a in axes]
+        self._beside = [Beside.of(grid, a, b) for a, b in product(axes, repeat=2) if a != b]
+
+    def of(self, u: Floats, *, given: bool = True) -> Bends:
+        """Return the second differences of displacements of the faces.
+
+        Displaced walls count as they are or, unless `given`, as if they rested.
+        """
+        d, n = self._grid.dimension, len(self._grid.leaves)
+        stretch = (self._balance.strains[: n * d] @ u).reshape(d, n)
+        change = stretch.sum(axis=0)
+        return Bends(
+            tuple(ahead.slopes(row) for ahead, row in zip(self._ahead, stretch, strict=True)),
+            tuple(ahead.slopes(change) for ahead in self._ahead),
+            tuple(beside.bend(u, given) for beside in self._beside),
+        )
+
+    def energy(self, first: Bends, second: Bends) -> Floats:
+        """Return the energy of the products of second differences, shape (leaves,)."""
+        n = len(self._grid.leaves)
+        total = np.zeros(n)
+        for a, ahead in enumerate(self._ahead):
+            total += 2 * self._shear * ahead.mean(first.along[a] * second.along[a], n)
+            total += self._lateral * ahead.mean(first.volume[a] * second.volume[a], n)
+        for one, other in zip(first.beside, second.beside, strict=True):
+            total += self._shear * one * other
+        return total
+
+    def force(self, bends: Bends) -> Floats:
+        """Return half the derivative of all energy by the faces' displacements: C'C u."""
+        d, n = self._grid.dimension, len(self._grid.leaves)
+        stretch = np.zeros((d, n))
+        for a, ahead in enumerate(self._ahead):
+            stretch[a] += ahead.back(bends.along[a], 2 * self._shear)
+            stretch += ahead.back(bends.volume[a], self._lateral)
+        total = np.asarray(self._balance.strains[: n * d].T @ stretch.ravel())
+        for beside, bend in zip(self._beside, bends.beside, strict=True):
+            total += beside.back(bend, self._shear)
+        return total
+
+    def push(self, bends: Bends) -> Floats:
+        """Return the largest change of stress per length that bends a leaf, shape (leaves,)."""
+        grid, n = self._grid, len(self._grid.leaves)
+        shear = grid.ground.moduli.shear[grid.leaves.kind]
+        largest, each = np.zeros(n), grid.dimension - 1
+        for a, ahead in enumerate(self._ahead):
+            own = 4.0 * ahead.mean(bends.along[a] ** 2, n)
+            own += sum(bend**2 for bend in bends.beside[a * each : (a + 1) * each])
+            largest = np.maximum(largest, shear * np.sqrt(own))
+        return largest

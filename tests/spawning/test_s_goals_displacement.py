@@ -1,0 +1,111 @@
+"""The largest displacement error: estimated, and kept within a tolerance."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from goal_bodies import FLAT, SOLID, STEEL, beam, cube, pierced, plate, rubber, sheared
+from spawning_bodies import BODIES
+
+from kaju import Scene, SpawningModel, solve
+from kaju.errors import ParameterError
+from kaju.model.reference import Reference
+from kaju.model.stored import load_result
+
+DATA = Path(__file__).parents[1] / "data" / "spawning"
+
+
+def spawned_by(scene, **how):
+    return solve(scene, strategy="spawning", **how)
+
+
+@cache
+def fine(body):
+    tolerance = {cube: 0.02, beam: 0.005}.get(body, 1.5e-3)
+    return spawned_by(body(), tolerance=tolerance, tolerance_at="displacement")
+
+
+def true_error(result, body):
+    """Largest difference from a much finer answer, at corners and middles of its agents."""
+    truth = fine(body)
+    points = np.concatenate([truth.lower + c * truth.size[:, None] for c in (0.0, 0.5, 1.0)])
+    points = points[:: max(1, truth.agents // 5_000)]
+    off = result.displacement_at(points) - truth.displacement_at(points)
+    return np.linalg.norm(off, axis=1).max() / truth.max_displacement
+
+
+@pytest.mark.parametrize("body", FLAT + SOLID, ids=lambda body: body.__name__)
+def test_estimate_is_within_its_factors_of_the_true_error(body):
+    for tolerance in (0.2, 0.08) if body in FLAT else (0.3, 0.15):
+        result = spawned_by(body(), tolerance=tolerance)
+        effectivity = result.displacement_error_estimate / true_error(result, body)
+        assert 0.5 < effectivity < 3.0
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_finite_elements_are_no_further_off_than_twice_the_estimate(name):
+    truth = Reference.load(DATA / f"{name}.npz")
+    result = spawned_by(BODIES[name](), tolerance=0.2)
+    off = np.linalg.norm(result.displacement_at(truth.points) - truth.displacement, axis=1)
+    assert off.max() < 2 * result.displacement_error_estimate * result.max_displacement
+
+
+@pytest.mark.parametrize("body", [pierced, rubber, sheared], ids=lambda body: body.__name__)
+def test_fewer_agents_displace_with_a_smaller_error_than_those_the_energy_asks_for(body):
+    """They stand at corners, where the body turns by a lot and stores little."""
+    aimed = spawned_by(body(), tolerance=4e-3, tolerance_at="displacement")
+    assert aimed.goal_error_estimate == aimed.displacement_error_estimate <= 4e-3
+    assert aimed.error_share.sum() == pytest.approx(1.0)
+    by_energy = spawned_by(body(), tolerance=aimed.error_estimate)
+    assert aimed.agents < by_energy.agents
+    assert true_error(aimed, body) < true_error(by_energy, body)
+
+
+def test_finer_cells_of_one_size_agree():
+    """The largest difference from 320² equal cells is within the estimate."""
+    result = spawned_by(plate(), tolerance=0.01, tolerance_at="displacement")
+    uniform = solve(plate(), resolution=16, strategy="uniform")
+    rng = np.random.default_rng(2)
+    points = rng.uniform(0.0, 0.2, size=(500, 2))
+    off = result.displacement_at(points) - uniform.displacement_at(points)
+    assert np.linalg.norm(off, axis=1).max() < 0.01 * uniform.max_displacement
+
+
+def test_body_that_only_shifts_has_no_error():
+    body = {"size": [0.4, 0.1], "cells": [16, 4], **STEEL}
+    moved = Scene(body=body, sides={"left": {"displacement": [1e-3, 2e-3]}})
+    result = spawned_by(moved, tolerance=1e-3, tolerance_at="displacement")
+    assert len(result.generations) == 1
+    assert result.displacement_error_estimate < 1e-9
+    still = Scene(body=body, sides={"left": "rigid"})
+    assert spawned_by(still, tolerance=0.1).displacement_error_estimate == 0.0
+
+
+def test_estimate_survives_being_stored(tmp_path):
+    by_energy = spawned_by(plate(), tolerance=0.2)
+    again = load_result(by_energy.save(tmp_path / "energy"))
+    assert again.displacement_error_estimate == pytest.approx(
+        by_energy.displacement_error_estimate, rel=1e-4
+    )
+    assert again.goal_error_estimate == again.error_estimate
+    aimed = spawned_by(plate(), tolerance=0.05, tolerance_at="displacement")
+    again = load_result(aimed.save(tmp_path / "aimed"))
+    assert again.tolerance_at == "displacement"
+    assert again.summary() == aimed.summary()
+    np.testing.assert_array_equal(again.error_share, aimed.error_share)
+
+
+def test_model_takes_the_same_aim():
+    model = SpawningModel(plate(), tolerance=0.05, tolerance_at="displacement")
+    result = model.run()
+    solved = spawned_by(plate(), tolerance=0.05, tolerance_at="displacement")
+    assert result.goal_error_estimate == solved.goal_error_estimate
+
+
+def test_spawning_is_the_strategy_of_an_aim():
+    assert solve(plate(), tolerance=0.3, tolerance_at="displacement").tolerance == 0.3
+    with pytest.raises(ParameterError, match="tolerance_at: equal cells"):
+        solve(plate(), tolerance_at="displacement", strategy="uniform")
+    with pytest.raises(ParameterError, match=r"tolerance_at: .*'displacement'.*'stress'"):
+        solve(plate(), tolerance_at="stress")

@@ -210,7 +210,6 @@ def test_three_dimensions():
     np.testing.assert_allclose(again.reactions["bottom"], [-0.1, 0.0, 1.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("loads", [press(4), press(force=(0.3, -2.0)), press(force=(0.0, -3.0))])
 def test_agents_that_may_not_be_larger_do_not_retire():
     """The load holds the agents on top to the size of a cell: none too many, none too few."""
     block = Scene(
@@ -225,6 +224,7 @@ def test_agents_that_may_not_be_larger_do_not_retire():
     assert again.agents <= 1.1 * first.agents
 
 
+@pytest.mark.parametrize("loads", [press(4), press(force=(0.3, -2.0)), press(force=(0.0, -3.0))])
 def test_history_starts_with_the_agents_taken_over(loads):
     first = spawned(plate())
     again = spawned(plate(loads=loads), previous=first)

@@ -46,7 +46,15 @@ class Aimed(NamedTuple):
 
 
 class Aim(Protocol):
-    """Something that the tolerance can be about."""
+    """Something that the tolerance can be about.
+
+    Attributes
+    ----------
+    adds_up : bool
+        Whether the square of the error is the sum of the agents' parts.
+    """
+
+    adds_up: bool
 
     def look(self, spawner: Spawner) -> Aimed:
         """Return how far off the agents are, after they have settled."""
@@ -54,6 +62,8 @@ class Aim(Protocol):
 
 class EnergyAim:
     """The error in the energy norm, over the whole body."""
+
+    adds_up = True
 
     def look(self, spawner: Spawner) -> Aimed:
         """Return how far off the agents are, after they have settled."""

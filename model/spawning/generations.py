@@ -147,6 +147,8 @@ class Spawner:
         Agents of the previous answer for which a parent has come back.
     """
 
+    aimed: Aimed
+
     def __init__(
         self,
         ground: Ground,
@@ -194,17 +196,20 @@ class Spawner:
         """Let agents of the previous answer settle roughly, retire, and spawn at once."""
         runs = [self._settle(ROUGH)]
         self._look(None)
-        within = True
-        while within:
-            standing = heirs.regroup(self.balance, self.displacement, self.aimed)
-            if standing is None:
-                break
-            within = self.aimed.error <= self.tolerance
+        within = self.aimed.error <= self.tolerance
+        # Only an error that adds up can be shared out; another is mended from the start.
+        standing = _first(self.ground) if not (within or self.aim.adds_up) else self._regroup(heirs)
+        while standing is not None:
             self._stand(standing)
             runs.append(self._settle(ALGEBRAIC_SHARE * self.error))
             self._look(runs[-1].errors[-1])
+            standing = self._regroup(heirs) if within else None
+            within = self.aimed.error <= self.tolerance
         self.retired = heirs.retired(self.balance.grid.leaves)
         return runs
+
+    def _regroup(self, heirs: Heirs) -> Standing | None:
+        return heirs.regroup(self.balance, self.displacement, self.aimed)
 
     def _finish(self) -> Iteration:
         """Settle for good."""
@@ -212,7 +217,7 @@ class Spawner:
             run = self._settle(LAST)
             self._look(run.errors[-1])
             return run
-        run = self._settle(ALGEBRAIC_SHARE * self.error)
+        run = self._settle(ALGEBRAIC_SHARE * min(self.error, self.aimed.error))
         rebalance(self.balance, self.hierarchy.matrix, self.displacement)
         self.energy = energy_of(self.balance, self.displacement)
         return run

@@ -210,6 +210,20 @@ def test_three_dimensions():
     np.testing.assert_allclose(again.reactions["bottom"], [-0.1, 0.0, 1.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("loads", [press(force=(0.3, -2.0)), press(4)])
+def test_a_tolerance_of_the_displacement_goes_on_too(loads):
+    first = spawned(plate(), tolerance=0.005, tolerance_at="displacement")
+    again = spawned(plate(loads=loads), tolerance=None, previous=first)
+    assert again.tolerance_at == "displacement"
+    assert again.spawning.reached
+    assert again.spawning.aimed.error <= 0.005
+    fresh = spawned(plate(loads=loads), tolerance=0.005, tolerance_at="displacement")
+    assert again.agents <= 1.4 * fresh.agents
+    gap = again.displacement_at(fresh.middle) - fresh.displacement_at(fresh.middle)
+    assert np.abs(gap).max() < 0.01 * fresh.max_displacement
+    np.testing.assert_allclose(again.reactions["bottom"], fresh.reactions["bottom"], atol=1e-8)
+
+
 def test_agents_that_may_not_be_larger_do_not_retire():
     """The load holds the agents on top to the size of a cell: none too many, none too few."""
     block = Scene(

@@ -11,10 +11,13 @@ from .composite import Composite
 from .ground import Ground
 from .held import beside_rigid_cells, check_held, loose_part, slender
 from .leaves import Leaves
-from .nested import DIRECT, FACTORISED
+from .nested import DIRECT
 
 HALVED = "were halved"
 """How the notes end that tell of halved cells."""
+
+RUBBER = {2: 400_000, 3: 15_000}
+"""Up to so many faces every generation is factorised if a material is nearly incompressible."""
 
 
 def first_agents(ground: Ground) -> tuple[Balance, list[str]]:
@@ -58,4 +61,4 @@ def direct_limit(ground: Ground) -> int:
     moduli = ground.moduli
     d = ground.dimension
     rubber = np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear)
-    return FACTORISED[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]
+    return RUBBER[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]

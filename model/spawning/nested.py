@@ -26,9 +26,10 @@ from .field import prolongation
 WORTHWHILE = 0.7
 """Parents that are more than this share of their children are not worth a level."""
 SWEEPS = 2
-MOST = 100
-FACTORISED = {2: 400_000, 3: 15_000}
-"""A generation that does not settle in MOST iterations is factorised, up to so many faces."""
+FACTORISED = {2: 400_000, 3: 30_000}
+PATIENCE, MOST = 40, 400
+"""A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
+larger ones get MOST iterations."""
 DIRECT = {2: 1_500, 3: 2_500}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
 
@@ -93,12 +94,14 @@ class NestedMultigrid:
         def apply(x: Floats) -> Floats:
             return np.asarray(matrix @ x)
 
-        run = conjugate_gradients(apply, self.precondition, right, start, done, MOST, energy)
-        if run.converged or len(right) > FACTORISED[self._balance.grid.dimension]:
+        small = len(right) <= FACTORISED[self._balance.grid.dimension]
+        most = PATIENCE if small else MOST
+        run = conjugate_gradients(apply, self.precondition, right, start, done, most, energy)
+        if run.converged or not small:
             return run
         self._factorise(self._balance)
         return conjugate_gradients(
-            apply, self.precondition, right, run.solution, done, MOST, energy
+            apply, self.precondition, right, run.solution, done, PATIENCE, energy
         )
 
     def precondition(self, load: Floats) -> Floats:

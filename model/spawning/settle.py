@@ -11,6 +11,9 @@ from .composite import Floats
 from .indicator import Indicator
 from .nested import NestedMultigrid
 
+WORST = 0.05
+"""Displacements that are off by more than this share do not tell who has to spawn."""
+
 
 def settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: float) -> Iteration:
     """Solve for the free faces of `u`, in place, to a relative algebraic error."""
@@ -22,7 +25,7 @@ def settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: float
         return 2 * float(dot(x, load)) - float(dot(x, right)) + given
 
     def done(run: Iteration) -> bool:
-        return run.errors[-1] <= share or _at_rounding(run)
+        return run.errors[-1] <= min(share, WORST) or _at_rounding(run)
 
     run = hierarchy.solve(right, u[free], done, twice_energy)
     u[free] = run.solution

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import label
 
 from kaju import Scene, solve
-from kaju.errors import SupportError
+from kaju.errors import ConvergenceError, SupportError
 
 
 def spawned_by(scene, **how):
@@ -59,3 +59,31 @@ def test_forces_balance_and_work_is_energy(seed):
     balance = result.spawning.balance
     work = balance.load @ result.spawning.displacement
     assert result.spawning.energy == pytest.approx(0.5 * work, rel=1e-7)
+
+
+@pytest.mark.parametrize("most_agents", [1_000, 8_000])
+def test_voxels_of_great_contrast_balance_though_far_from_the_tolerance(most_agents):
+    """Stiff voxels that touch along edges are nearly hinged: no agents are small enough."""
+    rng = np.random.default_rng(0)
+    codes = rng.choice([0, 1, 2], p=[0.1, 0.5, 0.4], size=[4, 4, 4]).repeat(2, 0).repeat(2, 1)
+    codes = codes.repeat(2, axis=2)
+    codes[..., 0] = 1
+    parts, _ = label(codes > 0)
+    codes[parts != parts[0, 0, 0]] = 0
+    scene = Scene.from_array(
+        codes,
+        legend={0: "air", 1: "a", 2: "b"},
+        cell_size=1.0,
+        materials={
+            "a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
+            "b": {"youngs_modulus": 1e4, "poissons_ratio": 0.3},
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, 0.0, -1.0]}],
+    )
+    with pytest.raises(ConvergenceError, match="most_agents") as caught:
+        spawned_by(scene, tolerance=0.1, most_agents=most_agents)
+    result = caught.value.best
+    np.testing.assert_allclose(result.reactions["bottom"], [0.0, 0.0, 1.0], atol=1e-7)
+    energies = [generation.energy for generation in result.generations]
+    assert np.all(np.diff(energies) < 0.02 * energies[0])

@@ -25,6 +25,8 @@ QUICK = 0.1
 ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
 """Powers of the cells' size with which the error is taken to fall: before it is known, the
 least and the greatest."""
+HARDLY_MORE = 1.1
+"""Smaller cells are taken if they cost less than so many times as much."""
 DIVISIONS = sorted({1, *(1 << n for n in range(1, 15)), *(3 << n for n in range(14))})
 """How often a cell may be divided; even numbers suit multigrid."""
 
@@ -122,7 +124,11 @@ class EqualCells:
             return self._at_least(1 if self.previous is None else self.previous.subdivision)
         ratio = self.error / (SPARE * self.tolerance)
         needed = self.last.subdivision * max(ratio, 1.0) ** (1.0 / (self._order or ORDER))
-        return self._at_least(max(needed, self.last.subdivision + 1))
+        fewest = self._at_least(max(needed, self.last.subdivision + 1))
+        worth = HARDLY_MORE * self._cost.of(self._count(fewest))
+        return max(
+            k for k in self._allowed if k <= fewest or self._cost.of(self._count(k)) <= worth
+        )
 
     def _solved(self, division: int) -> ElasticResult | None:
         """Return the answer of cells so small, None if they cannot do."""

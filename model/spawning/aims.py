@@ -24,6 +24,14 @@ GAIN = 0.7
 """Share of its part of the error that an agent's children are expected to take away."""
 
 
+class Answer(NamedTuple):
+    """What has been found of a quantity: its components, and their error; both scaled."""
+
+    value: Floats
+    error: float
+    relative_error: float
+
+
 class Aimed(NamedTuple):
     """How far off a generation is.
 
@@ -37,12 +45,15 @@ class Aimed(NamedTuple):
         Who has to spawn children, if the tolerance is to be kept; nobody, if none may.
     allowed : float
         What all may contribute together.
+    answers : tuple of Answer
+        The quantities that the tolerance is about, if it is about any.
     """
 
     error: float
     part: Floats
     chosen: Flags
     allowed: float
+    answers: tuple[Answer, ...] = ()
 
 
 class Aim(Protocol):

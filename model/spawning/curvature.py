@@ -75,6 +75,8 @@ class Beside(NamedTuple):
 
     Attributes
     ----------
+    axes : pair of int
+        a and b.
     gradients : pair of Gradient
         ∂u_a/∂b and ∂u_b/∂a.
     edge : int array, shape (4, leaves)
@@ -82,6 +84,7 @@ class Beside(NamedTuple):
         Of either gradient at each edge.
     """
 
+    axes: tuple[int, int]
     gradients: tuple[Gradient, Gradient]
     edge: Index
     weight: Floats
@@ -102,13 +105,17 @@ class Beside(NamedTuple):
             share = (2.0 * far - 1.0) * inside * known[edge[row]] / np.maximum(counts[far], 1)
             for part, slope in enumerate(slope_weights(edges, gradients, edge[row], shear)):
                 weight[part, row] = share * slope
-        return cls(gradients, edge, weight)
+        return cls((a, b), gradients, edge, weight)
 
-    def bend(self, u: Floats, given: bool) -> Floats:
-        """Return ∂²u_a/∂b², shape (leaves,)."""
+    def bend(self, u: Floats, walls: Floats | None) -> Floats:
+        """Return ∂²u_a/∂b², shape (leaves,); for `walls` see `Curvature.of`."""
         total = np.zeros(self.edge.shape[1])
-        for gradient, weight in zip(self.gradients, self.weight, strict=True):
-            slope = gradient.matrix @ u + (gradient.constant if given else 0.0)
+        for axis, gradient, weight in zip(self.axes, self.gradients, self.weight, strict=True):
+            constant = gradient.constant
+            if walls is not None:
+                constant = np.where(gradient.wall >= 0, walls[gradient.wall, axis], 0.0)
+                constant *= gradient.pull
+            slope = gradient.matrix @ u + constant
             total += (weight * slope[self.edge]).sum(axis=0)
         return np.asarray(total)
 
@@ -143,11 +150,17 @@ class Curvature:
 
     The energies of an agent's second differences add up to its η²; those of the second
     differences of two displacements, multiplied, to the energy of their errors in each other.
+
+    Attributes
+    ----------
+    resting : array, shape (2·dimension + 1, dimension)
+        Walls that do not move.
     """
 
     def __init__(self, balance: Balance) -> None:
         self._balance = balance
         grid = self._grid = balance.grid
+        self.resting = np.zeros((2 * grid.dimension + 1, grid.dimension))
         axes = range(grid.dimension)
         moduli, kind = grid.ground.moduli, grid.leaves.kind
         unit = grid.length ** (grid.dimension + 2) / 12.0
@@ -156,10 +169,14 @@ class Curvature:
         self._ahead = [Ahead.of(grid, a) for a in axes]
         self._beside = [Beside.of(grid, a, b) for a, b in product(axes, repeat=2) if a != b]
 
-    def of(self, u: Floats, *, given: bool = True) -> Bends:
+    def of(self, u: Floats, walls: Floats | None = None) -> Bends:
         """Return the second differences of displacements of the faces.
 
-        Displaced walls count as they are or, unless `given`, as if they rested.
+        Parameters
+        ----------
+        walls : array, shape (2·dimension + 1, dimension), optional
+            Displacement of the walls on the sides of the array, and inside; by default as the
+            scene gives it.
         """
         d, n = self._grid.dimension, len(self._grid.leaves)
         stretch = (self._balance.strains[: n * d] @ u).reshape(d, n)
@@ -167,7 +184,7 @@ class Curvature:
         return Bends(
             tuple(ahead.slopes(row) for ahead, row in zip(self._ahead, stretch, strict=True)),
             tuple(ahead.slopes(change) for ahead in self._ahead),
-            tuple(beside.bend(u, given) for beside in self._beside),
+            tuple(beside.bend(u, walls) for beside in self._beside),
         )
 
     def energy(self, first: Bends, second: Bends) -> Floats:

@@ -102,7 +102,7 @@ def _missing_displacement(
         return run.errors[-1] <= accuracy
 
     off[free] = hierarchy.solve(force, off[free], done).solution
-    bends = curvature.of(off, given=False)
+    bends = curvature.of(off, curvature.resting)
     work = float(dot(force, off[free]))
     whole = work + float(curvature.energy(bends, bends).sum())
     return off * (work / whole if whole > 0.0 else 0.0)

@@ -104,6 +104,13 @@ class NestedMultigrid:
             apply, self.precondition, right, run.solution, done, PATIENCE, energy
         )
 
+    def followed(self, displacement: Floats) -> Floats:
+        """Return the displacement of the free faces if they only follow their parents'."""
+        level = self._levels[-1]
+        if level.prolong is None or level.prolong.shape[1] != len(displacement):
+            return np.zeros(level.matrix.shape[0])
+        return np.asarray(level.prolong @ displacement)
+
     def precondition(self, load: Floats) -> Floats:
         """Return one V-cycle's answer to a load."""
         return self._cycle(len(self._levels) - 1, load)

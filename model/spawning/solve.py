@@ -9,13 +9,16 @@ from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 
 from .generations import Spawning, spawn
-from .goals import aim_of
-from .ground import ground_of
+from .goals import Asked, aim_of, asked
+from .ground import Ground, ground_of
 from .previous import check_previous
+from .quantities import ToleranceAt
 from .spawned_result import SpawnedResult
 
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
+CONTRAST = 1e4
+"""Of materials, from which on estimates of what a tolerance is about were seen to fail."""
 SMALLEST_TOLERANCE, TOLERANCE = 1e-6, 1e-2
 
 
@@ -24,7 +27,7 @@ def solve_spawning(
     tolerance: float | None = None,
     resolution: int | None = None,
     *,
-    tolerance_at: str | None = None,
+    tolerance_at: ToleranceAt | None = None,
     stage: int | None = None,
     most_agents: int | None = None,
     previous: SpawnedResult | None = None,
@@ -47,9 +50,13 @@ def solve_spawning(
         The body is described by cells that are this many times smaller (regions are asked
         again, so that round shapes become rounder), and no agent is smaller than these. By
         default agents become as small as the tolerance asks, or as in the previous answer.
-    tolerance_at : str, optional
-        What the tolerance is about instead: "displacement" is the largest displacement error
-        anywhere, relative to the largest displacement.
+    tolerance_at : optional
+        What the tolerance is about instead, as in the previous answer unless it is given.
+        "displacement" is the largest displacement error anywhere, relative to the largest
+        displacement. A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
+        quantity: its error is relative to itself, or to a hundredth of the largest
+        displacement, stress or reaction if that is more; of several the worst counts. A
+        point, a region or a side stands for its `Deflection`.
     stage : int, optional
         Stage of loading; by default the last.
     most_agents : int, optional
@@ -78,15 +85,18 @@ def solve_spawning(
     before, tolerance, resolution = _continued(previous, tolerance, resolution)
     if previous is not None and tolerance_at is None:
         tolerance_at = previous.tolerance_at
+    goals = asked(tolerance_at)
     check_arguments(tolerance, resolution, most_agents)
     ground = ground_of(scene, stage, resolution)
     limit = most_agents or MOST_AGENTS[ground.dimension]
     if before is not None:
         check_previous(before.balance.grid.ground, ground)
-    spawning = spawn(ground, tolerance, limit, aim_of(tolerance_at), before)
+    spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), before)
     seconds = perf_counter() - start
+    if goals is not None:
+        spawning.notes += doubts_of(ground)
     how = (scene, stage, tolerance, resolution)
-    return answer_of(spawning, *how, limit, seconds, tolerance_at)
+    return answer_of(spawning, *how, limit, seconds, goals)
 
 
 def answer_of(
@@ -97,7 +107,7 @@ def answer_of(
     resolution: int | None,
     limit: int,
     seconds: float,
-    tolerance_at: str | None = None,
+    tolerance_at: Asked = None,
 ) -> SpawnedResult:
     """Return agents that have ended as a result.
 
@@ -142,6 +152,18 @@ def _continued(
     tolerance = previous.tolerance if tolerance is None else tolerance
     resolution = previous.resolution if resolution is None else resolution
     return previous.spawning, tolerance, resolution
+
+
+def doubts_of(ground: Ground) -> list[str]:
+    """Return where the error of what a tolerance is about cannot be told."""
+    shear = ground.moduli.shear
+    contrast = float(shear.max() / shear.min())
+    if contrast < CONTRAST:
+        return []
+    return [
+        f"materials differ by a factor of {contrast:.1g} in stiffness: where stiff parts touch at "
+        "corners only, the estimated error may be far from the true one"
+    ]
 
 
 def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> list[str]:

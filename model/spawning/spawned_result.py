@@ -21,11 +21,14 @@ from .composite import Floats
 from .displacement_error import displacement_error
 from .family import Family, levels
 from .first import direct_limit
+from .functionals import functional_of, plain, unit_of
 from .generations import Generation, Spawning
-from .goals import DISPLACEMENT
+from .goals import Asked, Goal, asked_again, told
 from .ground import Ground
 from .leaves import Index, Leaves
 from .nested import NestedMultigrid
+from .places import located
+from .quantities import DISPLACEMENT, Place, Quantity, quantities_of
 
 if TYPE_CHECKING:
     from kaju.model.elasticity.export import Mesh
@@ -50,7 +53,7 @@ class SpawnedResult(SolidResult):
     spawning : Spawning
         Agents and displacements in scaled units, and the history.
     seconds : float
-    tolerance_at : str or None
+    tolerance_at : str or tuple of Deflection, Stress and Reaction, or None
         What the tolerance is about, if not the energy norm.
     """
 
@@ -62,7 +65,7 @@ class SpawnedResult(SolidResult):
     resolution: int | None
     spawning: Spawning
     seconds: float
-    tolerance_at: str | None = None
+    tolerance_at: Asked = None
 
     @property
     def grid(self) -> Scene:
@@ -208,6 +211,23 @@ class SpawnedResult(SolidResult):
         return self.spawning.aimed.error
 
     @property
+    def goals(self) -> tuple[Goal, ...]:
+        """What has been found of every quantity that the tolerance is about."""
+        if not isinstance(self.tolerance_at, tuple):
+            return ()
+        found = []
+        for quantity, answer in zip(self.tolerance_at, self.spawning.aimed.answers, strict=True):
+            unit = unit_of(quantity, self._scales)
+            value = plain(unit * answer.value)
+            found.append(Goal(quantity, value, unit * answer.error, answer.relative_error))
+        return tuple(found)
+
+    @property
+    def goal_values(self) -> tuple[float | Floats, ...]:
+        """The quantities that the tolerance is about, in m, Pa or N."""
+        return tuple(goal.value for goal in self.goals)
+
+    @property
     def generations(self) -> tuple[Generation, ...]:
         """Every step of spawning: its agents, estimated error, strain energy (J), load left (N)."""
         force = self._scales.force
@@ -242,8 +262,16 @@ class SpawnedResult(SolidResult):
         size = self._leaves.size
         return {
             "tolerance": self.tolerance,
-            "tolerance_at": self.tolerance_at,
+            "tolerance_at": told(self.tolerance_at),
             "goal_error_estimate": self.goal_error_estimate,
+            "goals": [
+                {
+                    "value": np.asarray(goal.value).tolist(),
+                    "error_estimate": goal.error_estimate,
+                    "relative_error": goal.relative_error,
+                }
+                for goal in self.goals
+            ],
             "agents": self.agents,
             "levels": len(np.unique(size)),
             "method": "spawning",
@@ -264,12 +292,21 @@ class SpawnedResult(SolidResult):
         place, leaf = self._locate(points)
         return self._stress_unit * sampling.stress_at(self._fields, place, leaf)
 
+    def value_of(self, quantity: Quantity | Place) -> float | Floats:
+        """Return a quantity in m, Pa or N: of a place the displacement.
+
+        Raises
+        ------
+        ParameterError
+            If it is of another dimension, outside of the body, or unknown.
+        """
+        (asked,) = quantities_of(quantity)
+        value = functional_of(asked, self._ground).of(self._fields).value
+        return plain(unit_of(asked, self._scales) * value)
+
     def _locate(self, points: NDArray[np.float64]) -> tuple[Floats, Index]:
         """Return points in units, and the agent that each lies in or on."""
-        points, cells = cells_of_points(self.grid, points)
-        first = cells * self._ground.cell
-        place = np.clip(points / self._metre, first, first + self._ground.cell)
-        unit = np.clip(np.floor(place).astype(np.int64), first, first + self._ground.cell - 1)
+        place, unit = located(self._ground, *cells_of_points(self.grid, points))
         return place, self._leaves.find(unit)
 
     def _columns(self) -> dict[str, NDArray[Any]]:
@@ -300,5 +337,5 @@ class SpawnedResult(SolidResult):
             about["resolution"],
             spawning_of(scene, arrays, about),
             about["seconds"],
-            about["tolerance_at"],
+            asked_again(about["tolerance_at"]),
         )

@@ -12,8 +12,9 @@ from kaju.errors import ResultError
 
 from .family import Family
 from .generations import Generation, Spawner
-from .goals import aim_of
+from .goals import aim_of, asked
 from .ground import ground_of
+from .quantities import ToleranceAt
 from .solve import MOST_AGENTS, check_arguments, rest_of
 from .spawned_result import SpawnedResult
 
@@ -72,7 +73,7 @@ class SpawningModel(mesa.Model):
         resolution: int | None = None,
         stage: int | None = None,
         most_agents: int | None = None,
-        tolerance_at: str | None = None,
+        tolerance_at: ToleranceAt | None = None,
         rng: int | None = None,
     ) -> None:
         super().__init__(rng=rng)
@@ -81,7 +82,7 @@ class SpawningModel(mesa.Model):
         self.tolerance, self.resolution = tolerance, resolution
         self.ground = ground_of(scene, stage, resolution)
         self.most_agents = most_agents or MOST_AGENTS[self.ground.dimension]
-        self.tolerance_at = tolerance_at
+        self.tolerance_at = asked(tolerance_at)
         self._objects: list[SpawningAgent] = []
         self.reset()
 
@@ -91,7 +92,7 @@ class SpawningModel(mesa.Model):
         for agent in self._objects:
             agent.remove()
         self._objects = []
-        aim = aim_of(self.tolerance_at)
+        aim = aim_of(self.tolerance_at, self.ground)
         self.spawner = Spawner(self.ground, self.tolerance, self.most_agents, aim)
         metre = self.ground.scene.lattice.cell_size / self.ground.cell
         self.family = Family(self.ground.dimension, metre)

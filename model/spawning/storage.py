@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from kaju.model.scene import Scene
 
-from .aims import Aimed
+from .aims import Aimed, Answer
 from .balance import Balance
 from .composite import Composite
 from .generations import Generation, Spawning
+from .goals import told
 from .ground import ground_of
 from .indicator import indicate
 from .leaves import Leaves
@@ -50,10 +51,11 @@ def taken_apart(result: SpawnedResult) -> tuple[dict[str, NDArray[Any]], dict[st
     about = {
         "stage": result.stage,
         "tolerance": result.tolerance,
-        "tolerance_at": result.tolerance_at,
+        "tolerance_at": told(result.tolerance_at),
         "resolution": result.resolution,
         "spawning": history,
         "aimed": [spawning.aimed.error, spawning.aimed.allowed],
+        "answers": [[a.value.tolist(), *a[1:]] for a in spawning.aimed.answers],
         "generations": [list(g[:5]) for g in spawning.generations],
     }
     return arrays, about
@@ -71,12 +73,13 @@ def spawning_of(scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, 
         Generation(*entry, *part) for entry, *part in zip(about["generations"], *parts, strict=True)
     ]
     error, allowed = about["aimed"]
+    answers = tuple(Answer(np.array(value), *rest) for value, *rest in about["answers"])
     nobody = np.zeros(len(leaves), dtype=np.bool_)
     return Spawning(
         balance,
         u,
         indicate(balance, u),
-        aimed=Aimed(error, arrays["part"], nobody, allowed),
+        aimed=Aimed(error, arrays["part"], nobody, allowed, answers),
         generations=generations,
         **about["spawning"],
     )

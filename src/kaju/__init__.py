@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from kaju.model.scene import load_scene as load_scene
     from kaju.model.settling.elastic_model import ElasticModel as ElasticModel
     from kaju.model.solving import solve as solve
+    from kaju.model.spawning.quantities import Deflection as Deflection
+    from kaju.model.spawning.quantities import Reaction as Reaction
+    from kaju.model.spawning.quantities import Stress as Stress
     from kaju.model.spawning.spawned_result import SpawnedResult as SpawnedResult
     from kaju.model.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.stored import load_result as load_result
@@ -47,6 +50,7 @@ if TYPE_CHECKING:
 # pandas with it, the views bring matplotlib.
 _HOME = {
     "Coefficients": "kaju.agents.rules",
+    "Deflection": "kaju.model.spawning.quantities",
     "ElasticModel": "kaju.model.settling.elastic_model",
     "ElasticResult": "kaju.model.elasticity.elastic_result",
     "ElasticRule": "kaju.agents.elastic_rule",
@@ -58,6 +62,7 @@ _HOME = {
     "NetworkModel": "kaju.model.network.network_model",
     "NetworkResult": "kaju.model.network",
     "PrescribedRule": "kaju.agents.rules",
+    "Reaction": "kaju.model.spawning.quantities",
     "Reference": "kaju.model.reference",
     "Result": "kaju.model.result",
     "Scene": "kaju.model.scene",
@@ -65,6 +70,7 @@ _HOME = {
     "SpawningModel": "kaju.model.spawning.spawning_model",
     "SpringNetwork": "kaju.model.network",
     "ThreeElement": "kaju.agents.rheology",
+    "Stress": "kaju.model.spawning.quantities",
     "TransferResult": "kaju.model.propagation.transfer_result",
     "animate": "kaju.view",
     "compare": "kaju.model.compare",

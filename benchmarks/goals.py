@@ -1,0 +1,135 @@
+"""Quantities that a tolerance is about: how far estimates are off, and what they save.
+
+The true value is that of an answer to a twentieth of the smallest tolerance. For every
+tolerance: agents, true relative error, the estimate over it, and the agents that the energy
+norm takes to come as near, and to stay so. Run:
+
+    python benchmarks/goals.py            # some minutes
+    python benchmarks/goals.py plate      # one body
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from kaju import Deflection, Reaction, Stress, solve
+from kaju.errors import ConvergenceError
+from kaju.model.spawning.quantities import described, quantities_of
+
+sys.path.append(str(Path(__file__).parent.parent / "tests"))
+
+import goal_bodies as bodies
+
+CASES = {
+    "plate": [
+        Deflection((0.105, 0.2), "y"),
+        (0.1, 0.1),
+        (0.2, 0.2),
+        Deflection("right", "x"),
+        Stress({"box": [[0.09, 0.09], [0.11, 0.11]]}, "yy"),
+        Stress({"box": [[0.0, 0.0], [0.02, 0.02]]}, "yy"),
+        Stress({"disk": {"centre": [0.12, 0.15], "radius": 0.02}}, "von_mises"),
+        Stress((0.105, 0.15), "yy"),
+    ],
+    "angle": [(0.8, 0.4), (0.2, 0.8), Stress({"box": [[0.3, 0.4], [0.4, 0.5]]}, "yy")],
+    "pierced": [
+        Deflection("top", "y"),
+        (0.1, 0.1625),
+        Stress({"box": [[0.15, 0.0875], [0.1625, 0.1125]]}, "yy"),
+    ],
+    "cantilever": [
+        (0.4, 0.025),
+        (0.2, 0.025),
+        Stress({"box": [[0.0, 0.0375], [0.025, 0.05]]}, "xx"),
+        Stress({"box": [[0.2, 0.0], [0.2, 0.05]]}, "xy"),
+    ],
+    "inclusion": [
+        (0.1, 0.1),
+        (0.075, 0.2),
+        Stress({"box": [[0.075, 0.075], [0.125, 0.125]]}, "yy"),
+        Stress((0.1, 0.1), "von_mises"),
+    ],
+    "rubber": [
+        (0.075, 0.2),
+        Deflection((0.0, 0.1), "x"),
+        Stress({"box": [[0.075, 0.075], [0.125, 0.125]]}, "yy"),
+    ],
+    "sheared": [
+        (0.05, 0.05),
+        Reaction("top", "x"),
+        Stress({"box": [[0.05, 0.05], [0.15, 0.15]]}, "xy"),
+    ],
+    "cube": [
+        Deflection((0.5, 0.5, 1.0), "z"),
+        Deflection((0.5, 0.5, 0.5), "z"),
+        Stress({"box": [[0.375, 0.375, 0.375], [0.625, 0.625, 0.625]]}, "zz"),
+    ],
+    "beam": [
+        Deflection((1.0, 0.125, 0.125), "z"),
+        Stress({"box": [[0.0, 0.0, 0.1875], [0.125, 0.25, 0.25]]}, "xx"),
+    ],
+}
+TOLERANCES = {2: (0.05, 0.02, 0.01, 0.004), 3: (0.1, 0.05, 0.02)}
+ENERGY = {2: tuple(0.5 * 0.8**k for k in range(18)), 3: tuple(0.5 * 0.8**k for k in range(9))}
+
+
+def finest(scene, quantity, tolerance):
+    """Return the value that stands for the truth, and what its error is relative to."""
+    try:
+        result = solve(scene, tolerance=tolerance, tolerance_at=quantity, most_agents=300_000)
+    except ConvergenceError as error:
+        result = error.best
+    goal = result.goals[0]
+    return goal.value, goal.error_estimate / goal.relative_error
+
+
+def by_energy(scene, quantities):
+    """Return agents that the energy norm asks for, and the values of quantities by them."""
+    found = []
+    for tolerance in ENERGY[scene.lattice.dimension]:
+        result = solve(scene, tolerance=tolerance, strategy="spawning")
+        found.append((result.agents, [result.value_of(q) for q in quantities]))
+    return found
+
+
+def fewest(runs, number, truth, off):
+    """Return how many agents, and any more, have no larger error in a quantity."""
+    enough = "more"
+    for agents, values in reversed(runs):
+        if np.linalg.norm(values[number] - truth) > off:
+            break
+        enough = f"{agents:,}"
+    return enough
+
+
+def table(name):
+    scene = getattr(bodies, name)()
+    tolerances = TOLERANCES[scene.lattice.dimension]
+    quantities = quantities_of(CASES[name])
+    runs = by_energy(scene, quantities)
+    print(f"\n{name}")
+    for number, quantity in enumerate(quantities):
+        truth, scale = finest(scene, quantity, tolerances[-1] / 20)
+        row = []
+        for tolerance in tolerances:
+            result = solve(scene, tolerance=tolerance, tolerance_at=quantity)
+            off = np.linalg.norm(result.goal_values[0] - truth)
+            factor = result.goal_error_estimate * scale / off
+            others = fewest(runs, number, truth, off)
+            row.append(f"{result.agents:6,} {off / scale:7.1e} {factor:5.2f} {others:>7}")
+        print(f"  {text_of(quantity):44}", " |".join(row), flush=True)
+
+
+def text_of(quantity):
+    values = [value for value in described(quantity).values() if value is not None]
+    return " ".join(str(value) for value in values)[:44]
+
+
+def main():
+    for name in sys.argv[1:] or CASES:
+        table(name)
+
+
+if __name__ == "__main__":
+    main()

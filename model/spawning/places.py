@@ -1,0 +1,252 @@
+"""Places in a body of agents: points with weights, on which the mean over a place is taken."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.agents.materials import suggestion
+from kaju.errors import KajuError, ParameterError
+from kaju.model.result import body_cells
+from kaju.model.scene.regions import Region
+from kaju.model.scene.shapes import Box, Shape
+
+from .composite import Composite, Floats
+from .ground import Ground
+from .leaves import Flags, Index
+from .quantities import Place
+
+NEAR = 1e-6
+"""A plane that is nearer to a face than this part of a cell lies on it."""
+SAMPLES = {2: 8, 3: 4}
+"""Points along an agent by which round shapes are measured in it."""
+MANY = 10_000
+"""Agents that are measured at a time."""
+
+
+class Spots(NamedTuple):
+    """Points that stand for parts of a place.
+
+    Attributes
+    ----------
+    points : array, shape (n, dimension)
+        The middles of the parts (units).
+    leaf : int array, shape (n,)
+        A leaf in or on which each lies.
+    weight : array, shape (n,)
+        Adds up to 1.
+    span : array, shape (n, dimension)
+        How far each part reaches along every axis (units).
+    """
+
+    points: Floats
+    leaf: Index
+    weight: Floats
+    span: Floats
+
+
+class Site(Protocol):
+    """A place, asked grid by grid."""
+
+    def spots(self, grid: Composite) -> Spots:
+        """Return the points that stand for the place."""
+
+    def coarse(self, grid: Composite) -> Flags:
+        """Tell which leaves are too large for the place to be seen."""
+
+
+class Points(NamedTuple):
+    """A single point (units), in a cell (units)."""
+
+    point: Floats
+    unit: Index
+
+    def spots(self, grid: Composite) -> Spots:
+        """Return the point."""
+        leaf = grid.leaves.find(self.unit)
+        return Spots(self.point, leaf, np.ones(1), np.zeros_like(self.point))
+
+    def coarse(self, grid: Composite) -> Flags:
+        """Tell of no leaf."""
+        return np.zeros(len(grid.leaves), dtype=np.bool_)
+
+
+class Solid(NamedTuple):
+    """A shape with a volume, from `lower` to `upper` (units); `metre` is a unit."""
+
+    shape: Shape
+    lower: Floats
+    upper: Floats
+    metre: float
+
+    def spots(self, grid: Composite) -> Spots:
+        """Return the middle of the shape's part in every leaf, weighted by its volume."""
+        leaf = np.flatnonzero(self._reached(grid))
+        low = grid.leaves.lower[leaf].astype(np.float64)
+        size = grid.leaves.size[leaf, None].astype(np.float64)
+        if isinstance(self.shape, Box):
+            first, last = np.maximum(low, self.lower), np.minimum(low + size, self.upper)
+            return _weighted(0.5 * (first + last), leaf, (last - first).prod(axis=1), last - first)
+        parts = [
+            self._measured(low[at : at + MANY], size[at : at + MANY])
+            for at in range(0, len(leaf), MANY)
+        ]
+        middle, share = (np.concatenate(column) for column in zip(*parts, strict=True))
+        held = share > 0.0
+        volume = share * size[:, 0] ** grid.dimension
+        span = np.where(share == 1.0, size[:, 0], 0.0)[:, None] * np.ones(grid.dimension)
+        return _weighted(middle[held], leaf[held], volume[held], span[held])
+
+    def coarse(self, grid: Composite) -> Flags:
+        """Tell which leaves in reach are larger than the shape, or a quarter if it is round."""
+        widest = (self.upper - self.lower).min() / (1 if isinstance(self.shape, Box) else 4)
+        return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
+
+    def _reached(self, grid: Composite) -> Flags:
+        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
+        return np.asarray(np.all((low < self.upper) & (high > self.lower), axis=1))
+
+    def _measured(self, low: Floats, size: Floats) -> tuple[Floats, Floats]:
+        """Return the middle of the shape's part in boxes, and its share of each."""
+        d = low.shape[1]
+        ticks = (np.arange(SAMPLES[d]) + 0.5) / SAMPLES[d]
+        offsets = np.array(list(product(ticks, repeat=d)))
+        points = low[:, None] + offsets * size[:, None]
+        inside = self.shape.contains(points.reshape(-1, d) * self.metre).reshape(points.shape[:2])
+        count = inside.sum(axis=1)
+        middle = (points * inside[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]
+        return middle, count / len(offsets)
+
+
+class Plane(NamedTuple):
+    """A box without thickness: a section of the body, or a part of its surface (units)."""
+
+    axis: int
+    lower: Floats
+    upper: Floats
+
+    def spots(self, grid: Composite) -> Spots:
+        """Return the middle of the plane's part in every leaf, weighted by its area."""
+        axis, height = self.axis, self.lower[self.axis]
+        leaf = np.flatnonzero(self._reached(grid))
+        low = grid.leaves.lower[leaf].astype(np.float64)
+        first = np.maximum(low, self.lower)
+        last = np.minimum(low + grid.leaves.size[leaf, None], self.upper)
+        middle = 0.5 * (first + last)
+        middle[:, axis] = height
+        area = np.delete(last - first, axis, axis=1).prod(axis=1)
+        span = last - first
+        span[:, axis] = 0.0
+        return _weighted(middle, leaf, area, span)
+
+    def coarse(self, grid: Composite) -> Flags:
+        """Tell which leaves in reach are larger than the plane's part."""
+        widest = np.delete(self.upper - self.lower, self.axis).min()
+        return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
+
+    def _reached(self, grid: Composite) -> Flags:
+        """Tell which leaves have the plane in them or on top; below only, if nothing is there."""
+        axis, height = self.axis, self.lower[self.axis]
+        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
+        beside = np.all(np.delete((low < self.upper) & (high > self.lower), axis, axis=1), axis=1)
+        bare = grid.beside[:, 2 * axis] < 0
+        within = (low[:, axis] < height) & (height <= high[:, axis])
+        return np.asarray(beside & (within | ((low[:, axis] == height) & bare)))
+
+
+def _weighted(points: Floats, leaf: Index, weight: Floats, span: Floats) -> Spots:
+    return Spots(points, leaf, weight / (weight.sum() or 1.0), span)
+
+
+def located(ground: Ground, points: NDArray[np.float64], cells: Index) -> tuple[Floats, Index]:
+    """Return points (m) that lie in or on cells in units, and a unit cell of each."""
+    first = cells * ground.cell
+    place = np.clip(points / _metre(ground), first, first + ground.cell)
+    return place, np.clip(np.floor(place).astype(np.int64), first, first + ground.cell - 1)
+
+
+def site_of(at: Place, ground: Ground) -> Site:
+    """Return a place on some ground.
+
+    Raises
+    ------
+    ParameterError
+        If it lies outside of the body, or is of another dimension.
+    """
+    if isinstance(at, str):
+        return _side(at, ground)
+    if isinstance(at, dict):
+        return _region(at, ground)
+    d = ground.dimension
+    if len(at) != d:
+        raise ParameterError(
+            f"tolerance_at: {list(at)} should have {d} coordinates (m), one for each axis of the "
+            "cells"
+        )
+    point = np.array([at])
+    inside = np.isfinite(point).all()
+    if inside:
+        cells, found = body_cells(ground.scene, point)
+        inside = found.all()
+    if not inside:
+        raise ParameterError(f"tolerance_at: ({', '.join(f'{x:g}' for x in at)}) m {_OUTSIDE}")
+    return Points(*located(ground, point, cells))
+
+
+_OUTSIDE = "lies outside the body; choose a place in or on it"
+
+
+def _metre(ground: Ground) -> float:
+    return ground.scene.lattice.cell_size / ground.cell
+
+
+def _side(name: str, ground: Ground) -> Site:
+    lattice = ground.scene.lattice
+    if name not in lattice.sides:
+        raise ParameterError(
+            f"tolerance_at: there is no side {name!r}{suggestion(name, lattice.sides)}; there is "
+            f"{', '.join(lattice.sides)}, and 'displacement' for the largest error anywhere"
+        )
+    axis, upper = divmod(lattice.sides.index(name), 2)
+    low, high = np.zeros(ground.dimension), np.asarray(lattice.shape) * float(ground.cell)
+    low[axis] = high[axis] = high[axis] if upper else 0.0
+    return Plane(axis, low, high)
+
+
+def _region(region: dict[str, Any], ground: Ground) -> Site:
+    lattice, metre = ground.scene.lattice, _metre(ground)
+    flat = _flat_axis(region.get("box"), lattice.cell_size) if len(region) == 1 else None
+    if flat is not None:
+        low, high = (np.asarray(corner, dtype=np.float64) / metre for corner in region["box"])
+        face = np.rint(low[flat])
+        if abs(low[flat] - face) < NEAR * ground.cell:
+            low[flat] = high[flat] = face
+        return Plane(flat, low, high)
+    try:
+        shape = Region(material="air", **region).shape_in(lattice, "tolerance_at")
+    except KajuError as error:
+        told = str(error)
+        told = told if told.startswith("tolerance_at") else f"tolerance_at: {told}"
+        raise ParameterError(told) from None
+    lower, upper = (np.asarray(corner) / metre for corner in shape.extent)
+    return Solid(shape, lower, upper, metre)
+
+
+def _flat_axis(box: Any, cell_size: float) -> int | None:
+    """Return the one axis along which a box has no thickness."""
+    corners = np.asarray(box, dtype=np.float64) if _is_box(box) else np.ones((1, 0))
+    if len(corners) != 2:
+        return None
+    spans = corners[1] - corners[0]
+    flat = np.flatnonzero(np.abs(spans) <= NEAR * cell_size)
+    return int(flat[0]) if len(flat) == 1 and np.all(np.delete(spans, flat) > 0.0) else None
+
+
+def _is_box(box: Any) -> bool:
+    try:
+        return np.asarray(box, dtype=np.float64).shape[:1] == (2,)
+    except (TypeError, ValueError):
+        return False

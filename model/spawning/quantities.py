@@ -1,0 +1,150 @@
+"""What a tolerance can be about: the deflection here, the stress there.
+
+A place is a point, (x, y) or (x, y, z) in metres; a region in the form of a scene's regions, such
+as ``{"box": [[0, 0], [0.1, 0.2]]}`` or ``{"disk": {"centre": [0.1, 0.1], "radius": 0.02}}``, over
+which the mean counts (a box without thickness along one axis is a section, or a surface); or
+the name of a side, such as ``"top"``: all of the body's surface there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from math import hypot, isfinite
+from typing import Any
+
+import numpy as np
+
+from kaju.errors import ParameterError
+
+Place = tuple[float, ...] | dict[str, Any] | str
+DISPLACEMENT = "displacement"
+"""The displacement, wherever it is furthest off."""
+
+
+@dataclass(frozen=True)
+class Deflection:
+    """The displacement of a place.
+
+    Parameters
+    ----------
+    at : point, region or side
+        The mean counts, unless it is a point.
+    along : str or sequence of float, optional
+        An axis such as "y", or a direction such as (1, -1), whose length does not count. By
+        default the displacement as a vector.
+    """
+
+    at: Place
+    along: str | tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Take lists and arrays as tuples."""
+        object.__setattr__(self, "at", _place(self.at))
+        object.__setattr__(self, "along", _way(self.along))
+
+
+@dataclass(frozen=True)
+class Stress:
+    """A stress at a place.
+
+    Parameters
+    ----------
+    at : point, region or side
+        The mean counts, unless it is a point.
+    component : str
+        Such as "yy" or "xy", or "von_mises": the equivalent stress.
+    """
+
+    at: Place
+    component: str
+
+    def __post_init__(self) -> None:
+        """Take lists and arrays as tuples."""
+        object.__setattr__(self, "at", _place(self.at))
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """The force of a support on the body.
+
+    Parameters
+    ----------
+    side : str
+        Such as "bottom"; "rigid" are the rigid cells inside the array.
+    along : str or sequence of float, optional
+        An axis or a direction, as for a `Deflection`. By default the force as a vector.
+    """
+
+    side: str
+    along: str | tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Take lists and arrays as tuples."""
+        object.__setattr__(self, "along", _way(self.along))
+
+
+Quantity = Deflection | Stress | Reaction
+_KINDS: dict[str, type[Quantity]] = {k.__name__: k for k in (Deflection, Stress, Reaction)}
+ToleranceAt = str | Quantity | Mapping[str, Any] | Sequence[Any]
+"""What `tolerance_at` may be."""
+
+
+def quantities_of(tolerance_at: ToleranceAt) -> tuple[Quantity, ...]:
+    """Return the quantities that `tolerance_at` asks for: of places the displacement.
+
+    Raises
+    ------
+    ParameterError
+        If it asks for nothing that a tolerance could be about.
+    """
+    if isinstance(tolerance_at, Quantity):
+        return (tolerance_at,)
+    if isinstance(tolerance_at, (str, Mapping)) or _is_point(tolerance_at):
+        return (Deflection(tolerance_at),)  # type: ignore[arg-type]
+    if isinstance(tolerance_at, (Sequence, np.ndarray)) and len(tolerance_at):
+        return tuple(quantity for item in tolerance_at for quantity in quantities_of(item))
+    raise ParameterError(
+        'tolerance_at: a point, a region such as {"box": [[0, 0], [0.1, 0.2]]}, a side, '
+        f"{DISPLACEMENT!r}, a Deflection, Stress or Reaction, or a list of these is needed, got "
+        f"{tolerance_at!r}"
+    )
+
+
+def described(quantity: Quantity) -> dict[str, Any]:
+    """Return a quantity as plain values."""
+    values = {field.name: getattr(quantity, field.name) for field in fields(quantity)}
+    return {"quantity": type(quantity).__name__, **values}
+
+
+def quantity_from(values: Mapping[str, Any]) -> Quantity:
+    """Return the quantity that `described` has told of."""
+    rest = {name: value for name, value in values.items() if name != "quantity"}
+    return _KINDS[values["quantity"]](**rest)
+
+
+def _is_point(value: object) -> bool:
+    numbers = isinstance(value, (Sequence, np.ndarray)) and len(value) > 0
+    return numbers and all(isinstance(x, (int, float, np.number)) for x in value)  # type: ignore[attr-defined]
+
+
+def _place(at: Any) -> Place:
+    if isinstance(at, str):
+        return at
+    if isinstance(at, Mapping):
+        return dict(at)
+    if not _is_point(at):
+        raise ParameterError(
+            'at: a point (m), a region such as {"box": [[0, 0], [0.1, 0.2]]} or a side such as '
+            f"'top' is needed, got {at!r}"
+        )
+    return tuple(float(x) for x in at)
+
+
+def _way(along: Any) -> str | tuple[float, ...] | None:
+    if along is None or isinstance(along, str):
+        return along
+    length = hypot(*along) if _is_point(along) else 0.0
+    if not (isfinite(length) and length > 0.0):
+        raise ParameterError(f"along: an axis such as 'y' or a direction is needed, got {along!r}")
+    return tuple(float(x) / length for x in along)

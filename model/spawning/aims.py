@@ -62,7 +62,7 @@ class Aim(Protocol):
     Attributes
     ----------
     adds_up : bool
-        Whether the square of the error is the sum of the agents' parts.
+        Whether the error, or its square, is the sum of the agents' parts.
     """
 
     adds_up: bool

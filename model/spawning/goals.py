@@ -110,6 +110,8 @@ class GoalAim:
         If a quantity is of another dimension, outside of the body, or unknown.
     """
 
+    adds_up = True
+
     def __init__(self, quantities: tuple[Quantity, ...], ground: Ground) -> None:
         self._functionals = [functional_of(quantity, ground) for quantity in quantities]
         self._influences = [[Influence() for _ in f.ways] for f in self._functionals]

@@ -10,7 +10,7 @@ from kaju.model.scene import Scene
 
 from .generations import Spawning, spawn
 from .goals import Asked, aim_of, asked
-from .ground import Ground, ground_of
+from .ground import ground_of
 from .previous import check_previous
 from .quantities import ToleranceAt
 from .spawned_result import SpawnedResult
@@ -93,8 +93,6 @@ def solve_spawning(
         check_previous(before.balance.grid.ground, ground)
     spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), before)
     seconds = perf_counter() - start
-    if goals is not None:
-        spawning.notes += doubts_of(ground)
     how = (scene, stage, tolerance, resolution)
     return answer_of(spawning, *how, limit, seconds, goals)
 
@@ -117,6 +115,7 @@ def answer_of(
         If they ended early; `best` holds the result.
     """
     spawning.notes += rest_of(spawning, tolerance, resolution)
+    spawning.notes += doubts_of(spawning, tolerance_at)
     result = SpawnedResult(scene, stage, tolerance, resolution, spawning, seconds, tolerance_at)
     if spawning.stopped == "agents":
         raise ConvergenceError(
@@ -154,11 +153,11 @@ def _continued(
     return previous.spawning, tolerance, resolution
 
 
-def doubts_of(ground: Ground) -> list[str]:
+def doubts_of(spawning: Spawning, tolerance_at: Asked) -> list[str]:
     """Return where the error of what a tolerance is about cannot be told."""
-    shear = ground.moduli.shear
+    shear = spawning.balance.grid.ground.moduli.shear
     contrast = float(shear.max() / shear.min())
-    if contrast < CONTRAST:
+    if tolerance_at is None or contrast < CONTRAST:
         return []
     return [
         f"materials differ by a factor of {contrast:.1g} in stiffness: where stiff parts touch at "

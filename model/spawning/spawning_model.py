@@ -15,7 +15,7 @@ from .generations import Generation, Spawner
 from .goals import aim_of, asked
 from .ground import ground_of
 from .quantities import ToleranceAt
-from .solve import MOST_AGENTS, check_arguments, rest_of
+from .solve import MOST_AGENTS, check_arguments, doubts_of, rest_of
 from .spawned_result import SpawnedResult
 
 if TYPE_CHECKING:
@@ -209,5 +209,6 @@ class SpawningModel(mesa.Model):
             raise ResultError("result: no agent has settled yet; take a step first")
         spawning = self.spawner.outcome()
         spawning.notes += rest_of(spawning, self.tolerance, self.resolution)
+        spawning.notes += doubts_of(spawning, self.tolerance_at)
         asked = (self.scene, self.stage, self.tolerance, self.resolution)
         return SpawnedResult(*asked, spawning, self.seconds, self.tolerance_at)

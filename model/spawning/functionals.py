@@ -21,11 +21,10 @@ from .field import interpolation
 from .ground import Ground
 from .leaves import Flags
 from .places import Site, Spots, site_of
-from .quantities import Deflection, Quantity, Reaction, Stress
+from .quantities import Deflection, Quantity, Reaction, Stress, component_of, ways_of
 
 NEGLIGIBLE = 0.01
 """Of the largest: the error of a smaller value is told relative to this share."""
-AXES = "xyz"
 
 
 class Value(NamedTuple):
@@ -70,7 +69,7 @@ class _Displaced:
 
     def __init__(self, quantity: Deflection, ground: Ground) -> None:
         self._name, self._site = f"{quantity.at}", site_of(quantity.at, ground)
-        self.ways = _ways(quantity.along, ground)
+        self.ways = ways_of(quantity.along, ground.dimension)
 
     def coarse(self, grid: Composite) -> Flags:
         return self._site.coarse(grid)
@@ -96,7 +95,7 @@ class _Stressed:
 
     def __init__(self, quantity: Stress, ground: Ground) -> None:
         self._name, self._site = f"{quantity.at}", site_of(quantity.at, ground)
-        self._component = _component(quantity.component, ground)
+        self._component = component_of(quantity.component, ground.dimension)
         self.ways = np.ones((1, 1))
 
     def coarse(self, grid: Composite) -> Flags:
@@ -142,7 +141,7 @@ class _Supported:
                 f"{suggestion(quantity.side, names)}; there may be {', '.join(names)}"
             )
         self._name, self._side = quantity.side, names.index(quantity.side)
-        self.ways = _ways(quantity.along, ground)
+        self.ways = ways_of(quantity.along, ground.dimension)
 
     def coarse(self, grid: Composite) -> Flags:
         return np.zeros(len(grid.leaves), dtype=np.bool_)
@@ -207,37 +206,6 @@ def plain(value: Floats) -> float | Floats:
 
 def _scale(value: Floats, largest: float) -> float:
     return max(float(np.linalg.norm(value)), NEGLIGIBLE * largest)
-
-
-def _ways(along: str | tuple[float, ...] | None, ground: Ground) -> Floats:
-    """Return the directions that are asked for, shape (components, dimension)."""
-    d = ground.dimension
-    if along is None:
-        return np.eye(d)
-    if isinstance(along, str):
-        if along not in AXES[:d]:
-            raise ParameterError(
-                f"tolerance_at: along {along!r}: must be {', '.join(AXES[:d])} or a direction"
-            )
-        return np.eye(d)[[AXES.index(along)]]
-    if len(along) != d:
-        raise ParameterError(
-            f"tolerance_at: along {list(along)} should have {d} numbers, one for each axis of the "
-            "cells"
-        )
-    return np.array([along])
-
-
-def _component(name: str, ground: Ground) -> tuple[int, int] | None:
-    axes = AXES[: ground.dimension]
-    if name == "von_mises":
-        return None
-    if not (isinstance(name, str) and len(name) == 2 and all(letter in axes for letter in name)):
-        known = [f"{axes[i]}{axes[j]}" for i in range(len(axes)) for j in range(i, len(axes))]
-        raise ParameterError(
-            f"tolerance_at: there is no stress {name!r}; there is {', '.join(known)}, von_mises"
-        )
-    return axes.index(name[0]), axes.index(name[1])
 
 
 def _spots(site: Site, grid: Composite, name: str) -> Spots:

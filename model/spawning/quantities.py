@@ -14,10 +14,12 @@ from math import hypot, isfinite
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.errors import ParameterError
 
 Place = tuple[float, ...] | dict[str, Any] | str
+AXES = "xyz"
 DISPLACEMENT = "displacement"
 """The displacement, wherever it is furthest off."""
 
@@ -121,6 +123,34 @@ def quantity_from(values: Mapping[str, Any]) -> Quantity:
     """Return the quantity that `described` has told of."""
     rest = {name: value for name, value in values.items() if name != "quantity"}
     return _KINDS[values["quantity"]](**rest)
+
+
+def ways_of(along: str | tuple[float, ...] | None, dimension: int) -> NDArray[np.float64]:
+    """Return the directions that are asked for, shape (components, dimension)."""
+    axes = list(AXES[:dimension])
+    if along is None:
+        return np.eye(dimension)
+    if along in axes:
+        return np.eye(dimension)[[axes.index(along)]]
+    if isinstance(along, str) or len(along) != dimension:
+        raise ParameterError(
+            f"tolerance_at: along must be {', '.join(axes)} or a direction of {dimension} "
+            f"numbers, got {along!r}"
+        )
+    return np.array([along])
+
+
+def component_of(name: str, dimension: int) -> tuple[int, int] | None:
+    """Return the axes of a component of the stress, None for the equivalent stress."""
+    axes = AXES[:dimension]
+    if name == "von_mises":
+        return None
+    if not (isinstance(name, str) and len(name) == 2 and all(letter in axes for letter in name)):
+        known = [f"{axes[i]}{axes[j]}" for i in range(len(axes)) for j in range(i, len(axes))]
+        raise ParameterError(
+            f"tolerance_at: there is no stress {name!r}; there is {', '.join(known)}, von_mises"
+        )
+    return axes.index(name[0]), axes.index(name[1])
 
 
 def _is_point(value: object) -> bool:

@@ -10,7 +10,8 @@ from kaju.errors import ParameterError
 pytest.importorskip("skfem")
 
 from kaju.bench.graded_bricks import graded_ticks, solve_bricks
-from kaju.bench.graded_elements import singular_points, solve_graded, surroundings
+from kaju.bench.graded_elements import singular_points, solve_graded
+from kaju.bench.scene_elements import surroundings
 
 STUFF = {"stuff": {"youngs_modulus": 2e6, "poissons_ratio": 0.0, "density": 1000.0}}
 
@@ -68,9 +69,9 @@ def test_singular_points_are_corners_and_ends():
 
 
 def test_ticks_crowd_towards_singular_planes():
-    np.testing.assert_allclose(graded_ticks(2, [0], 2), [0, 0.25, 1, 2])
-    np.testing.assert_allclose(graded_ticks(1, [0, 1], 4), [0, 0.125, 0.5, 0.875, 1])
-    np.testing.assert_allclose(graded_ticks(1, [1], 2), [0, 0.75, 1])
+    np.testing.assert_allclose(graded_ticks(3, [0], 2, 1), [0, 0.25, 1, 2, 3])
+    np.testing.assert_allclose(graded_ticks(1, [0, 1], 4, 1), [0, 0.125, 0.5, 0.875, 1])
+    np.testing.assert_allclose(graded_ticks(1, [1], 2, 1), [0, 0.75, 1])
 
 
 def test_what_elements_do_not_know_is_named():
@@ -80,7 +81,7 @@ def test_what_elements_do_not_know_is_named():
         solve_graded(scene, levels=1)
     body = {"cells": [2, 2], "cell_size": 0.1, "lattice": "hexagon", "material": "steel"}
     hexagons = Scene(body=body, sides={"bottom": "rigid"})
-    with pytest.raises(ParameterError, match="square"):
+    with pytest.raises(ParameterError, match="hexagons"):
         solve_graded(hexagons, levels=1)
     cubes = Scene(
         body={"cells": [2] * 3, "cell_size": 1.0, "material": "steel"},

@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ParameterError
-from kaju.model.elasticity.moduli import moduli_of
 from kaju.model.scene import Scene
 
-Floats = NDArray[np.float64]
-Index = NDArray[np.int64]
+from .scene_elements import Floats, Index, cells_of, factorised, scene_moduli
 
 DIRECT = 60_000
 """Up to this many unknowns are factorised."""
@@ -54,7 +52,9 @@ class BrickAnswer:
         return moved
 
 
-def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) -> BrickAnswer:
+def solve_bricks(
+    scene: Scene, singular: Sequence[Sequence[int]], parts: int, elsewhere: int | None = None
+) -> BrickAnswer:
     """Solve a scene of cubes.
 
     Parameters
@@ -64,7 +64,9 @@ def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) ->
     singular : three sequences of int
         Along each axis the grid planes, counted in cells, towards which bricks get thinner.
     parts : int
-        Bricks along a cell that such a plane bounds; others get half as many.
+        Bricks along a cell that such a plane bounds.
+    elsewhere : int, optional
+        Bricks along other cells; half as many, unless given.
 
     Raises
     ------
@@ -75,13 +77,16 @@ def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) ->
 
     shape = scene.lattice.shape
     whole = skfem.MeshHex.init_tensor(
-        *(graded_ticks(n, planes, parts) for n, planes in zip(shape, singular, strict=True))
+        *(
+            graded_ticks(n, planes, parts, elsewhere or (parts + 1) // 2)
+            for n, planes in zip(shape, singular, strict=True)
+        )
     )
     kinds = scene.rasterise()
-    solid = kinds[tuple(_cells_of(whole))] >= 0
+    solid = kinds[tuple(cells_of(whole))] >= 0
     mesh = whole.restrict(np.flatnonzero(solid))
     basis = skfem.Basis(mesh, skfem.ElementHex2(), intorder=4)
-    matrix = scene.lattice.cell_size * _stiffness(scene, basis, kinds[tuple(_cells_of(mesh))])
+    matrix = scene.lattice.cell_size * _stiffness(scene, basis, kinds[tuple(cells_of(mesh))])
     right = _load(scene, basis)
     free = ~_held(scene, basis)
     u = np.zeros(len(right))
@@ -89,7 +94,7 @@ def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) ->
     return BrickAnswer(basis, u.reshape(-1, 3), 0.5 * float(u @ right), scene.lattice.cell_size)
 
 
-def graded_ticks(cells: int, singular: Sequence[int], parts: int) -> Floats:
+def graded_ticks(cells: int, singular: Sequence[int], parts: int, elsewhere: int) -> Floats:
     """Return grid positions (cells) that crowd quadratically towards the singular planes."""
     along = np.linspace(0.0, 1.0, parts + 1)[1:]
     positions = [np.zeros(1)]
@@ -103,14 +108,9 @@ def graded_ticks(cells: int, singular: Sequence[int], parts: int) -> Floats:
         elif above:
             local = 1.0 - (1.0 - along) ** 2
         else:
-            local = np.linspace(0.0, 1.0, (parts + 1) // 2 + 1)[1:]
+            local = np.linspace(0.0, 1.0, elsewhere + 1)[1:]
         positions.append(cell + local)
     return np.concatenate(positions)
-
-
-def _cells_of(mesh: Any) -> Index:
-    cells: Index = np.floor(mesh.p[:, mesh.t].mean(axis=1)).astype(np.int64)
-    return cells
 
 
 def _stiffness(scene: Scene, basis: Any, kind: Index) -> Any:
@@ -121,12 +121,7 @@ def _stiffness(scene: Scene, basis: Any, kind: Index) -> Any:
     import skfem
     from scipy.sparse import block_array
 
-    materials = scene.cell_materials
-    moduli = moduli_of(
-        np.array([m.youngs_modulus for m in materials]),
-        np.array([m.poissons_ratio for m in materials]),
-        None,
-    )
+    moduli = scene_moduli(scene)
     few = skfem.Basis(basis.mesh, basis.elem, intorder=3)
 
     def product(points: Any, modulus: Floats, a: int, b: int) -> Any:
@@ -182,11 +177,7 @@ def _held(scene: Scene, basis: Any) -> NDArray[np.bool_]:
 
 def _solve(matrix: Any, right: Floats, places: Floats, free: NDArray[np.bool_]) -> Floats:
     if len(right) <= DIRECT:
-        from scipy.sparse.linalg import splu
-
-        # The matrix is symmetric: so may be the order of elimination.
-        factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0)
-        return np.asarray(factors.solve(right))
+        return factorised(matrix, right)
     import pyamg
 
     from .finite_elements import rigid_body_modes

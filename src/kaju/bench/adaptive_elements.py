@@ -1,0 +1,174 @@
+"""The adaptive peer: triangles or tetrahedra of scikit-fem, refined where residuals are large.
+
+The square of an element's error in the energy norm is estimated by what its stress leaves
+unbalanced inside, and by the jumps of traction on its sides (Babuška & Rheinboldt 1978;
+Verfürth, A Posteriori Error Estimation Techniques, 2013, ch. 1; here for elasticity):
+
+    η² = h²/2μ ∫ |f + div σ|² + Σ h_F/2μ ∫ |jump|²
+
+where a jump counts half for either neighbour, and on a free side is t − σn. Elements whose
+error is more than half the largest are refined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from kaju.model.elasticity.moduli import Moduli
+from kaju.model.scene import Scene
+
+from .finite_elements import RESIDUAL, rigid_body_modes
+from .scene_elements import (
+    ElementAnswer,
+    Floats,
+    Index,
+    cell_mesh,
+    cells_of,
+    densities,
+    depth,
+    held,
+    load_vector,
+    scene_moduli,
+    stiffness,
+    surroundings,
+)
+
+SHARE = 0.5
+"""Elements with more than this share of the largest η are refined."""
+DIRECT = {2: 30_000, 3: 5_000}
+"""Up to this many unknowns `scipy.sparse.linalg.spsolve` is quicker than pyamg."""
+
+
+def solve_elements(scene: Scene, mesh: Any, order: int = 1) -> ElementAnswer:
+    """Solve a scene on triangles or tetrahedra that are laid in cells.
+
+    Parameters
+    ----------
+    mesh : skfem mesh
+        Made of `cell_mesh` by refinement.
+    order : {1, 2}
+        Of the polynomials.
+    """
+    import skfem
+
+    elements = {
+        2: (skfem.ElementTriP1, skfem.ElementTriP2),
+        3: (skfem.ElementTetP1, skfem.ElementTetP2),
+    }
+    element = elements[mesh.dim()][order - 1]()
+    kinds = surroundings(scene)
+    basis = skfem.Basis(mesh, skfem.ElementVector(element), intorder=2 * order - 1)
+    matrix = stiffness(scene, basis, kinds[tuple(cells_of(mesh) + 1)])
+    right = load_vector(scene, basis)
+    free = np.setdiff1d(np.arange(basis.N), held(basis, kinds))
+    reduced, u = matrix[free][:, free], np.zeros(basis.N)
+    if len(free) <= DIRECT[mesh.dim()]:
+        from scipy.sparse.linalg import spsolve
+
+        u[free] = spsolve(reduced.tocsc(), right[free])
+    else:
+        import pyamg
+
+        modes = rigid_body_modes(basis.doflocs)[free]
+        hierarchy = pyamg.smoothed_aggregation_solver(reduced.tocsr(), B=modes)
+        u[free] = hierarchy.solve(right[free], tol=RESIDUAL, accel="cg", maxiter=500)
+    return ElementAnswer(basis, u, 0.5 * float(u @ right), scene.lattice.cell_size)
+
+
+def uniform(scene: Scene, order: int = 1) -> Iterator[ElementAnswer]:
+    """Yield answers on meshes that are refined everywhere, without end."""
+    mesh = cell_mesh(surroundings(scene))
+    while True:
+        yield solve_elements(scene, mesh, order)
+        mesh = mesh.refined()
+
+
+def adaptive(scene: Scene, order: int = 1) -> Iterator[tuple[ElementAnswer, float]]:
+    """Yield answers on meshes refined where residuals are large, and their estimated error.
+
+    The error is relative, in the energy norm.
+    """
+    mesh = cell_mesh(surroundings(scene))
+    while True:
+        answer = solve_elements(scene, mesh, order)
+        square = squared_errors(scene, answer)
+        yield answer, sqrt(square.sum() / (2.0 * answer.energy))
+        mesh = mesh.refined(np.flatnonzero(square > SHARE**2 * square.max()))
+
+
+def squared_errors(scene: Scene, answer: ElementAnswer) -> Floats:
+    """Return η² of every element (J)."""
+    import skfem
+
+    basis, mesh = answer.basis, answer.basis.mesh
+    kind = surroundings(scene)[tuple(cells_of(mesh) + 1)]
+    moduli = scene_moduli(scene)
+    unit = 2.0 * depth(scene) * moduli.shear
+    facets = mesh.boundary_facets()
+    traction, weight = densities(scene, mesh, facets)
+
+    vertices = skfem.Basis(mesh, basis.elem, quadrature=_at_corners(mesh.dim()))
+    stress = _stress(scene, moduli, kind, vertices.interpolate(answer.displacement).grad)
+    left = weight + _divergence(mesh, stress)
+    size = basis.dx.sum(axis=1) ** (1.0 / mesh.dim())
+    total: Floats = size**2 * basis.dx.sum(axis=1) * (left**2).sum(axis=0) / unit[kind]
+
+    sides = [skfem.InteriorFacetBasis(mesh, basis.elem, side=side) for side in (0, 1)]
+    pulls = [_traction(scene, moduli, kind, side, answer.displacement) for side in sides]
+    jump = _length(sides[0]) * (((pulls[0] - pulls[1]) ** 2).sum(axis=0) * sides[0].dx).sum(axis=1)
+    for side in sides:
+        np.add.at(total, side.tind, 0.5 * jump / unit[kind[side.tind]])
+
+    free = _free_components(basis, facets, answer, surroundings(scene))
+    surface = skfem.FacetBasis(mesh, basis.elem, facets=facets)
+    left = traction[..., None] - _traction(scene, moduli, kind, surface, answer.displacement)
+    left = np.where(free[..., None], left, 0.0)
+    jump = _length(surface) * ((left**2).sum(axis=0) * surface.dx).sum(axis=1)
+    np.add.at(total, surface.tind, jump / unit[kind[surface.tind]])
+    return total
+
+
+def _at_corners(dimension: int) -> tuple[Floats, Floats]:
+    corners = np.concatenate([np.zeros((dimension, 1)), np.eye(dimension)], axis=1)
+    return corners, np.ones(dimension + 1)
+
+
+def _stress(scene: Scene, moduli: Moduli, kind: Index, gradient: Floats) -> Floats:
+    """Return stresses times `depth`, as forces per area in cells; shape of the gradient."""
+    strain = 0.5 * (gradient + gradient.swapaxes(0, 1))
+    volume = moduli.lateral[kind][:, None] * np.trace(strain)
+    unit = np.eye(len(gradient))[:, :, None, None]
+    found: Floats = depth(scene) * (2.0 * moduli.shear[kind][:, None] * strain + unit * volume)
+    return found
+
+
+def _divergence(mesh: Any, stress: Floats) -> Floats:
+    """Return the divergence of stresses that run linearly between the corners of elements."""
+    slopes = mesh.mapping().invDF(_at_corners(mesh.dim())[0][:, :1])[..., 0]
+    grown = stress[..., 1:] - stress[..., :1]
+    found: Floats = np.einsum("abek,kbe->ae", grown, slopes)
+    return found
+
+
+def _traction(scene: Scene, moduli: Moduli, kind: Index, side: Any, u: Floats) -> Floats:
+    stress = _stress(scene, moduli, kind[side.tind], np.asarray(side.interpolate(u).grad))
+    found: Floats = np.einsum("abfq,bfq->afq", stress, side.normals)
+    return found
+
+
+def _length(side: Any) -> Floats:
+    found: Floats = side.dx.sum(axis=1) ** (1.0 / (side.mesh.dim() - 1))
+    return found
+
+
+def _free_components(basis: Any, facets: Index, answer: ElementAnswer, kinds: Index) -> Any:
+    """Tell which components of traction are given on facets of the boundary."""
+    fixed = np.zeros(basis.N, dtype=np.bool_)
+    fixed[held(basis, kinds)] = True
+    # A component is held where it is at all corners of a facet.
+    corner = basis.nodal_dofs[:, basis.mesh.facets[:, facets]]
+    return ~fixed[corner].all(axis=1)

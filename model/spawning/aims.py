@@ -87,7 +87,8 @@ class EnergyAim:
 def choose(grid: Composite, part: Floats, allowed: float) -> Flags:
     """Choose the agents that spawn children: those with the largest parts in an error.
 
-    What the smallest agents leave cannot be helped and does not count.
+    What the smallest agents leave cannot be helped: the others make up for it, unless it is
+    more than what is allowed.
 
     Parameters
     ----------
@@ -97,9 +98,11 @@ def choose(grid: Composite, part: Floats, allowed: float) -> Flags:
     allowed : float
         What may be left of them all.
     """
-    part = np.where(grid.leaves.size > grid.ground.smallest, part, 0.0)
+    smallest = grid.leaves.size <= grid.ground.smallest
+    helpless = float(part[smallest].sum())
+    part = np.where(smallest, 0.0, part)
     total = float(part.sum())
-    excess = total - allowed
+    excess = total - (allowed - helpless if helpless < allowed else allowed)
     goal = max(min(BULK[grid.dimension] * total, excess / GAIN), 0.0)
     order = np.argsort(-part, kind="stable")
     count = int(np.searchsorted(np.cumsum(part[order]), goal)) + 1

@@ -129,7 +129,8 @@ class Heirs:
         None if those that stand may as well stay.
         """
         leaves, part, ground = balance.grid.leaves, aimed.part, self.ground
-        share = even_share(leaves, part, max(aimed.allowed, LEAST * float(part.sum())))
+        allowed = max(aimed.allowed, LEAST * float(part.sum()))
+        share = even_share(leaves, part, allowed, ground.smallest)
         fewer, part = retired(leaves, part, share)
         spawning = (part > share) & (fewer.size > ground.smallest)
         wanted = fewer.split(spawning, 0, np.zeros(len(fewer)))

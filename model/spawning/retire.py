@@ -17,7 +17,7 @@ RETURN = 4.0
 fall like the edge, their squares like its square."""
 
 
-def even_share(leaves: Leaves, part: Floats, allowed: float) -> float:
+def even_share(leaves: Leaves, part: Floats, allowed: float, smallest: int = 1) -> float:
     """Return what an agent may leave, for all together to leave what is allowed.
 
     Parameters
@@ -27,9 +27,12 @@ def even_share(leaves: Leaves, part: Floats, allowed: float) -> float:
         What every agent contributes to the error; parts add up.
     allowed : float
         At least a quarter of them all: children leave that much of their parents' parts.
+    smallest : int
+        Edge (units) of agents that spawn no children.
     """
-    shares = [part]
-    left = float(part.sum()) / RETURN
+    large = leaves.size > smallest
+    shares = [part[large]]
+    left = float(part[large].sum()) / RETURN + float(part[~large].sum())
     while True:
         start = leaves.families()
         if not len(start):

@@ -317,14 +317,21 @@ def test_first_agents_are_refined_by_those_kept_inside_of_them():
 
 
 def test_agents_that_leave_alike_stay():
-    grid = [[x, y] for x in range(4) for y in range(4)]
-    leaves = squares(grid, [1] * 16)
+    grid = [[2 * x, 2 * y] for x in range(4) for y in range(4)]
+    leaves = squares(grid, [2] * 16)
     even = np.ones(16)
     share = even_share(leaves, even, allowed=16.0)
     assert share == 1.0
     assert retired(leaves, even, share)[0] is leaves
     # A parent that would leave no more than the others comes back; its parts count four times.
-    few = np.where((leaves.lower < 2).all(axis=1), 0.01, 1.0)
+    few = np.where((leaves.lower < 4).all(axis=1), 0.01, 1.0)
     fewer, part = retired(leaves, few, even_share(leaves, few, allowed=12.2))
-    assert sorted(fewer.size.tolist()) == [1] * 12 + [2]
-    assert part[fewer.size == 2] == pytest.approx(0.16)
+    assert sorted(fewer.size.tolist()) == [2] * 12 + [4]
+    assert part[fewer.size == 4] == pytest.approx(0.16)
+
+
+def test_others_make_up_for_agents_that_may_not_spawn():
+    leaves = squares([[2 * x, 0] for x in range(4)], [2, 2, 2, 2])
+    part = np.array([0.9, 0.5, 0.3, 0.1])
+    assert even_share(leaves, part, allowed=1.0) == 0.3
+    assert even_share(leaves, part, allowed=1.9, smallest=2) == 0.0

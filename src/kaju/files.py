@@ -1,14 +1,30 @@
-"""Writing files: whole or not at all."""
+"""Writing files and folders: whole or not at all, whenever the process ends.
+
+What is being written has a hidden name (``.kaju-…``) beside its target and carries a lock that
+the system takes away with the process. So the next writer can tell what a dead one left behind,
+and sweeps it.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import os
-import tempfile
+import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from kaju.errors import KajuError
+
+try:
+    import fcntl
+except ImportError:  # on Windows: there nothing is locked, so nothing is swept
+    fcntl = None  # type: ignore[assignment]
+
+HIDDEN = ".kaju-"
+_EXCHANGE = 2
+_HERE = -100  # AT_FDCWD: names count from the working folder
 
 
 @contextmanager
@@ -22,19 +38,159 @@ def scratch_beside(target: Path, error: type[KajuError]) -> Iterator[Path]:
     error : type of KajuError
         What to raise if it cannot be written.
     """
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=target.suffix)
-        os.close(handle)
-        scratch = Path(name)
-        try:
+    with _named(target, error), _claimed(target.parent, suffix=target.suffix) as scratch:
+        yield scratch
+        _to_disk(scratch)
+        scratch.replace(target)
+        _to_disk(target.parent)
+
+
+@contextmanager
+def scratch_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
+    """Yield a hidden folder beside a folder to be; it goes when the block ends.
+
+    Parameters
+    ----------
+    target : Path
+        The folder to be; the folders above it are made.
+    error : type of KajuError
+        What to raise if nothing can be written there.
+    """
+    with _named(target, error):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with _claimed(target.parent, folder=True) as scratch:
             yield scratch
-            # mkstemp keeps its files private; the target is as readable as any other new file.
-            mask = os.umask(0)
-            os.umask(mask)
-            scratch.chmod(0o666 & ~mask)
-            scratch.replace(target)
-        finally:
-            scratch.unlink(missing_ok=True)
+
+
+def take_place(scratch: Path, target: Path, *, replace: bool) -> None:
+    """Give a whole folder its name, in one step.
+
+    Parameters
+    ----------
+    scratch : Path
+        The folder; with `replace` it has what stood at the target afterwards.
+    target : Path
+        Its name: of nothing, or of an empty folder; of anything with `replace`.
+    replace : bool
+
+    Raises
+    ------
+    OSError
+        If there is something at the target, and `replace` is False.
+    """
+    for path in scratch.rglob("*"):
+        _to_disk(path)
+    _to_disk(scratch)
+    if replace:
+        _exchange(scratch, target)
+    else:
+        scratch.rename(target)
+    _to_disk(target.parent)
+
+
+def check_writable(target: Path, error: type[KajuError]) -> None:
+    """Refuse a place where nothing can be written, before anything is computed for it."""
+    above = target.absolute().parent
+    while not above.exists():
+        above = above.parent
+    with _named(target, error), _claimed(above):
+        pass
+
+
+@contextmanager
+def _named(target: Path, error: type[KajuError]) -> Iterator[None]:
+    try:
+        yield
     except OSError as reason:
-        text = reason.strerror or reason
-        raise error(f"{target}: cannot be written: {text}") from reason
+        if isinstance(reason, KajuError):
+            raise
+        raise error(f"{target}: cannot be written: {reason.strerror or reason}") from reason
+
+
+@contextmanager
+def _claimed(place: Path, *, suffix: str = "", folder: bool = False) -> Iterator[Path]:
+    """Yield a new hidden file or folder that is locked until the block ends."""
+    _sweep(place)
+    path, lock = _new(place, suffix, folder)
+    try:
+        yield path
+    finally:
+        _remove(path)
+        os.close(lock)
+
+
+def _new(place: Path, suffix: str, folder: bool) -> tuple[Path, int]:
+    while True:
+        path = place / f"{HIDDEN}{secrets.token_hex(6)}{suffix}"
+        if folder:
+            path.mkdir()
+        else:
+            path.touch(exist_ok=False)
+        lock = _lock(path)
+        if lock is not None:
+            return path, lock
+        # Somebody swept it between its making and its locking.
+
+
+def _lock(path: Path) -> int | None:
+    """Return an open lock of a file or folder; None if it is gone or belongs to a live writer."""
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    if fcntl is None:
+        return handle
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if path.stat().st_ino == os.fstat(handle).st_ino:
+            return handle
+    except OSError:
+        pass
+    os.close(handle)
+    return None
+
+
+def _sweep(place: Path) -> None:
+    """Remove what writers left that are no longer alive."""
+    if fcntl is None:
+        return
+    for path in place.glob(f"{HIDDEN}*"):
+        lock = _lock(path)
+        if lock is not None:
+            _remove(path)
+            os.close(lock)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until a file or a folder's entries are on the disk: a name must not outlive a crash
+    that its content does not."""
+    if os.name == "nt" and path.is_dir():
+        return  # folders cannot be opened there
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _exchange(one: Path, other: Path) -> None:
+    """Let two folders exchange their names, in one step where the system can."""
+    names = os.fsencode(one), os.fsencode(other)
+    system = None if os.name == "nt" else ctypes.CDLL(None)
+    linux = getattr(system, "renameat2", None)
+    if linux is not None and linux(_HERE, names[0], _HERE, names[1], _EXCHANGE) == 0:
+        return
+    apple = getattr(system, "renamex_np", None)
+    if apple is not None and apple(*names, _EXCHANGE) == 0:
+        return
+    aside = one.with_name(f"{one.name}-old")
+    other.rename(aside)
+    one.rename(other)
+    aside.rename(one)

@@ -1,18 +1,23 @@
-"""The folder that `kaju run` writes: whole or not at all, and never over something else."""
+"""The folder that a run writes: whole or not at all, and never over something else."""
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
-import tempfile
+from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kaju.errors import ResultFileError
+from kaju.files import check_writable, scratch_folder, take_place
 from kaju.view import PICTURES
 
 if TYPE_CHECKING:
     from kaju.model.result import Result
+
+OURS = ("summary.json", "result.npz", *PICTURES)
 
 
 class Folder:
@@ -28,38 +33,47 @@ class Folder:
     Raises
     ------
     ResultFileError
-        If something is already there and `force` is False.
+        If something is already there and `force` is False, or nothing can be written there.
     """
 
     def __init__(self, path: Path, force: bool = False) -> None:
         self.path = path
         if path.exists() and not path.is_dir():
             raise ResultFileError(f"{path}: is a file; --out needs a folder")
-        if path.exists() and any(path.iterdir()) and not force:
+        if Path.cwd().is_relative_to(path.resolve()):
+            raise ResultFileError(
+                f"{path}: is a folder that you stand in, and results arrive as a whole folder; "
+                f"take a new one, such as {path / 'result'}"
+            )
+        self._replaces = _identity(path) if path.exists() and any(path.iterdir()) else None
+        if self._replaces is not None and not force:
             raise ResultFileError(
                 f"{path}: is not empty; take another folder, "
                 "or --force to replace the results in it"
             )
+        check_writable(path, ResultFileError)
 
     def write(self, result: Result, pictures: bool) -> list[Path]:
         """Write summary.json, result.npz and pictures; return their paths.
 
-        Everything is written aside first, and then moved into place.
+        Everything is written aside first; the whole folder then takes its place in one step.
 
         Raises
         ------
         ResultFileError
-            If the folder cannot be written.
+            If the folder cannot be written. If another run has put its results there since
+            this one began, these are kept beside them, in the folder that the error names.
         """
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=self.path.parent, prefix=".kaju-") as scratch:
-                self._fill(Path(scratch), result, pictures)
-                return self._move(Path(scratch))
-        except OSError as error:
-            if isinstance(error, ResultFileError):
-                raise
-            raise ResultFileError(f"{self.path}: cannot be written: {error.strerror}") from error
+        with scratch_folder(self.path, ResultFileError) as scratch:
+            self._fill(scratch, result, pictures)
+            names = sorted(file.name for file in scratch.iterdir())
+            place = self._arrive(scratch, names)
+        if place != self.path:
+            raise ResultFileError(
+                f"{self.path}: another run has put its results there since this one began; "
+                f"this one's are in {place}"
+            )
+        return [place / name for name in names]
 
     def _fill(self, scratch: Path, result: Result, pictures: bool) -> None:
         result.save(scratch / "result.npz")
@@ -70,10 +84,49 @@ class Folder:
 
             plot_all(result, scratch)
 
-    def _move(self, scratch: Path) -> list[Path]:
-        self.path.mkdir(exist_ok=True)
-        for name in PICTURES:
-            (self.path / name).unlink(missing_ok=True)
-        return [
-            Path(shutil.move(file, self.path / file.name)) for file in sorted(scratch.iterdir())
-        ]
+    def _arrive(self, scratch: Path, names: list[str]) -> Path:
+        """Let the folder take its place; return which: another if somebody else was quicker."""
+        if self._replaces is not None and _identity(self.path) == self._replaces:
+            for entry in self.path.iterdir():
+                if entry.name not in (*names, *OURS):
+                    _keep(entry, scratch / entry.name)
+            take_place(scratch, self.path, replace=True)
+            return self.path
+        for place in self._places():
+            try:
+                take_place(scratch, place, replace=False)
+            except OSError:
+                if not place.exists():
+                    raise
+            else:
+                return place
+        raise AssertionError  # there are always more names
+
+    def _places(self) -> Iterator[Path]:
+        yield self.path
+        for number in count(2):
+            yield self.path.with_name(f"{self.path.name}-{number}")
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Return what tells a folder from another of the same name; None if there is none."""
+    try:
+        about = path.stat()
+    except FileNotFoundError:
+        return None
+    return about.st_dev, about.st_ino
+
+
+def _keep(entry: Path, copy: Path) -> None:
+    """Put a file or folder of somebody else's under a second name, without copying if possible."""
+    if entry.is_dir() and not entry.is_symlink():
+        shutil.copytree(entry, copy, symlinks=True, copy_function=_link)
+    else:
+        _link(entry, copy)
+
+
+def _link(source: str | Path, target: str | Path) -> None:
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except OSError:
+        shutil.copy2(source, target, follow_symlinks=False)

@@ -169,8 +169,10 @@ def _remove(path: Path) -> None:
 
 
 def _to_disk(path: Path) -> None:
-    """Wait until a file or a folder's entries are on the disk: a name must not outlive a crash
-    that its content does not."""
+    """Wait until a file, or a folder's entries, are on the disk.
+
+    A name must not outlive a crash that its content does not.
+    """
     if os.name == "nt" and path.is_dir():
         return  # folders cannot be opened there
     handle = os.open(path, os.O_RDONLY)

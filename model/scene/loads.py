@@ -8,6 +8,8 @@ from kaju.errors import ParameterError, SceneError
 
 from .described import Coordinate, Count, Described, Index, Number, Text
 
+MOST_STEPS = 100_000
+
 
 class LoadRegion(Described):
     """A box that selects what a load acts on.
@@ -86,7 +88,9 @@ class Load(Described):
     pressure: Number | None = Field(
         default=None, description="a pressure against the surface (Pa), such as 1e5"
     )
-    steps: Count = Field(default=1, description="the number of equal steps of loading")
+    steps: Count = Field(
+        default=1, le=MOST_STEPS, description="the number of equal steps of loading"
+    )
 
     @model_validator(mode="after")
     def _one_place_one_load(self) -> Load:

@@ -16,6 +16,9 @@ Point = tuple[Coordinate, ...]
 
 _SHAPES = ("box", "disk", "ball", "polygon", "image")
 
+MOST_CORNERS = 10_000
+"""Every cell near a polygon is held against every edge of it."""
+
 
 class Round(Described):
     """A disk or a ball: centre (m) and radius (m)."""
@@ -69,7 +72,10 @@ class Region(Described):
     disk: Round | None = None
     ball: Round | None = None
     polygon: tuple[Point, ...] | None = Field(
-        default=None, min_length=3, description="the corners (m), three or more"
+        default=None,
+        min_length=3,
+        max_length=MOST_CORNERS,
+        description="the corners (m), three or more; finer shapes are drawn as an image",
     )
     image: RegionImage | None = None
 

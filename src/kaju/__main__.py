@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from importlib.resources import files
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -266,6 +267,10 @@ def _solve(
 
 def main() -> None:
     """Run the command; an error of kaju's is one line and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal without Greek letters shows a question mark instead of ending the run.
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         app()
     except KajuError as error:

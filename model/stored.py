@@ -35,6 +35,7 @@ def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.network import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
+    from kaju.model.settling.run import ElasticRun
     from kaju.model.spawning.spawned_result import SpawnedResult
 
-    return TransferResult, ElasticResult, NetworkResult, SpawnedResult
+    return TransferResult, ElasticResult, ElasticRun, NetworkResult, SpawnedResult

@@ -27,6 +27,8 @@ PICTURES = (
     "ledger.png",
     "stages.png",
     "response.png",
+    "left.png",
+    "curves.png",
 )
 """Names of all files that `plot_all` may write."""
 

@@ -100,10 +100,14 @@ def boundary_entries(kinds: Ints) -> list[Artist]:
     ]
 
 
-def spawn_bar(ax: Axes, norm: Normalize, generations: int) -> None:
+def spawn_bar(
+    ax: Axes,
+    norm: Normalize,
+    generations: int,
+    label: str = "generation in which the agent spawned",
+) -> None:
     """Add the colour bar of spawn steps, with whole numbers."""
-    mappable = ScalarMappable(norm, SEQUENTIAL)
-    bar = colour_bar(ax, mappable, "generation in which the agent spawned")
+    bar = colour_bar(ax, ScalarMappable(norm, SEQUENTIAL), label)
     if isinstance(norm, BoundaryNorm):
         every = 1 if generations <= 12 else 2
         bar.set_ticks(list(range(1, max(generations, 1) + 1, every)))

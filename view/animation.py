@@ -15,13 +15,12 @@ from PIL import Image
 from kaju.agents.materials import suggestion
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.files import scratch_beside
-from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.result import Result
 
+from .face_agents import waves
 from .network_plots import increments
 from .reels import Reel, loading, spawning
 from .spawning_reels import generations
-from .subject import is_network, is_spawned
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -38,6 +37,16 @@ SPAWNED: dict[str, ReelMaker] = {
     "loads": partial(generations, colour="unbalanced_load"),
 }
 """What can be animated of agents of many sizes."""
+
+FACES: dict[str, ReelMaker] = {"waves": waves}
+"""What can be animated of agents of the elastic rule."""
+REELS_OF: dict[str, dict[str, ReelMaker]] = {
+    "load transfer": TRANSFER,
+    "elastic agents": FACES,
+    "spawned": SPAWNED,
+    "spring network": NETWORK,
+}
+"""What can be animated, by the kind of the result."""
 
 
 def animate(
@@ -59,8 +68,9 @@ def animate(
         A file ending in ``.gif``, or in ``.mp4`` if the program ffmpeg is there.
     what : str, optional
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
-        loading; of a spring network "increments"; of agents of many sizes "generations", or
-        "loads", which colours them by the load that they leave unbalanced.
+        loading; of agents of the elastic rule "waves"; of a spring network "increments"; of
+        agents of many sizes "generations", or "loads", which colours them by the load that they
+        leave unbalanced.
     fps : float
         Frames per second, up to 50.
     hold : float
@@ -100,12 +110,8 @@ def animate(
 
 
 def _maker(result: Result, what: str | None) -> ReelMaker:
-    known = NETWORK if is_network(result) else {}
-    if isinstance(result, TransferResult):
-        known = TRANSFER
-    elif is_spawned(result):
-        known = SPAWNED
-    if not known:
+    known = REELS_OF.get(result.kind)
+    if known is None:
         raise ParameterError(
             f"result: a result of {result.kind} is one state, there is nothing to animate; plot it"
         )

@@ -18,7 +18,9 @@ from .agent_maps import plot_agent_map, plot_agents_deformed
 from .agents import plot_agents
 from .body import draw_scene
 from .cropping import section_of
+from .curves import plot_curves
 from .deformed import plot_deformed
+from .face_agents import plot_face_agents, plot_left
 from .files import save
 from .ledger import plot_ledger
 from .load_path import plot_load_path
@@ -29,7 +31,7 @@ from .octree import plot_octree
 from .quadtree import plot_quadtree
 from .stages import plot_both, plot_stages
 from .style import figure_of
-from .subject import is_network, is_spawned
+from .subject import is_spawned
 from .voxels import plot_body_in_space, plot_voxels
 
 if TYPE_CHECKING:
@@ -108,6 +110,33 @@ SPAWNED: dict[str, Picture] = {
 }
 """Pictures of agents of many sizes."""
 
+
+def _settled(plot: Picture) -> Picture:
+    """Draw what the agents have settled to."""
+
+    def draw(run: Any, ax: Axes | None = None, **options: Any) -> Axes | Figure:
+        return plot(run.result, ax, **options)
+
+    return draw
+
+
+FACES: dict[str, Picture] = {
+    "agents": plot_face_agents,
+    "left": plot_left,
+    "curves": plot_curves,
+    **{name: _settled(draw) for name, draw in FIELDS.items()},
+}
+"""Pictures of agents of the elastic rule."""
+
+PICTURES_OF: dict[str, dict[str, Picture]] = {
+    "load transfer": TRANSFER,
+    "elasticity": FIELDS,
+    "elastic agents": FACES,
+    "spawned": SPAWNED,
+    "spring network": NETWORK,
+}
+"""Pictures by the kind of the result."""
+
 USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
 
 
@@ -115,10 +144,9 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
     """Return the pictures that can be made of a subject, by name, the usual one first."""
     if isinstance(subject, Scene):
         return {"scene": plot_scene}
-    if is_network(subject):
-        return NETWORK
-    known = TRANSFER if isinstance(subject, TransferResult) else FIELDS
-    known = SPAWNED if is_spawned(subject) else known
+    known = PICTURES_OF[subject.kind]
+    if not isinstance(subject, BodyResult):
+        return known
 
     def scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
         return plot_scene(result.scene, ax, **options)
@@ -139,7 +167,8 @@ def plot(
         Of a scene "scene". Of a run of load transfer "agents" (as unless given), "loads",
         "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
         "ledger", "stages" or "scene". Of elastic results those of them that are fields or
-        the scene, and of agents of many sizes "agents" as well. Of a network's result
+        the scene, and of agents of many sizes "agents" as well; of agents of the elastic rule
+        also "left" and "curves". Of a network's result
         "deformed" or "response".
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.

@@ -55,6 +55,11 @@ class TransferResult(BodyResult):
         """The last stage of loading."""
         return self.stages[-1]
 
+    @property
+    def outcome(self) -> str:
+        """How the last stage ended, in words."""
+        return self.last.outcome
+
     def at_stage(self, stage: int) -> TransferResult:
         """Return the result as it was after a stage, counted from 1.
 

@@ -14,6 +14,7 @@ from kaju.model.engine_choice import takes_objects
 
 from .agent_engine import AgentPushEngine
 from .array_engine import ArrayPushEngine
+from .moments import Recorder
 from .orders import Visit, largest_first, multilevel, wave
 from .records import StepRecord
 from .run import ElasticRun, collect
@@ -142,6 +143,7 @@ class ElasticModel(mesa.Model):
         self.seconds = 0.0
         self.visit = Visit()
         self.history: list[StepRecord] = []
+        self.recorder = Recorder(self.state)
         self._order = self._orders()
         self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
         self._wake_supports()
@@ -197,6 +199,7 @@ class ElasticModel(mesa.Model):
                 *(self._loudest, self._meter, self.state.pushes),
             )
         )
+        self.recorder.note(self.visit.level)
         self.running = not self.outcome
         self.seconds += perf_counter() - began
 

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.model.curves import Curves
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.engine import Solution
 from kaju.model.elasticity.staggered import strain_energy
+from kaju.model.result import BodyResult
 
+from .moments import Moments
 from .records import BoundaryAgents, FaceAgents, PushLedger, StepRecord
 from .stability import WaveCertificate
 
 if TYPE_CHECKING:
+    import pandas
+
     from kaju.model.scene import Scene
 
     from .elastic_model import ElasticModel
@@ -26,7 +31,7 @@ Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ElasticRun:
+class ElasticRun(BodyResult):
     """What the agents of the elastic rule have done.
 
     Attributes
@@ -51,10 +56,13 @@ class ElasticRun:
         What the order "largest first" cannot exceed: load·displacement·k₀/γ².
     certificate : WaveCertificate or None
         What was known of waves before the run.
+    moments : Moments
+        What was left, and who had taken how much, on the way.
     seconds : float
         Time that the run took (s).
     """
 
+    kind: ClassVar[str] = "elastic agents"
     scene: Scene
     result: ElasticResult
     outcome: str
@@ -65,11 +73,18 @@ class ElasticRun:
     ledger: PushLedger
     most_pushes: float
     certificate: WaveCertificate | None
+    moments: Moments
     seconds: float
 
-    def __repr__(self) -> str:
-        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
-        return f"{type(self).__name__}({figures})"
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells whose faces the agents stand on."""
+        return self.result.grid
+
+    @property
+    def stage(self) -> int | None:
+        """Stage of loading; None is the last."""
+        return self.result.stage
 
     @property
     def displacement(self) -> tuple[Floats, ...]:
@@ -116,23 +131,120 @@ class ElasticRun:
             "kaju_version": __version__,
         }
 
+    def curves(self) -> list[Curves]:
+        """Return energy, largest load left, and the error meter after every step."""
+        step = np.arange(1.0, len(self.history) + 1.0)
+        every = np.array([(r.loudest, r.error_estimate, r.pushes) for r in self.history])
+        loudest, meter, pushes = every.reshape(-1, 3).T
+        told = meter > 0.0
+        return [
+            Curves("Energy of body and loads", "step", "", step, {"energy": self.energy}, "J"),
+            Curves(
+                "Largest load left",
+                *("step", "", step[told]),
+                {"load left": loudest[told], "threshold": np.full(told.sum(), self.threshold)},
+                "N",
+                logarithmic=True,
+            ),
+            Curves("Error left", "step", "", step[told], {"meter": meter[told]}, "", True),
+            Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
+        ]
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+        return self.result.displacement_at(points)
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+        return self.result.stress_at(points)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per face agent: level, spawn step, place, loads and displacement."""
+        import pandas as pd
+
+        columns: dict[str, Any] = {}
+        for field in fields(self.agents):
+            values = getattr(self.agents, field.name)
+            if values.ndim == 1:
+                columns[field.name] = values
+            else:
+                columns |= {f"{field.name}_{a}": c for a, c in zip("xyz", values.T, strict=False)}
+        return pd.DataFrame(columns)
+
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays, answer = self.result._archive()
+        arrays = {f"answer.{name}": values for name, values in arrays.items()}
+        for name, table in _tables(self).items():
+            for field in fields(table):
+                arrays[f"{name}.{field.name}"] = getattr(table, field.name)
+        ledger = {name: np.asarray(value).tolist() for name, value in asdict(self.ledger).items()}
+        return arrays, {
+            "answer": answer,
+            "answer_seconds": self.result.seconds,
+            "outcome": self.outcome,
+            "threshold": self.threshold,
+            "history": [list(record) for record in self.history],
+            "ledger": ledger,
+            "most_pushes": self.most_pushes,
+            "certificate": asdict(self.certificate) if self.certificate else None,
+        }
+
+    @classmethod
+    def _from_archive(
+        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
+    ) -> Self:
+        def part(name: str) -> dict[str, Any]:
+            return {
+                key.partition(".")[2]: values
+                for key, values in arrays.items()
+                if key.partition(".")[0] == name
+            }
+
+        answer = {**about["answer"], "seconds": about["answer_seconds"]}
+        ledger: dict[str, Any] = {
+            name: np.asarray(value) for name, value in about["ledger"].items()
+        }
+        ledger["turnover"] = float(about["ledger"]["turnover"])
+        certificate = about["certificate"]
+        return cls(
+            scene=scene,
+            result=ElasticResult._from_archive(scene, part("answer"), answer),
+            outcome=about["outcome"],
+            threshold=about["threshold"],
+            agents=FaceAgents(**part("agents")),
+            boundary=BoundaryAgents(**part("boundary")),
+            history=tuple(StepRecord(*record) for record in about["history"]),
+            ledger=PushLedger(**ledger),
+            most_pushes=about["most_pushes"],
+            certificate=WaveCertificate(**certificate) if certificate else None,
+            moments=Moments(**part("moments")),
+            seconds=about["seconds"],
+        )
+
+
+def _tables(run: ElasticRun) -> dict[str, FaceAgents | BoundaryAgents | Moments]:
+    return {"agents": run.agents, "boundary": run.boundary, "moments": run.moments}
+
 
 def collect(model: ElasticModel) -> ElasticRun:
     """Gather what a model has done so far."""
     state, table = model.state, model.table
     work = -2.0 * state.energy
     outcome = model.outcome or f"interrupted after {model.generation} steps"
+    agents = _face_agents(model)
+    starts = np.cumsum([0, *(level.size for level in table.levels)])
     return ElasticRun(
         scene=model.scene,
         result=_elastic_result(model, outcome),
         outcome=outcome,
         threshold=model.threshold,
-        agents=_face_agents(model),
+        agents=agents,
         boundary=_boundary_agents(model),
         history=tuple(model.history),
         ledger=_ledger(model),
         most_pushes=max(work, 0.0) * table.reference / model.threshold**2,
         certificate=model.certificate,
+        moments=model.recorder.moments(model.visit.level, starts[agents.level] + agents.number),
         seconds=model.seconds,
     )
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from kaju import Scene, TransferResult, load_scene
+from kaju import ElasticModel, ElasticRule, Scene, TransferResult, load_result, load_scene
 from kaju.__main__ import main
 from kaju.model.propagation.load_model import LoadModel
 
@@ -86,6 +86,8 @@ def test_results_are_not_overwritten_unless_forced(kaju):
         (["run", PLATE, "--set", "rule.threshold=-1"], "threshold"),
         (["run", PLATE, "--set", "body.thickness=nan"], "thickness"),
         (["run", PLATE, "--set", "rule.accumulate=true"], "loads grow by 15 %"),
+        (["run", PLATE, "--tolerance", "0.1"], "kaju solve"),
+        (["solve", PLATE, "--tolerance", "0"], "tolerance"),
         (["check", "missing.toml"], "missing.toml"),
         (["animate", PLATE], "is a scene; run it first"),
         (["animate", "nothing.npz"], "there is no such file"),
@@ -117,6 +119,56 @@ def test_an_interrupted_run_keeps_what_was_computed(kaju, monkeypatch):
     assert "kept" in err
     assert "interrupted" in out
     assert len(TransferResult.load("here/result.npz").stages) == 15
+
+
+def test_run_lets_the_agents_of_an_elastic_rule_act_as_the_rule_says(kaju):
+    rule = "--set", 'rule={kind = "elastic", order = "wave", share = 0.5, threshold = 0.1}'
+    code, out, _ = kaju("run", PLATE, "--out", "here", "--no-pictures", *rule)
+    assert code == 0
+    assert "agents of the elastic rule: at rest after" in out
+    scene = load_scene(PLATE)
+    model = ElasticModel(scene.replace(rule=ElasticRule(0.1, "wave", 0.5)))
+    expected, found = model.run(), load_result("here")
+    for key in ("order", "steps", "pushes", "agents", "threshold", "energy"):
+        assert found.summary()[key] == expected.summary()[key], key
+    assert json.loads(Path("here/summary.json").read_text())["pushes"] == expected.pushes
+
+
+def test_solve_gives_the_answer_whatever_the_rule(kaju):
+    code, out, _ = kaju("solve", PLATE, "--out", "here", "--no-pictures", "--tolerance", "0.1")
+    assert code == 0
+    assert "solved as linear elasticity" in out
+    found = load_result("here")
+    assert found.error_estimate < 0.1
+    assert found.strain_energy == pytest.approx(1.32302e-8, rel=0.02)
+
+
+@pytest.mark.parametrize("verb", ["run", "solve"])
+def test_json_is_the_summary_and_quiet_is_quiet(kaju, verb):
+    _, out, err = kaju(verb, PLATE, "--out", "loud", "--no-pictures", "--json")
+    assert json.loads(out) == json.loads(Path("loud/summary.json").read_text())
+    assert err == ""
+    code, out, err = kaju(verb, PLATE, "--out", "still", "--no-pictures", "--quiet")
+    assert (code, out, err) == (0, "", "")
+    assert names("still") == names("loud")
+    assert kaju(verb, PLATE, "--json", "--quiet")[0] == 2
+
+
+def test_figures_have_units_and_four_digits(kaju):
+    _, out, _ = kaju("run", PLATE, "--out", "here", "--no-pictures")
+    assert "max displacement             5.045 nm" in out
+    assert "load taken                   12.88 N" in out
+
+
+def test_the_commands_of_the_readme_work_in_their_order(kaju):
+    text = (EXAMPLES.parent / "README.md").read_text()
+    block = text.partition("## The command")[2].split("```")[1]
+    commands = [line.partition("#")[0].split() for line in block.strip().splitlines()]
+    assert len(commands) >= 10
+    for words in commands:
+        assert words[0] == "kaju"
+        code, _, err = kaju(*words[1:])
+        assert (code, err) == (0, ""), words
 
 
 def test_check_gives_the_verdict(kaju):
@@ -164,9 +216,9 @@ def test_demo_runs_the_worked_plate_and_says_where_the_pictures_are(kaju):
 
 
 def test_the_demo_is_the_worked_plate_of_the_examples():
-    from kaju.__main__ import _worked_plate
+    from kaju.options import worked_plate
 
-    assert Scene.from_toml(_worked_plate()) == load_scene(PLATE)
+    assert Scene.from_toml(worked_plate()) == load_scene(PLATE)
 
 
 def fresh_python(code):

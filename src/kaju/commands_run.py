@@ -1,0 +1,199 @@
+"""The verbs that compute a scene: `demo` and `run` let agents act, `solve` gives the answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kaju.errors import ConvergenceError, ParameterError
+
+from .console import Console
+from .options import (
+    Force,
+    Json,
+    Out,
+    Pictures,
+    Quiet,
+    Resolution,
+    SceneFile,
+    Settings,
+    scene_of,
+    worked_plate,
+)
+
+if TYPE_CHECKING:
+    from kaju.model.propagation.load_model import LoadModel
+    from kaju.model.result import Result
+    from kaju.model.scene import Scene
+    from kaju.model.settling.elastic_model import ElasticModel
+
+
+class StrategyName(Enum):
+    """Where agents may be small, for the shell to complete."""
+
+    AUTO = "auto"
+    UNIFORM = "uniform"
+    SPAWNING = "spawning"
+
+
+AllowUnstable = Annotated[
+    bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
+]
+Strategy = Annotated[
+    StrategyName,
+    typer.Option(
+        help="Equal cells, agents that are small where the error asks for it, or (auto) "
+        "whichever is cheaper.",
+    ),
+]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(help="Relative error in the energy norm to keep; 0.01 is one per cent."),
+]
+Misplaced = Annotated[str | None, typer.Option(hidden=True)]
+
+
+def demo(
+    out: Out = None,
+    pictures: Pictures = True,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run the worked example: a steel plate pressed at one cell of its top edge."""
+    from kaju.model.scene import Scene
+
+    console, folder = Console(as_json, quiet), out or Path("kaju-demo")
+    scene = Scene.from_toml(worked_plate())
+    result = into_folder(folder, console, lambda: _watched(scene, console), pictures, force)
+    if pictures:
+        from kaju.view import animate
+
+        console.say(animate(result, folder / "spawning.gif"))
+
+
+def run(
+    scene: SceneFile,
+    out: Out = None,
+    settings: Settings = None,
+    pictures: Pictures = True,
+    force: Force = False,
+    allow_unstable: AllowUnstable = False,
+    resolution: Resolution = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+    strategy: Misplaced = None,
+    tolerance: Misplaced = None,
+) -> None:
+    """Let the agents of a scene act, by its rule, until no load moves any more.
+
+    Writes summary.json, result.npz and pictures. An elastic rule's order, share, threshold
+    and tolerance are obeyed; for the answer of elasticity itself see `kaju solve`.
+    """
+    for name, value in (("strategy", strategy), ("tolerance", tolerance)):
+        if value is not None:
+            raise ParameterError(
+                f"--{name}: `kaju run` lets agents act by the scene's rule; for the answer of "
+                f"elasticity: kaju solve {scene} --{name} {value}"
+            )
+    console, described = Console(as_json, quiet), scene_of(scene, settings)
+    if resolution is not None:
+        described = described.refine(resolution)
+    into_folder(
+        out or Path(f"{scene.stem}-result"),
+        console,
+        lambda: _watched(described, console, allow_unstable),
+        pictures,
+        force,
+    )
+
+
+def solve(
+    scene: SceneFile,
+    out: Out = None,
+    settings: Settings = None,
+    pictures: Pictures = True,
+    force: Force = False,
+    resolution: Resolution = None,
+    strategy: Strategy = StrategyName.AUTO,
+    tolerance: Tolerance = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Solve a scene as linear elasticity, whatever its rule.
+
+    Writes summary.json, result.npz and pictures. With a tolerance the error is kept below it;
+    without one the scene's own cells are solved.
+    """
+    console, described = Console(as_json, quiet), scene_of(scene, settings)
+
+    def answer() -> tuple[Result, bool]:
+        from kaju.model.solving import solve as solve_scene
+
+        found = solve_scene(
+            described, strategy=strategy.value, tolerance=tolerance, resolution=resolution
+        )
+        console.say("solved as linear elasticity")
+        return found, False
+
+    into_folder(out or Path(f"{scene.stem}-solved"), console, answer, pictures, force)
+
+
+def into_folder(
+    folder: Path,
+    console: Console,
+    compute: Callable[[], tuple[Result, bool]],
+    pictures: bool,
+    force: bool,
+) -> Result:
+    """Compute a result, print its key figures and write its folder.
+
+    `compute` also returns whether it was interrupted; then pictures are left out, and the exit
+    code is 130. An answer that missed its tolerance is kept before the error is told.
+    """
+    from kaju.model.result import Result
+
+    from .output import Folder
+
+    target = Folder(folder, force)
+    try:
+        result, interrupted = compute()
+    except ConvergenceError as error:
+        if isinstance(error.best, Result):
+            console.files(target.write(error.best, pictures=False))
+        raise
+    console.figures(result.summary())
+    console.files(target.write(result, pictures and not interrupted))
+    if interrupted:
+        typer.echo("interrupted: what was computed until then has been kept", err=True)
+        raise typer.Exit(130)
+    return result
+
+
+def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> tuple[Result, bool]:
+    """Let agents act; return the result, and whether it was interrupted."""
+    model = _model_of(scene, allow_unstable)
+    interrupted = False
+    try:
+        model.run()
+    except KeyboardInterrupt:
+        interrupted = True
+    result = model.result()
+    console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
+    if any(material.rheology for material in scene.cell_materials):
+        console.say("a material's rheology takes no part here; time passes in `kaju creep`")
+    return result, interrupted
+
+
+def _model_of(scene: Scene, allow_unstable: bool) -> LoadModel | ElasticModel:
+    if scene.rule.kind == "elastic":
+        from kaju.model.settling.elastic_model import ElasticModel
+
+        return ElasticModel(scene, allow_unstable=allow_unstable)
+    from kaju.model.propagation.load_model import LoadModel
+
+    return LoadModel(scene, allow_unstable=allow_unstable)

@@ -1,0 +1,72 @@
+"""The verbs about scenes themselves: `new`, `check`, `materials`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from kaju.errors import ParameterError
+
+from .options import Force, Json, SceneFile, Settings, refuse_to_replace, scene_of, worked_plate
+
+
+def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) -> None:
+    """Say whether the loads of a scene will end; exit code 1 if they may not."""
+    from kaju.model.propagation.stability import stability
+
+    certificate = stability(scene_of(scene, settings))
+    radius, alone = certificate.spectral_radius, certificate.largest_share
+    bounds = [certificate.lower, certificate.upper]
+    if as_json:
+        told = {
+            "stable": certificate.stable,
+            "verdict": certificate.verdict,
+            "largest_share": alone,
+            "spectral_radius": radius,
+            "spectral_radius_bounds": bounds,
+        }
+        typer.echo(json.dumps(told, indent=2))
+    else:
+        growth = f"{radius:.4g}" if radius is not None else "{:.4g} to {:.4g}".format(*bounds)
+        typer.echo(f"verdict              {certificate.verdict}")
+        typer.echo(f"each load by itself  at most {alone:.4g} of it is passed on at once")
+        typer.echo(
+            f"were they added up   {growth} times as much load a generation (the spectral "
+            "radius, boundaries included)"
+        )
+    raise typer.Exit(0 if certificate.stable else 1)
+
+
+def materials() -> None:
+    """List the materials that scenes can use by name."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from kaju.agents.materials import LIBRARY
+
+    table = Table("name", "E (Pa)", "ν", "density (kg/m³)", "source")
+    for material in LIBRARY.values():
+        table.add_row(
+            material.name,
+            f"{material.youngs_modulus:.4g}",
+            f"{material.poissons_ratio:.3g}",
+            "" if material.density is None else f"{material.density:.4g}",
+            material.source,
+        )
+    Console().print(table)
+
+
+def new(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="The file to write.")],
+    force: Force = False,
+) -> None:
+    """Write a commented scene to start from."""
+    refuse_to_replace(scene, force)
+    try:
+        scene.write_text(worked_plate().replace("plate.toml", scene.name), encoding="utf-8")
+    except OSError as error:
+        raise ParameterError(f"{scene}: cannot be written: {error.strerror}") from error
+    typer.echo(f"{scene}: edit it, then: kaju run {scene}")

@@ -1,0 +1,107 @@
+"""How the command speaks: words with units for people, JSON for programs, or nothing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import typer
+
+from kaju.errors import ParameterError
+from kaju.view.units import grouped, quantity
+
+UNITS = {
+    "threshold": "N",
+    "load_taken": "N",
+    "load_dropped": "N",
+    "load_applied": "N",
+    "reaction": "N",
+    "max_displacement": "m",
+    "displacement_error_estimate": "m",
+    "energy": "J",
+    "strain_energy": "J",
+    "energy_bounds": "J",
+    "residual_load": "N",
+    "duration": "s",
+    "seconds": "s",
+}
+"""Units of key figures; a key that ends in _N, _m, _J or _s says its own."""
+
+WORDS = {"spectral_radius": "growth_if_added_up", "seconds": "time_taken"}
+"""Keys that say more to a reader under another name."""
+
+
+@dataclass(frozen=True)
+class Console:
+    """Where the command prints.
+
+    Parameters
+    ----------
+    as_json : bool
+        Print the key figures as one JSON object, and nothing else.
+    quiet : bool
+        Print nothing but errors.
+
+    Raises
+    ------
+    ParameterError
+        If both are asked for.
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+
+    def __post_init__(self) -> None:
+        if self.as_json and self.quiet:
+            raise ParameterError("--quiet: prints nothing, so --json would be lost; take one")
+
+    def say(self, words: object) -> None:
+        """Print a line for people."""
+        if not (self.as_json or self.quiet):
+            typer.echo(words)
+
+    def figures(self, summary: Mapping[str, Any]) -> None:
+        """Print key figures: as a table with units, or as JSON."""
+        if self.as_json:
+            typer.echo(json.dumps(summary, indent=2, allow_nan=False))
+        for line in _lines(summary):
+            self.say(line)
+
+    def files(self, paths: Iterable[object]) -> None:
+        """Print what was written, a path a line."""
+        for path in paths:
+            self.say(path)
+
+
+def _lines(summary: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for key, value in summary.items():
+        name, unit = WORDS.get(key, key), UNITS.get(key, "")
+        stem, _, ending = name.rpartition("_")
+        if stem and ending in ("N", "m", "J", "s", "Pa"):
+            name, unit = stem, ending
+        if isinstance(value, Mapping):
+            lines += [f"  {f'{name} {part}':28} {told(v, unit)}" for part, v in value.items()]
+        else:
+            lines.append(f"  {name:28} {told(value, unit)}")
+    return [line.replace("_", " ") for line in lines]
+
+
+def told(value: object, unit: str = "") -> str:
+    """Return a key figure as people read it: four digits, and its unit."""
+    if value is None:
+        return "not known"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return grouped(value)
+    if isinstance(value, float):
+        return quantity(value, unit) if unit else f"{value:.4g}"
+    if isinstance(value, (list, tuple)):
+        numbers = [abs(part) for part in value if isinstance(part, float)]
+        least = 1e-9 * max(numbers, default=0.0)  # beside the others, rounding is nothing
+        parts = [0.0 if isinstance(v, float) and abs(v) < least else v for v in value]
+        return ", ".join(told(part, unit) for part in parts) or "none"
+    return str(value)

@@ -1,0 +1,65 @@
+"""Options that several verbs of the command share, and what they mean."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from kaju.errors import ParameterError
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+SceneFile = Annotated[Path, typer.Argument(metavar="SCENE", help="A scene file (TOML).")]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        *("--out", "-o"),
+        metavar="DIR",
+        help="Folder for the results; unless given it is named after scene and verb, such as "
+        "plate-result (run), plate-solved (solve), plate-creep, plate-compared or kaju-demo.",
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. rule.threshold=0.001."),
+]
+Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the key figures as JSON, and nothing else.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but errors.")]
+Resolution = Annotated[
+    int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
+]
+
+
+def scene_of(path: Path, settings: list[str] | None = None) -> Scene:
+    """Return the scene of a file, changed by ``--set KEY=VALUE``."""
+    from kaju.model.scene import load_scene
+
+    described = load_scene(path)
+    if not settings:
+        return described
+    changes = {}
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        if not (key and equals):
+            raise ParameterError(f"--set: KEY=VALUE is needed, got {setting!r}")
+        changes[key.strip()] = value.strip()
+    return described.with_overrides(changes)
+
+
+def worked_plate() -> str:
+    """Return the scene of the worked example, as text."""
+    return files("kaju").joinpath("plate.toml").read_text(encoding="utf-8")
+
+
+def refuse_to_replace(path: Path, force: bool) -> None:
+    """Refuse to write over a file unless that is asked for."""
+    if path.exists() and not force:
+        raise ParameterError(f"{path}: exists already; take another name, or --force to replace it")

@@ -1,0 +1,124 @@
+"""The elastic rule's agents, watched: moments on the way, pictures, films, and stored runs."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from kaju import ElasticModel, ElasticRule, Scene, animate, compare, load_result, plot, solve
+from kaju.errors import ParameterError
+
+
+def plate(order, cells=(8, 8), **rule):
+    return Scene(
+        body={"cell_size": 0.01, "cells": list(cells), "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [4, 7], "force": [0.0, -2.0]}],
+        rule=ElasticRule(order=order, **rule),
+    )
+
+
+@pytest.fixture(scope="module", params=["wave", "largest first", "multilevel"])
+def run(request):
+    return ElasticModel(plate(request.param, threshold=0.02)).run()
+
+
+def test_moments_lead_from_the_applied_load_to_what_is_left(run):
+    moments, agents = run.moments, run.agents
+    assert moments.step[0] == 0
+    assert moments.step[-1] == len(run.history)
+    assert np.abs(moments.left[0, agents.level == 0]).sum() == pytest.approx(2.0)
+    finest = agents.level == 0
+    np.testing.assert_allclose(moments.left[-1, finest], agents.left[finest], rtol=1e-6)
+    np.testing.assert_allclose(moments.taken[-1], agents.taken, rtol=1e-6)
+    assert np.all(np.diff(moments.taken, axis=0) >= 0.0)
+    energies = [0.0, *(record.energy for record in run.history)]
+    np.testing.assert_array_equal(moments.energy, np.array(energies)[moments.step])
+
+
+def test_an_agent_takes_nothing_before_it_has_spawned(run):
+    asleep = run.moments.step[:, None] < run.agents.spawn_step
+    assert asleep.any()
+    assert not run.moments.taken[asleep].any()
+
+
+def test_of_long_runs_few_moments_are_kept_evenly():
+    run = ElasticModel(plate("largest first", threshold=1e-4)).run()
+    steps = run.moments.step
+    assert len(run.history) > 1000
+    assert 200 <= len(steps) <= 402
+    assert len(set(np.diff(steps[:-1]).tolist())) == 1, "but for the last, equally far apart"
+
+
+def test_a_stored_run_is_the_same(run, tmp_path):
+    stored = load_result(run.save(tmp_path / "run"))
+    assert type(stored) is type(run)
+    assert stored.summary() == run.summary()
+    assert stored.history == run.history
+    assert stored.ledger.imbalance == run.ledger.imbalance
+    assert stored.certificate == run.certificate
+    for name in ("level", "position", "left", "taken"):
+        np.testing.assert_array_equal(getattr(stored.agents, name), getattr(run.agents, name))
+    np.testing.assert_array_equal(stored.moments.left, run.moments.left)
+    points = np.array([[0.045, 0.075], [0.01, 0.02]])
+    np.testing.assert_array_equal(stored.displacement_at(points), run.displacement_at(points))
+    assert stored.to_dataframe().equals(run.to_dataframe())
+
+
+def test_it_is_compared_like_any_answer():
+    run = ElasticModel(plate("multilevel", tolerance=1e-5)).run()
+    assert compare(run, solve(plate("multilevel"))).displacement.max_error < 1e-4
+
+
+def test_a_picture_shows_every_agent_of_a_level_as_a_diamond(run):
+    ax = plot(run, "agents").axes[0]
+    (agents,) = [drawn for drawn in ax.collections if drawn.get_gid() == "face agents"]
+    finest = run.agents.level == 0
+    assert len(agents.get_paths()) == finest.sum()
+    middles = [path.vertices[:4].mean(axis=0) for path in agents.get_paths()]
+    np.testing.assert_allclose(middles, run.agents.position[finest], atol=1e-12)
+    np.testing.assert_array_equal(agents.get_array(), run.agents.spawn_step[finest])
+
+
+def test_parents_are_drawn_twice_as_large():
+    run = ElasticModel(plate("multilevel", threshold=0.02)).run()
+    for level, edge in ((0, 0.01), (1, 0.02)):
+        ax = plot(run, "agents", level=level).axes[0]
+        (agents,) = [drawn for drawn in ax.collections if drawn.get_gid() == "face agents"]
+        assert np.ptp(agents.get_paths()[0].vertices[:, 0]) == pytest.approx(edge)
+    with pytest.raises(ParameterError, match="levels 0 to"):
+        plot(run, "agents", level=9)
+
+
+def test_every_picture_and_the_film_can_be_drawn(run, tmp_path):
+    for what in ("left", "curves", "deformed", "displacement", "stress", "scene"):
+        assert plot(run, what).axes
+    with Image.open(animate(run, tmp_path / "waves.gif", fps=20.0)) as film:
+        assert film.n_frames == min(len(run.moments.step), 200)
+
+
+def test_the_film_shows_in_every_frame_who_has_acted_since_the_last():
+    from kaju.view.face_agents import waves
+
+    run = ElasticModel(plate("wave", threshold=0.05)).run()
+    reel = waves(run)
+    reel.show(1)
+    act = reel.figure.axes[1]
+    (acting,) = [c for c in act.collections if c.get_gid() == "acting" and len(c.get_paths())]
+    busy = run.moments.taken[1] > run.moments.taken[0]
+    assert len(acting.get_paths()) == busy.sum() > 0
+    assert f"{busy.sum()} agent" in act.texts[-1].get_text()
+    assert reel.last == len(run.history)
+
+
+def test_agents_in_space_are_shown_in_a_layer():
+    scene = Scene(
+        body={"cell_size": 0.1, "cells": [4, 4, 4], "material": "rubber"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "pressure": 100.0}],
+        rule=ElasticRule(order="multilevel", tolerance=1e-2),
+    )
+    run = ElasticModel(scene).run()
+    ax = plot(run, "agents", cut={"y": 1}).axes[0]
+    (agents,) = [drawn for drawn in ax.collections if drawn.get_gid() == "face agents"]
+    layer = np.isclose(run.agents.position[:, 1], 0.15) & (run.agents.axis != 1)
+    assert len(agents.get_paths()) == np.sum(layer & (run.agents.level == 0)) > 0

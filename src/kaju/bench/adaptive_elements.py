@@ -20,7 +20,9 @@ import numpy as np
 
 from kaju.model.elasticity.moduli import Moduli
 from kaju.model.scene import Scene
-from kaju.model.validation.scene_elements import (
+
+from .finite_elements import RESIDUAL, rigid_body_modes
+from .scene_elements import (
     ElementAnswer,
     Floats,
     Index,
@@ -34,8 +36,6 @@ from kaju.model.validation.scene_elements import (
     stiffness,
     surroundings,
 )
-
-from .finite_elements import RESIDUAL, rigid_body_modes
 
 SHARE = 0.5
 """Elements with more than this share of the largest η are refined."""

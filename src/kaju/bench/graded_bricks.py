@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
-from kaju.model.validation.scene_elements import Floats, Index, cells_of, factorised, scene_moduli
+
+from .scene_elements import Floats, Index, cells_of, factorised, scene_moduli
 
 DIRECT = 60_000
 """Up to this many unknowns are factorised."""

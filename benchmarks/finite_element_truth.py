@@ -20,11 +20,11 @@ import skfem
 
 from kaju import Scene
 from kaju.bench.graded_bricks import solve_bricks
-from kaju.bench.graded_elements import solve_graded
 from kaju.bench.problems import BLOCK, PIXELS, PLATE, Problem
-from kaju.bench.scene_elements import ElementAnswer
 from kaju.model.elasticity.moduli import moduli_of
 from kaju.model.reference import Reference
+from kaju.model.validation.graded_elements import solve_graded
+from kaju.model.validation.scene_elements import ElementAnswer
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "src" / "kaju" / "bench"

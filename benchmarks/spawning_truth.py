@@ -18,8 +18,8 @@ import numpy as np
 import skfem
 
 from kaju.bench.graded_bricks import solve_bricks
-from kaju.bench.graded_elements import solve_graded
 from kaju.model.reference import Reference
+from kaju.model.validation.graded_elements import solve_graded
 
 ROOT = Path(__file__).parent.parent
 sys.path.append(str(ROOT / "tests"))

@@ -1,14 +1,16 @@
-"""Animations of stored runs, as GIF or MP4."""
+"""Animations of stored runs: as pictures that move, or as meshes that move."""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
@@ -17,32 +19,60 @@ from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.files import scratch_beside
 from kaju.model.result import Result
 
+from . import motion
 from .face_agents import waves
+from .files import new_folder
+from .mesh_films import film_of_motion
 from .network_plots import increments
-from .reels import Reel, loading, spawning
+from .reels import Reel, creeping, growing, loading, spawning
 from .spawning_reels import generations
+
+if TYPE_CHECKING:
+    from kaju.model.creep.state import Course
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
+MESHES = (".glb", ".pvd")
 _RESOLUTION = 100  # dots per inch
 
 ReelMaker = Callable[..., Reel]
+MotionMaker = Callable[..., motion.Motion]
 
-TRANSFER: dict[str, ReelMaker] = {"generations": spawning, "stages": loading}
-"""What can be animated of a run of load transfer."""
-NETWORK: dict[str, ReelMaker] = {"increments": increments}
-"""What can be animated of a loaded spring network."""
-SPAWNED: dict[str, ReelMaker] = {
-    "generations": generations,
-    "loads": partial(generations, colour="unbalanced_load"),
-}
-"""What can be animated of agents of many sizes."""
 
-FACES: dict[str, ReelMaker] = {"waves": waves}
-"""What can be animated of agents of the elastic rule."""
-REELS_OF: dict[str, dict[str, ReelMaker]] = {
+class Animations(NamedTuple):
+    """What can be animated of a kind of result, by name: as pictures, and as meshes."""
+
+    reels: dict[str, ReelMaker]
+    motions: dict[str, MotionMaker]
+
+
+TRANSFER = Animations(
+    {"generations": spawning, "stages": loading},
+    {"generations": motion.generations, "stages": motion.stages},
+)
+"""A run of load transfer."""
+ELASTIC = Animations({"loading": growing}, {"loading": motion.loaded})
+"""An elastic body, whose displacements grow with its load."""
+NETWORK = Animations({"increments": increments}, {"increments": motion.increments})
+"""A loaded spring network."""
+SPAWNED = Animations(
+    {"generations": generations, "loads": partial(generations, colour="unbalanced_load")},
+    {"loading": motion.loaded},
+)
+"""Agents of many sizes."""
+FACES = Animations({"waves": waves}, {})
+"""Agents of the elastic rule."""
+CREEP = Animations({"times": creeping}, {"times": motion.times})
+"""A body in time."""
+NETWORK_CREEP = Animations(
+    {"times": lambda result, **options: increments(result.to_network_result(), **options)},
+    {"times": motion.network_times},
+)
+"""A spring network in time."""
+ANIMATIONS_OF = {
     "load transfer": TRANSFER,
     "elastic agents": FACES,
+    "elasticity": ELASTIC,
     "spawned": SPAWNED,
     "spring network": NETWORK,
 }
@@ -50,34 +80,47 @@ REELS_OF: dict[str, dict[str, ReelMaker]] = {
 
 
 def animate(
-    result: Result,
+    result: Result | Course,
     path: str | Path,
     what: str | None = None,
     *,
     fps: float = 2.0,
     hold: float = 3.0,
+    bare: bool = False,
+    magnification: float | None = None,
     **options: Any,
 ) -> Path:
     """Write an animation of a stored run; nothing is computed again.
 
+    Scale and camera stay the same from the first frame to the last.
+
     Parameters
     ----------
-    result : Result
-        A run of load transfer or of a spring network, or agents of many sizes.
+    result : Result or creep result
+        Of a model, a solver, or `kaju.creep` of a body or network.
     path : path
-        A file ending in ``.gif``, or in ``.mp4`` if the program ffmpeg is there.
+        The ending decides: ``.gif``, ``.webp`` or ``.mp4`` are films; a name without ending is
+        a folder of pictures without background (PNG with alpha), one a frame; ``.glb`` is a
+        mesh with one morph target a frame, for Blender; ``.pvd`` is a list of VTK files in a
+        folder beside it, for ParaView.
     what : str, optional
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
-        loading; of agents of the elastic rule "waves"; of a spring network "increments"; of
-        agents of many sizes "generations", or "loads", which colours them by the load that they
-        leave unbalanced.
+        loading; of agents of the elastic rule "waves"; of an elastic body "loading"; of a
+        spring network "increments"; of agents of many sizes "generations", or "loads", which
+        colours them by the load that they leave unbalanced (as meshes "loading"); of creep
+        "times".
     fps : float
         Frames per second, up to 50.
     hold : float
         For how long the last frame stays (s).
+    bare : bool
+        Leave out axes, words and scales; of pictures only.
+    magnification : float, optional
+        How many times larger than true a ``.glb`` shows displacements. Unless given, a round
+        number that makes them visible, or 1; it is stated in the file.
     **options
-        ``cut`` and ``crop`` as for `plot`; for generations of agents of many sizes also
-        ``colour``.
+        Of pictures ``cut`` and ``crop`` as for `plot`; for generations of agents of many sizes
+        also ``colour``.
 
     Returns
     -------
@@ -89,78 +132,147 @@ def animate(
     ParameterError
         If there is no such animation, or the ending or a number is out of its rule.
     MissingExtraError
-        If an MP4 is asked for and ffmpeg is missing.
+        If an MP4 is asked for and there is no ffmpeg, or a series and there is no meshio.
     ResultFileError
-        If the file cannot be written.
+        If the file cannot be written, or the folder is there already.
     """
     target = Path(path)
-    writer = _writer(target)
+    ending = target.suffix.lower()
+    _check(target, ending, fps, hold)
+    known = _animations_of(result)
+    if ending in MESHES:
+        moving = _chosen(known.motions, result, what)(result)
+        film_of_motion(moving, target, fps, hold, magnification)
+        return target
+    reel = _chosen(known.reels, result, what)(result, **options)
+    reel.figure.set_dpi(_RESOLUTION)
+    reel.settle(bare=bare)
+    count = min(reel.last + 1, MOST_FRAMES)
+    frames = np.unique(np.linspace(0, reel.last, count).round().astype(np.int64)).tolist()
+    if not ending:
+        with new_folder(target) as folder:
+            _write_frames(reel, frames, folder)
+        return target
+    with scratch_beside(target, ResultFileError) as scratch:
+        _WRITERS[ending](reel, frames, scratch, fps, hold)
+    return target
+
+
+def _check(target: Path, ending: str, fps: float, hold: float) -> None:
+    endings = (*_WRITERS, *MESHES)
+    if ending and ending not in endings:
+        raise ParameterError(
+            f"{target}: an animation ends in {', '.join(endings)}, or in nothing (a folder of "
+            f"pictures), not in {ending!r}"
+        )
     if not (isfinite(fps) and 0.0 < fps <= 50.0):
         raise ParameterError(f"fps: a number above 0 and up to 50 is needed, got {fps}")
     if not (isfinite(hold) and hold >= 0.0):
         raise ParameterError(f"hold: a time from 0 s upwards is needed, got {hold}")
-    reel = _maker(result, what)(result, **options)
-    reel.figure.set_dpi(_RESOLUTION)
-    reel.settle()
-    count = min(reel.last + 1, MOST_FRAMES)
-    frames = np.unique(np.linspace(0, reel.last, count).round().astype(np.int64)).tolist()
-    with scratch_beside(target, ResultFileError) as scratch:
-        writer(reel, frames, scratch, fps, hold)
-    return target
+    if ending == ".mp4":
+        _ffmpeg(target)
 
 
-def _maker(result: Result, what: str | None) -> ReelMaker:
-    known = REELS_OF.get(result.kind)
-    if known is None:
-        raise ParameterError(
-            f"result: a result of {result.kind} is one state, there is nothing to animate; plot it"
-        )
-    name = next(iter(known)) if what is None else what
+def _animations_of(result: Result | Course) -> Animations:
+    if isinstance(result, Result):
+        return ANIMATIONS_OF[result.kind]
+    from kaju.model.creep.network_result import NetworkCreepResult
+
+    if isinstance(result, NetworkCreepResult):
+        return NETWORK_CREEP
+    if hasattr(result, "static"):
+        return CREEP
+    raise ParameterError(
+        f"result: there is nothing to animate of a {type(result).__name__}; plot its numbers"
+    )
+
+
+def _chosen(known: dict[str, Any], result: object, what: str | None) -> Callable[..., Any]:
+    name = next(iter(known), "mesh") if what is None else what
     if name not in known:
         raise ParameterError(
-            f"what: there is no animation {name!r} of a {type(result).__name__}"
-            f"{suggestion(str(name), known)}; there is {', '.join(known)}"
+            f"what: there is no such animation {name!r} of a {type(result).__name__}"
+            f"{suggestion(str(name), known)}; there is {', '.join(known) or 'none'}"
         )
-    return known[name]
+    return cast(Callable[..., Any], known[name])
 
 
-def _writer(target: Path) -> Callable[[Reel, list[int], Path, float, float], None]:
-    ending = target.suffix.lower()
-    if ending == ".gif":
-        return _write_gif
-    if ending != ".mp4":
-        raise ParameterError(f"{target}: an animation ends in .gif or .mp4, not in {ending!r}")
-    if not FFMpegWriter.isAvailable():
-        raise MissingExtraError(
-            f"{target}: MP4 needs the program ffmpeg, which is not on PATH; install it from "
-            "your system's packages (such as apt install ffmpeg), or write a .gif"
-        )
-    return _write_mp4
-
-
-def _image(reel: Reel, frame: int) -> Image.Image:
+def _image(reel: Reel, frame: int, mode: str = "RGB") -> Image.Image:
     reel.show(frame)
     canvas = cast(Any, reel.figure.canvas)  # Agg's, which arrives untyped
     canvas.draw()
-    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())).convert(mode)
+
+
+def _durations(frames: list[int], fps: float, hold: float) -> list[int]:
+    """Return for how long every frame stays (ms)."""
+    durations = [round(1000.0 / fps)] * len(frames)
+    durations[-1] += round(1000.0 * hold)
+    return durations
 
 
 def _write_gif(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
-    # One palette for all frames, or colours would flicker; the last frame has most of them.
-    palette = _image(reel, frames[-1]).quantize(256, kmeans=3)
-    images = [
-        _image(reel, frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
-    ]
-    durations = [round(1000.0 / fps)] * len(images)
-    durations[-1] += round(1000.0 * hold)
-    images[0].save(path, "GIF", save_all=True, append_images=images[1:], duration=durations, loop=0)
+    # One palette for all frames, or colours would flicker: that of a few of them, side by side.
+    some = [_image(reel, frames[k]) for k in {0, len(frames) // 2, len(frames) - 1}]
+    strip = Image.fromarray(np.concatenate([np.asarray(image) for image in some]))
+    palette = strip.quantize(255, kmeans=3)
+    colours = [*(palette.getpalette() or [])[:765], 255, 255, 255]
+    palette.putpalette(colours)
+    first, *rest = (_indexed(_image(reel, frame), palette) for frame in frames)
+    durations = _durations(frames, fps, hold)
+    first.save(path, "GIF", save_all=True, append_images=rest, duration=durations, loop=0)
+
+
+def _indexed(image: Image.Image, palette: Image.Image) -> Image.Image:
+    """Return an image in the colours of a palette, of which the last is white."""
+    nearest = image.quantize(palette=palette, dither=Image.Dither.NONE)
+    number = np.array(nearest)
+    number[(np.asarray(image) == 255).all(axis=2)] = 255  # Pillow takes any light grey for it
+    indexed = Image.fromarray(number, "P")
+    indexed.putpalette(palette.getpalette() or [])
+    return indexed
+
+
+def _write_webp(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
+    first, *rest = (_image(reel, frame) for frame in frames)
+    durations = _durations(frames, fps, hold)
+    options: dict[str, Any] = {"duration": durations, "loop": 0, "lossless": True}
+    first.save(path, "WEBP", save_all=True, append_images=rest, **options)
 
 
 def _write_mp4(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
-    writer = FFMpegWriter(fps=cast(int, fps))
-    with writer.saving(reel.figure, str(path), _RESOLUTION):
-        for frame in frames:
-            reel.show(frame)
-            writer.grab_frame()
-        for _ in range(round(hold * fps)):
-            writer.grab_frame()
+    with rc_context({"animation.ffmpeg_path": _ffmpeg(path)}):
+        writer = FFMpegWriter(fps=cast(int, fps))
+        with writer.saving(reel.figure, str(path), _RESOLUTION):
+            for frame in frames:
+                reel.show(frame)
+                writer.grab_frame()
+            for _ in range(round(hold * fps)):
+                writer.grab_frame()
+
+
+def _ffmpeg(target: Path) -> str:
+    """Return the program that makes MP4: the system's, or the one that a wheel ships."""
+    found = shutil.which("ffmpeg")
+    if found is not None:
+        return found
+    try:
+        import imageio_ffmpeg
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{target}: MP4 needs the program ffmpeg: pip install 'kaju[film]', or install it "
+            "from your system's packages; or write a .gif or .webp"
+        ) from error
+    program: str = imageio_ffmpeg.get_ffmpeg_exe()
+    return program
+
+
+def _write_frames(reel: Reel, frames: list[int], folder: Path) -> None:
+    reel.figure.patch.set_alpha(0.0)
+    for axes in reel.figure.axes:
+        axes.patch.set_alpha(0.0)
+    for number, frame in enumerate(frames):
+        _image(reel, frame, "RGBA").save(folder / f"{number:04d}.png")
+
+
+_WRITERS = {".gif": _write_gif, ".webp": _write_webp, ".mp4": _write_mp4}

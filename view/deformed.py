@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -29,20 +29,26 @@ if TYPE_CHECKING:
 
     from .section import Floats, Ints
 
+MovedAt = Callable[["Floats"], "Floats"]
+"""Displacements (m) at points (m)."""
+
 _LARGEST_SHIFT = 0.09  # of the picture's width
 _UNMOVED = 1e-4  # of the largest displacement
 _LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
 
 
-def corner_displacements(result: BodyResult, section: Section, tiles: Ints) -> Floats:
+def corner_displacements(
+    result: BodyResult, section: Section, tiles: Ints, moved_at: MovedAt | None = None
+) -> Floats:
     """Return how the corners of tiles move in the plane (m), shape (n, corners, 2).
 
     Cells that share a corner move it together: by the mean of what each of them would.
+    `moved_at` takes the place of the result's own displacements.
     """
     corners = section.polygons(tiles)
     inwards = section.centres(tiles)[:, None] - corners
     inside = (corners + 1e-6 * inwards).reshape(-1, 2)
-    moved = section.in_plane(_within(result, section.in_body(inside)))
+    moved = section.in_plane(_within(result, section.in_body(inside), moved_at))
     place = np.rint(6.0 * corners.reshape(-1, 2) / section.tile_size).astype(np.int64)
     key = (place[:, 0] - place[:, 0].min()) * (np.ptp(place[:, 1]) + 1) + place[:, 1]
     _, number = np.unique(key, return_inverse=True)
@@ -52,19 +58,21 @@ def corner_displacements(result: BodyResult, section: Section, tiles: Ints) -> F
     return together
 
 
-def sizes_of(result: BodyResult, section: Section, tiles: Ints) -> Floats:
+def sizes_of(
+    result: BodyResult, section: Section, tiles: Ints, moved_at: MovedAt | None = None
+) -> Floats:
     """Return how far the middles of tiles move (m), shape (n,)."""
-    moved = _within(result, section.in_body(section.centres(tiles)))
+    moved = _within(result, section.in_body(section.centres(tiles)), moved_at)
     size: Floats = np.linalg.norm(moved, axis=1)
     return size
 
 
-def _within(result: BodyResult, points: Floats) -> Floats:
+def _within(result: BodyResult, points: Floats, moved_at: MovedAt | None) -> Floats:
     """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
     grid = grid_of(result)
     body = grid.kinds(grid.lattice.locate(points)) >= 0
     moved = np.zeros_like(points)
-    moved[body] = result.displacement_at(points[body])
+    moved[body] = (moved_at or result.displacement_at)(points[body])
     return moved
 
 

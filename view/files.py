@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kaju.errors import ResultFileError
-from kaju.files import scratch_beside
+from kaju.files import scratch_beside, scratch_folder, take_place
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,3 +35,19 @@ def save(figure: Figure, path: str | Path) -> Path:
     with scratch_beside(target, ResultFileError) as scratch:
         figure.savefig(scratch, dpi=RESOLUTION)
     return target
+
+
+@contextmanager
+def new_folder(target: Path) -> Iterator[Path]:
+    """Yield a folder to fill, which takes the target's name only if all goes well.
+
+    Raises
+    ------
+    ResultFileError
+        If something is there already, or nothing can be written.
+    """
+    if target.exists() and not (target.is_dir() and not any(target.iterdir())):
+        raise ResultFileError(f"{target}: is there already; take another name, or remove it")
+    with scratch_folder(target, ResultFileError) as scratch:
+        yield scratch
+        take_place(scratch, target, replace=False)

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 ARROWS_ACROSS = 64
 """Where more tiles than this lie side by side, arrows stand for blocks of cells."""
 
+FILM_ARROWS_ACROSS = 24
+"""The same in films, where a frame is seen for half a second."""
+
 CLOSE_UP = 12
 """Bodies of more cells across than this are cropped to the agents, so that arrows can be read."""
 
@@ -63,7 +66,7 @@ def draw_loads(
     Returns
     -------
     arrows : PolyCollection
-        Coloured by load, or in one plain colour.
+        Coloured by load, or, larger and in one plain colour, as films need them.
     left_out : bool
         Whether loads were left out because they point across the section.
     """
@@ -77,11 +80,12 @@ def draw_loads(
     row, direction, load = (column[lightest_first] for column in (row, direction, load))
     share = np.sqrt(np.clip(load / norm.vmax, 0.0, 1.0)) if len(load) else load
     size = float(section.tile_size.min())
-    least = 0.36 if plain else 0.24
+    # In a film arrows are the only thing that moves on: they reach into the next tile.
+    least, most, width = (0.5, 1.0, 0.11) if plain else (0.24, 0.49, 0.048)
     tail = section.centres(tiles)[row]
-    head = tail + (size * (least + (0.49 - least) * share))[:, None] * normals[direction]
-    outlines = arrow_polygons(tail, head, size * (0.2 * least + 0.06 * share))
-    look = {"fc": FORCE, "ec": "white", "lw": 0.4} if plain else {"array": load, "cmap": LOADS}
+    head = tail + (size * (least + (most - least) * share))[:, None] * normals[direction]
+    outlines = arrow_polygons(tail, head, size * (width + 0.06 * share))
+    look = {"fc": FORCE, "ec": "white", "lw": 0.6} if plain else {"array": load, "cmap": LOADS}
     drawn = add_polygons(ax, outlines, "loads taken", norm=norm, zorder=6, **look)
     return drawn, bool(across.any())
 

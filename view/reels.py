@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -17,13 +18,20 @@ from mpl_toolkits.mplot3d import Axes3D
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
 from .body import draw_body, finish
 from .cropping import section_of
-from .deformed import corner_displacements, draw_deformed, draw_rest, magnification_for, sizes_of
+from .deformed import (
+    MovedAt,
+    corner_displacements,
+    draw_deformed,
+    draw_rest,
+    magnification_for,
+    sizes_of,
+)
 from .forces import draw_forces
-from .loads import ARROWS_ACROSS, draw_loads, load_norm, taken_in
+from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, taken_in
 from .space import box_around, draw_arrows, draw_frame
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes
-from .subject import focus_of, stage_number
+from .subject import focus_of, grid_of, stage_number
 from .units import counted, quantity, times
 from .voxels import draw_agents_in_space
 
@@ -32,10 +40,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 
+    from kaju.model.creep.body import TransferCreepResult
+    from kaju.model.creep.elastic_result import ElasticCreepResult
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
+    from kaju.model.result import BodyResult
+
+    from .section import Floats, Ints, Section
 
 
+_BARE = 6.4
+"""Longer side of a film without words (inches)."""
 TWO_LINES = ["…", "…"]  # kept free for the text of the frames
 
 
@@ -71,11 +86,31 @@ class Reel:
         self._moving = self.draw(frame)
         self.notes.set_text(self.words(frame))
 
-    def settle(self) -> None:
-        """Arrange the figure around its fullest frame, and keep it so."""
+    def settle(self, *, bare: bool = False) -> None:
+        """Arrange the figure around its fullest frame, and keep it so.
+
+        `bare` leaves out axes, words and scales: the body fills the frame.
+        """
         self.show(self.last)
         self.figure.draw_without_rendering()
         self.figure.set_layout_engine("none")
+        if not bare:
+            return
+        ax, *bars = self.figure.axes
+        for bar in bars:
+            bar.set_visible(False)
+        key = ax.get_legend()
+        if key is not None:
+            key.set_visible(False)
+        ax.set_axis_off()
+        ax.set_title("", loc="left")
+        self.notes.set_visible(False)
+        if ax.name != "3d" and ax.get_aspect() != "auto":
+            width, height = ax.get_xlim(), ax.get_ylim()
+            ratio = (width[1] - width[0]) / (height[1] - height[0])
+            side = _BARE / max(ratio, 1.0)
+            self.figure.set_size_inches(side * ratio, side)
+        ax.set_position((0.0, 0.0, 1.0, 1.0))
 
 
 def spawning(
@@ -93,15 +128,14 @@ def spawning(
     spawn_bar(ax, norm, stage.generations)
     entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
     notes = finish(ax, section, "Agents spawn and pass their loads on", TWO_LINES, entries)
-    loads = load_norm(stage.history.load)
-    legible = int((section.upper - section.lower).max()) <= ARROWS_ACROSS
+    coarse = section_of(result.scene, focus_of(result), cut, crop, FILM_ARROWS_ACROSS)
+    every = [taken_in(stage, generation) for generation in range(stage.generations + 1)]
+    largest = max(coarse.gather(stage.cells, t, "sum")[1].max(initial=0.0) for t in every)
+    scale = load_norm(np.array([largest]))
 
     def draw(generation: int) -> list[Artist]:
-        artists = draw_agents(ax, section, stage, norm, generation)
-        if legible:
-            taken = taken_in(stage, generation)
-            artists.append(draw_loads(ax, section, stage, taken, loads, plain=True)[0])
-        return artists
+        arrows = draw_loads(ax, coarse, stage, every[generation], scale, plain=True)[0]
+        return [*draw_agents(ax, section, stage, norm, generation), arrows]
 
     told = "; ".join(section.notes)
     return Reel(
@@ -150,37 +184,111 @@ def loading(
 ) -> Reel:
     """Return the stages of loading: the body deforms as the load grows."""
     section = section_of(result.scene, focus_of(result), cut, crop)
-    every, kind = section.ground
-    tiles = every[kind >= 0]
     states = [result.at_stage(number) for number in range(1, len(result.stages) + 1)]
-    moved = [corner_displacements(state, section, tiles) for state in states]
-    size = [sizes_of(state, section, tiles) for state in states]
-    moved.insert(0, np.zeros_like(moved[0]))
-    size.insert(0, np.zeros_like(size[0]))
-    factor = min(magnification_for(section, tiles, corners) for corners in moved[1:])
-    norm = Normalize(0.0, float(max(values.max(initial=0.0) for values in size)) or 1.0)
     load = [0.0, *applied_loads(result).tolist()]
+
+    def words(number: int) -> str:
+        agents = len(result.stages[number - 1].cells) if number else 0
+        applied = f"{quantity(load[number], 'N')} of {quantity(load[-1], 'N')}"
+        return f"applied: {applied}; {counted(agents, 'material agent')}"
+
+    shares = [value / load[-1] if load[-1] else 1.0 for value in load]
+    moves = [_move(state, section) for state in states]
+    return _deforming(result, section, [_still(moves[0]), *moves], shares, words, staged=True)
+
+
+GROWING = 24
+"""Frames in which an elastic body takes its load."""
+
+
+def growing(
+    result: BodyResult, cut: Mapping[str, int] | None = None, crop: bool | None = None
+) -> Reel:
+    """Return an elastic body whose load grows evenly, and its displacements with it."""
+    section = section_of(grid_of(result), focus_of(result), cut, crop)
+    full = _move(result, section)
+    shares = [number / GROWING for number in range(GROWING + 1)]
+    moves = [_Move(share * full.corners, share * full.size) for share in shares]
+    return _deforming(result, section, moves, shares, lambda k: f"{shares[k]:.0%} of the load")
+
+
+def creeping(
+    result: TransferCreepResult | ElasticCreepResult,
+    cut: Mapping[str, int] | None = None,
+    crop: bool | None = None,
+) -> Reel:
+    """Return a body in time, at the moments asked for."""
+    section = section_of(grid_of(result.static), focus_of(result.static), cut, crop)
+    moves = [
+        _move(result.static, section, partial(result.displacement_at, record=k))
+        for k in range(len(result.times))
+    ]
+    shares = result.factors.tolist()
+    told = [
+        f"{quantity(t, 's')}; {f:.0%} of the load"
+        for t, f in zip(result.times, shares, strict=True)
+    ]
+    return _deforming(result.static, section, moves, shares, lambda k: told[k])
+
+
+class _Move(NamedTuple):
+    """How far the corners of a section's tiles move, and how far their middles (m)."""
+
+    corners: Floats
+    size: Floats
+
+
+def _body_tiles(section: Section) -> Ints:
+    every, kind = section.ground
+    return every[kind >= 0]
+
+
+def _move(result: BodyResult, section: Section, moved_at: MovedAt | None = None) -> _Move:
+    tiles = _body_tiles(section)
+    return _Move(
+        corner_displacements(result, section, tiles, moved_at),
+        sizes_of(result, section, tiles, moved_at),
+    )
+
+
+def _still(move: _Move) -> _Move:
+    return _Move(np.zeros_like(move.corners), np.zeros_like(move.size))
+
+
+def _deforming(
+    result: BodyResult,
+    section: Section,
+    moves: list[_Move],
+    shares: list[float],
+    words: Callable[[int], str],
+    *,
+    staged: bool = False,
+) -> Reel:
+    """Return a body that deforms: one move and one share of the load a frame.
+
+    `staged` frames are the scene's own stages of loading.
+    """
+    tiles, stage = _body_tiles(section), stage_number(result)
+    seen = [move.corners for move in moves if move.size.any()]
+    factor = min((magnification_for(section, tiles, move) for move in seen), default=1.0)
+    norm = Normalize(0.0, float(max(move.size.max(initial=0.0) for move in moves)) or 1.0)
     ax = new_axes(None)
     entries = draw_body(ax, section, filled=False)
     draw_rest(ax, section)
-    draw_forces(ax, section, stage_number(result))
-    last = draw_deformed(ax, section, tiles, moved[-1], size[-1], factor, norm)
+    draw_forces(ax, section, stage)
+    fullest = max(moves, key=lambda move: float(np.abs(move.corners).max(initial=0.0)))
+    last = draw_deformed(ax, section, tiles, *fullest, factor, norm)
     colour_bar(ax, last, "displacement", "m")
     notes = finish(ax, section, "The body deforms", TWO_LINES, entries)
     for moving in (last, *(drawn for drawn in ax.collections if drawn.get_gid() == "forces")):
         moving.set_visible(False)
     told = "; ".join([f"deformation shown {times(factor)}", *section.notes])
 
-    def words(number: int) -> str:
-        agents = len(result.stages[number - 1].cells) if number else 0
-        applied = f"{quantity(load[number], 'N')} of {quantity(load[-1], 'N')}"
-        return f"applied: {applied}; {counted(agents, 'material agent')}\n{told}"
-
     def draw(number: int) -> list[Artist]:
         still = len(ax.collections)
-        draw_deformed(ax, section, tiles, moved[number], size[number], factor, norm)
-        if number:
-            draw_forces(ax, section, number, share=load[number] / load[-1] if load[-1] else 1.0)
+        draw_deformed(ax, section, tiles, *moves[number], factor, norm)
+        if shares[number]:
+            draw_forces(ax, section, number if staged else stage, share=shares[number])
         return [*ax.collections[still:]]
 
-    return Reel(figure_of(ax), len(states), draw, notes, words)
+    return Reel(figure_of(ax), len(moves) - 1, draw, notes, lambda k: f"{words(k)}\n{told}")

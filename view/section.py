@@ -25,6 +25,9 @@ Ints = NDArray[np.int64]
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _SQUARE_FACES = np.array([[3, 0], [1, 2], [0, 1], [2, 3]])  # vertices of the faces -x, +x, -y, +y
 _SQUARE_STEPS = np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
+_ANGLE = np.deg2rad(60.0 * np.arange(6) - 30.0)
+HEXAGON = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1) / sqrt(3.0)
+"""Corners of a hexagonal cell of edge 1 (from side to side) about its middle."""
 _HEXAGON_FACES = np.array([[k, (k + 1) % 6] for k in range(6)])
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
 
@@ -134,9 +137,7 @@ class Section:
         `share` below 1 leaves a gap all round.
         """
         if self.hexagonal:
-            angle = np.deg2rad(60.0 * np.arange(6) - 30.0)
-            radius = self.scene.lattice.cell_size / sqrt(3.0)
-            shape = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            shape = self.scene.lattice.cell_size * HEXAGON
         else:
             shape = (_SQUARE - 0.5) * self.tile_size
         return self.centres(tiles)[:, None] + share * shape

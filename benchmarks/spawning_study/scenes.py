@@ -10,8 +10,8 @@ import numpy as np
 from PIL import Image
 
 from kaju import Scene
-from kaju.bench.graded_elements import singular_points
-from kaju.bench.scene_elements import surroundings
+from kaju.model.validation.graded_elements import singular_points
+from kaju.model.validation.scene_elements import surroundings
 
 STEEL = {"material": "steel"}
 PLATE = {"thickness": 2e-3, **STEEL}

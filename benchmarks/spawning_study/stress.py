@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.bench.graded_elements import solve_graded
-from kaju.bench.scene_elements import cells_of, scene_moduli, surroundings
+from kaju.model.validation.graded_elements import solve_graded
+from kaju.model.validation.scene_elements import cells_of, scene_moduli, surroundings
 
 
 class StressTruth:

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from kaju.bench.graded_bricks import solve_bricks
-from kaju.bench.graded_elements import solve_graded
 from kaju.model.reference import Reference
+from kaju.model.validation.graded_elements import solve_graded
 
 LEVELS = (9, 12)
 """Halvings of the triangles around singular points, on two meshes."""

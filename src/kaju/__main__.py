@@ -11,7 +11,7 @@ import typer
 from kaju import __version__
 from kaju.errors import KajuError
 
-from . import commands_compare, commands_look, commands_run, commands_scene
+from . import commands_compare, commands_look, commands_run, commands_scene, commands_stress
 
 app = typer.Typer(
     help="Agents that carry load through a body.",
@@ -29,6 +29,7 @@ for _verb in (
     commands_look.animate,
     commands_compare.compare,
     commands_compare.bench,
+    commands_stress.stress,
     commands_scene.materials,
 ):
     app.command()(_verb)

@@ -10,8 +10,8 @@ from kaju.errors import ParameterError
 pytest.importorskip("skfem")
 
 from kaju.bench.graded_bricks import graded_ticks, solve_bricks
-from kaju.bench.graded_elements import singular_points, solve_graded
-from kaju.bench.scene_elements import surroundings
+from kaju.model.validation.graded_elements import singular_points, solve_graded
+from kaju.model.validation.scene_elements import surroundings
 
 STUFF = {"stuff": {"youngs_modulus": 2e6, "poissons_ratio": 0.0, "density": 1000.0}}
 

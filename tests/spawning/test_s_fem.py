@@ -7,8 +7,8 @@ import pytest
 from spawning_bodies import BODIES, PLANE, SOLID
 
 from kaju import solve
-from kaju.bench.graded_elements import solve_graded
 from kaju.model.reference import Reference
+from kaju.model.validation.graded_elements import solve_graded
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 CASES = [(name, t) for name in PLANE for t in (0.1, 0.05)]

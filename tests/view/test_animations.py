@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 from PIL import Image, ImageSequence
 
+from kaju import History, ThreeElement, creep
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.model.network.lattices import triangular
 from kaju.model.propagation import load_model
@@ -13,6 +16,7 @@ from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene import Scene
 from kaju.model.solving import solve
 from kaju.view import animate
+from kaju.view.reels import loading
 
 BLOCK = """
 [body]
@@ -98,6 +102,7 @@ def test_a_run_in_which_nothing_happens_is_one_frame(tmp_path) -> None:
 
 def test_an_mp4_needs_ffmpeg(result, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(MissingExtraError, match="ffmpeg"):
         animate(result, tmp_path / "film.mp4")
     assert not list(tmp_path.iterdir())
@@ -106,7 +111,7 @@ def test_an_mp4_needs_ffmpeg(result, tmp_path, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("film.avi", {}, "gif or .mp4"),
+        ("film.avi", {}, "ends in .gif, .webp, .mp4, .glb, .pvd"),
         ("film.gif", {"fps": 0.0}, "fps"),
         ("film.gif", {"fps": float("nan")}, "fps"),
         ("film.gif", {"hold": -1.0}, "hold"),
@@ -124,11 +129,29 @@ def test_a_missing_folder_is_told(result, tmp_path) -> None:
         animate(result, tmp_path / "nowhere" / "film.gif")
 
 
-def test_a_single_state_cannot_be_animated(tmp_path):
-    scene = Scene(
+def elastic_block() -> Scene:
+    return Scene(
         body={"cell_size": 0.01, "cells": [4, 4], "material": "steel"},
         sides={"bottom": "rigid"},
         loads=[{"cell": [1, 3], "force": [0.0, -1.0]}],
     )
-    with pytest.raises(ParameterError, match=r"elasticity is one state.*plot it"):
-        animate(solve(scene), tmp_path / "still.gif")
+
+
+def test_an_elastic_body_takes_its_load_evenly(tmp_path) -> None:
+    path = animate(solve(elastic_block()), tmp_path / "loading.gif", fps=10.0, hold=0.0)
+    assert durations(path) == [100] * 25
+
+
+def test_what_has_no_frames_is_refused(tmp_path) -> None:
+    crept = creep(ThreeElement(1.0, 1.0, 1.0), History().hold(1.0))
+    with pytest.raises(ParameterError, match="nothing to animate of a CreepResult"):
+        animate(crept, tmp_path / "still.gif")
+
+
+def test_a_quiet_first_stage_does_not_hide_the_others(tmp_path) -> None:
+    """Below γ nothing moves; the magnification is that of the stages that do."""
+    quiet = Scene.from_toml(BLOCK.replace("0.1", "0.4"))
+    reel = loading(LoadModel(quiet).run())
+    reel.show(3)
+    assert "deformation shown" in reel.notes.get_text()
+    assert "shown ×1;" not in f"{reel.notes.get_text()};"

@@ -20,9 +20,7 @@ import numpy as np
 
 from kaju.model.elasticity.moduli import Moduli
 from kaju.model.scene import Scene
-
-from .finite_elements import RESIDUAL, rigid_body_modes
-from .scene_elements import (
+from kaju.model.validation.scene_elements import (
     ElementAnswer,
     Floats,
     Index,
@@ -36,6 +34,8 @@ from .scene_elements import (
     stiffness,
     surroundings,
 )
+
+from .finite_elements import RESIDUAL, rigid_body_modes
 
 SHARE = 0.5
 """Elements with more than this share of the largest η are refined."""

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
-
-from .scene_elements import Floats, Index, cells_of, factorised, scene_moduli
+from kaju.model.validation.scene_elements import Floats, Index, cells_of, factorised, scene_moduli
 
 DIRECT = 60_000
 """Up to this many unknowns are factorised."""

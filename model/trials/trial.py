@@ -1,0 +1,285 @@
+"""One trial: a scene from a number, put to one rule, order or solver, and what came of it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, isfinite, nan, sqrt
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.random import Generator
+
+from kaju.errors import KajuError
+
+from .scenes import BODIES, elastic_scene, transfer_scene
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+ANSWERED, REFUSED, FAILED = "answered", "refused", "failed"
+
+BALANCE = 1e-6
+"""Share of the forces by which supports may miss the loads."""
+BOOKS = 1e-12
+"""Share of the loads by which the ledger may be off."""
+TRUTH_EVERY = 4
+"""Finite elements of high order check every so many plane bodies."""
+LEVELS = 8
+"""How often they are halved round every singular point."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a trial.
+
+    Attributes
+    ----------
+    number : int
+        From which the scene was made.
+    family, engine : str
+        Kind of scene, and what it was put to.
+    verdict : {"answered", "refused", "failed"}
+        "refused" is an error that kaju names; "failed" is anything that must not happen.
+    what : str
+        The error or the failure, in words; how it ended, if it was answered.
+    agents : int
+        How many carried load.
+    estimate : float
+        Estimated error of the answer in the energy norm, relative; NaN if there is none.
+    true_error : float
+        The same by graded elements of high order; NaN where they were not asked.
+    iterations : int
+        Iterations, steps or generations.
+    seconds : float
+    """
+
+    number: int
+    family: str
+    engine: str
+    verdict: str
+    what: str
+    agents: int = 0
+    estimate: float = nan
+    true_error: float = nan
+    iterations: int = 0
+    seconds: float = 0.0
+
+
+class Broken(Exception):  # noqa: N818 (it is a finding, not an error of the program)
+    """An answer that must not be."""
+
+
+def attempt(number: int) -> Outcome:
+    """Make the scene of a number, put it to its engine, and judge what comes of it."""
+    rng = np.random.default_rng([2026, number])
+    family, engine = put_to(number)
+    start = perf_counter()
+    told: dict[str, Any]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            told = {"verdict": ANSWERED, **_TO[engine](rng, family, number)}
+    except Broken as finding:
+        told = {"verdict": FAILED, "what": str(finding)}
+    except KajuError as error:
+        told = {"verdict": REFUSED, "what": f"{type(error).__name__}: {_line(error)}"}
+    except Exception as error:
+        told = {"verdict": FAILED, "what": f"raw {type(error).__name__}: {_line(error)}"}
+    family = told.pop("family", family)
+    return Outcome(number, family, engine, seconds=perf_counter() - start, **told)
+
+
+def put_to(number: int) -> tuple[str, str]:
+    """Return the family of a trial's scene, and the engine it is put to."""
+    families = list(BODIES)
+    engine = ENGINES[number % len(ENGINES)]
+    return _OWN.get(engine, families[number // len(ENGINES) % len(families)]), engine
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300]
+
+
+def _transfer(rng: Generator, family: str, number: int) -> dict[str, Any]:
+    """Pass loads on by chosen shares: they end as the certificate says, and the books balance."""
+    from kaju.model.propagation.load_model import LoadModel
+
+    scene = transfer_scene(rng)
+    model = LoadModel(scene, allow_unstable=True, max_generations=3000)
+    certificate = model.certificate
+    if model.accumulate and certificate.stable and certificate.spectral_radius is not None:
+        _demand(certificate.spectral_radius < 1.0, "stable, and a spectral radius of 1 or more")
+    result = model.run(progress=False)
+    taken = 0.0
+    for stage in result.stages:
+        books = stage.ledger
+        entered, became = books.applied + books.emitted, books.taken + books.dropped + books.pending
+        _demand(
+            abs(entered - became) <= BOOKS * max(entered, became),
+            f"the books are off by {entered - became:.2e} of {entered:.2e} N",
+        )
+        _demand(isfinite(books.taken), "a load that is no number was taken")
+        taken += books.taken
+        if certificate.generations is not None:
+            _demand(
+                stage.generations <= certificate.generations,
+                f"{stage.generations} generations, where the certificate says at most "
+                f"{certificate.generations}",
+            )
+    outcome = result.last.outcome
+    _demand(not (certificate.stable and "stopped" in outcome), f"stable, but {outcome}")
+    promise = "stable" if certificate.stable else "may grow"
+    return {
+        "family": f"{scene.lattice.kind}, {promise}",
+        "what": outcome,
+        "agents": len(result.last.cells),
+        "iterations": result.last.generations,
+    }
+
+
+def _equal(rng: Generator, family: str, number: int) -> dict[str, Any]:
+    """Solve the scene's own cells."""
+    from kaju.model.solving import solve
+
+    scene = elastic_scene(rng, family)
+    return _judged(scene, solve(scene), number)
+
+
+def _within(rng: Generator, family: str, number: int) -> dict[str, Any]:
+    """Solve by whatever keeps a tolerance."""
+    from kaju.model.solving import solve
+
+    scene = elastic_scene(rng, family)
+    tolerance = float(rng.choice([0.2, 0.1]))
+    return _judged(scene, solve(scene, tolerance=tolerance), number)
+
+
+def _agents(rng: Generator, family: str, number: int) -> dict[str, Any]:
+    """Let elastic agents settle, in one of their orders of work."""
+    from kaju.agents.elastic_rule import ElasticRule, Order
+    from kaju.model.settling.elastic_model import ElasticModel
+
+    orders: list[Order] = ["wave", "largest first", "multilevel"]
+    order = orders[rng.integers(3)]
+    scene = elastic_scene(rng, family)
+    force = float(np.abs(scene.applied().force).max(initial=0.0))
+    threshold = max(force * float(10 ** rng.uniform(-3, 0)), 1e-300)
+    scene = scene.replace(rule=ElasticRule(order=order, threshold=threshold))
+    model = ElasticModel(scene, max_steps=300)
+    run = model.run()
+    _demand_finite(run.summary())
+    outcome = str(run.outcome)
+    _demand("grown" not in outcome, f"stable by its certificate, but {outcome}")
+    return {"what": f"{order}: {outcome}", "iterations": model.generation}
+
+
+def _network(rng: Generator, family: str, number: int) -> dict[str, Any]:
+    """Press a lattice of springs, lightly or until it gives way."""
+    from kaju.model.network.lattices import triangular
+    from kaju.model.solving import solve
+
+    force = float(10 ** rng.uniform(-3, 0.5))
+    network = triangular(int(rng.integers(2, 9)), int(rng.integers(2, 9)), force=force)
+    result = solve(network)
+    _demand_finite(result.summary())
+    return {"what": "in balance", "agents": len(network.positions)}
+
+
+def _element(rng: Generator, family: str, number: int) -> dict[str, Any]:
+    """Hold a steady force on a three-element material: the scheme has an exact answer."""
+    from kaju.agents.rheology import ThreeElement
+
+    k, d_f, d_d = (float(10 ** rng.uniform(-6, 6)) for _ in range(3))
+    element = ThreeElement(K_f=k, D_f=d_f, D_d=d_d if rng.random() < 0.8 else inf)
+    step, force = float(10 ** rng.uniform(-6, 6)), float(rng.normal())
+    times = step * np.arange(1, 30)
+    found = np.asarray(element.creep(force=force, times=times))
+    n = np.arange(1, 30)
+    exact = force * (n * step / element.D_d - np.expm1(-n * np.log1p(step * k / d_f)) / k)
+    _demand(bool(np.isfinite(found).all()), "a displacement that is no number")
+    miss = float(np.abs(found - exact).max() / np.abs(exact).max())
+    _demand(miss < 1e-9, f"creep is off by {miss:.1e} of the scheme's exact answer")
+    return {"what": "creeps", "iterations": 29}
+
+
+_TO: dict[str, Callable[[Generator, str, int], dict[str, Any]]] = {
+    "prescribed rule": _transfer,
+    "equal cells": _equal,
+    "tolerance": _within,
+    "elastic agents": _agents,
+    "network": _network,
+    "three elements": _element,
+}
+_OWN = {
+    "network": "triangular lattice",
+    "three elements": "one element",
+    "prescribed rule": "cells",
+}
+ENGINES = (
+    "prescribed rule",
+    "equal cells",
+    "tolerance",
+    "prescribed rule",
+    "equal cells",
+    "elastic agents",
+    "network",
+    "equal cells",
+    "three elements",
+    "tolerance",
+)
+"""Who is tried, in turn."""
+
+
+def _judged(scene: Scene, result: Any, number: int) -> dict[str, Any]:
+    """Judge an answer of linear elasticity: numbers, balance, and sometimes the truth."""
+    told = result.summary()
+    _demand_finite(told)
+    energy = result.strain_energy
+    applied = scene.applied().force
+    pulled = any(scene.side_condition(name).kind == "displaced" for name in scene.lattice.sides)
+    _demand(energy >= 0.0 or pulled, f"a strain energy of {energy:.2e} J")
+    missing = sum(result.reactions.values(), applied.sum(axis=0))
+    forces = np.abs(applied).sum() + sum(np.abs(r).sum() for r in result.reactions.values())
+    off = float(np.abs(missing).max() / forces) if forces > 0.0 else 0.0
+    _demand(off < BALANCE, f"supports and loads differ by {off:.1e} of the forces")
+    true_error = nan
+    if number % TRUTH_EVERY == 0:
+        true_error = _true_error(scene, energy)
+    return {
+        "what": str(told["method"]),
+        "agents": int(told["agents"]),
+        "estimate": float(result.error_estimate),
+        "true_error": true_error,
+        "iterations": max(len(result.residuals) - 1, 0),
+    }
+
+
+def _true_error(scene: Scene, energy: float) -> float:
+    """Return the relative error in the energy norm by graded elements; NaN if they cannot tell."""
+    try:
+        from kaju.model.validation.graded_elements import solve_graded
+
+        truth = solve_graded(scene, LEVELS).energy
+    except (ImportError, KajuError):
+        return nan
+    return sqrt(abs(energy / truth - 1.0)) if truth > 0.0 else nan
+
+
+def _demand(holds: bool, otherwise: str) -> None:
+    if not holds:
+        raise Broken(otherwise)
+
+
+def _demand_finite(told: Any, name: str = "summary") -> None:
+    """Refuse numbers that are none, at any depth of a summary."""
+    if isinstance(told, dict):
+        for key, value in told.items():
+            _demand_finite(value, f"{name}.{key}")
+    elif isinstance(told, (list, tuple)):
+        for item in told:
+            _demand_finite(item, name)
+    elif isinstance(told, float):
+        _demand(isfinite(told), f"{name} is {told}")

@@ -1,0 +1,114 @@
+"""Trials find what they are there to find, and survive it."""
+
+import csv
+import sys
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from kaju import solve
+from kaju.__main__ import main
+from kaju.errors import ParameterError
+from kaju.model.trials import trial
+from kaju.model.trials.coefficients import stability_map
+from kaju.model.trials.run import tally, trials
+from kaju.model.trials.trial import ENGINES, FAILED, REFUSED, attempt
+
+
+def number_of(engine, after=0):
+    """The first trial of an engine from a number on."""
+    return next(n for n in range(after, after + 100) if ENGINES[n % len(ENGINES)] == engine)
+
+
+def test_a_number_is_the_same_trial_every_time():
+    one, again = attempt(1), attempt(1)
+    assert astuple(one)[:-1] == pytest.approx(astuple(again)[:-1], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        (lambda scene: 1 / 0, "raw ZeroDivisionError"),
+        (lambda scene: np.log(np.float64(0.0)), "raw RuntimeWarning"),
+        (lambda scene: {}["missing"], "raw KeyError"),
+        (lambda scene: solve(scene, resolution=-1), None),
+    ],
+)
+def test_raw_errors_and_warnings_fail_and_named_ones_do_not(monkeypatch, broken, message):
+    monkeypatch.setitem(trial._TO, "equal cells", lambda *_: broken(trial.elastic_scene(*_[:2])))
+    found = attempt(number_of("equal cells", after=20))
+    if message is None:
+        assert found.verdict == REFUSED
+        assert "resolution" in found.what
+    else:
+        assert found.verdict == FAILED
+        assert found.what.startswith(message)
+
+
+def test_forces_that_do_not_balance_fail(monkeypatch):
+    monkeypatch.setattr(trial, "BALANCE", 0.0)
+    outcomes = [attempt(n) for n in range(30) if ENGINES[n % len(ENGINES)] == "equal cells"]
+    assert any("supports and loads differ" in o.what for o in outcomes if o.verdict == FAILED)
+
+
+def test_a_certificate_that_does_not_hold_fails(monkeypatch):
+    from kaju.model.propagation import load_model
+
+    certify = load_model.certify
+
+    def boasting(scene, transfer):
+        from dataclasses import replace
+
+        return replace(certify(scene, transfer), generations=0, stable=True)
+
+    monkeypatch.setattr(load_model, "certify", boasting)
+    outcomes = [attempt(n) for n in range(40) if ENGINES[n % len(ENGINES)] == "prescribed rule"]
+    assert any("where the certificate says at most 0" in o.what for o in outcomes)
+
+
+def test_the_books_must_balance(monkeypatch):
+    monkeypatch.setattr(trial, "BOOKS", -1.0)
+    assert "the books are off" in attempt(number_of("prescribed rule")).what
+
+
+def test_what_hangs_is_killed_and_the_rest_goes_on():
+    numbers = [number_of("three elements", after=n) for n in (0, 10, 20)]
+    hung = list(trials(numbers, workers=1, limit=1e-9, beyond=0.0))
+    assert [o.verdict for o in hung] == [FAILED] * 3
+    assert all("hung: killed after" in o.what for o in hung)
+    assert all(o.engine == "three elements" for o in hung)
+    whole = list(trials(numbers, workers=2, limit=60.0))
+    assert sorted(o.number for o in whole) == numbers
+    assert [row.answered for row in tally(whole)] == [3]
+
+
+@pytest.mark.parametrize(("how", "message"), [({"workers": 0}, "workers"), ({"limit": 0}, "limit")])
+def test_trials_need_workers_and_time(how, message):
+    with pytest.raises(ParameterError, match=message):
+        next(trials([1], **how))
+
+
+def test_the_certificate_draws_the_line_where_loads_begin_to_grow():
+    for beta, ratio in ((1.0, 0.3), (0.0, 0.45)):
+        found = stability_map(beta, ratio, steps=4)
+        assert found.contradicted == 0
+        assert (found.growth > 1.0).any()
+        assert (found.growth < 1.0).any()
+        # One material, loads added up: α₂ + 2α₃ + 2(1−β)να₁ exactly.
+        exact = found.forward[:, None] + 2 * found.friction + 2 * (1 - beta) * ratio * 0.5
+        assert np.allclose(found.radius, exact, rtol=0, atol=1e-9)
+
+
+def test_the_command_writes_a_row_a_trial(monkeypatch, capsys, tmp_path):
+    first = number_of("three elements")
+    words = ["stress", "--first", str(first), "--count", "1", "--workers", "1", "--out", "here"]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["kaju", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code in (0, None)
+    (row,) = csv.DictReader((tmp_path / "here/stress.csv").read_text().splitlines())
+    assert (row["number"], row["verdict"]) == (str(first), "answered")
+    assert (tmp_path / "here/outcomes.png").stat().st_size > 10_000
+    assert "answered" in capsys.readouterr().out

@@ -1,0 +1,267 @@
+"""Films for makers: WebP, MP4, frames with alpha, GLB with morph targets, VTK series."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import imageio_ffmpeg
+import meshio
+import numpy as np
+import pytest
+from PIL import Image
+
+import kaju
+from kaju.errors import ParameterError, ResultFileError
+from kaju.model.network.lattices import triangular
+
+COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
+WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+
+
+def block(rule: dict[str, object] | kaju.PrescribedRule | None = None) -> kaju.Scene:
+    return kaju.Scene(
+        body={"cell_size": 0.01, "cells": [5, 4], "thickness": 0.002, "material": "oak"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [2, 3], "force": [0.0, -3.0]}],
+        rule=rule or kaju.PrescribedRule(threshold=0.1),
+    )
+
+
+def cube() -> kaju.Scene:
+    return kaju.Scene(
+        body={"cell_size": 0.01, "cells": [3, 3, 3], "material": "oak"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 1, 2], "force": [0.0, 0.0, -1.0]}],
+        rule=kaju.PrescribedRule(threshold=0.05),
+    )
+
+
+def soft() -> kaju.Scene:
+    clay = {"youngs_modulus": 1e5, "poissons_ratio": 0.4}
+    clay |= {"rheology": {"K_f": 1e5, "D_f": 1e5, "D_d": 1e6}}
+    return kaju.Scene(
+        body={"cell_size": 0.01, "cells": [4, 3], "thickness": 0.01, "material": "clay"},
+        materials={"clay": clay},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [2, 2], "force": [0.0, -1.0]}],
+        rule=kaju.ElasticRule(),
+    )
+
+
+@pytest.fixture(scope="module")
+def run() -> kaju.TransferResult:
+    return kaju.LoadModel(block()).run()
+
+
+class Glb:
+    """A GLB read as strictly as its specification says."""
+
+    def __init__(self, path: Path) -> None:
+        data = path.read_bytes()
+        head = np.frombuffer(data[:20], dtype="<u4")
+        assert data[:4] == b"glTF"
+        assert head[1] == 2
+        assert head[2] == len(data)
+        assert data[16:20] == b"JSON"
+        self.about = json.loads(data[20 : 20 + head[3]])
+        rest = data[20 + head[3] :]
+        assert rest[4:8] == b"BIN\0"
+        self.binary = rest[8:]
+        assert self.about["buffers"] == [{"byteLength": len(self.binary)}]
+        for number in range(len(self.about["accessors"])):
+            self.array(number)
+
+    def array(self, number: int) -> np.ndarray:
+        accessor = self.about["accessors"][number]
+        view = self.about["bufferViews"][accessor["bufferView"]]
+        kind, width = COMPONENT[accessor["componentType"]], WIDTH[accessor["type"]]
+        assert view["byteOffset"] % 4 == 0
+        part = self.binary[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        found = np.frombuffer(part, dtype=kind).reshape(accessor["count"], width)
+        assert np.isfinite(found).all()
+        if "min" in accessor:
+            assert found.min(axis=0).tolist() == accessor["min"]
+            assert found.max(axis=0).tolist() == accessor["max"]
+        return found
+
+    @property
+    def primitive(self) -> dict:
+        return self.about["meshes"][0]["primitives"][0]
+
+    def rest(self) -> np.ndarray:
+        accessor = self.about["accessors"][self.primitive["attributes"]["POSITION"]]
+        assert "min" in accessor
+        return self.array(self.primitive["attributes"]["POSITION"])
+
+    def targets(self) -> list[np.ndarray]:
+        return [self.array(target["POSITION"]) for target in self.primitive["targets"]]
+
+    def corners(self) -> np.ndarray:
+        index = self.array(self.primitive["indices"]).ravel()
+        assert index.max() == len(self.rest()) - 1
+        return index
+
+    def keys(self) -> tuple[np.ndarray, np.ndarray]:
+        sampler = self.about["animations"][0]["samplers"][0]
+        times = self.array(sampler["input"]).ravel()
+        return times, self.array(sampler["output"]).reshape(len(times), -1)
+
+
+def test_every_generation_is_a_morph_target(run, tmp_path) -> None:
+    glb = Glb(kaju.animate(run, tmp_path / "run.glb", fps=4.0, hold=1.0))
+    generations = run.last.generations
+    targets = glb.targets()
+    assert len(targets) == generations
+    times, weights = glb.keys()
+    np.testing.assert_allclose(np.diff(times), [*[0.25] * generations, 1.0])
+    np.testing.assert_array_equal(weights[1:-1], np.eye(generations))
+    assert not weights[0].any()
+    np.testing.assert_array_equal(weights[-1], weights[-2])
+
+
+def test_the_last_target_is_the_magnified_displacement(run, tmp_path) -> None:
+    glb = Glb(kaju.animate(run, tmp_path / "run.glb", magnification=5e4))
+    assert glb.about["asset"]["extras"]["magnification"] == 5e4
+    assert len(glb.rest()) == 6 * 5
+    # Corners inside the body move as the mean of the cells round them; ends of lines do not.
+    at = glb.rest()[:, :2].astype(np.float64)
+    top = np.argmin(np.abs(at - [0.0, 0.04]).sum(axis=1))
+    eps = 1e-9
+    own = run.displacement_at(np.array([[eps, 0.04 - eps]]))[0]
+    np.testing.assert_allclose(glb.targets()[-1][top, :2], 5e4 * own, rtol=1e-5, atol=1e-12)
+
+
+def test_squares_are_two_triangles_each(run, tmp_path) -> None:
+    glb = Glb(kaju.animate(run, tmp_path / "run.glb"))
+    triangles = glb.rest()[glb.corners().reshape(-1, 3)][..., :2].astype(np.float64)
+    a, b, c = triangles.transpose(1, 0, 2)
+    area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    np.testing.assert_allclose(area, 0.5e-4, rtol=1e-4)
+    assert len(area) == 2 * 20
+
+
+def test_of_cubes_only_the_outside_is_kept(tmp_path) -> None:
+    glb = Glb(kaju.animate(kaju.LoadModel(cube()).run(), tmp_path / "cube.glb"))
+    triangles = glb.rest()[glb.corners().reshape(-1, 3)].astype(np.float64)
+    assert len(triangles) == 6 * 9 * 2
+    assert len(glb.rest()) == 4**3 - 2**3
+    a, b, c = triangles.transpose(1, 0, 2)
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0  # outward faces only
+    assert volume == pytest.approx(0.03**3, rel=1e-4)
+    # The load comes from above, and glTF's up is y.
+    least = glb.targets()[-1].min(axis=0)
+    assert least[1] < 2.0 * min(least[0], least[2]) < 0.0
+
+
+def test_an_elastic_body_has_one_target(tmp_path) -> None:
+    result = kaju.solve(block())
+    glb = Glb(kaju.animate(result, tmp_path / "loading.glb", magnification=1e6))
+    assert len(glb.targets()) == 1
+    at = glb.rest()[:, :2].astype(np.float64)
+    corner = np.argmin(np.abs(at - [0.05, 0.04]).sum(axis=1))
+    wanted = result.displacement_at(np.array([[0.05 - 1e-9, 0.04 - 1e-9]]))[0]
+    np.testing.assert_allclose(glb.targets()[0][corner, :2], 1e6 * wanted, rtol=1e-4)
+
+
+def test_agents_of_many_sizes_are_a_mesh_too(tmp_path) -> None:
+    result = kaju.solve(block(), tolerance=0.05, strategy="spawning")
+    glb = Glb(kaju.animate(result, tmp_path / "spawned.glb"))
+    assert len(glb.corners()) == 6 * result.agents
+
+
+def test_springs_are_lines(tmp_path) -> None:
+    result = triangular(3).solve(4)
+    glb = Glb(kaju.animate(result, tmp_path / "network.glb", magnification=1.0))
+    assert glb.primitive["mode"] == 1
+    assert len(glb.corners()) == 2 * len(result.network.springs)
+    assert len(glb.targets()) == 4
+    moved = np.pad(result.displacement[-1], [(0, 0), (0, 1)])
+    np.testing.assert_allclose(glb.targets()[-1], moved, rtol=1e-6)
+
+
+def test_creep_has_a_target_for_every_time(tmp_path) -> None:
+    history = kaju.History().ramp(1.0, duration=1.0).hold(2.0)
+    crept = kaju.creep(soft(), history, times=[0.0, 0.5, 1.0, 3.0])
+    glb = Glb(kaju.animate(crept, tmp_path / "creep.glb", "times", magnification=1.0))
+    sizes = [float(np.abs(target).max()) for target in glb.targets()]
+    assert len(sizes) == 3
+    np.testing.assert_allclose(
+        np.array(sizes) / sizes[-1], crept.growth[1:] / crept.growth[-1], rtol=1e-5
+    )
+    with Image.open(kaju.animate(crept, tmp_path / "creep.gif")) as film:
+        assert film.n_frames == 4
+
+
+def test_a_magnification_must_magnify(run, tmp_path) -> None:
+    with pytest.raises(ParameterError, match="magnification"):
+        kaju.animate(run, tmp_path / "run.glb", magnification=0.0)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_series_holds_true_displacements(run, tmp_path) -> None:
+    listed = kaju.animate(run, tmp_path / "a & b.pvd")
+    entries = ElementTree.parse(listed).getroot().findall("./Collection/DataSet")
+    assert [float(entry.attrib["timestep"]) for entry in entries] == list(
+        range(run.last.generations + 1)
+    )
+    last = meshio.read(tmp_path / entries[-1].attrib["file"])
+    assert len(last.cells_dict["quad"]) == 20
+    taken = last.cell_data["load_taken"][0]
+    assert taken.sum() == pytest.approx(run.last.taken.sum(), rel=1e-12)
+    first = meshio.read(tmp_path / entries[0].attrib["file"])
+    assert not first.point_data["displacement"].any()
+    largest = np.abs(last.point_data["displacement"]).max()
+    assert largest == pytest.approx(np.abs(run.displacement).max(), rel=0.5)
+
+
+def test_a_folder_that_is_there_is_left_alone(run, tmp_path) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mine.txt").write_text("mine")
+    for name in ("run", "run.pvd"):
+        with pytest.raises(ResultFileError, match="is there already"):
+            kaju.animate(run, tmp_path / name)
+    assert [path.name for path in tmp_path.rglob("*")] == ["run", "mine.txt"]
+
+
+def test_frames_have_no_background_and_one_size(run, tmp_path) -> None:
+    folder = kaju.animate(run, tmp_path / "frames", bare=True)
+    names = sorted(path.name for path in folder.iterdir())
+    assert names == [f"{k:04d}.png" for k in range(run.last.generations + 1)]
+    pictures = [np.asarray(Image.open(folder / name)) for name in names]
+    assert {picture.shape for picture in pictures} == {pictures[0].shape}
+    assert pictures[0].shape[2] == 4
+    alpha = pictures[0][..., 3]
+    assert alpha[0].max() == 0 or alpha[0].min() == 0
+    assert (alpha[alpha.shape[0] // 2] > 240).mean() > 0.5  # the body
+    # The camera stays: what no agent and no arrow has touched is the same in every frame.
+    same = np.all([np.array_equal(picture[-8:], pictures[0][-8:]) for picture in pictures])
+    assert same
+
+
+def test_webp_and_gif_show_the_same_frames(run, tmp_path) -> None:
+    shown = []
+    for name in ("run.webp", "run.gif"):
+        with Image.open(kaju.animate(run, tmp_path / name, fps=4.0)) as film:
+            assert film.n_frames == run.last.generations + 1
+            film.seek(2)
+            shown.append(np.asarray(film.convert("RGB"), dtype=int))
+    off = np.abs(shown[0] - shown[1])
+    assert off.max(axis=2).mean() < 2.0
+    assert off[0, 0].max() == 0  # white is white
+
+
+def test_an_mp4_needs_no_program_on_path(run, tmp_path, monkeypatch) -> None:
+    program = imageio_ffmpeg.get_ffmpeg_exe()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    film = kaju.animate(run, tmp_path / "run.mp4", fps=4.0, hold=0.5)
+    told = subprocess.run(
+        [program, "-i", str(film), "-map", "0:v", "-f", "null", "-"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stderr
+    assert "h264" in told
+    assert f"frame={run.last.generations + 1 + 2:5d}".replace(" ", "") in told.replace(" ", "")

@@ -1,0 +1,110 @@
+// The append-only history of a run, and what can be read from it at any generation.
+import { Lattice } from "./lattice.js";
+
+/** Rows (index, value), one offset a generation. */
+export class Log {
+  constructor(index = new Uint32Array(256), value = new Float64Array(256), offset = [0]) {
+    this.index = index; this.value = value; this.offset = offset; this.n = offset[offset.length - 1];
+  }
+  push(index, value) {
+    if (this.n === this.index.length) this.grow(2 * this.n);
+    this.index[this.n] = index; this.value[this.n++] = value;
+  }
+  grow(size) {
+    for (const name of ["index", "value"]) {
+      const larger = new this[name].constructor(Math.max(size, 256));
+      larger.set(this[name]);
+      this[name] = larger;
+    }
+  }
+  close() { this.offset.push(this.n); }
+}
+
+const EVERY = 16;                              // generations between two remembered sums
+
+/** Sums of a log up to a generation; going back is quick, for sums are remembered on the way. */
+export class Sums {
+  constructor(log, size) { this.log = log; this.size = size; this.sum = new Float64Array(size); this.at = 0; this.marks = []; }
+  to(generation) {
+    const { log: { offset, index, value }, sum, marks } = this;
+    const g = Math.min(generation, offset.length - 1);
+    if (g < this.at) {
+      const mark = Math.min(marks.length - 1, Math.floor(g / EVERY));
+      if (mark >= 0) sum.set(marks[mark]); else sum.fill(0);
+      this.at = mark >= 0 ? EVERY * mark : 0;
+    }
+    for (; this.at < g; this.at++) {
+      if (this.at === EVERY * marks.length && marks.length * this.size < 2e7) marks.push(sum.slice());
+      for (let i = offset[this.at]; i < offset[this.at + 1]; i++) sum[index[i]] += value[i];
+    }
+    return sum;
+  }
+}
+
+// ------------------------------------------------------------------------------------ packing
+
+const ARRAYS = { int8: Int8Array, uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array,
+  int32: Int32Array, float32: Float32Array, float64: Float64Array };
+
+export const bytesOf = (base64) => Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));
+
+/** The header and the columns of what `packing.pack` wrote. */
+export async function unpack(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const raw = new Uint8Array(await new Response(stream).arrayBuffer());
+  const length = new DataView(raw.buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(raw.subarray(4, 4 + length)));
+  const columns = {};
+  let at = 4 + length;
+  for (const [name, type, n] of header.columns) {
+    const array = new ARRAYS[type](n), width = array.BYTES_PER_ELEMENT, out = new Uint8Array(array.buffer);
+    for (let b = 0; b < width; b++) for (let i = 0; i < n; i++) out[i * width + b] = raw[at++];
+    columns[name] = array;
+  }
+  return { header, columns };
+}
+
+// --------------------------------------------------------------------------- runs from outside
+
+/** A run that grows by packed pieces: from a file at once, from Python as it computes. */
+export class Recorded {
+  constructor(scene, cells, stage = scene.stages) {
+    this.scene = scene; this.stage = stage;
+    const L = this.lattice = new Lattice(scene.lattice);
+    this.kinds = L.kinds(cells, scene.sides);
+    this.C = scene.rule?.sense ? 2 * L.D : L.D;
+    this.spawn = new Int32Array(L.size); this.woken = new Uint8Array(L.size);
+    this.taken = new Log(new Uint32Array(256), new Float64Array(256));
+    this.alive = []; this.waits = []; this.agents = 0; this.generation = 0; this.born = [];
+    this.atRest = true; this.known = [];
+  }
+  append({ offset, delta, load, key = [], spawn = [], woken = [], ...totals }) {
+    const { taken } = this, first = this.generation;
+    for (let g = 0; g + 1 < offset.length; g++) {
+      let state = 0, sum = 0;
+      for (let i = offset[g]; i < offset[g + 1]; i++) { taken.push(state += delta[i], load[i]); sum += load[i]; }
+      taken.close(); this.waits.push(sum);
+    }
+    this.generation += offset.length - 1;
+    key.forEach((k, i) => {
+      this.spawn[k] = spawn[i]; this.woken[k] = woken[i]; this.known.push(k);
+      this.born[spawn[i]] = (this.born[spawn[i]] ?? 0) + 1;
+    });
+    for (let g = first + 1; g <= this.generation; g++) this.alive.push(this.agents += this.born[g] ?? 0);
+    if (totals.passed) this.finish(totals);
+    return this;
+  }
+  finish({ passed, dropped, returned }) {      // sums that are known only when the run is over
+    const { D } = this.lattice, last = (entries) => {
+      const log = new Log();
+      for (let g = 1; g < this.generation; g++) log.close();
+      for (const [index, value] of entries) if (value) log.push(index, value);
+      log.close();
+      return log;
+    };
+    this.passed = last(this.known.flatMap((k, i) => Array.from({ length: D }, (_, a) => [k * D + a, passed[i * D + a]])));
+    this.dropped = last(this.known.map((k, i) => [k, dropped[i]]));
+    if (returned) this.returned = last(this.known.map((k, i) => [k, returned[i]]));
+  }
+  run() { return this; }
+}

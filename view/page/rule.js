@@ -1,0 +1,338 @@
+// The prescribed rule, one generation at a time: the twin of kaju's LoadModel on arrays. The same
+// loads are made, judged and added up in the same order, so that loads exactly at γ end alike.
+import { AIR, RIGID, ROLLER, Lattice } from "./lattice.js";
+import { Log } from "./history.js";
+
+/** What an agent of a material keeps and passes on of 1 N. */
+export function sharesOf(rule, material, dimension) {
+  const { alpha, beta } = rule.materials?.[material.name] ?? rule;
+  const [own, forward, friction] = alpha ?? [0.5, 0.5, dimension === 2 ? 0.25 : 0.125];
+  return { own, forward, friction, poisson: (1 - beta) * material.poissons_ratio * own, beta };
+}
+
+/** Emissions by material and channel in flat columns; what boundaries make of a channel. */
+export class Transfer {
+  constructor(scene, lattice) {
+    const { D } = lattice, sense = Boolean(scene.rule.sense);
+    this.C = sense ? 2 * D : D;
+    this.shares = scene.materials.map((m) => sharesOf(scene.rule, m, lattice.dimension));
+    const rows = this.shares.flatMap((s) => Array.from({ length: this.C }, (_, c) =>
+      emissionsOf(lattice, s, c)));
+    this.most = Math.max(1, ...rows.map((row) => row.length));
+    const column = (Type, n) => Type.from(rows.flatMap((row) =>
+      Array.from({ length: this.most }, (_, e) => (row[e] ? row[e][n] : 0))));
+    this.arm = column(Int8Array, 0); this.channel = column(Int8Array, 1);
+    this.share = column(Float64Array, 2);
+    this.distinct = [...new Set(this.share)];
+    this.number = Int32Array.from(this.share, (x) => this.distinct.indexOf(x));
+    const emitted = rows.map((row) => row.reduce((sum, e) => sum + e[2], 0));
+    this.emitted = this.shares.map((_, m) => Math.max(...emitted.slice(m * this.C, (m + 1) * this.C)));
+    this.largest = this.share.reduce((a, b) => Math.max(a, b), 0);
+    this.turned = { [AIR]: [], [RIGID]: [], [ROLLER]: [] };
+    for (const kind of [AIR, RIGID, ROLLER]) for (let arm = 0; arm < D; arm++) {
+      this.turned[kind].push(Int8Array.from({ length: this.C }, (_, c) => turn(lattice, kind, arm, c, sense)));
+    }
+  }
+}
+
+function emissionsOf({ D, opposite, beside }, shares, channel) {
+  const pull = channel >= D, d = pull ? channel - D : channel, list = [];
+  list.push([pull ? opposite[d] : d, channel, shares.forward]);
+  for (const [arm, friction, poisson] of beside[d]) {
+    list.push([arm, channel, shares.friction * friction]);
+    list.push([arm, pull ? opposite[arm] + D : arm, shares.poisson * poisson]);
+  }
+  return list.filter((emission) => emission[2] > 0);
+}
+
+function turn({ D, opposite, mirrored }, kind, arm, channel, sense) {
+  const pull = channel >= D ? D : 0, d = channel - pull;
+  if (kind === RIGID) return opposite[d] + pull;
+  if (kind === ROLLER) return mirrored[arm][d] + pull;
+  const along = sense && (pull ? opposite[d] : d) === arm;
+  return along ? (pull ? d : d + D) : channel;
+}
+
+/** A force as loads along the lattice's directions: [direction, magnitude]. */
+export function splitForce(lattice, force) {
+  if (!lattice.hexagon) return force.flatMap((f, a) => (f ? [[2 * a + (f > 0 ? 1 : 0), Math.abs(f)]] : []));
+  const full = 2 * Math.PI, angle = (Math.atan2(force[1], force[0]) % full + full) % full;
+  const sector = Math.min(Math.floor(angle / (Math.PI / 3)), 5), rest = angle - sector * (Math.PI / 3);
+  const size = Math.hypot(...force) / Math.sin(Math.PI / 3), next = (sector + 1) % 6;
+  return [[sector, size * Math.sin(Math.PI / 3 - rest)], [next, size * Math.sin(rest)]]
+    .sort((a, b) => a[0] - b[0]).filter((load) => load[1] !== 0);
+}
+
+/** The loads of a stage: [key, channel, magnitude], in the order of kaju's `applied`. */
+export function appliedLoads(scene, lattice, kinds, stage = scene.stages) {
+  const loads = [];
+  for (const load of scene.loads) {
+    const factor = Math.min(1, stage / load.steps), k = lattice.key(load.cell);
+    if (kinds[k] < 0) continue;
+    for (const [d, magnitude] of splitForce(lattice, load.force.map((f) => factor * f))) {
+      loads.push([k, d + (scene.rule.sense && pulls(lattice, load, d) ? lattice.D : 0), magnitude]);
+    }
+  }
+  return loads;
+}
+
+function pulls(lattice, load, direction) {     // a force that points out of the body pulls
+  if (load.sense) return load.sense === "pull";
+  return load.face >= 0 && direction === load.face;
+}
+
+const MAGNITUDES = 2 ** 20;                    // so many different magnitudes may travel at once
+
+/** Loads on their way, merged: equal ones are counted (one by one), or all are added up. */
+class Post {
+  constructor(states, accumulate) {
+    this.accumulate = accumulate;
+    if (accumulate) {
+      this.sum = new Float64Array(states); this.bits = new Uint8Array(states);
+      this.met = new Uint8Array(states); this.list = new Int32Array(1024);
+    } else this.room(4096);
+    this.clear();
+  }
+  clear() {
+    if (this.accumulate) for (let i = 0; i < this.n; i++) this.met[this.list[i]] = 0;
+    else { this.table.fill(-1); this.known = new Map(); this.values = []; }
+    this.n = 0;
+  }
+  room(size) {                                 // columns, and a hash table four times as long
+    const { code, copies, bits, n = 0 } = this;
+    this.code = new Float64Array(size); this.copies = new Float64Array(size); this.bits = new Uint8Array(size);
+    this.table = new Int32Array(4 * size).fill(-1); this.mask = 4 * size - 1;
+    if (!code) return;
+    this.code.set(code); this.copies.set(copies); this.bits.set(bits);
+    for (let i = 0; i < n; i++) this.table[this.slot(this.code[i])] = i;
+  }
+  slot(code) {
+    const high = Math.floor(code / MAGNITUDES), low = code - high * MAGNITUDES;
+    let slot = (Math.imul(high, 0x9E3779B1) ^ Math.imul(low, 0x85EBCA6B)) >>> 5 & this.mask, at;
+    while ((at = this.table[slot]) >= 0 && this.code[at] !== code) slot = slot + 1 & this.mask;
+    return slot;
+  }
+  number(value) {
+    let id = this.known.get(value);
+    if (id === undefined) { this.known.set(value, id = this.values.length); this.values.push(value); }
+    return id;
+  }
+  add(state, id, amount, bits) {               // amount: copies, or newtons when added up
+    if (this.accumulate) {
+      if (!this.met[state]) {
+        this.met[state] = 1; this.sum[state] = 0; this.bits[state] = 0;
+        if (this.n === this.list.length) { const l = new Int32Array(2 * this.n); l.set(this.list); this.list = l; }
+        this.list[this.n++] = state;
+      }
+      this.sum[state] += amount; this.bits[state] |= bits;
+      return;
+    }
+    const code = state * MAGNITUDES + id;
+    let slot = this.slot(code), at = this.table[slot];
+    if (at < 0) {
+      if (this.n === this.code.length) { this.room(2 * this.n); slot = this.slot(code); }
+      this.table[slot] = at = this.n++;
+      this.code[at] = code; this.copies[at] = amount; this.bits[at] = bits;
+    } else { this.copies[at] += amount; this.bits[at] |= bits; }
+  }
+  /** Rows sorted by state, those above γ; what ends goes to `quiet(newtons)`. */
+  judged(threshold, quiet) {
+    const { accumulate, n } = this;
+    const order = accumulate ? this.list.slice(0, n).sort() : this.code.slice(0, n).sort();
+    const rows = { n: 0, state: new Int32Array(n), number: new Int32Array(n), magnitude: new Float64Array(n),
+      copies: new Float64Array(n), bits: new Uint8Array(n), values: accumulate ? 0 : this.values.length };
+    for (let i = 0; i < n; i++) {
+      let state = order[i], id = 0, value, copies = 1, bits;
+      if (accumulate) { value = this.sum[state]; bits = this.bits[state]; } else {
+        const at = this.table[this.slot(order[i])];
+        state = Math.floor(order[i] / MAGNITUDES); id = order[i] - state * MAGNITUDES;
+        value = this.values[id]; copies = this.copies[at]; bits = this.bits[at];
+      }
+      if (!(value > threshold)) { quiet(value * copies); continue; }
+      const r = rows.n++;
+      rows.state[r] = state; rows.number[r] = id; rows.magnitude[r] = value;
+      rows.copies[r] = copies; rows.bits[r] = bits;
+    }
+    return rows;
+  }
+}
+
+/** A run of the prescribed rule in the page. */
+export class Twin {
+  constructor(scene, cells, stage = scene.stages) {
+    this.scene = scene; this.stage = stage;
+    this.lattice = new Lattice(scene.lattice);
+    this.kinds = this.lattice.kinds(cells, scene.sides);
+    this.transfer = new Transfer(scene, this.lattice);
+    const { lattice: { size, D }, transfer: { C } } = this, { accumulate } = scene.rule;
+    Object.assign(this, { C, generation: 0, applied: 0, quiet: 0, pending: 0, agents: 0 });
+    this.spawn = new Int32Array(size); this.woken = new Uint8Array(size);
+    this.taken = new Log(); this.passed = new Log(); this.dropped = new Log(); this.returned = new Log();
+    this.given = new Log();                    // by boundary cell
+    this.ends = []; this.alive = []; this.waits = [];
+    this.post = new Post(size * C, accumulate);
+    this.leaving = accumulate ? new Post(size * D * C, true) : null;
+    this.sums = { passed: new Tally(size * D), dropped: new Tally(size), returned: new Tally(size), given: new Tally(size) };
+    for (const [k, channel, magnitude] of appliedLoads(scene, this.lattice, this.kinds, stage)) {
+      this.applied += magnitude;
+      this.post.add(k * C + channel, accumulate ? 0 : this.post.number(magnitude), accumulate ? magnitude : 1, 0);
+    }
+    this.arrive();
+  }
+  get atRest() { return this.waiting.n === 0; }
+  get grown() { return this.pending > 1e12 * this.applied; }
+
+  step() {
+    if (this.atRest) return false;
+    this.generation++;
+    const quiet = this.quiet;
+    this.take();
+    this.post.clear(); this.leaving?.clear();
+    this.emit();
+    if (this.leaving) this.giveBack();
+    for (const name of ["passed", "dropped", "returned", "given"]) this.sums[name].close(this[name]);
+    this.arrive();
+    this.ends.push(this.quiet - quiet); this.alive.push(this.agents);
+    return true;
+  }
+  take() {                                     // sums by cell and channel
+    const { n, state, magnitude, copies } = this.waiting;
+    this.waits.push(this.pending);
+    for (let i = 0; i < n;) {
+      const s = state[i]; let sum = 0;
+      for (; i < n && state[i] === s; i++) sum += magnitude[i] * copies[i];
+      this.taken.push(s, sum);
+    }
+    this.taken.close();
+    this.agents = this.woke;
+  }
+  emit() {                                     // emission by emission, as kaju does
+    const { lattice: L, transfer: T, kinds, C, waiting: w, post, sums } = this, { D } = L;
+    const { accumulate, threshold } = this.scene.rule, least = accumulate ? 0 : threshold;
+    const products = accumulate ? null : new Int32Array(T.distinct.length * w.values).fill(-1);
+    for (let e = 0; e < T.most; e++) for (let i = 0; i < w.n; i++) {
+      const s = w.state[i], k = Math.floor(s / C), at = (kinds[k] * C + s - k * C) * T.most + e;
+      const out = T.share[at] * w.magnitude[i], load = out * w.copies[i];
+      if (load === 0) continue;
+      if (!(out > least)) { sums.dropped.add(k, load); this.quiet += load; continue; }
+      const arm = T.arm[at], channel = T.channel[at], to = L.neighbour(k, arm), kind = kinds[to];
+      sums.passed.add(k * D + arm, load);
+      if (accumulate) {
+        if (kind < 0) this.leaving.add((k * D + arm) * C + channel, 0, load, 0);
+        else post.add(to * C + channel, 0, load, 1 << L.opposite[arm]);
+        continue;
+      }
+      const p = T.number[at] * w.values + w.number[i];
+      const id = products[p] >= 0 ? products[p] : products[p] = post.number(out);
+      if (kind >= 0) post.add(to * C + channel, id, w.copies[i], 1 << L.opposite[arm]);
+      else this.back(k, arm, channel, id, w.copies[i], load);
+    }
+  }
+  giveBack() {                                 // added up: boundaries judge what has met there
+    const { lattice: { D }, C } = this;
+    const rows = this.leaving.judged(this.scene.rule.threshold, (load) => { this.quiet += load; });
+    for (let i = 0; i < rows.n; i++) {
+      const place = Math.floor(rows.state[i] / C), k = Math.floor(place / D);
+      this.back(k, place - k * D, rows.state[i] - place * C, 0, rows.magnitude[i], rows.magnitude[i]);
+    }
+  }
+  back(k, arm, channel, id, amount, load) {
+    const to = this.lattice.neighbour(k, arm);
+    this.sums.given.add(to, load); this.sums.returned.add(k, load);
+    this.post.add(k * this.C + this.transfer.turned[this.kinds[to]][arm][channel], id, amount, 0);
+  }
+  arrive() {                                   // judge what met, and wake agents for the rest
+    const { C } = this, rows = this.post.judged(this.scene.rule.threshold, (load) => { this.quiet += load; });
+    const born = this.generation + 1;
+    this.woke = this.agents; this.pending = 0;
+    for (let i = 0; i < rows.n; i++) {
+      const k = Math.floor(rows.state[i] / C);
+      if (!this.spawn[k]) { this.spawn[k] = born; this.woke++; }
+      if (this.spawn[k] === born) this.woken[k] |= rows.bits[i];
+      this.pending += rows.magnitude[i] * rows.copies[i];
+    }
+    this.waiting = rows;
+  }
+  /** Step until at rest, grown out of all bounds, `most` generations or `budget` ms are over. */
+  run(most = 10000, budget = Infinity) {
+    const until = performance.now() + budget;
+    while (this.generation < most && !this.atRest && !this.grown && performance.now() < until) this.step();
+    return this;
+  }
+}
+
+/** Sums of one generation by index, which go into a log when it is over. */
+class Tally {
+  constructor(size) { this.sum = new Float64Array(size); this.met = new Int32Array(64); this.n = 0; }
+  add(index, load) {
+    if (this.sum[index] === 0) {
+      if (this.n === this.met.length) { const m = new Int32Array(2 * this.n); m.set(this.met); this.met = m; }
+      this.met[this.n++] = index;
+    }
+    this.sum[index] += load;
+  }
+  close(log) {
+    for (let i = 0; i < this.n; i++) { const k = this.met[i]; log.push(k, this.sum[k]); this.sum[k] = 0; }
+    this.n = 0; log.close();
+  }
+}
+
+// ------------------------------------------------------------------------------- certificate
+
+/** Will the loads end? The twin of kaju.stability: bounds, generations, and why not. */
+export function certify(scene, cells) {
+  const lattice = new Lattice(scene.lattice), transfer = new Transfer(scene, lattice);
+  const { emitted, largest } = transfer, { accumulate, threshold } = scene.rule;
+  const kinds = lattice.kinds(cells, scene.sides);
+  let lower = Math.min(...emitted), upper = Math.max(...emitted);
+  if (lower < upper) [lower, upper] = boundRadius(lattice, transfer, kinds);
+  const loads = appliedLoads(scene, lattice, kinds).map((load) => load[2]);
+  const load = accumulate ? loads.reduce((a, b) => a + b, 0) : Math.max(0, ...loads);
+  const generations = endsWithin(load, accumulate ? upper : largest, threshold);
+  const worst = emitted.indexOf(Math.max(...emitted)), shares = transfer.shares[worst];
+  return { lower, upper, largest, generations, stable: generations !== null,
+    ...remedies(lattice, shares), name: scene.materials[worst].name };
+}
+
+function endsWithin(load, decay, threshold) {
+  if (load <= threshold) return 0;
+  if (decay >= 1) return null;
+  if (decay === 0) return 1;
+  return Math.floor(Math.log(threshold / load) / Math.log(decay) * (1 + 1e-12)) + 1;
+}
+
+function remedies({ hexagon, dimension }, { forward, friction, poisson }) {
+  const beside = 2 * (dimension - 1);
+  const sideways = hexagon ? 2 * friction + 3 * poisson : beside * (friction + poisson);
+  return { forward: 1 - sideways, friction: (1 - forward - (sideways - beside * friction)) / beside };
+}
+
+/** Bounds of Collatz and Wielandt on the spectral radius, by power iteration on Tᵀ. */
+function boundRadius(lattice, { C, most, arm, channel, share, turned }, kinds) {
+  const body = [], slot = new Int32Array(lattice.size).fill(-1);
+  for (let k = 0; k < kinds.length; k++) if (kinds[k] >= 0) { slot[k] = body.length; body.push(k); }
+  const size = body.length * C, target = new Int32Array(size * most), weight = new Float64Array(size * most);
+  for (let b = 0, i = 0; b < body.length; b++) for (let c = 0; c < C; c++) for (let e = 0; e < most; e++, i++) {
+    const at = (kinds[body[b]] * C + c) * most + e, to = lattice.neighbour(body[b], arm[at]);
+    weight[i] = share[at];
+    target[i] = kinds[to] >= 0 ? slot[to] * C + channel[at] : b * C + turned[kinds[to]][arm[at]][channel[at]];
+  }
+  let x = new Float64Array(size).fill(1), image = new Float64Array(size), lower = 0, upper = Infinity;
+  for (let n = 0; n < 2000; n++) {
+    let least = Infinity, greatest = 0;
+    for (let s = 0, i = 0; s < size; s++) {
+      let sum = 0;
+      for (let e = 0; e < most; e++, i++) sum += weight[i] * x[target[i]];
+      image[s] = sum;
+      const ratio = sum / x[s];
+      if (ratio < least) least = ratio;
+      if (ratio > greatest) greatest = ratio;
+    }
+    lower = Math.max(lower, least); upper = Math.min(upper, greatest);
+    if (upper - lower <= 1e-9 * upper) break;
+    let top = 0;
+    for (let s = 0; s < size; s++) { image[s] += 0.5 * upper * x[s]; if (image[s] > top) top = image[s]; }
+    for (let s = 0; s < size; s++) x[s] = Math.max(image[s] / top, 1e-200);
+  }
+  return [lower, upper];
+}

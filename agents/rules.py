@@ -59,6 +59,10 @@ class Coefficients:
         if not 0.0 <= self.beta <= 1.0:
             raise ParameterError(f"beta: must lie between 0 and 1, got {self.beta}")
 
+    def alpha_in(self, dimension: int) -> tuple[float, float, float]:
+        """Return α₁, α₂ and α₃, also where they are left to the dimension."""
+        return self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
+
     def shares(self, material: Material, dimension: int, sense: bool = False) -> Shares:
         """Return what an agent of `material` keeps and passes on.
 
@@ -71,7 +75,7 @@ class Coefficients:
         sense : bool
             Whether loads can pull, as a blocked expansion does where ν < 0.
         """
-        own, forward, friction = self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
+        own, forward, friction = self.alpha_in(dimension)
         poisson = (1.0 - self.beta) * material.poissons_ratio * own
         if poisson < 0.0 and not sense:
             raise ParameterError(

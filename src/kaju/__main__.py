@@ -11,7 +11,14 @@ import typer
 from kaju import __version__
 from kaju.errors import KajuError
 
-from . import commands_compare, commands_look, commands_run, commands_scene, commands_stress
+from . import (
+    commands_compare,
+    commands_look,
+    commands_run,
+    commands_scene,
+    commands_stress,
+    commands_sweep,
+)
 
 app = typer.Typer(
     help="Agents that carry load through a body.",
@@ -30,6 +37,7 @@ for _verb in (
     commands_compare.compare,
     commands_compare.bench,
     commands_stress.stress,
+    commands_sweep.sweep,
     commands_scene.materials,
 ):
     app.command()(_verb)

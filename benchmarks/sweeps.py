@@ -100,7 +100,7 @@ def times(runs: int) -> None:
         finally:
             client.close()  # type: ignore[attr-defined]
             for process in reversed(started):
-                process.terminate()
+                process.kill()
                 process.wait()
     base = best["loop"]
     print(f"{runs} runs, {base[1] / runs * 1e3:.2f} ms of processor time each")

@@ -58,7 +58,7 @@ def dask(folder):
             yield client
     finally:
         for process in reversed(started):
-            process.terminate()
+            process.kill()  # asked to end, they wait for one another
         for process in started:
             process.wait(30)
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from kaju.agents.rules import Coefficients
     from kaju.model.propagation.stage import Stage
     from kaju.model.scene import Scene
+    from kaju.model.scene.sides import SideCondition
 
 Columns = dict[str, NDArray[Any]]
 
@@ -53,12 +54,21 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
             }
             for material in scene.cell_materials
         ],
-        "sides": {side: scene.side_condition(side).kind for side in lattice.sides},
+        "sides": {side: _side(scene.side_condition(side)) for side in lattice.sides},
         "rule": _rule(scene),
         "stages": scene.stages,
         "loads": _loads(scene),
     }
     return data, {"cells": scene.rasterise().astype(np.int8)}
+
+
+def _side(condition: SideCondition) -> str | dict[str, Any]:
+    """Return a side as a scene file writes it."""
+    if condition.stiffness is not None:
+        return {"stiffness": condition.stiffness}
+    if condition.displacement is not None:
+        return {"displacement": list(condition.displacement)}
+    return condition.kind
 
 
 def _rule(scene: Scene) -> dict[str, Any]:

@@ -1,0 +1,188 @@
+"""Linear elasticity in the page is `kaju.solve` in JavaScript."""
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju.errors import SceneError
+from kaju.view.page.scene_data import scene_data
+
+ANSWER = """
+import { elasticAnswer } from "./elastic.js";
+const rounded = (field) => Array.from(field, (v) => (Number.isNaN(v) ? null : v));
+tell(data.map(({ scene, cells }) => {
+  try {
+    const a = elasticAnswer(scene, Int8Array.from(cells), scene.loads);
+    return { displacement: a.displacement.map(rounded), stress: a.stress.map(rounded),
+      subdivision: a.subdivision, iterations: a.iterations };
+  } catch (error) { return { error: error.message }; }
+}));
+"""
+BEST_OF_THREE = """
+import { elasticAnswer } from "./elastic.js";
+tell(data.map(({ scene, cells }) => {
+  const c = Int8Array.from(cells), spent = [];
+  for (let k = 0; k < 3; k++) {
+    const before = process.cpuUsage();
+    elasticAnswer(scene, c, scene.loads);
+    const { user, system } = process.cpuUsage(before);
+    spent.push((user + system) / 1e6);
+  }
+  return Math.min(...spent);
+}));
+"""
+MATERIALS = {
+    "hard": {"youngs_modulus": 2e11, "poissons_ratio": 0.3},
+    "soft": {"youngs_modulus": 3e8, "poissons_ratio": 0.45},
+    "foam": {"youngs_modulus": 5e7, "poissons_ratio": -0.2},
+}
+SIDES = ["left", "right", "bottom", "top"]
+
+
+def described(scene):
+    data, columns = scene_data(scene)
+    return {"scene": data, "cells": columns["cells"].ravel().tolist()}
+
+
+def random_scene(rng):
+    shape = tuple(int(n) for n in rng.integers(3, 26, 2))
+    kinds = rng.choice([0, 1, 2, 3, 4], size=shape, p=[0.06, 0.6, 0.2, 0.1, 0.04])
+    if rng.random() < 0.4:  # blocks, so that some bodies have wide walls
+        coarse = rng.choice(
+            [0, 1, 2, 4], size=[-(-n // 3) for n in shape], p=[0.12, 0.6, 0.23, 0.05]
+        )
+        kinds = np.kron(coarse, np.ones((3, 3), int))[: shape[0], : shape[1]]
+    if rng.random() < 0.3:
+        kinds[:] = 1
+    sides = {}
+    for name in SIDES:
+        choice = rng.random()
+        sides[name] = "free"
+        if choice < 0.15:
+            sides[name] = "roller"
+        elif choice < 0.3:
+            sides[name] = {"stiffness": float(10.0 ** rng.uniform(9, 13))}
+        elif choice < 0.4:
+            sides[name] = {"displacement": (1e-6 * rng.normal(size=2)).tolist()}
+        elif choice < 0.5:
+            sides[name] = "rigid"
+    if rng.random() < 0.8:
+        sides[str(rng.choice(["bottom", "left"]))] = "rigid"
+    solid = np.argwhere((kinds > 0) & (kinds < 4))
+    loads = []
+    for cell in solid[rng.choice(len(solid), min(4, len(solid)), replace=False)].tolist():
+        force = (rng.normal(size=2) * rng.choice([0.0, 1.0, 100.0], size=2)).tolist()
+        load = {"cell": cell, "force": force}
+        if rng.random() < 0.8:
+            load["side"] = str(rng.choice(SIDES))
+        if any(force):
+            loads.append(load)
+    return kaju.Scene(
+        body={
+            "array": kinds,
+            "cell_size": 0.01,
+            "thickness": 0.003,
+            "plane": str(rng.choice(["stress", "strain"])),
+            "allow_floating": True,
+        },
+        legend={"0": "air", "1": "hard", "2": "soft", "3": "foam", "4": "rigid"},
+        materials=MATERIALS,
+        sides=sides,
+        loads=loads,
+    )
+
+
+def scenes(seed, count):
+    rng, found = np.random.default_rng(seed), []
+    while len(found) < count:
+        try:
+            found.append(random_scene(rng))
+        except SceneError:
+            continue  # a load on a side of a cell that is no surface
+    return found
+
+
+def compare(scene, answer, within):
+    result = kaju.solve(scene, tolerance=1e-13, strategy="uniform")
+    assert answer.get("error") is None, answer
+    k = result.subdivision
+    assert answer["subdivision"] == k
+    rim = tuple(n + 2 for n in scene.lattice.shape)
+    lower = np.array(result.origin) // k
+
+    def expected(field):
+        whole = np.full([k * n for n in rim], np.nan)
+        start = np.array(result.origin) + k
+        whole[tuple(slice(a, a + n) for a, n in zip(start, field.shape, strict=True))] = field
+        return whole.reshape(rim[0], k, rim[1], k).mean(axis=(1, 3))
+
+    assert (lower >= 0).all()
+    truth = [expected(result.cell_displacement[..., a]) for a in range(2)]
+    stress = [expected(result.stress[..., a, b]) for a, b in ((0, 0), (1, 1), (0, 1))]
+    for wanted, given in ((truth, answer["displacement"]), (stress, answer["stress"])):
+        scale = max(np.nanmax(np.abs(field)) for field in wanted)
+        for field, column in zip(wanted, given, strict=True):
+            own = np.array(column, dtype=float).reshape(rim)
+            np.testing.assert_array_equal(np.isnan(own), np.isnan(field))
+            np.testing.assert_allclose(own, field, rtol=0.0, atol=within * scale)
+
+
+def test_random_bodies_move_and_bear_as_kaju_says(node):
+    """Fifty that kaju solves, and what it refuses the page refuses too."""
+    given = scenes(7, 60)
+    answers = node(ANSWER, [described(scene) for scene in given])
+    solved = refused = 0
+    for scene, answer in zip(given, answers, strict=True):
+        try:
+            compare(scene, answer, within=1e-9)
+            solved += 1
+        except SceneError:
+            assert answer.get("error"), "kaju refuses this body"
+            refused += 1
+    assert solved >= 50
+    assert refused >= 1
+
+
+def plate(cells, **changes):
+    return kaju.Scene(
+        **{
+            "body": {"size": [0.2, 0.2], "cells": [cells, cells], "material": "steel"}
+            | {"thickness": 0.002},
+            "sides": {"bottom": "rigid"},
+            "loads": [{"cell": [cells // 2, cells - 1], "force": [0.3, -2.0], "side": "top"}],
+        }
+        | changes
+    )
+
+
+def test_large_and_nearly_incompressible_bodies_agree(node):
+    rubber = {"body": {"size": [0.2, 0.2], "cells": [40, 40], "material": "gum", "plane": "strain"}}
+    rubber |= {"materials": {"gum": {"youngs_modulus": 1e6, "poissons_ratio": 0.49}}}
+    rubber["body"] |= {"thickness": 0.002}
+    given = [plate(90), plate(40, **rubber)]
+    for scene, answer in zip(given, node(ANSWER, list(map(described, given))), strict=True):
+        compare(scene, answer, within=1e-9)
+
+
+def test_a_body_held_by_nothing_is_refused_in_words(node):
+    answers = node(
+        ANSWER,
+        [
+            described(plate(6, sides={"left": "roller", "right": "roller"})),
+            described(kaju.load_scene("examples/honeycomb.toml")),
+            described(kaju.load_scene("examples/cube.toml")),
+        ],
+    )
+    assert "held by nothing" in answers[0]["error"]
+    assert "squares" in answers[1]["error"]
+    assert "squares" in answers[2]["error"]
+
+
+def test_iterations_do_not_grow_with_the_body(node):
+    counts = [a["iterations"] for a in node(ANSWER, [described(plate(n)) for n in (20, 60, 160)])]
+    assert max(counts) <= 20
+
+
+@pytest.mark.slow
+def test_forty_thousand_cells_take_less_than_a_second(node):
+    assert node(BEST_OF_THREE, [described(plate(200))])[0] < 1.0

@@ -1,0 +1,604 @@
+// Linear elasticity on the staggered grid: the twin of kaju.solve on a scene's own square cells.
+//
+// Unknown is the normal displacement of every face. A cell's stretches follow from its own four
+// faces, the shear at a corner from the four faces round it; stiffness is the second derivative of
+// their energy. Solved by conjugate gradients with one multigrid cycle a step: a parent's stiffness
+// is what its children's feel when they follow it (Galerkin), so that holes, odd outlines and great
+// contrasts need no special case. Lengths are in cells, moduli in the largest Young's modulus.
+
+const [_AIR, _RIGID, _ROLLER, _BED] = [-1, -2, -3, -4];
+const [ABSENT, FIXED, ACTIVE] = [0, 1, 2];     // no body beside a face; its place is given; it is free
+const REENTRANT = 0.5;                         // share of its shear that a corner with one air cell keeps
+const COARSEST = 300, SWEEPS = 2, MOST_ITERATIONS = 3000, TOLERANCE = 1e-13, ENOUGH = 1e-9;
+
+/**
+ * Displacement (m) and stress (Pa) of a scene of squares as linear elasticity.
+ * Returns {displacement: [ux, uy], stress: [sxx, syy, sxy], seconds, iterations, subdivision},
+ * arrays by cell key, NaN where there is no body. Members one cell wide carry no shear: then the
+ * cells are halved, and the answer is the mean of each cell's children.
+ */
+export function elasticAnswer(scene, cells, loads) {
+  const start = performance.now(), { kind, shape: [nx, ny] } = scene.lattice;
+  if (kind !== "square") throw new Error("The elastic answer is for bodies of squares.");
+  if (!cells.some((c) => c >= 0)) throw new Error("There is no body.");
+  let grid = new StaggeredGrid(scene, cells, loads), k = 1;
+  if (grid.isSlender()) {
+    k = 2;
+    grid = new StaggeredGrid(...halved(scene, cells, loads));
+    if (grid.isSlender()) throw new Error("A part of the body is too thin to carry shear.");
+  }
+  grid.checkSupports();
+  const { u, iterations } = grid.solve(), fine = grid.answer(u), Y = ny + 2;
+  const mean = (field) => {
+    const values = new Float64Array((nx + 2) * Y).fill(NaN);
+    for (let x = 0; x < nx; x++) for (let y = 0; y < ny; y++) {
+      let sum = 0;
+      for (let a = 0; a < k; a++) for (let b = 0; b < k; b++)
+        sum += field[(k * x + a + 1) * grid.Y + k * y + b + 1];
+      values[(x + 1) * Y + y + 1] = sum / (k * k);
+    }
+    return values;
+  };
+  return { displacement: fine.displacement.map(mean), stress: fine.stress.map(mean),
+    seconds: (performance.now() - start) / 1000, iterations, subdivision: k };
+}
+
+/** The same body and loads on cells half as large. */
+function halved(scene, cells, loads) {
+  const [nx, ny] = scene.lattice.shape, fine = new Int8Array(4 * nx * ny), found = [];
+  for (let x = 0; x < 2 * nx; x++) for (let y = 0; y < 2 * ny; y++)
+    fine[2 * ny * x + y] = cells[ny * (x >> 1) + (y >> 1)];
+  for (const { cell: [x, y], force, face } of loads)
+    for (const a of [0, 1]) for (const b of [0, 1]) {
+      if (face >= 0 && [a, b][face >> 1] !== (face & 1)) continue;
+      const share = face >= 0 ? 0.5 : 0.25;
+      found.push({ cell: [2 * x + a, 2 * y + b], force: force.map((f) => share * f), face });
+    }
+  const lattice = { ...scene.lattice, shape: [2 * nx, 2 * ny], cell_size: scene.lattice.cell_size / 2 };
+  return [{ ...scene, lattice }, fine, found];
+}
+
+/** A body on its faces: first those normal to x, then those normal to y, each with a rim. */
+class StaggeredGrid {
+  constructor({ lattice, thickness, plane, materials, sides }, cells, loads) {
+    const [nx, ny] = lattice.shape;
+    this.X = nx + 2, this.Y = ny + 2, this.h = lattice.cell_size;
+    this.first = (this.X + 1) * this.Y;          // where the faces normal to y begin
+    this.size = this.first + this.X * (this.Y + 1);
+    this.kinds = new Int8Array(this.X * this.Y).fill(_AIR);
+    for (let x = 0; x < nx; x++) for (let y = 0; y < ny; y++)
+      this.kinds[(x + 1) * this.Y + y + 1] = cells[x * ny + y];
+    this.used = materials.filter((_, m) => materials.length === 1 || cells.includes(m));
+    this.unit = Math.max(...this.used.map((m) => m.youngs_modulus));
+    this.scale = 1 / (this.unit * thickness);    // metres a newton of scaled displacement
+    this.thickness = thickness;
+    this.law = materials.map((m) => moduliOf(m.youngs_modulus / this.unit, m.poissons_ratio, plane));
+    this.fixed = new Float64Array(this.size), this.spring = new Float64Array(this.size);
+    this.force = new Float64Array(this.size);
+    this.surfaceShear = new Float64Array((this.X + 1) * (this.Y + 1));
+    ["left", "right", "bottom", "top"].forEach((name, s) => this.layRim(s, sides[name]));
+    ["left", "right", "bottom", "top"].forEach((name, s) => this.holdSide(s, sides[name]));
+    this.findStates();
+    this.findCorners();
+    for (const load of loads) this.enter(load);
+  }
+
+  kind(i, j) { return i < 0 || j < 0 || i >= this.X || j >= this.Y ? _AIR : this.kinds[i * this.Y + j]; }
+  face(axis, i, j) { return axis ? this.first + i * (this.Y + 1) + j : i * this.Y + j; }
+  state(axis, i, j) {
+    const inside = i >= 0 && j >= 0 && i < this.X + (axis ? 0 : 1) && j < this.Y + (axis ? 1 : 0);
+    return inside ? this.states[this.face(axis, i, j)] : ABSENT;
+  }
+  eachFace(f) {
+    for (const axis of [0, 1])
+      for (let i = 0; i < this.X + 1 - axis; i++) for (let j = 0; j < this.Y + axis; j++) f(axis, i, j);
+  }
+
+  /** Say what lies beyond a side: a word, {stiffness} (N/m³) or {displacement} (m). */
+  layRim(side, condition = "free") {
+    const code = { free: _AIR, rigid: _RIGID, roller: _ROLLER }[condition]
+      ?? (condition.stiffness != null ? _BED : condition.displacement ? _RIGID : _AIR);
+    const last = side < 2 ? this.Y : this.X;
+    for (let k = 1; k < last - 1; k++) {
+      const [i, j] = side < 2 ? [side & 1 ? this.X - 1 : 0, k] : [k, side & 1 ? this.Y - 1 : 0];
+      this.kinds[i * this.Y + j] = code;
+    }
+  }
+  holdSide(side, condition = "free") {
+    const axis = side >> 1, upper = side & 1, across = 1 - axis;
+    const line = (component, at, f) => {         // every face of a component on a line along the side
+      const count = (axis ? this.X : this.Y) + (component === across ? 1 : 0);
+      for (let k = 0; k < count; k++) f(axis ? this.face(component, k, at) : this.face(component, at, k), k);
+    };
+    const cells = axis ? this.Y : this.X;
+    if (condition.stiffness != null)
+      line(axis, upper ? cells - 1 : 1, (f) => { this.spring[f] = condition.stiffness * this.h / this.unit; });
+    if (!condition.displacement) return;
+    const moved = condition.displacement.map((d) => d / this.scale), inner = upper ? cells - 2 : 1;
+    line(axis, upper ? cells - 1 : 1, (f, k) => {
+      if (this.kind(...(axis ? [k, inner] : [inner, k])) !== _RIGID) this.fixed[f] = moved[axis];
+    });
+    line(across, upper ? cells - 1 : 0, (f) => { this.fixed[f] = moved[across]; });
+  }
+  findStates() {
+    this.states = new Int8Array(this.size);
+    this.eachFace((axis, i, j) => {
+      if (axis ? j === 0 || j === this.Y : i === 0 || i === this.X) return;
+      const a = this.kind(i - 1 + axis, j - axis), b = this.kind(i, j), body = a >= 0 || b >= 0;
+      const rigid = a === _RIGID || b === _RIGID, roller = a === _ROLLER || b === _ROLLER;
+      this.states[this.face(axis, i, j)] = rigid || (roller && body) ? FIXED : body ? ACTIVE : ABSENT;
+    });
+  }
+  /** Shear moduli of the corners: the harmonic mean of four cells, 0 beside air, twice μ at a wall. */
+  findCorners() {
+    this.shear = new Float64Array((this.X + 1) * (this.Y + 1));
+    for (let i = 0; i <= this.X; i++) for (let j = 0; j <= this.Y; j++) {
+      let total = 0, filled = 0, rigid = 0, air = 0;
+      for (let n = 0; n < 4; n++) {
+        const kind = this.kind(i - (n >> 1), j - (n & 1));
+        if (kind >= 0) { total += 1 / this.law[kind][2]; filled++; } else if (kind === _RIGID) rigid++;
+        else if (kind === _AIR) air++;
+      }
+      this.shear[i * (this.Y + 1) + j] = filled + rigid === 4 && filled ? 4 / total
+        : filled === 3 && air === 1 ? REENTRANT * 3 / total : 0;
+    }
+  }
+
+  /** Enter a force by a face of a cell, or in halves by its middle. */
+  enter({ cell: [x, y], force, face }) {
+    for (const axis of [0, 1]) {
+      if (!force[axis]) continue;
+      if (face >= 0 && face >> 1 !== axis) { this.drag(axis, face, [x + 1, y + 1], force[axis]); continue; }
+      for (const end of [0, 1]) {
+        const share = face < 0 ? 0.5 : +((face & 1) === end);
+        this.add(axis, shifted([x + 1, y + 1], axis, end), share * force[axis]);
+      }
+    }
+  }
+  add(axis, [i, j], value) { this.force[this.face(axis, i, j)] += value; }
+  /** Enter a force along a surface: it drags the faces below, and turns the surface's own. */
+  drag(axis, side, cell, value) {
+    const normal = side >> 1, upper = side & 1, beyond = shifted(cell, normal, 2 * upper - 1);
+    const free = [_AIR, _ROLLER, _BED].includes(this.kind(...beyond)), outward = 2 * upper - 1;
+    for (const end of [0, 1]) for (const layer of free ? [cell] : [cell, beyond])
+      this.add(axis, shifted(layer, axis, end), (free ? 0.5 : 0.25) * value);
+    if (!free) return;
+    for (const end of [0, 1]) {
+      const [i, j] = shifted(shifted(cell, axis, end), normal, upper);
+      this.surfaceShear[i * (this.Y + 1) + j] += 0.5 * outward * value;
+    }
+    this.couple(axis, normal, upper, cell, 0.5 * outward * value);
+  }
+  couple(axis, normal, upper, cell, moment) {
+    const surface = shifted(cell, normal, upper), running = [];
+    let lost = 0;
+    for (const step of [-1, 1]) {
+      const beside = shifted(surface, axis, step), runsOn = this.state(normal, ...beside) === ACTIVE;
+      const walled = !runsOn && this.kind(...shifted(cell, axis, step)) === _RIGID;
+      const there = runsOn ? 0.5 : walled ? 1 : 0;
+      this.add(normal, beside, -step * there * moment);
+      this.add(normal, surface, step * there * moment);
+      if (!runsOn && !walled) lost += 0.5 * moment;
+      if (runsOn) running.push([step, beside]);
+      const edge = edgeBelow(cell, axis, normal, upper, step);
+      if (walled && this.along(axis, normal, edge, FIXED)) this.tilt(axis, normal, edge, -0.5 * moment);
+    }
+    const left = lost ? this.makeUp(axis, normal, upper, cell, lost) : 0;
+    for (const [step, beside] of running) {
+      this.add(normal, beside, -step * left);
+      this.add(normal, surface, step * left);
+    }
+  }
+  along(component, across, edge, least) {
+    return this.state(component, ...shifted(edge, across, -1)) >= least && this.state(component, ...edge) >= least;
+  }
+  tilt(component, across, edge, moment) {
+    this.add(component, shifted(edge, across, -1), -moment);
+    this.add(component, edge, moment);
+  }
+  makeUp(axis, normal, upper, cell, moment) {
+    const edges = [-1, 1].map((step) => edgeBelow(cell, axis, normal, upper, step));
+    const turns = edges.map((edge) => this.along(axis, normal, edge, ACTIVE) && this.along(normal, axis, edge, ACTIVE));
+    const count = turns.filter(Boolean).length, below = this.kind(...shifted(cell, normal, 1 - 2 * upper));
+    const lifts = !count && (below >= 0 || below === _RIGID);
+    edges.forEach((edge, n) => {
+      if (lifts) this.tilt(axis, normal, edge, 0.5 * moment);
+      if (!turns[n]) return;
+      this.tilt(axis, normal, edge, 0.5 * moment / count);
+      this.tilt(normal, axis, edge, -0.5 * moment / count);
+    });
+    return lifts || count ? 0 : moment;
+  }
+
+  /** Every strain: f(stiffness, faces, signs); a cell's two stretches are one call with four faces. */
+  eachCell(f) {
+    for (let i = 1; i < this.X - 1; i++) for (let j = 1; j < this.Y - 1; j++) {
+      const kind = this.kinds[i * this.Y + j];
+      if (kind >= 0) f(i, j, this.law[kind], this.face(0, i, j), this.face(0, i + 1, j), this.face(1, i, j), this.face(1, i, j + 1));
+    }
+  }
+  eachCorner(f) {
+    for (let i = 1; i < this.X; i++) for (let j = 1; j < this.Y; j++) {
+      const shear = this.shear[i * (this.Y + 1) + j];
+      if (shear) f(i, j, shear, this.face(0, i, j - 1), this.face(0, i, j), this.face(1, i - 1, j), this.face(1, i, j));
+    }
+  }
+
+  /** Stiffness of the active faces, and their load with what the fixed ones bring. */
+  assemble() {
+    const number = new Int32Array(this.size).fill(-1);
+    let n = 0;
+    for (let f = 0; f < this.size; f++) if (this.states[f] === ACTIVE) number[f] = n++;
+    const columns = new Int32Array(9 * n).fill(-1), values = new Float64Array(9 * n), load = new Float64Array(n);
+    const put = (f, g, value) => {
+      const row = number[f], column = number[g];
+      if (row < 0) return;
+      if (column < 0) { load[row] -= value * this.fixed[g]; return; }
+      let at = 9 * row;
+      while (columns[at] >= 0 && columns[at] !== column) at++;
+      columns[at] = column;
+      values[at] += value;
+    };
+    const strain = (along, f, g, signed) => {      // along: stiffness of (g - f) with itself
+      put(f, f, along); put(g, g, along); put(f, g, -along); put(g, f, -along);
+    };
+    const mixed = (k, a, b, c, d) => {             // k (b - a)(d - c), both ways round
+      put(a, c, k); put(c, a, k); put(b, d, k); put(d, b, k);
+      put(a, d, -k); put(d, a, -k); put(b, c, -k); put(c, b, -k);
+    };
+    this.eachCell((i, j, [c11, c12], a, b, c, d) => { strain(c11, a, b); strain(c11, c, d); mixed(c12, a, b, c, d); });
+    this.eachCorner((i, j, m, a, b, c, d) => { strain(m, a, b); strain(m, c, d); mixed(m, a, b, c, d); });
+    for (let f = 0; f < this.size; f++) if (number[f] >= 0) {
+      if (this.spring[f]) put(f, f, this.spring[f]);
+      load[number[f]] += this.force[f];
+    }
+    return { number, load, matrix: packed(n, columns, values) };
+  }
+  solve() {
+    const { number, load, matrix } = this.assemble(), u = this.fixed.slice();
+    const { x, iterations } = conjugateGradients(matrix, load, new Multigrid(matrix, this));
+    for (let f = 0; f < this.size; f++) if (number[f] >= 0) u[f] = x[number[f]];
+    return { u, iterations };
+  }
+
+  /** Displacement of the cells' middles and stress of the cells, in SI, by key. */
+  answer(u) {
+    const fields = Array.from({ length: 5 }, () => new Float64Array(this.X * this.Y).fill(NaN));
+    const [ux, uy, sxx, syy, sxy] = fields, stress = 1 / (this.h * this.thickness);
+    const shear = this.surfaceShear.slice();
+    this.eachCorner((i, j, m, a, b, c, d) => { shear[i * (this.Y + 1) + j] += m * (u[b] - u[a] + u[d] - u[c]); });
+    this.eachCell((i, j, [c11, c12], a, b, c, d) => {
+      const key = i * this.Y + j, ex = u[b] - u[a], ey = u[d] - u[c], e = i * (this.Y + 1) + j;
+      ux[key] = 0.5 * this.scale * (u[a] + u[b]);
+      uy[key] = 0.5 * this.scale * (u[c] + u[d]);
+      sxx[key] = stress * (c11 * ex + c12 * ey);
+      syy[key] = stress * (c12 * ex + c11 * ey);
+      sxy[key] = 0.25 * stress * (shear[e] + shear[e + 1] + shear[e + this.Y + 1] + shear[e + this.Y + 2]);
+    });
+    return { displacement: [ux, uy], stress: [sxx, syy, sxy] };
+  }
+
+  /** Whether two cells that share a face could slide past each other. */
+  isSlender() {
+    const solid = (k) => k >= 0, rigid = (k) => k === _RIGID;
+    const corner = (i, j) => this.shear[i * (this.Y + 1) + j] > 0;
+    for (const axis of [0, 1]) for (let i = 0; i < this.X - 1 + axis; i++) for (let j = 0; j < this.Y - axis; j++) {
+      const [k, l] = [i + 1 - axis, j + axis], a = this.kind(i, j), b = this.kind(k, l), across = 1 - axis;
+      if (!((solid(a) && (solid(b) || rigid(b))) || (solid(b) && rigid(a)))) continue;
+      if (corner(k, l) || corner(k + axis, l + across)) continue;
+      const pinned = (kind, x, y) => rigid(kind) || this.state(across, x, y) !== ACTIVE
+        || this.state(across, x + 1 - across, y + across) !== ACTIVE;
+      if (!(pinned(a, i, j) && pinned(b, k, l))) return true;
+    }
+    return false;
+  }
+  /** Refuse a body of which a part could move without straining anything. */
+  checkSupports() {
+    const part = this.parts(), stops = [];
+    const stop = (p, row) => { (stops[p] ??= []).push(row); };
+    const motion = (axis, i, j) => (axis ? [0, 1, i + 0.5] : [1, 0, -(j + 0.5)]);
+    this.eachFace((axis, i, j) => {
+      const f = this.face(axis, i, j);
+      if (this.states[f] !== FIXED && !(this.spring[f] && this.states[f] === ACTIVE)) return;
+      for (const back of [0, 1]) {
+        const p = i - back * (1 - axis) >= 0 && j - back * axis >= 0
+          ? part[(i - back * (1 - axis)) * this.Y + j - back * axis] : 0;
+        if (p) stop(p, motion(axis, i, j));
+      }
+    });
+    this.eachCorner((i, j) => {
+      const row = [0, 0, 0];
+      let p = 0;
+      for (const axis of [0, 1]) for (const step of [-1, 0]) {
+        const [a, b] = shifted([i, j], 1 - axis, step);
+        if (this.state(axis, a, b) === FIXED) motion(axis, a, b).forEach((m, n) => { row[n] += (2 * step + 1) * m; });
+        for (const back of [0, -1]) {
+          const [x, y] = shifted([a, b], axis, back);
+          if (this.kind(x, y) >= 0) p = Math.max(p, part[x * this.Y + y]);
+        }
+      }
+      if (p && row.some(Boolean)) stop(p, row);
+    });
+    for (let p = 1; p <= part.count; p++)
+      if (freeMotion(stops[p] ?? [], this.X, this.Y))
+        throw new Error("A part of the body is held by nothing and could move: hold it by a rigid cell or side.");
+  }
+  /** Number the parts of the body that are joined by faces, from 1. */
+  parts() {
+    const part = new Int32Array(this.X * this.Y), { kinds, Y } = this;
+    part.count = 0;
+    for (let k = 0; k < kinds.length; k++) {
+      if (kinds[k] < 0 || part[k]) continue;
+      part[k] = ++part.count;
+      for (const heap = [k]; heap.length;) {
+        const at = heap.pop();
+        for (const next of [at - Y, at + Y, at - 1, at + 1])   // the rim is never body
+          if (kinds[next] >= 0 && !part[next]) { part[next] = part[k]; heap.push(next); }
+      }
+    }
+    return part;
+  }
+}
+
+function moduliOf(E, nu, plane) {
+  const shear = E / (2 * (1 + nu));
+  if (plane === "strain") {
+    if (nu >= 0.5) throw new Error("In plane strain Poisson's ratio stays below 0.5.");
+    const lateral = E * nu / ((1 + nu) * (1 - 2 * nu));
+    return [lateral + 2 * shear, lateral, shear];
+  }
+  return [E / (1 - nu * nu), nu * E / (1 - nu * nu), shear];
+}
+function shifted(place, axis, step) { return axis ? [place[0], place[1] + step] : [place[0] + step, place[1]]; }
+function edgeBelow(cell, axis, normal, upper, step) {
+  return shifted(shifted(cell, axis, +(step > 0)), normal, 1 - upper);
+}
+/** Whether some rigid motion is stopped by none of the rows (shifts along x and y, turn). */
+function freeMotion(rows, X, Y) {
+  const span = Math.max(X, Y), G = Array.from({ length: 3 }, () => [0, 0, 0]);
+  for (const [x, y, turn] of rows) {               // about the middle, lengths in spans
+    const row = [x, y, (turn + (x ? Y / 2 : 0) * x - (y ? X / 2 : 0) * y) / span];
+    for (let a = 0; a < 3; a++) for (let b = 0; b < 3; b++) G[a][b] += row[a] * row[b];
+  }
+  for (let k = 0; k < 3; k++) {
+    if (G[k][k] < 1e-8) return true;
+    for (let a = k + 1; a < 3; a++) for (let b = k + 1; b < 3; b++) G[a][b] -= G[a][k] * G[k][b] / G[k][k];
+  }
+  return false;
+}
+
+// Sparse matrices: rows one after the other, {rows, columns, start, index, value}.
+
+function packed(n, columns, values) {
+  const start = new Int32Array(n + 1), width = columns.length / n;
+  for (let i = 0; i < n; i++) {
+    let count = 0;
+    while (count < width && columns[width * i + count] >= 0) count++;
+    start[i + 1] = start[i] + count;
+  }
+  const index = new Int32Array(start[n]), value = new Float64Array(start[n]);
+  for (let i = 0; i < n; i++) for (let k = 0; k < start[i + 1] - start[i]; k++) {
+    index[start[i] + k] = columns[width * i + k];
+    value[start[i] + k] = values[width * i + k];
+  }
+  return { rows: n, columns: n, start, index, value };
+}
+function transposed({ rows, columns, start, index, value }) {
+  const from = new Int32Array(columns + 1), to = new Int32Array(index.length), out = new Float64Array(index.length);
+  for (let k = 0; k < index.length; k++) from[index[k] + 1]++;
+  for (let c = 0; c < columns; c++) from[c + 1] += from[c];
+  const at = from.slice();
+  for (let i = 0; i < rows; i++) for (let k = start[i]; k < start[i + 1]; k++) {
+    const place = at[index[k]]++;
+    to[place] = i;
+    out[place] = value[k];
+  }
+  return { rows: columns, columns: rows, start: from, index: to, value: out };
+}
+function product(A, B) {
+  const start = new Int32Array(A.rows + 1), seen = new Int32Array(B.columns).fill(-1);
+  let most = 0;
+  for (let k = 0; k < A.index.length; k++) most += B.start[A.index[k] + 1] - B.start[A.index[k]];
+  const index = new Int32Array(most), value = new Float64Array(most), place = new Int32Array(B.columns);
+  let used = 0;
+  for (let i = 0; i < A.rows; i++) {
+    for (let k = A.start[i]; k < A.start[i + 1]; k++) {
+      const row = A.index[k], weight = A.value[k];
+      for (let l = B.start[row]; l < B.start[row + 1]; l++) {
+        const column = B.index[l];
+        if (seen[column] !== i) { seen[column] = i; place[column] = used; index[used] = column; value[used++] = weight * B.value[l]; }
+        else value[place[column]] += weight * B.value[l];
+      }
+    }
+    start[i + 1] = used;
+  }
+  return { rows: A.rows, columns: B.columns, start, index: index.slice(0, used), value: value.slice(0, used) };
+}
+function multiply({ rows, start, index, value }, x, out) {
+  for (let i = 0; i < rows; i++) {
+    let sum = 0;
+    for (let k = start[i], end = start[i + 1]; k < end; k++) sum += value[k] * x[index[k]];
+    out[i] = sum;
+  }
+  return out;
+}
+
+/** One symmetric cycle over a grid and its parents, with Gauss-Seidel sweeps. */
+class Multigrid {
+  constructor(matrix, { states, first, X, Y }) {
+    let parts = [{ state: states.subarray(0, first), shape: [X + 1, Y] }, { state: states.subarray(first), shape: [X, Y + 1] }];
+    this.levels = [multigridLevel(matrix)];
+    for (;;) {
+      const fine = this.levels[this.levels.length - 1];
+      if (fine.matrix.rows <= COARSEST) break;
+      const { parents, prolong } = coarsened(parts);
+      if (prolong.columns > 0.7 * prolong.rows) break;
+      fine.prolong = prolong;
+      fine.restrict = transposed(prolong);
+      parts = parents;
+      this.levels.push(multigridLevel(product(fine.restrict, product(fine.matrix, prolong))));
+    }
+    const last = this.levels[this.levels.length - 1];
+    last.factor = last.matrix.rows <= 4 * COARSEST ? factorised(last.matrix) : null;
+  }
+  precondition(load, at = 0) {
+    const level = this.levels[at], { matrix, inverse, x, left } = level;
+    if (level.factor) return solved(level.factor, load, x);
+    x.fill(0);
+    const sweeps = level.prolong ? SWEEPS : 20;
+    for (let s = 0; s < sweeps; s++) sweep(matrix, inverse, load, x, false);
+    if (level.prolong) {
+      multiply(matrix, x, left);
+      for (let i = 0; i < left.length; i++) left[i] = load[i] - left[i];
+      const coarse = this.levels[at + 1];
+      const up = this.precondition(multiply(level.restrict, left, coarse.load), at + 1);
+      multiply(level.prolong, up, left);
+      for (let i = 0; i < left.length; i++) x[i] += left[i];
+    }
+    for (let s = 0; s < sweeps; s++) sweep(matrix, inverse, load, x, true);
+    return x;
+  }
+}
+function multigridLevel(matrix) {
+  const n = matrix.rows, inverse = new Float64Array(n);
+  for (let i = 0; i < n; i++)
+    for (let k = matrix.start[i]; k < matrix.start[i + 1]; k++)
+      if (matrix.index[k] === i && matrix.value[k] > 0) inverse[i] = 1 / matrix.value[k];
+  return { matrix, inverse, x: new Float64Array(n), left: new Float64Array(n), load: new Float64Array(n) };
+}
+function sweep({ rows, start, index, value }, inverse, load, x, backward) {
+  for (let n = 0; n < rows; n++) {
+    const i = backward ? rows - 1 - n : n;
+    let left = load[i];
+    for (let k = start[i], end = start[i + 1]; k < end; k++) left -= value[k] * x[index[k]];
+    x[i] += left * inverse[i];
+  }
+}
+function factorised({ rows: n, start, index, value }) {
+  const L = new Float64Array(n * n);
+  for (let i = 0; i < n; i++) {
+    for (let k = start[i]; k < start[i + 1]; k++) L[i * n + index[k]] = value[k];
+    L[i * n + i] = L[i * n + i] > 0 ? L[i * n + i] * (1 + 1e-14) : 1;  // parents no child depends on
+  }
+  for (let j = 0; j < n; j++) for (let i = j; i < n; i++) {
+    let sum = L[i * n + j];
+    for (let k = 0; k < j; k++) sum -= L[i * n + k] * L[j * n + k];
+    L[i * n + j] = i > j ? sum / L[j * n + j] : Math.sqrt(Math.max(sum, 1e-300));
+  }
+  return { n, L };
+}
+function solved({ n, L }, load, x) {
+  for (let i = 0; i < n; i++) {
+    let sum = load[i];
+    for (let k = 0; k < i; k++) sum -= L[i * n + k] * x[k];
+    x[i] = sum / L[i * n + i];
+  }
+  for (let i = n - 1; i >= 0; i--) {
+    let sum = x[i];
+    for (let k = i + 1; k < n; k++) sum -= L[k * n + i] * x[k];
+    x[i] = sum / L[i * n + i];
+  }
+  return x;
+}
+
+/** The interpolation from parents twice as large to the faces of both kinds. */
+function coarsened(parts) {
+  const parents = [], blocks = [];
+  parts.forEach(({ state, shape }, component) => {
+    let matrix = null;
+    for (const axis of [0, 1]) {
+      const made = parentsAlong(state, shape, axis, axis === component);
+      const step = interpolation(state, shape, made.state, made.shape, axis, axis === component);
+      matrix = matrix ? product(matrix, step) : step;
+      ({ state, shape } = made);
+    }
+    parents.push({ state, shape });
+    blocks.push(matrix);
+  });
+  return { parents, prolong: stacked(...blocks) };
+}
+function stacked(A, B) {
+  const join = (a, b) => { const out = new a.constructor(a.length + b.length); out.set(a); out.set(b, a.length); return out; };
+  return { rows: A.rows + B.rows, columns: A.columns + B.columns, value: join(A.value, B.value),
+    start: join(A.start, B.start.subarray(1).map((s) => s + A.index.length)),
+    index: join(A.index, B.index.map((c) => c + A.columns)) };
+}
+/** States of the parents along an axis: across it two children have one, along it every second stays. */
+function parentsAlong(state, shape, axis, normal) {
+  const count = shape[axis], cells = normal ? (count - 2) >> 1 : 0;
+  const most = normal ? cells + 3 : (count + 2 + count % 2) >> 1, made = [...shape];
+  made[axis] = most;
+  const out = new Int8Array(made[0] * made[1]), other = shape[1 - axis];
+  const read = (k, o) => (k < 0 || k >= count ? ABSENT : axis ? state[o * count + k] : state[k * other + o]);
+  const clip = (k) => Math.min(Math.max(k, 0), count - 1);
+  for (let p = 0; p < most; p++) for (let o = 0; o < other; o++) {
+    let found = ABSENT;
+    if (normal) {
+      if (p > 0 && p < most - 1) {
+        const k = 2 * p - 1;
+        found = read(k, o);
+        if (found === ABSENT && (read(k - 1, o) === ACTIVE || read(k + 1, o) === ACTIVE)) found = ACTIVE;
+      }
+    } else found = Math.max(read(clip(2 * p - 1), o), read(clip(2 * p), o));
+    out[axis ? o * most + p : p * other + o] = found;
+  }
+  return { state: out, shape: made };
+}
+/** Weights of one axis: along the normal 1 or 1/2, 1/2; across it 3/4, 1/4, prolonged at free surfaces. */
+function interpolation(fine, shape, coarse, made, axis, normal) {
+  const number = numbered(coarse), columns = [], count = made[axis];
+  const rows = fine.reduce((n, s) => n + (s === ACTIVE), 0);
+  const index = new Int32Array(3 * rows).fill(-1), value = new Float64Array(3 * rows);
+  let row = 0;
+  for (let i = 0; i < shape[0]; i++) for (let j = 0; j < shape[1]; j++) {
+    if (fine[i * shape[1] + j] !== ACTIVE) continue;
+    const child = (axis ? j : i) - 1, parent = child >> 1, odd = child & 1;
+    const look = (offset) => {
+      const p = Math.min(Math.max(parent + offset + 1, 0), count - 1);
+      return axis ? i * made[1] + p : p * made[1] + j;
+    };
+    let used = 0;
+    const put = (at, weight) => {
+      if (number[at] < 0 || !weight) return;
+      index[3 * row + used] = number[at];
+      value[3 * row + used++] = weight;
+    };
+    if (normal) { put(look(0), odd ? 0.5 : 1); if (odd) put(look(1), 0.5); } else {
+      const near = look(2 * odd - 1), far = look(1 - 2 * odd);
+      const free = coarse[near] === ABSENT && coarse[far] === ACTIVE, beside = coarse[near] === ACTIVE;
+      put(look(0), free ? 1.25 : coarse[near] === FIXED ? 0.5 : beside ? 0.75 : 1);
+      if (beside) put(near, 0.25);
+      if (free) put(far, -0.25);
+    }
+    row++;
+  }
+  return { ...packed(rows, index, value), columns: number.count };
+}
+function numbered(state) {
+  const number = new Int32Array(state.length).fill(-1);
+  number.count = 0;
+  for (let k = 0; k < state.length; k++) if (state[k] === ACTIVE) number[k] = number.count++;
+  return number;
+}
+
+function conjugateGradients(matrix, load, multigrid) {
+  const n = load.length, x = new Float64Array(n), r = load.slice(), p = new Float64Array(n), q = new Float64Array(n);
+  const dot = (a, b) => { let sum = 0; for (let i = 0; i < n; i++) sum += a[i] * b[i]; return sum; };
+  let rho = 0, first = 0, iterations = 0, left = 0;
+  for (; iterations <= MOST_ITERATIONS; iterations++) {
+    const z = multigrid.precondition(r), next = dot(r, z);
+    if (!iterations) first = next;
+    left = first > 0 ? Math.sqrt(Math.max(next, 0) / first) : 0;
+    if (left <= TOLERANCE || iterations === MOST_ITERATIONS) break;
+    const beta = iterations ? next / rho : 0;
+    rho = next;
+    for (let i = 0; i < n; i++) p[i] = z[i] + beta * p[i];
+    multiply(matrix, p, q);
+    const curvature = dot(p, q);
+    if (!(curvature > 0)) break;
+    const step = rho / curvature;
+    for (let i = 0; i < n; i++) { x[i] += step * p[i]; r[i] -= step * q[i]; }
+  }
+  if (!(left <= ENOUGH)) throw new Error("The elastic answer did not settle: the materials differ too much, or the body is hardly held.");
+  return { x, iterations };
+}

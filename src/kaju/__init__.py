@@ -43,9 +43,9 @@ if TYPE_CHECKING:
     from kaju.model.spawning.spawned_result import SpawnedResult as SpawnedResult
     from kaju.model.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.stored import load_result as load_result
-    from kaju.model.sweep import sweep as sweep
     from kaju.view import animate as animate
     from kaju.view import plot as plot
+    from kaju.view.page import export_page as export_page
 
 # Names are fetched when first asked for, so that `import kaju` stays quick: Mesa brings
 # pandas with it, the views bring matplotlib.
@@ -76,6 +76,7 @@ _HOME = {
     "animate": "kaju.view",
     "compare": "kaju.model.compare",
     "creep": "kaju.model.creep",
+    "export_page": "kaju.view.page",
     "fit_rule": "kaju.model.fitting",
     "load_scene": "kaju.model.scene",
     "load_result": "kaju.model.stored",
@@ -83,7 +84,6 @@ _HOME = {
     "plot": "kaju.view",
     "solve": "kaju.model.solving",
     "stability": "kaju.model.propagation.stability",
-    "sweep": "kaju.model.sweep",
 }
 
 __all__ = sorted([*_HOME, "__version__"])

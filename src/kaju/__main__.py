@@ -14,10 +14,10 @@ from kaju.errors import KajuError
 from . import (
     commands_compare,
     commands_look,
+    commands_page,
     commands_run,
     commands_scene,
     commands_stress,
-    commands_sweep,
 )
 
 app = typer.Typer(
@@ -34,10 +34,10 @@ for _verb in (
     commands_run.run,
     commands_run.solve,
     commands_look.animate,
+    commands_page.page,
     commands_compare.compare,
     commands_compare.bench,
     commands_stress.stress,
-    commands_sweep.sweep,
     commands_scene.materials,
 ):
     app.command()(_verb)

@@ -36,3 +36,69 @@ def node(tmp_path_factory):
         return json.loads(done.stdout)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Debian's chromium, headless, without a network."""
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.skip("chromium is not installed (apt-get install chromium)")
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+class Opened:
+    """A page in the browser, with what it asked for and said."""
+
+    def __init__(self, browser, path, width=1280, height=720, dark=False, language="en-GB"):
+        scheme = "dark" if dark else "light"
+        self.context = browser.new_context(
+            viewport={"width": width, "height": height},
+            color_scheme=scheme,
+            locale=language,
+            offline=True,
+            accept_downloads=True,
+        )
+        self.tab = self.context.new_page()
+        self.requests, self.messages = [], []
+        self.tab.on("request", lambda request: self.requests.append(request.url))
+        self.tab.on("console", lambda message: self.messages.append(message.text))
+        self.tab.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.tab.goto(path.as_uri())
+        self.tab.wait_for_function("document.getElementById('kaju').page?.drawn > 0")
+
+    def js(self, expression):
+        """The value of an expression in which `page` is the page."""
+        return self.tab.evaluate(
+            "(async () => { const page = document.getElementById('kaju').page; "
+            f"return {expression}; }})()"
+        )
+
+    def at(self, cell):
+        """Where a cell's middle is in the window."""
+        self.js("page.draw()")
+        box = self.tab.locator("canvas").first.bounding_box()
+        x, y = self.js(f"page.view.at(...page.view.centre({list(cell)}))")
+        return box["x"] + x, box["y"] + y
+
+    def click(self, cell):
+        self.tab.mouse.click(*self.at(cell))
+
+
+@pytest.fixture
+def opened(chromium):
+    """Open a page: opened(path, width=..., height=..., dark=..., language=...)."""
+    contexts = []
+
+    def open_page(path, **options):
+        page = Opened(chromium, Path(path), **options)
+        contexts.append(page.context)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()

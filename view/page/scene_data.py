@@ -80,7 +80,7 @@ def _rule(scene: Scene) -> dict[str, Any]:
         **_coefficients(rule),
         "threshold": rule.threshold,
         "accumulate": rule.accumulate,
-        "sense": bool(getattr(rule, "sense", False)),
+        "sense": getattr(rule, "sense", None),
         "materials": {name: _coefficients(own) for name, own in rule.materials.items()},
     }
 

@@ -1,0 +1,202 @@
+"""The page in a browser without a network: what it asks for, shows and hands out."""
+
+import itertools
+
+import pytest
+
+import kaju
+from kaju import LoadModel, MaterialAgent, Scene
+
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+}
+
+
+class Leaky(MaterialAgent):
+    """Passes nothing sideways: not the rule's own agent."""
+
+    def pass_on(self, load):
+        ahead = load._replace(magnitude=0.8 * load.magnitude)
+        if ahead.magnitude > self.model.threshold:
+            self.model.hand_over(self, load.direction, ahead)
+
+
+@pytest.fixture(scope="module")
+def plate(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "plate.html"
+    return kaju.export_page(Scene(**PLATE), path, title="A plate")
+
+
+def test_a_page_asks_for_itself_only_and_says_nothing_to_the_console(opened, plate):
+    page = opened(plate)
+    page.tab.get_by_role("button", name="Play").click()
+    page.tab.wait_for_timeout(300)
+    assert page.requests == [plate.as_uri()]
+    assert page.messages == []
+    assert page.tab.title() == "A plate"
+
+
+def test_the_content_policy_lets_no_other_script_run(opened, plate):
+    page = opened(plate)
+    page.js(
+        "document.body.append(Object.assign(document.createElement('script'), "
+        "{ textContent: 'globalThis.intruder = 1' }))"
+    )
+    assert page.js("globalThis.intruder") is None
+    assert page.js("fetch('data:,x').then(() => 'fetched', () => 'refused')") == "refused"
+
+
+def test_a_runnable_page_is_small_and_gives_the_reference_numbers(opened, plate):
+    assert plate.stat().st_size < 200_000
+    page = opened(plate)
+    assert page.js("[page.run.generation, page.run.agents]") == [8, 34]
+    assert page.tab.locator(".count").inner_text() == "Generation 8 of 8"
+    assert (
+        page.tab.locator(".verdict").inner_text().lower() == "every load ends within 8 generations"
+    )
+
+
+def test_agents_of_ones_own_are_recorded(opened, tmp_path):
+    model = LoadModel(Scene(**PLATE), material_agent=Leaky)
+    path = kaju.export_page(model, tmp_path / "own.html")
+    page = opened(path)
+    last = model.result().last
+    assert page.tab.locator(".mode").inner_text() == "a recorded run"
+    assert page.js("page.run.generation") == last.generations
+    assert page.js("(page.seek(Infinity), page.sums.taken.sum.reduce((a, b) => a + b))") == (
+        pytest.approx(last.ledger.taken, rel=1e-6)
+    )
+    assert page.messages == []
+
+
+def test_scrubbing_shows_what_playing_shows(opened, plate):
+    page = opened(plate)
+    page.js("page.seek(0)")
+    picture = "(page.draw(), page.canvas.toDataURL())"
+    played = [page.js(picture)]
+    for _ in range(8):
+        page.tab.keyboard.press("ArrowRight")
+        played.append(page.js(picture))
+    assert len(set(played)) == 9
+    for generation in (5, 2, 7, 0, 8, 1, 3):
+        page.js(f"page.seek({generation})")
+        assert page.js(picture) == played[generation]
+
+
+def test_clicked_agents_tell_the_numbers_of_the_table(opened, plate):
+    result = LoadModel(Scene(**PLATE)).run()
+    table, stage = result.to_dataframe(), result.last
+    page = opened(plate)
+    for row, agent in table.iterrows():
+        page.click((agent.cell_x, agent.cell_y))
+        page.js("page.draw()")
+        told = page.tab.locator(".story data").evaluate_all(
+            "list => list.map(d => Number(d.value))"
+        )
+        taken = [agent[f"taken_{name}"] for name in ("-x", "+x", "-y", "+y")]
+        passed = stage.passed[row]
+        expected = [sum(taken), *(t for t in taken if t), 0.5 * sum(taken)]
+        expected += [*(p for p in passed if p), agent.dropped]
+        assert told[: len(expected)] == pytest.approx(expected, rel=1e-12, abs=1e-15)
+        assert f"in generation {agent.spawn_step} by" in page.tab.locator(".story").inner_text()
+
+
+def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
+    page = opened(plate)
+    x, y = page.at((10, 19))
+    page.tab.mouse.move(x, y - 30)  # the arrow above the cell
+    page.tab.mouse.down()
+    page.tab.mouse.move(*page.at((6, 18)))
+    page.tab.mouse.up()
+    page.tab.get_by_role("tab", name="Draw").click()
+    page.tab.get_by_label("Draw air").check()
+    for cell in ((6, 15), (7, 15), (5, 14)):
+        page.click(cell)
+    page.tab.get_by_label("right").select_option("roller")
+    page.tab.get_by_text("Save").click()
+    with page.tab.expect_download() as download:
+        page.tab.get_by_role("button", name="Scene (TOML)").click()
+    download.value.save_as(tmp_path / "drawn.toml")
+    scene = kaju.load_scene(tmp_path / "drawn.toml")
+    assert scene.loads[0].cell == (6, 18)
+    assert scene.kinds([[6, 15], [7, 15], [5, 14], [8, 15]]).tolist() == [-1, -1, -1, 0]
+    last = LoadModel(scene).run().last
+    assert page.js("[page.run.generation, page.run.agents]") == [last.generations, len(last.cells)]
+    total = "page.sums.taken.sum.reduce((a, b) => a + b)"
+    assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-12)
+
+
+def test_the_certificate_turns_red_at_once(opened, plate):
+    page = opened(plate)
+    page.tab.get_by_label("Add up loads that meet").check()
+    assert "bad" in page.tab.locator(".verdict").get_attribute("class")
+    expected = kaju.stability(Scene(**PLATE, rule={"kind": "prescribed", "accumulate": True}))
+    assert page.tab.locator(".verdict").inner_text().lower() == expected.verdict.lower()
+    slider = page.tab.get_by_label("α₂ passed ahead")
+    milliseconds = page.js(
+        "await (async () => { const s = [...page.root.querySelectorAll('input[type=range]')]"
+        ".find((i) => i.parentNode.textContent.startsWith('α₂')); s.value = 0.2; "
+        "const t = performance.now(); s.dispatchEvent(new Event('input')); "
+        "return performance.now() - t; })()"
+    )
+    assert slider.input_value() == "0.2"
+    assert "bad" not in page.tab.locator(".verdict").get_attribute("class")
+    assert milliseconds < 100
+
+
+EVERYBODY = [
+    pytest.param(width, dark, language, marks=[] if few else pytest.mark.slow)
+    for width, dark, language, few in [
+        (1280, False, "en-GB", True),
+        (420, True, "de-DE", True),
+        (1280, True, "ja-JP", True),
+        *itertools.product((1280, 420), (False, True), ("en-GB", "de-DE", "ja-JP"), (False,)),
+    ]
+]
+
+
+@pytest.mark.parametrize(("width", "dark", "language"), EVERYBODY)
+def test_the_page_is_open_to_everybody(opened, plate, width, dark, language):
+    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+    height = {1280: 720, 420: 800}[width]
+    page = opened(plate, width=width, height=height, dark=dark, language=language)
+    for tab in page.tab.get_by_role("tab").all():
+        tab.click()
+        found = axe.run(
+            page.tab, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}
+        )["violations"]
+        assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
+        assert page.js("document.documentElement.scrollWidth") <= width
+        clipped = page.js(
+            "[...page.root.querySelectorAll('button, select, label, h1, .verdict')]"
+            ".filter((e) => e.scrollWidth > e.clientWidth + 1 && e.clientWidth)"
+            ".map((e) => e.outerHTML.slice(0, 80))"
+        )
+        assert clipped == []
+
+
+def test_the_command_writes_a_page_of_a_scene_and_of_a_result(tmp_path, pytestconfig):
+    from typer.testing import CliRunner
+
+    from kaju.__main__ import app
+
+    scene = str(pytestconfig.rootpath / "examples" / "plate.toml")
+    run = CliRunner().invoke
+    page = tmp_path / "plate.html"
+    assert run(app, ["page", scene, "--out", str(page)]).exit_code == 0
+    assert "<title>Plate</title>" in page.read_text()
+    again = run(app, ["page", scene, "--out", str(page)])
+    assert "exists already" in str(again.exception)
+    LoadModel(Scene(**PLATE)).run().save(tmp_path / "result.npz")
+    of_result = ["page", str(tmp_path), "--out", str(tmp_path / "r.html"), "--title", "Mine"]
+    assert run(app, of_result).exit_code == 0
+    assert "<title>Mine</title>" in (tmp_path / "r.html").read_text()
+
+
+def test_what_cannot_be_a_page_is_refused(tmp_path):
+    with pytest.raises(kaju.KajuError, match=r"a page is an \.html file; name it plate\.html"):
+        kaju.export_page(Scene(**PLATE), tmp_path / "plate.pdf")
+    with pytest.raises(kaju.KajuError, match="got 'elastic'"):
+        kaju.export_page(Scene(**PLATE, rule={"kind": "elastic"}), tmp_path / "plate.html")

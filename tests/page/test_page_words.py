@@ -1,0 +1,57 @@
+"""Words of the page: complete in every language, and the certificate's are kaju's."""
+
+import pytest
+from page_scenes import random_scenes
+
+from kaju import stability
+from kaju.view.page.scene_data import scene_data
+
+VERDICTS = """
+import { certify } from "./rule.js";
+import { say, verdictOf } from "./words.js";
+tell(data.map(({ scene, cells }) => verdictOf(certify(scene, cells), scene.rule, say("en"))));
+"""
+
+
+def test_the_certificate_says_what_stability_says(node):
+    scenes = [scene for scene, _ in random_scenes(70, seed=3)]
+    scenes += [scene for scene, _ in random_scenes(50, seed=4, accumulate=True)]
+    told = node(
+        VERDICTS,
+        [
+            {"scene": data, "cells": columns["cells"].ravel().tolist()}
+            for data, columns in map(scene_data, scenes)
+        ],
+    )
+    expected = [stability(scene).verdict for scene in scenes]
+    assert told == expected
+    assert sum("grow" in verdict for verdict in expected) > 10
+
+
+def test_every_language_has_every_word_and_its_gaps(node):
+    words = node('import { catalogue } from "./words.js"; tell(catalogue());')
+    assert set(words) == {"en", "de", "ja"}
+    for language in ("de", "ja"):
+        assert words[language].keys() == words["en"].keys()
+        for key, text in words["en"].items():
+            holes = {part.split("}")[0] for part in text.split("{")[1:]}
+            theirs = {part.split("}")[0] for part in words[language][key].split("{")[1:]}
+            assert theirs == holes, (language, key)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (12.879375, "N", "12.88 N"),
+        (2.06e11, "Pa", "206 GPa"),
+        (-1.2e-8, "m", "−12 nm"),
+        (0, "N", "0 N"),
+        (0.9999999, "N", "1 N"),
+        (34, "", "34"),
+        (3.8e5, "", "3.80 × 10⁵"),
+        (1e-20, "m", "1.00 × 10⁻⁸ pm"),
+    ],
+)
+def test_quantities_have_four_digits_and_a_unit_that_fits(node, value, unit, text):
+    script = 'import { quantity } from "./words.js"; tell(quantity(data.value, data.unit));'
+    assert node(script, {"value": value, "unit": unit}) == text

@@ -1,0 +1,220 @@
+"""A page as one file that opens by a double click: no server, no network, no installation."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from functools import cache
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kaju.agents.rules import PrescribedRule
+from kaju.errors import ParameterError, ResultFileError
+from kaju.files import scratch_beside
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.propagation.stability import stability
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.scene import Scene
+
+from .packing import pack
+from .scene_data import history_columns, scene_data
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from kaju.model.result import Result
+
+FORMAT = 1
+MODULES = (
+    "lattice.js",
+    "history.js",
+    "rule.js",
+    "deformation.js",
+    "words.js",
+    "scene.js",
+    "paint.js",
+    "charts.js",
+    "story.js",
+    "save.js",
+    "panels.js",
+    "page.js",
+)
+"""In the order in which they are joined: each uses only those before it at its top level."""
+START = """
+const data = document.getElementById("kaju-data").textContent;
+const elasticText = document.getElementById("kaju-elastic").textContent.trim();
+await openPage(document.getElementById("kaju"), data, elasticText || null);
+"""
+
+
+def export_page(
+    of: Scene | LoadModel | Result,
+    path: str | Path,
+    *,
+    title: str | None = None,
+    text: str = "",
+    presets: Mapping[str, Scene | tuple[Scene, str]] | None = None,
+    language: str | None = None,
+    exact: bool = False,
+) -> Path:
+    """Write a page in which a run can be watched, touched and handed on.
+
+    The file needs nothing else: it opens by a double click, without network or server. Where
+    the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
+    loads and the body can be changed in it. Runs of agents of one's own are recorded.
+
+    Parameters
+    ----------
+    of : Scene, LoadModel or Result
+        What to show. A model that has not come to rest is run to its end.
+    path : path
+        The file to write, ending in ``.html``.
+    title, text : str, optional
+        Headline, and what is written beside the picture: paragraphs with empty lines between
+        them, headings after ``#``, lists after ``-``.
+    presets : mapping of str to Scene or (Scene, str), optional
+        Further scenes by name, each loaded by one click; the text says what to look for.
+    language : {"en", "de", "ja"}, optional
+        Language of the page's own words; the reader's own unless given.
+    exact : bool
+        Record loads as 64-bit numbers.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ParameterError
+        If a page cannot show it, or the file's name does not end in ``.html``.
+    ResultFileError
+        If the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix not in (".html", ".htm"):
+        raise ParameterError(f"{target}: a page is an .html file; name it {target.stem}.html")
+    html = page_html(packed_page(of, title, text, presets or {}, language, exact), title or "kaju")
+    with scratch_beside(target, ResultFileError) as scratch:
+        scratch.write_text(html, encoding="utf-8")
+    return target
+
+
+def packed_page(
+    of: Scene | LoadModel | Result,
+    title: str | None = None,
+    text: str = "",
+    presets: Mapping[str, Scene | tuple[Scene, str]] | None = None,
+    language: str | None = None,
+    exact: bool = False,
+) -> bytes:
+    """Return what the page is told, packed as README.md beside this file describes it."""
+    if isinstance(of, LoadModel):
+        of = of.run()
+    if not isinstance(of, (Scene, TransferResult)):
+        raise ParameterError(
+            f"of: a page shows a Scene, a LoadModel or what it returns, got {type(of).__name__}"
+        )
+    result = None if isinstance(of, Scene) else of
+    scene = of if isinstance(of, Scene) else of.scene
+    if not isinstance(scene.rule, PrescribedRule):
+        raise ParameterError(
+            f"rule.kind: a page runs the prescribed rule, got {scene.rule.kind!r}; "
+            'set kind = "prescribed", or show the result of a run'
+        )
+    data, columns = scene_data(scene)
+    header: dict[str, Any] = {"format": FORMAT, "scene": data, "text": text, "kind": "runnable"}
+    header |= {"title": title} if title else {}
+    header |= {"language": language} if language else {}
+    if result is not None and not _by_the_rule(result):
+        header |= {"kind": "recorded", "outcome": result.last.outcome}
+        header |= {
+            "verdict": result.certificate.verdict,
+            "stable": bool(result.certificate.stable),
+        }
+        columns |= history_columns(scene, result.last, exact)
+    header["presets"] = [
+        _preset(number, name, preset, columns)
+        for number, (name, preset) in enumerate((presets or {}).items())
+    ]
+    return pack(header, columns)
+
+
+def _preset(
+    number: int,
+    name: str,
+    preset: Scene | tuple[Scene, str],
+    columns: dict[str, NDArray[Any]],
+) -> dict[str, Any]:
+    scene, note = preset if isinstance(preset, tuple) else (preset, "")
+    data, own = scene_data(scene)
+    if not np.array_equal(own["cells"], columns["cells"]):
+        columns[f"cells{number}"] = own["cells"]
+    return {"name": name, "note": note, "scene": data}
+
+
+def _by_the_rule(result: TransferResult) -> bool:
+    """Tell whether the rule's own agents give these loads again: then the page can run them.
+
+    A result does not know its agents' classes, and need not: what counts is what they did.
+    """
+    last, scene = result.last, result.scene
+    if len(result.stages) < scene.stages or not stability(scene).stable:
+        return False
+    again = LoadModel(scene, engine="arrays").run().last
+    key, theirs = (np.argsort(scene.lattice.key(stage.cells)) for stage in (last, again))
+    return (
+        len(key) == len(theirs)
+        and np.array_equal(last.cells[key], again.cells[theirs])
+        and np.allclose(last.taken[key], again.taken[theirs], rtol=1e-9)
+    )
+
+
+@cache
+def joined(modules: tuple[str, ...] = MODULES) -> str:
+    """Return modules as the text of one: their imports and exports are taken out."""
+    folder = files(__package__)
+    parts = [folder.joinpath(name).read_text("utf-8") for name in modules]
+    if "page.js" in modules:
+        style = folder.joinpath("page.css").read_text("utf-8")
+        parts.insert(0, f"const STYLE = {json.dumps(style, ensure_ascii=False)};")
+    code = "\n".join(parts)
+    code = re.sub(r"^import [^;]*;$\n?", "", code, flags=re.M)
+    return re.sub(r"^export (?=const|let|function|class|async)", "", code, flags=re.M)
+
+
+@cache
+def worker() -> str:
+    """Return the text of the worker that answers with elasticity; empty without one."""
+    has_one = files(__package__).joinpath("elastic.js").is_file()
+    return joined(("lattice.js", "elastic.js")) if has_one else ""
+
+
+def page_html(packed: bytes, title: str, code: str | None = None) -> str:
+    """Return the file: the page's modules, what they are told, and a strict content policy.
+
+    Only the one script whose hash the policy names may run; nothing may be fetched.
+    """
+    script = _inline(joined() + START if code is None else code)
+    digest = hashlib.sha256(script.encode()).digest()
+    fields = {
+        "hash": f"sha256-{base64.b64encode(digest).decode()}",
+        "title": escape(title),
+        "data": base64.b64encode(packed).decode(),
+        "worker": _inline(worker()),
+        "code": script,
+    }
+    template = files(__package__).joinpath("page.html").read_text("utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: fields[match[1]], template)
+
+
+def _inline(code: str) -> str:
+    """Return code that can stand in a script element."""
+    return code.replace("</script", "<\\/script").replace("<!--", "<\\!--")

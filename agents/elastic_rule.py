@@ -60,7 +60,7 @@ def elastic_constants(material: Material, plane: Plane | None) -> ElasticConstan
     return ElasticConstants(lateral + 2.0 * shear, lateral, shear)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DerivedShares(Shares):
     """The elastic shares of one material; `print` shows them beside the prescribed ones.
 

@@ -15,7 +15,6 @@ from mesa.discrete_space import Cell, FixedAgent
 from numpy.typing import NDArray
 
 from .boundary_agent import BoundaryAgent, FreeBoundaryAgent
-from .load import Load
 
 if TYPE_CHECKING:
     from .materials import Material
@@ -163,9 +162,8 @@ class FaceAgent(FixedAgent):
         """Hand the shares of a load to the neighbours and to what lies beyond the body."""
         for target, share in self.place.links:
             self.model.hand_over(self, target, share * load)
-        direction = 2 * self.place.axis + (load > 0.0)
         for air, share in self.place.open_to:
-            self.model.boundary_agent(air).give_back(Load(direction, abs(share * load)), direction)
+            self.model.boundary_agent(air).returned += abs(share * load)
 
 
 class SupportAgent(BoundaryAgent):

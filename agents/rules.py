@@ -59,17 +59,32 @@ class Coefficients:
         if not 0.0 <= self.beta <= 1.0:
             raise ParameterError(f"beta: must lie between 0 and 1, got {self.beta}")
 
-    def shares(self, material: Material, dimension: int) -> Shares:
-        """Return what an agent of `material` keeps and passes on."""
-        own, forward, friction = self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
+    def alpha_in(self, dimension: int) -> tuple[float, float, float]:
+        """Return α₁, α₂ and α₃, also where they are left to the dimension."""
+        return self.alpha or (0.5, 0.5, 0.25 if dimension == 2 else 0.125)
+
+    def shares(self, material: Material, dimension: int, sense: bool = False) -> Shares:
+        """Return what an agent of `material` keeps and passes on.
+
+        Parameters
+        ----------
+        material : Material
+            Only its Poisson's ratio counts.
+        dimension : {2, 3}
+            For the default α.
+        sense : bool
+            Whether loads can pull, as a blocked expansion does where ν < 0.
+        """
+        own, forward, friction = self.alpha_in(dimension)
         poisson = (1.0 - self.beta) * material.poissons_ratio * own
-        if poisson < 0.0:
+        if poisson < 0.0 and not sense:
             raise ParameterError(
                 f"poissons_ratio of {material.name!r}: {material.poissons_ratio} would pull the "
-                "neighbours beside, which the prescribed rule has no load for; take beta = 1 "
+                "neighbours beside, and this rule knows no pulls; take sense = true, beta = 1 "
                 "or the elastic rule"
             )
-        return Shares(own, forward, 0.0, friction, poisson)
+        widening = self.beta * material.poissons_ratio
+        return Shares(own, forward, 0.0, friction, poisson, widening)
 
 
 @dataclass(frozen=True)
@@ -87,6 +102,11 @@ class PrescribedRule(Coefficients):
         in one generation are added per direction before they are judged.
     materials : mapping of str to Coefficients
         Coefficients of single materials, by name.
+    sense : bool
+        False: every load squeezes, whichever way it points (the description's literal
+        reading). True: loads push or pull. A push travels along its force, a pull against
+        it; pushes shorten a cell, pulls lengthen it, and at a free surface one comes back as
+        the other.
 
     Raises
     ------
@@ -97,6 +117,7 @@ class PrescribedRule(Coefficients):
     threshold: float = 0.01
     accumulate: bool = False
     materials: Mapping[str, Coefficients] = field(default_factory=dict)
+    sense: bool = False
     kind: ClassVar[Literal["prescribed"]] = "prescribed"
 
     def __post_init__(self) -> None:
@@ -111,9 +132,10 @@ class PrescribedRule(Coefficients):
         """Return the coefficients that hold for a material."""
         return self.materials.get(material.name, self)
 
-    def shares(self, material: Material, dimension: int) -> Shares:
+    def shares(self, material: Material, dimension: int, sense: bool | None = None) -> Shares:
         """Return what an agent of `material` keeps and passes on."""
+        sense = self.sense if sense is None else sense
         coefficients = self.coefficients(material)
         if coefficients is self:
-            return super().shares(material, dimension)
-        return coefficients.shares(material, dimension)
+            return super().shares(material, dimension, sense)
+        return coefficients.shares(material, dimension, sense)

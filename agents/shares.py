@@ -2,17 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from .load import Sense
+
 
 class Emission(NamedTuple):
-    """One share on its way: over which arm it leaves, along which direction it points."""
+    """One share on its way: over which arm it leaves, where its force points, in which sense."""
 
     arm: int
     direction: int
     share: float
+    sense: Sense = "push"
+
+
+class Beside(NamedTuple):
+    """A neighbour beside a load: the arm to it and its weights in the two sideways shares."""
+
+    arm: int
+    friction: float
+    poisson: float
+
+
+class Way(NamedTuple):
+    """The neighbours of a cell as a load sees them that travels through it.
+
+    Attributes
+    ----------
+    ahead, behind : tuple of (arm, weight)
+        Over which arms the forward and the backward share leave, and in which parts.
+    beside : tuple of Beside
+        The neighbours beside.
+    """
+
+    ahead: tuple[tuple[int, float], ...]
+    behind: tuple[tuple[int, float], ...]
+    beside: tuple[Beside, ...]
 
 
 @dataclass(frozen=True)
@@ -28,7 +55,10 @@ class Shares:
     friction : float
         Share handed to each neighbour beside, along the load's own direction.
     poisson : float
-        Share pressed into each neighbour beside, outwards, by the blocked expansion.
+        Share pressed into each neighbour beside, outwards, by the blocked expansion. Below 0,
+        which only a rule that knows pulls allows, a push pulls these neighbours inwards.
+    widening : float
+        How much the agent widens freely when it is shortened by 1: βν.
     """
 
     own: float
@@ -36,24 +66,31 @@ class Shares:
     backward: float
     friction: float
     poisson: float
+    widening: float = 0.0
 
     def emissions(
-        self, direction: int, behind: int, beside: Iterable[tuple[int, float, float]]
+        self, direction: int, sense: Sense, way: Way, opposite: Sequence[int]
     ) -> tuple[Emission, ...]:
-        """Return what leaves the agent for each newton that it takes along `direction`.
+        """Return what leaves the agent for each newton that it takes.
 
         Parameters
         ----------
-        direction, behind : int
-            Where the load points, and the opposite direction.
-        beside : iterable of (arm, friction weight, Poisson weight)
-            The neighbours beside, as the lattice has them.
+        direction : int
+            Where the load's force points.
+        sense : {"push", "pull"}
+            Ahead and beside it is kept. What a load leaves behind, it takes along: under a
+            push the neighbour behind is pulled.
+        way : Way
+            The neighbours as the load sees them where it travels.
+        opposite : sequence of int
+            For every direction the one that points the other way.
         """
-        passed = [
-            Emission(direction, direction, self.forward),
-            Emission(behind, direction, self.backward),
-        ]
-        for arm, friction, poisson in beside:
-            passed.append(Emission(arm, direction, self.friction * friction))
-            passed.append(Emission(arm, arm, self.poisson * poisson))
+        other: Sense = "pull" if sense == "push" else "push"
+        passed = [Emission(arm, direction, self.forward * w, sense) for arm, w in way.ahead]
+        passed += [Emission(arm, direction, self.backward * w, other) for arm, w in way.behind]
+        outwards = sense if self.poisson >= 0.0 else other
+        for arm, friction, poisson in way.beside:
+            passed.append(Emission(arm, direction, self.friction * friction, sense))
+            force = arm if outwards == "push" else opposite[arm]
+            passed.append(Emission(arm, force, abs(self.poisson) * poisson, outwards))
         return tuple(emission for emission in passed if emission.share > 0.0)

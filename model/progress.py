@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from time import monotonic
 
 _PATIENCE = 2.0  # s before the line appears
+_one_of_many = ContextVar("_one_of_many", default=False)
 
 
 @contextmanager
@@ -38,9 +40,19 @@ def progress_line(shown: bool | None = None) -> Iterator[Callable[[str], None]]:
             status.start()
         status.update(text)
 
-    visible = sys.stderr.isatty() if shown is None else shown
+    visible = sys.stderr.isatty() and not _one_of_many.get() if shown is None else shown
     try:
         yield report
     finally:
         if status is not None:
             status.stop()
+
+
+@contextmanager
+def without_progress() -> Iterator[None]:
+    """Let runs inside the block show no line unless told to: they are part of something larger."""
+    before = _one_of_many.set(True)
+    try:
+        yield
+    finally:
+        _one_of_many.reset(before)

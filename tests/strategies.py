@@ -21,6 +21,7 @@ def rules(draw):
         threshold=draw(st.floats(1e-3, 1.0)),
         accumulate=draw(st.booleans()),
         materials=materials,
+        sense=draw(st.booleans()),
     )
 
 
@@ -40,8 +41,13 @@ def scenes(draw, rule=None):
         drawing[0] = "a" + drawing[0][1:]
         body_cells = [[0, rows - 1]]
     force = st.floats(-5.0, 5.0)
+    sense = st.sampled_from(["push", "pull", None])
     loads = [
-        {"cell": draw(st.sampled_from(body_cells)), "force": [draw(force), draw(force) or -1.0]}
+        {
+            "cell": draw(st.sampled_from(body_cells)),
+            "force": [draw(force), draw(force) or -1.0],
+            "sense": draw(sense),
+        }
         for _ in range(draw(st.integers(1, 3)))
     ]
     held = st.sampled_from(["free", "rigid", "roller"])

@@ -45,7 +45,8 @@ def around_heaviest(stage: Stage, most: int = MOST_AGENTS) -> Stage:
         return stage
     heaviest = stage.cells[np.argmax(stage.taken.sum(axis=1))]
     kept = np.abs(stage.cells - heaviest).max(axis=1) <= REACH
-    names = ("cells", "material", "spawn_step", "woken_by", "taken", "passed", "dropped")
+    loads = ("taken", "pulled", "kept", "shortened", "widened", "passed", "dropped")
+    names = ("cells", "material", "spawn_step", "woken_by", *loads)
     beside = np.abs(stage.boundary_cells - heaviest).max(axis=1) <= REACH + 1
     edge = ("boundary_cells", "boundary_kind", "boundary_spawn_step", "returned")
     columns = {name: getattr(stage, name)[kept] for name in names}

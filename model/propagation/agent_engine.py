@@ -14,7 +14,7 @@ from kaju.agents.boundary_agent import (
     RigidBoundaryAgent,
     RollerBoundaryAgent,
 )
-from kaju.agents.load import Load
+from kaju.agents.load import Load, Sense
 from kaju.agents.material_agent import MaterialAgent
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
@@ -73,8 +73,9 @@ class AgentEngine:
         self.steps = self.lattice.steps.tolist()
         self.agents: dict[Cell, MaterialAgent] = {}
         self.boundaries: dict[Cell, BoundaryAgent] = {}
+        self._reached: dict[tuple[Cell, int], Cell] = {}
 
-    def start(self, cells: IntArray, direction: IntArray, magnitude: FloatArray) -> None:
+    def start(self, cells: IntArray, state: IntArray, magnitude: FloatArray) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
         for agent in self.agents.values():
             agent.remove()
@@ -86,21 +87,23 @@ class AgentEngine:
         self.record: list[list[tuple[MaterialAgent, int, float]]] = []
         self.applied = float(magnitude.sum())
         self.passed = self.returned = self.dropped = 0.0
-        places = [self.space[tuple(cell)] for cell in (cells + 1).tolist()]
-        loads = [Load(*load) for load in zip(direction.tolist(), magnitude.tolist(), strict=True)]
-        self._arrive([(cell, load, None) for cell, load in zip(places, loads, strict=True)])
+        arriving: list[tuple[Cell, Load, MaterialAgent | None]] = []
+        applied = zip((cells + 1).tolist(), state.tolist(), magnitude.tolist(), strict=True)
+        for cell, number, size in applied:
+            pull, direction = divmod(number, self.lattice.directions)
+            load = Load(direction, size, 1.0, "pull" if pull else "push")
+            arriving.append((self.space[tuple(cell)], load, None))
+        self._arrive(arriving)
 
     @property
     def pending(self) -> float:
         """Sum of the loads that wait to be taken (N)."""
-        return sum(
-            (
-                m * copies
-                for agent in self.agents.values()
-                for (_, m), copies in agent.inbox.items()
-            ),
-            start=0.0,
-        )
+        total = 0.0
+        for agent in self.agents.values():
+            for waiting in (agent.inbox, agent.pulls):
+                for (_, magnitude), copies in waiting.items():
+                    total += magnitude * copies
+        return total
 
     def step(self) -> None:
         """Let every agent take the loads that reached it and pass them on."""
@@ -110,19 +113,28 @@ class AgentEngine:
         self._deliver()
 
     def _arrived(self) -> list[tuple[MaterialAgent, int, float]]:
-        """Return what waits to be taken, added up by agent and direction, ordered by place."""
+        """Return what waits to be taken, added up by agent and state, ordered by place."""
         sums: dict[tuple[MaterialAgent, int], float] = {}
-        for agent in sorted(self.agents.values(), key=lambda agent: agent.cell.coordinate):
-            for direction, magnitude in sorted(agent.inbox):
-                load = magnitude * agent.inbox[direction, magnitude]
-                sums[agent, direction] = sums.get((agent, direction), 0.0) + load
-        return [(agent, direction, load) for (agent, direction), load in sums.items()]
+        pulls = self.lattice.directions
+        awake = [agent for agent in self.agents.values() if agent.inbox or agent.pulls]
+        for agent in sorted(awake, key=lambda agent: agent.cell.coordinate):
+            for first, waiting in ((0, agent.inbox), (pulls, agent.pulls)):
+                for direction, magnitude in sorted(waiting):
+                    load = magnitude * waiting[direction, magnitude]
+                    key = (agent, first + direction)
+                    sums[key] = sums.get(key, 0.0) + load
+        return [(agent, state, load) for (agent, state), load in sums.items()]
 
     def neighbour(self, cell: Cell, arm: int) -> Cell:
         """Return the cell over an arm."""
-        # The rim shifts rows by one, so the parity of a row is the other one here.
-        parity = (cell.coordinate[1] - 1) & 1
-        return cell.connections[tuple(self.steps[parity][arm])]
+        reached = self._reached.get((cell, arm))
+        if reached is None:
+            # The rim shifts the space by one cell against the scene.
+            parity = self.model.parity(tuple(count - 1 for count in cell.coordinate))
+            step = self.steps[parity][arm]
+            place = tuple(count + by for count, by in zip(cell.coordinate, step, strict=True))
+            reached = self._reached[cell, arm] = self.space[place]
+        return reached
 
     def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
         """Keep a load until all agents have stepped."""
@@ -142,37 +154,43 @@ class AgentEngine:
         self.post = []
         for sender, arm, load in self._add_up(leaving) if self.accumulate else leaving:
             boundary = self._boundary_agent(self.neighbour(sender.cell, arm))
-            arriving.append((sender.cell, boundary.give_back(load, arm), None))
-            self.returned += load.total
-            self.passed -= load.total
+            back = boundary.give_back(load, arm)
+            given = back.total if back is not None else 0.0
+            if back is not None:
+                arriving.append((sender.cell, back, None))
+            boundary.returned += given
+            boundary.absorbed += load.total - given
+            self.returned += given
+            self.passed -= given
         self.passed += self._arrive(arriving)
 
     def _add_up(
         self, leaving: list[tuple[MaterialAgent, int, Load]]
     ) -> Iterable[tuple[MaterialAgent, int, Load]]:
-        """Add the loads that one agent hands to one boundary along one direction."""
-        sums: dict[tuple[MaterialAgent, int, int], float] = {}
+        """Add the loads in one state that one agent hands to one boundary."""
+        sums: dict[tuple[MaterialAgent, int, int, Sense], float] = {}
         for sender, arm, load in leaving:
-            key = (sender, arm, load.direction)
+            key = (sender, arm, load.direction, load.sense)
             sums[key] = sums.get(key, 0.0) + load.total
-        for (sender, arm, direction), total in sums.items():
+        for (sender, arm, direction, sense), total in sums.items():
             if total > self.threshold:
-                yield sender, arm, Load(direction, total)
+                yield sender, arm, Load(direction, total, 1.0, sense)
             else:
                 self.dropped += total
 
     def _arrive(self, arriving: list[tuple[Cell, Load, MaterialAgent | None]]) -> float:
         """Judge the loads that meet in a cell, and wake agents for those above the threshold."""
-        meeting: dict[tuple[Cell, int, float], list[tuple[Load, MaterialAgent | None]]] = {}
+        meeting: dict[tuple[Cell, int, Sense, float], list[tuple[Load, MaterialAgent | None]]] = {}
         for cell, load, sender in arriving:
             alike = 0.0 if self.accumulate else load.magnitude
-            meeting.setdefault((cell, load.direction, alike), []).append((load, sender))
+            key = (cell, load.direction, load.sense, alike)
+            meeting.setdefault(key, []).append((load, sender))
         accepted = 0.0
-        for (cell, direction, magnitude), met in meeting.items():
+        for (cell, direction, sense, magnitude), met in meeting.items():
             total = sum(load.total for load, _ in met)
-            load = Load(direction, magnitude, sum(load.copies for load, _ in met))
+            load = Load(direction, magnitude, sum(load.copies for load, _ in met), sense)
             if self.accumulate:
-                load = Load(direction, total)
+                load = Load(direction, total, 1.0, sense)
             if load.magnitude > self.threshold:
                 senders = [sender for _, sender in met if sender is not None]
                 self._material_agent(cell).receive(load, senders)
@@ -199,9 +217,13 @@ class AgentEngine:
         agents = self._ordered(self.agents.values())
         boundaries = self._ordered(self.boundaries.values())
         cells, boundary_cells = self._places(agents), self._places(boundaries)
-        passed = self._by_direction([agent.passed for agent in agents])
+        directions, axes = self.lattice.directions, len(self.lattice.axes)
+        passed = _table([agent.passed for agent in agents], directions)
         dropped = np.array([agent.dropped for agent in agents])
-        taken = self._by_direction([agent.taken for agent in agents])
+        taken = _table([agent.taken for agent in agents], directions)
+        shortened = np.array([[a.shortening(axis) for axis in range(axes)] for a in agents])
+        shortened = shortened.reshape(-1, axes)
+        widening = np.array([agent.shares.widening for agent in agents])
         return Stage(
             factor=factor,
             outcome=outcome,
@@ -211,6 +233,10 @@ class AgentEngine:
             spawn_step=np.array([agent.spawn_step for agent in agents], dtype=np.int64),
             woken_by=np.array([self._arms_to_wakers(a) for a in agents], dtype=np.int64),
             taken=taken,
+            pulled=_table([agent.pulled for agent in agents], directions),
+            kept=_table([agent.squeezed for agent in agents], axes),
+            shortened=shortened,
+            widened=shortened * widening[:, None],
             passed=passed,
             dropped=dropped,
             boundary_cells=boundary_cells,
@@ -227,6 +253,7 @@ class AgentEngine:
                 returned=self.returned,
                 dropped=self.dropped + float(dropped.sum()),
                 pending=self.pending,
+                absorbed=sum((boundary.absorbed for boundary in boundaries), start=0.0),
             ),
         )
 
@@ -244,21 +271,23 @@ class AgentEngine:
         record = [
             (
                 np.array([number[agent] for agent, _, _ in rows], dtype=np.int64),
-                np.array([direction for _, direction, _ in rows], dtype=np.int64),
+                np.array([state for _, state, _ in rows], dtype=np.int64),
                 np.array([load for _, _, load in rows]),
             )
             for rows in self.record
         ]
-        return collect_history(record)
-
-    def _by_direction(self, amounts: list[dict[int, float]]) -> FloatArray:
-        table = np.zeros((len(amounts), self.lattice.directions))
-        for row, amount in enumerate(amounts):
-            for direction, load in amount.items():
-                table[row, direction] = load
-        return table
+        return collect_history(record, self.lattice.directions)
 
     def _arms_to_wakers(self, agent: MaterialAgent) -> int:
         wakers = {waker.cell for waker in agent.woken_by}
         arms = range(self.lattice.directions)
         return sum(1 << arm for arm in arms if self.neighbour(agent.cell, arm) in wakers)
+
+
+def _table(amounts: list[dict[int, float]], columns: int) -> FloatArray:
+    """Return dictionaries as the rows of a table."""
+    table = np.zeros((len(amounts), columns))
+    for row, amount in enumerate(amounts):
+        for column, load in amount.items():
+            table[row, column] = load
+    return table

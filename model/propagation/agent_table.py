@@ -24,13 +24,15 @@ class AgentTable:
         Number of the cell, as the lattice counts.
     material, spawn_step, woken_by : arrays of int
         As in `Stage`.
-    taken, passed : arrays of float, shape (agents, directions)
-        Loads taken by direction and handed over by arm (N).
+    taken : array of float, shape (agents, states)
+        Loads taken (N), by state as `Transfer` numbers them.
+    passed : array of float, shape (agents, directions)
+        Loads handed over by arm (N).
     dropped : array of float
         Emissions that were too small (N).
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, states: int) -> None:
         self.scene = scene
         self.lattice = scene.lattice
         directions = self.lattice.directions
@@ -38,7 +40,7 @@ class AgentTable:
         self.material: IntArray = np.empty(0, dtype=np.int64)
         self.spawn_step: IntArray = np.empty(0, dtype=np.int64)
         self.woken_by: IntArray = np.empty(0, dtype=np.int64)
-        self.taken: FloatArray = np.empty((0, directions))
+        self.taken: FloatArray = np.empty((0, states))
         self.passed: FloatArray = np.empty((0, directions))
         self.dropped: FloatArray = np.empty(0)
         self._parity: NDArray[np.int8] = np.empty(0, dtype=np.int8)
@@ -78,12 +80,16 @@ class AgentTable:
         self.material = np.append(self.material, self.scene.kinds(cells))
         self.spawn_step = np.append(self.spawn_step, np.full(count, step))
         self.woken_by = np.append(self.woken_by, woken_by)
-        self.taken = np.append(self.taken, np.zeros((count, directions)), axis=0)
+        self.taken = np.append(self.taken, np.zeros((count, self.taken.shape[1])), axis=0)
         self.passed = np.append(self.passed, np.zeros((count, directions)), axis=0)
         self.dropped = np.append(self.dropped, np.zeros(count))
-        self._parity = np.append(self._parity, (cells[:, 1] & 1).astype(np.int8))
+        self._parity = np.append(self._parity, self.lattice.parity(cells).astype(np.int8))
         unknown = np.full((count, directions), _UNKNOWN)
         self._beyond = np.append(self._beyond, unknown, axis=0)
+
+    def form(self, agent: IntArray) -> IntArray:
+        """Return the row of the rule's tables for agents: material, then parity."""
+        return self.material[agent] * 2 + self._parity[agent]
 
     def neighbour(self, agent: IntArray, arm: IntArray) -> IntArray:
         """Return the keys of the cells that agents reach over arms."""

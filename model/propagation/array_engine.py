@@ -1,6 +1,6 @@
 """Load transfer on arrays: only agents and their loads are stored, never the body.
 
-A load is a row (cell, direction, magnitude, copies). Magnitudes are few, because they are
+A load is a row (cell, state, magnitude, copies). Magnitudes are few, because they are
 products of a few shares, so a row carries the number of its magnitude in a table.
 """
 
@@ -27,8 +27,8 @@ class Rows(NamedTuple):
     ----------
     place : array of int
         Where the loads are.
-    direction : array of 8-bit int
-        Where they point.
+    state : array of 8-bit int
+        Where their force points, and whether they pull, as `Transfer` numbers it.
     magnitude : array of 32-bit int
         Number of the magnitude in the engine's table.
     copies : array of float
@@ -38,7 +38,7 @@ class Rows(NamedTuple):
     """
 
     place: IntArray
-    direction: NDArray[np.int8]
+    state: NDArray[np.int8]
     magnitude: NDArray[np.int32]
     copies: FloatArray
     bits: NDArray[np.uint8]
@@ -67,10 +67,10 @@ class ArrayEngine:
         self.accumulate = transfer.rule.accumulate
         self.threshold = transfer.rule.threshold
 
-    def start(self, cells: IntArray, direction: IntArray, magnitude: FloatArray) -> None:
+    def start(self, cells: IntArray, state: IntArray, magnitude: FloatArray) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
         self.generation = 0
-        self.agents = AgentTable(self.scene)
+        self.agents = AgentTable(self.scene, self.transfer.states)
         self.record: list[tuple[IntArray, IntArray, FloatArray]] = []
         self.boundary: list[tuple[IntArray, FloatArray]] = []
         self.applied = float(magnitude.sum())
@@ -78,7 +78,7 @@ class ArrayEngine:
         self.values, number = np.unique(magnitude, return_inverse=True)
         place = self.lattice.key(cells)
         outside = np.zeros(len(cells), dtype=np.uint8)
-        self._arrive(_rows(place, direction, number, np.ones(len(cells)), outside))
+        self._arrive(_rows(place, state, number, np.ones(len(cells)), outside))
 
     @property
     def load(self) -> FloatArray:
@@ -101,40 +101,40 @@ class ArrayEngine:
         self.passed += self.pending - (self.returned - returned)
 
     def _take(self, agent: IntArray) -> None:
-        """Add up what each agent takes along each direction; the rows are sorted by both."""
-        direction = self.waiting.direction
+        """Add up what each agent takes in each state; the rows are sorted by both."""
+        state = self.waiting.state
         first = np.flatnonzero(
-            (np.diff(agent, prepend=-1) != 0) | (np.diff(direction, prepend=-1) != 0)
+            (np.diff(agent, prepend=-1) != 0) | (np.diff(state, prepend=-1) != 0)
         )
-        agent, direction = agent[first], direction[first]
+        agent, state = agent[first], state[first]
         load = np.add.reduceat(self.load, first)
-        self.agents.taken[agent, direction] += load
-        self.record.append((agent, direction.astype(np.int64), load))
+        self.agents.taken[agent, state] += load
+        self.record.append((agent, state.astype(np.int64), load))
 
     def _emit(self, agent: IntArray) -> Rows:
         """Split the waiting loads into shares; the place of a row is agent and arm."""
-        arms, directions, shares = self.transfer.tables
+        arms, states, shares = self.transfer.tables
         distinct, share_number = np.unique(shares, return_inverse=True)
         products = np.outer(distinct, self.values)
         values, product_number = np.unique(products, return_inverse=True)
         loud_value = values > (0.0 if self.accumulate else self.threshold)
         quiet_value = np.where(loud_value, 0.0, values)
-        share_number = share_number.reshape(-1, shares.shape[2])
+        share_number = share_number.reshape(-1, shares.shape[-1])
         product_number = product_number.ravel()
 
-        waiting, agent, state = self._audible(agent)
+        waiting, agent, row = self._audible(agent)
         ended = np.zeros(len(agent))
         parts = []
-        for emission in range(shares.shape[2]):
-            product = share_number[:, emission][state] * len(self.values) + waiting.magnitude
+        for emission in range(shares.shape[-1]):
+            product = share_number[:, emission][row] * len(self.values) + waiting.magnitude
             number = product_number[product]
             ended += quiet_value[number]
             loud = np.flatnonzero(loud_value[number])
-            arm = arms[..., emission].ravel()[state[loud]]
+            arm = arms[..., emission].ravel()[row[loud]]
             place = agent[loud] * self.lattice.directions + arm
-            direction = directions[..., emission].ravel()[state[loud]]
+            state = states[..., emission].ravel()[row[loud]]
             bits = (1 << self.lattice.opposite)[arm]
-            parts.append(_rows(place, direction, number[loud], waiting.copies[loud], bits))
+            parts.append(_rows(place, state, number[loud], waiting.copies[loud], bits))
         self._drop(agent, ended * waiting.copies)
         self.values = values
         return _joined(parts)
@@ -144,19 +144,19 @@ class ArrayEngine:
 
         Returns
         -------
-        rows, agent, state
-            The waiting loads of which something is passed on, by whom, and the agent's
-            material and the load's direction as one number.
+        rows, agent, row
+            The waiting loads of which something is passed on, by whom, and the row of the
+            rule's tables that says how.
         """
         shares = self.transfer.tables[2]
-        state = self.agents.material[agent] * self.lattice.directions + self.waiting.direction
+        row = self.agents.form(agent) * self.transfer.states + self.waiting.state
         if self.accumulate:
-            return self.waiting, agent, state
-        largest = shares.max(axis=2).ravel()[state] * self.values[self.waiting.magnitude]
+            return self.waiting, agent, row
+        largest = shares.max(axis=-1).ravel()[row] * self.values[self.waiting.magnitude]
         silent = np.flatnonzero(largest <= self.threshold)
-        self._drop(agent[silent], (shares.sum(axis=2).ravel()[state] * self.load)[silent])
+        self._drop(agent[silent], (shares.sum(axis=-1).ravel()[row] * self.load)[silent])
         rest = np.flatnonzero(largest > self.threshold)
-        return self.waiting.where(rest), agent[rest], state[rest]
+        return self.waiting.where(rest), agent[rest], row[rest]
 
     def _drop(self, agent: IntArray, load: FloatArray) -> None:
         np.add.at(self.agents.dropped, agent, load)
@@ -176,7 +176,7 @@ class ArrayEngine:
             return _joined([arriving.where(inside), back])
         back = self._give_back(at_boundary)
         arriving.place[outside] = back.place
-        arriving.direction[outside] = back.direction
+        arriving.state[outside] = back.state
         arriving.bits[outside] = back.bits
         return arriving
 
@@ -187,12 +187,12 @@ class ArrayEngine:
         load = self.values[rows.magnitude] * rows.copies
         self.boundary.append((self.agents.neighbour(agent, arm), load))
         self.returned += float(load.sum())
-        direction = rows.direction.copy()
+        state = rows.state.copy()
         for boundary, turned in self.transfer.turned.items():
             here = kind == boundary
-            direction[here] = turned[arm[here], direction[here]]
+            state[here] = turned[arm[here], state[here]]
         nothing = np.zeros_like(rows.bits)
-        return rows._replace(place=self.agents.key[agent], direction=direction, bits=nothing)
+        return rows._replace(place=self.agents.key[agent], state=state, bits=nothing)
 
     def _arrive(self, rows: Rows) -> None:
         """Merge the loads that meet, drop those too small, and wake agents for the rest."""
@@ -217,28 +217,28 @@ class ArrayEngine:
     def _merge(self, rows: Rows) -> Rows:
         """Put together the loads that meet: equal ones are counted, or all are added up."""
         number = np.zeros_like(rows.magnitude) if self.accumulate else rows.magnitude
-        places, directions = rows.place, self.lattice.directions
+        places, states = rows.place, self.transfer.states
         numbers = int(number.max(initial=0)) + 1
         met = None
-        if (int(places.max(initial=0)) + 1) * directions * numbers >= 2**63:
+        if (int(places.max(initial=0)) + 1) * states * numbers >= 2**63:
             met, places = np.unique(places, return_inverse=True)
-        code = (places * directions + rows.direction) * numbers + number
+        code = (places * states + rows.state) * numbers + number
         order = np.argsort(code, kind="stable")
         code = code[order]
         first = np.flatnonzero(np.diff(code, prepend=-1))
         if not len(first):
             return rows
-        state, kept = np.divmod(code[first], numbers)
-        place, direction = np.divmod(state, directions)
+        place_and_state, kept = np.divmod(code[first], numbers)
+        place, state = np.divmod(place_and_state, states)
         place = place if met is None else met[place]
         bits = np.bitwise_or.reduceat(rows.bits[order], first)
         if not self.accumulate:
             copies = np.add.reduceat(rows.copies[order], first)
-            return _rows(place, direction, kept, copies, bits)
+            return _rows(place, state, kept, copies, bits)
         sums = np.add.reduceat((self.values[rows.magnitude] * rows.copies)[order], first)
         added = len(self.values) + np.arange(len(first))
         self.values = np.append(self.values, sums)
-        return _rows(place, direction, added, np.ones(len(first)), bits)
+        return _rows(place, state, added, np.ones(len(first)), bits)
 
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""
@@ -246,11 +246,20 @@ class ArrayEngine:
         boundary_key, boundary_step, returned = collect_boundary(self.boundary)
         boundary_cells = self.lattice.cells(boundary_key)
         taken = table.taken.sum(axis=1)
+        pulled = table.taken[:, self.lattice.directions :]
+        if not pulled.shape[1]:
+            pulled = np.zeros_like(table.taken)
+        everyone = np.arange(len(table))
+        emitted = self.transfer.emitted.reshape(-1, self.transfer.states)[table.form(everyone)]
+        kept = self.transfer.kept(table.material, table.taken)
+        modulus = np.array([material.youngs_modulus for material in self.transfer.materials])
+        widening = np.array([shares.widening for shares in self.transfer.shares])
+        shortened = kept / (self.transfer.cross_section * modulus[table.material, None])
         ledger = Ledger(
             applied=self.applied,
             taken=float(taken.sum()),
             kept=float((self.transfer.own[table.material] * taken).sum()),
-            emitted=float((self.transfer.emitted[table.material] * taken).sum()),
+            emitted=float((emitted * table.taken).sum()),
             passed=self.passed,
             returned=self.returned,
             dropped=self.dropped,
@@ -264,21 +273,25 @@ class ArrayEngine:
             material=table.material,
             spawn_step=table.spawn_step,
             woken_by=table.woken_by,
-            taken=table.taken,
+            taken=table.taken[:, : self.lattice.directions] + pulled,
+            pulled=pulled,
+            kept=kept,
+            shortened=shortened,
+            widened=shortened * widening[table.material, None],
             passed=table.passed,
             dropped=table.dropped,
             boundary_cells=boundary_cells,
             boundary_kind=kinds(boundary_cells),
             boundary_spawn_step=boundary_step,
             returned=returned,
-            history=collect_history(self.record),
+            history=collect_history(self.record, self.lattice.directions),
             ledger=ledger,
         )
 
 
 def _rows(
     place: IntArray,
-    direction: NDArray[np.integer],
+    state: NDArray[np.integer],
     magnitude: NDArray[np.integer],
     copies: FloatArray,
     bits: NDArray[np.integer],
@@ -286,7 +299,7 @@ def _rows(
     """Return rows in as few bytes as they need: millions of them travel."""
     return Rows(
         place,
-        direction.astype(np.int8),
+        state.astype(np.int8),
         magnitude.astype(np.int32),
         copies,
         bits.astype(np.uint8),

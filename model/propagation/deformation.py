@@ -1,13 +1,16 @@
 """How the agents deform: strain, stress and displacement from the loads they took.
 
-Along each axis a cell is squeezed by its own share of all loads it took along that axis, in
-both senses, and widened by the free part of the expansion that the other axes cause:
+Along each axis a cell is squeezed by what it kept of the loads it took along that axis, and
+widened by the free part of the expansion that the other axes cause:
 
-    ε = Σₖ eₖ (-nₖnₖᵀ + βν (1 - nₖnₖᵀ)),   σ = -Σₖ E eₖ nₖnₖᵀ,   eₖ = α₁ΣPₖ / (A E)
+    ε = Σₖ eₖ (-nₖnₖᵀ + βν (1 - nₖnₖᵀ)),   σ = -Σₖ Pₖ/A nₖnₖᵀ,   eₖ = Pₖ / (A E)
+
+where Pₖ = α₁Σ(pushes - pulls) along axis k, of forces both ways. Without a sense all loads are
+pushes, so a load that pulls squeezes too.
 
 Displacements are summed along every line of cells from its rigid end. A line without one is
-summed from its middle; with two, the misfit is spread evenly. Cells that no load reached keep
-their shape. Pulling loads squeeze as pushing ones do: the rule knows no tension.
+summed from its middle; with two, the misfit is spread evenly. Cells that no load reached stay
+as they are, where they are.
 """
 
 from __future__ import annotations
@@ -17,7 +20,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.agents.rules import PrescribedRule
 from kaju.model.scene.kinds import RIGID, ROLLER
 
 from .stage import FloatArray, IntArray, Stage
@@ -38,9 +40,9 @@ class Squeeze:
     lattice : Lattice
         Gives the axes.
     pressure : array, shape (agents, axes)
-        α₁ΣPₖ / A (Pa).
+        Pₖ / A (Pa); below 0 where pulls prevail.
     strain : array, shape (agents, axes)
-        eₖ, the pressure over Young's modulus.
+        eₖ: of agents that have no law of their own, the pressure over Young's modulus.
     widening : array, shape (agents, axes)
         βν eₖ, by which the other axes lengthen.
     """
@@ -78,17 +80,10 @@ class Squeeze:
 
 
 def squeeze(scene: Scene, stage: Stage) -> Squeeze:
-    """Work out how much the agents of a stage are squeezed by the loads they took."""
-    lattice, rule, materials = scene.lattice, scene.rule, scene.cell_materials
-    assert isinstance(rule, PrescribedRule)
-    own = np.array([rule.shares(m, lattice.dimension).own for m in materials])
-    modulus = np.array([m.youngs_modulus for m in materials])
-    free = np.array([rule.coefficients(m).beta * m.poissons_ratio for m in materials])
+    """Return how much the agents of a stage are squeezed by what they kept."""
+    lattice = scene.lattice
     area = lattice.cell_volume(scene.thickness) / lattice.cell_size
-    loads = stage.taken[:, lattice.axes] + stage.taken[:, lattice.opposite[lattice.axes]]
-    pressure = loads * (own / area)[stage.material, None]
-    strain = pressure / modulus[stage.material, None]
-    return Squeeze(lattice, pressure, strain, strain * free[stage.material, None])
+    return Squeeze(lattice, stage.kept / area, stage.shortened, stage.widened)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +161,7 @@ class DisplacementField:
 
     def __init__(self, scene: Scene, stage: Stage, squeezed: Squeeze) -> None:
         self.lattice: Lattice = scene.lattice
+        self.awake: IntArray = scene.lattice.key(stage.cells)
         self.axes = [
             _displacement_along(scene, stage.cells, squeezed.elongation(axis), axis)
             for axis in range(len(self.lattice.axes))
@@ -173,6 +169,13 @@ class DisplacementField:
 
     def at(self, points: FloatArray, cells: IntArray) -> FloatArray:
         """Return displacements (m) at points (m) in cells, all (n, dim); 0 off the load."""
+        total = np.zeros_like(points)
+        reached = np.isin(self.lattice.key(cells), self.awake)
+        total[reached] = self._within(points[reached], cells[reached])
+        return total
+
+    def _within(self, points: FloatArray, cells: IntArray) -> FloatArray:
+        """Return displacements (m) at points (m) in cells that a load reached."""
         lattice = self.lattice
         inside_cell = (points - lattice.centres(cells)) / lattice.cell_size
         normals = lattice.normals[lattice.axes]

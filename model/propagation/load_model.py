@@ -6,6 +6,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Literal
 
 import mesa
+import numpy as np
 
 from kaju.agents.material_agent import MaterialAgent
 from kaju.errors import StabilityError
@@ -16,11 +17,11 @@ from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify
 from .stage import Stage
-from .transfer import Transfer, split_force
+from .transfer import Transfer, states_of
 from .transfer_result import TransferResult
 
 if TYPE_CHECKING:
-    from kaju.agents.load import Load
+    from kaju.agents.load import Load, Sense
     from kaju.agents.rules import Emission, Shares
     from kaju.model.scene import Scene
     from kaju.model.scene.lattice import Lattice
@@ -29,6 +30,9 @@ EngineName = Literal["auto", "agents", "arrays"]
 
 MOST_CELLS_FOR_AGENTS = 10_000
 """Up to this many cells every agent is an object when the engine is chosen by itself."""
+
+MOST_REMEMBERED = 10_000
+"""So many sets of emissions are kept, so that they need not be worked out for every load."""
 
 MOST_GROWTH = 1e12
 """A run whose waiting loads exceed the applied ones by this factor is stopped."""
@@ -97,6 +101,8 @@ class LoadModel(mesa.Model):
                 "set allow_unstable=True"
             )
         self.max_generations = max_generations
+        self._axis_of: list[int] = scene.lattice.axis_of.tolist()
+        self._sent: dict[tuple[Shares, int, Sense, int], tuple[Emission, ...]] = {}
         self.engine = self._choose_engine(engine, material_agent)
         self.reset()
 
@@ -118,9 +124,7 @@ class LoadModel(mesa.Model):
     def _begin_stage(self, stage: int) -> None:
         self.stage = stage
         self._stage_is_over = False
-        applied = self.scene.applied(stage)
-        row, direction, magnitude = split_force(self.lattice, applied.force)
-        self.engine.start(applied.cells[row], direction, magnitude)
+        self.engine.start(*states_of(self.scene, stage))
 
     @property
     def lattice(self) -> Lattice:
@@ -142,9 +146,32 @@ class LoadModel(mesa.Model):
         """Whether loads that meet are added before they are judged."""
         return self.transfer.rule.accumulate
 
-    def emissions(self, shares: Shares, direction: int) -> tuple[Emission, ...]:
-        """Return what a load along `direction` sends out of an agent with these shares."""
-        return self.transfer.emissions(shares, direction)
+    @property
+    def cross_section(self) -> float:
+        """A (m²), over which an own share is spread."""
+        return self.transfer.cross_section
+
+    def parity(self, index: tuple[int, ...]) -> int:
+        """Return the form of the cell with that index, 0 or 1."""
+        return int(self.lattice.parity(np.array([index]))[0])
+
+    def axis_of(self, direction: int) -> int:
+        """Return the number of the axis that a direction lies on."""
+        return self._axis_of[direction]
+
+    def heading(self, load: Load) -> int:
+        """Return where a load travels: a push along its force, a pull against it."""
+        return self.transfer.heading(load.direction, load.sense)
+
+    def emissions(self, agent: MaterialAgent, load: Load) -> tuple[Emission, ...]:
+        """Return what a load sends out of an agent for each newton, by its shares."""
+        key = (agent.shares, load.direction, load.sense, agent.parity)
+        sent = self._sent.get(key)
+        if sent is None:
+            if len(self._sent) > MOST_REMEMBERED:
+                self._sent.clear()
+            sent = self._sent[key] = self.transfer.emissions(*key)
+        return sent
 
     def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
         """Bring a load to the neighbour over an arm, where it is taken in the next step."""

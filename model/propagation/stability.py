@@ -78,6 +78,8 @@ def certify(scene: Scene, transfer: Transfer) -> Certificate:
     """Do the work of `stability` for a rule that is already in tables."""
     emitted = transfer.emitted
     lower, upper = float(emitted.min()), float(emitted.max())
+    if upper - lower <= 1e-12 * upper:
+        lower = upper
     if lower < upper and scene.lattice.size <= MOST_CELLS_FOR_OPERATOR:
         lower, upper = bound_spectral_radius(transfer_operator(scene, transfer))
     known = upper - lower <= 1e-6 * upper
@@ -114,7 +116,7 @@ def _ends(generations: int) -> str:
 
 def _grows(transfer: Transfer, lower: float, upper: float) -> str:
     """Say why the run is refused, and which share to lower below what."""
-    worst = int(np.argmax(transfer.emitted))
+    worst = int(np.argmax(transfer.emitted.max(axis=(1, 2))))
     shares, name = transfer.shares[worst], transfer.materials[worst].name
     if not transfer.rule.accumulate:
         return (
@@ -144,11 +146,11 @@ def _grows(transfer: Transfer, lower: float, upper: float) -> str:
 
 
 def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
-    """Assemble T over all cells of the body: unknowns are cell times direction.
+    """Assemble T over all cells of the body: unknowns are cell times state of a load.
 
     Returns
     -------
-    csr_array, shape (cells * directions, cells * directions)
+    csr_array, shape (cells * states, cells * states)
         Column: a load taken; row: a load that it sends, after boundaries gave it back.
     """
     from scipy.sparse import coo_array
@@ -159,23 +161,22 @@ def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
     cells, material = everywhere[kinds >= 0], kinds[kinds >= 0]
     number = np.full(int(np.prod(np.asarray(lattice.shape) + 2)), -1, dtype=np.int64)
     number[lattice.key(cells)] = np.arange(len(cells))
-    arms, directions, shares = transfer.tables
+    arms, states, shares = (table.reshape(-1, *table.shape[2:]) for table in transfer.tables)
+    form = material * 2 + lattice.parity(cells)
     rows, columns, values = [], [], []
     for arm in range(lattice.directions):
         target = lattice.neighbours(cells, arm)
         beyond = scene.kinds(target)
         reached = np.where(beyond >= 0, number[lattice.key(target)], np.arange(len(cells)))
-        for direction, emission in np.ndindex(arms.shape[1:]):
-            sends = (arms[material, direction, emission] == arm) & (
-                shares[material, direction, emission] > 0.0
-            )
-            out = directions[material, direction, emission]
+        for state, emission in np.ndindex(arms.shape[1:]):
+            sends = (arms[form, state, emission] == arm) & (shares[form, state, emission] > 0.0)
+            out = states[form, state, emission]
             for kind, turned in transfer.turned.items():
                 out = np.where(beyond == kind, turned[arm, out], out)
-            rows.append((reached * lattice.directions + out)[sends])
-            columns.append((np.arange(len(cells)) * lattice.directions + direction)[sends])
-            values.append(shares[material, direction, emission][sends])
-    size = len(cells) * lattice.directions
+            rows.append((reached * transfer.states + out)[sends])
+            columns.append((np.arange(len(cells)) * transfer.states + state)[sends])
+            values.append(shares[form, state, emission][sends])
+    size = len(cells) * transfer.states
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     return coo_array(entries, shape=(size, size)).tocsr()
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Ledger:
         Loads up to the threshold, which ended.
     pending : float
         Loads handed over but not yet taken; 0 when the stage has come to rest.
+    absorbed : float
+        Emissions that a boundary of one's own did not give back.
     """
 
     applied: float
@@ -44,12 +47,13 @@ class Ledger:
     returned: float
     dropped: float
     pending: float
+    absorbed: float = 0.0
 
     @property
     def imbalance(self) -> float:
         """What the books do not account for, as a share of all loads; 0 but for rounding."""
         entered = self.applied + self.emitted
-        left = self.taken + self.dropped + self.pending
+        left = self.taken + self.dropped + self.pending + self.absorbed
         handed = self.applied + self.passed + self.returned
         return max(abs(entered - left), handed - entered, 0.0) / entered if entered else 0.0
 
@@ -64,12 +68,15 @@ class History:
         When, by which agent (a row of `Stage.cells`) and along which direction.
     load : array of float, shape (rows,)
         Sum of the loads taken then (N).
+    pull : array of bool, shape (rows,)
+        Whether these are pulls.
     """
 
     generation: IntArray
     agent: IntArray
     direction: IntArray
     load: FloatArray
+    pull: BoolArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +100,15 @@ class Stage:
     woken_by : array of int, shape (agents,)
         Bit a is set if a load that woke the agent came over its arm a; 0 for applied loads.
     taken : array of float, shape (agents, directions)
-        Loads taken by direction (N).
+        Loads taken (N), by the direction their force points along, pushes and pulls.
+    pulled : array of float, shape (agents, directions)
+        The pulls among them (N); 0 unless the rule has a sense.
+    kept : array of float, shape (agents, axes)
+        Own shares along each axis (N), pushes less pulls.
+    shortened : array of float, shape (agents, axes)
+        By which part of its length each cell is shortened along each axis.
+    widened : array of float, shape (agents, axes)
+        By which part it is widened, for that, along the others.
     passed : array of float, shape (agents, directions)
         Loads handed over by arm (N), to neighbours and to boundaries.
     dropped : array of float, shape (agents,)
@@ -117,6 +132,10 @@ class Stage:
     spawn_step: IntArray
     woken_by: IntArray
     taken: FloatArray
+    pulled: FloatArray
+    kept: FloatArray
+    shortened: FloatArray
+    widened: FloatArray
     passed: FloatArray
     dropped: FloatArray
     boundary_cells: IntArray
@@ -151,13 +170,19 @@ def collect_boundary(
     return key[order], step[first][order], returned[order]
 
 
-def collect_history(record: list[tuple[IntArray, IntArray, FloatArray]]) -> History:
-    """Gather the loads taken, from (agent, direction, load) of each generation."""
+def collect_history(
+    record: list[tuple[IntArray, IntArray, FloatArray]], directions: int
+) -> History:
+    """Gather the loads taken, from (agent, state, load) of each generation."""
     nothing = np.empty(0, dtype=np.int64)
     generation = [np.full(len(agent), g) for g, (agent, _, _) in enumerate(record, start=1)]
+    pull, direction = np.divmod(
+        np.concatenate([nothing, *(state for _, state, _ in record)]), directions
+    )
     return History(
         np.concatenate([nothing, *generation]),
         np.concatenate([nothing, *(agent for agent, _, _ in record)]),
-        np.concatenate([nothing, *(direction for _, direction, _ in record)]),
+        direction,
         np.concatenate([np.empty(0), *(load for _, _, load in record)]),
+        pull > 0,
     )

@@ -8,19 +8,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.agents.load import Sense
 from kaju.agents.rules import Emission, PrescribedRule, Shares
 from kaju.errors import SceneError
+from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
-    from kaju.model.scene.lattice import Lattice
+    from kaju.model.scene.applied import AppliedLoads
+    from kaju.model.scene.lattice import Cells, Lattice
 
 BOUNDARY_NAMES = {AIR: "free", RIGID: "rigid", ROLLER: "roller"}
 
 
 class Transfer:
     """Who passes how much to whom: the prescribed rule on a scene's lattice.
+
+    Loads are numbered by *state*: the direction of the force for pushes, and the same plus
+    the number of directions for pulls, which only a rule with a sense has.
 
     Parameters
     ----------
@@ -46,33 +52,57 @@ class Transfer:
         self.shares: tuple[Shares, ...] = tuple(
             self.rule.shares(material, self.lattice.dimension) for material in self.materials
         )
+        self.cross_section = self.lattice.cell_volume(scene.thickness) / self.lattice.cell_size
+        self._opposite: list[int] = self.lattice.opposite.tolist()
 
-    def emissions(self, shares: Shares, direction: int) -> tuple[Emission, ...]:
-        """Return what a load along `direction` sends out of an agent with these shares."""
-        lattice = self.lattice
-        return shares.emissions(
-            direction, int(lattice.opposite[direction]), lattice.beside[direction]
-        )
+    @property
+    def states(self) -> int:
+        """Number of states of a load."""
+        return self.lattice.directions * (2 if self.rule.sense else 1)
+
+    def heading(self, direction: int, sense: Sense) -> int:
+        """Return where a load travels: a push along its force, a pull against it."""
+        return direction if sense == "push" else self._opposite[direction]
+
+    def emissions(
+        self, shares: Shares, direction: int, sense: Sense = "push", parity: int = 0
+    ) -> tuple[Emission, ...]:
+        """Return what a load sends out of an agent with these shares."""
+        way = self.lattice.way(self.heading(direction, sense), parity)
+        sent = shares.emissions(direction, sense, way, self._opposite)
+        return sent if self.rule.sense else tuple(e._replace(sense="push") for e in sent)
 
     @cached_property
     def tables(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """Arm, direction and share of every emission, each (materials, directions, most).
+        """Arm, state and share of every emission, each (materials, parities, states, most).
 
         Rows with fewer emissions are filled up with shares of 0.
         """
-        directions = range(self.lattice.directions)
-        rows = [[self.emissions(shares, d) for d in directions] for shares in self.shares]
-        most = max(1, *(len(row) for material in rows for row in material))
-        filler = Emission(0, 0, 0.0)
+        cells = [(shares, parity) for shares in self.shares for parity in (0, 1)]
+        rows = [
+            [self._sent(*cell, *divmod(state, self.lattice.directions)) for cell in cells]
+            for state in range(self.states)
+        ]
+        most = max(1, *(len(row) for state in rows for row in state))
         full = np.array(
-            [[[*row, *[filler] * (most - len(row))] for row in material] for material in rows]
-        ).reshape(len(rows), len(directions), most, 3)
-        return full[..., 0].astype(np.int64), full[..., 1].astype(np.int64), full[..., 2]
+            [[[*row, *[(0, 0, 0.0)] * (most - len(row))] for row in state] for state in rows]
+        )
+        full = full.reshape(self.states, len(self.shares), 2, most, 3).transpose(1, 2, 0, 3, 4)
+        arms, states = full[..., 0].astype(np.int64), full[..., 1].astype(np.int64)
+        return arms, states, np.ascontiguousarray(full[..., 2])
+
+    def _sent(
+        self, shares: Shares, parity: int, pull: int, direction: int
+    ) -> list[tuple[int, int, float]]:
+        """Return arm, state and share of what a load of a state sends out."""
+        sent = self.emissions(shares, direction, "pull" if pull else "push", parity)
+        pulls = self.lattice.directions
+        return [(arm, d + pulls * (s == "pull"), share) for arm, d, share, s in sent]
 
     @cached_property
     def emitted(self) -> NDArray[np.float64]:
-        """Sum of the emitted shares per material: by how much loads grow in a generation."""
-        total: NDArray[np.float64] = self.tables[2].sum(axis=2).max(axis=1)
+        """Sum of what a load sends out, by which loads grow: (materials, parities, states)."""
+        total: NDArray[np.float64] = self.tables[2].sum(axis=3)
         return total
 
     @cached_property
@@ -82,13 +112,57 @@ class Transfer:
 
     @cached_property
     def turned(self) -> dict[int, NDArray[np.int64]]:
-        """For each kind of boundary: where a load along d that came over arm a points next."""
-        every = np.arange(self.lattice.directions)
-        return {
-            AIR: np.tile(every, (len(every), 1)),
-            RIGID: np.tile(self.lattice.opposite, (len(every), 1)),
-            ROLLER: self.lattice.mirrored,
-        }
+        """For each kind of boundary: the state in which one that came over an arm returns."""
+        lattice = self.lattice
+        every = np.arange(lattice.directions)
+        free = np.tile(np.arange(self.states), (len(every), 1))
+        rigid = np.tile(lattice.opposite, (len(every), 1))
+        roller = lattice.mirrored
+        if self.rule.sense:
+            # What arrives along the normal, a push or a pull, goes back as the other.
+            free[every, every] += len(every)
+            free[every, lattice.opposite + len(every)] -= len(every)
+            rigid, roller = (np.hstack([back, back + len(every)]) for back in (rigid, roller))
+        return {AIR: free, RIGID: rigid, ROLLER: roller}
+
+    def kept(self, material: NDArray[np.int64], taken: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the own shares along each axis (N), pushes less pulls, from loads by state."""
+        lattice = self.lattice
+        count = lattice.directions
+        pushes = taken[:, :count] - taken[:, count:] if self.rule.sense else taken
+        along = pushes[:, lattice.axes] + pushes[:, lattice.opposite[lattice.axes]]
+        return along * self.own[material, None]
+
+
+def states_of(scene: Scene, stage: int) -> tuple[Cells, NDArray[np.int64], NDArray[np.float64]]:
+    """Return the loads applied at a stage: cells, states and magnitudes (N)."""
+    applied = scene.applied(stage)
+    row, direction, magnitude = split_force(scene.lattice, applied.force)
+    state = direction
+    if isinstance(scene.rule, PrescribedRule) and scene.rule.sense:
+        state = direction + scene.lattice.directions * pulls(scene, applied, row, direction)
+    return applied.cells[row], state, magnitude
+
+
+def pulls(
+    scene: Scene, applied: AppliedLoads, row: NDArray[np.int64], direction: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Tell which parts of the applied forces pull: rows of `applied`, split along directions.
+
+    A part pulls where the scene says so, or where it points out of the body over its own
+    side; where the scene names no side, over the free face of a cell that has body behind it.
+    """
+    assert applied.sense is not None
+    lattice, cells = scene.lattice, applied.cells[row]
+    said, side = applied.sense[row], applied.direction[row]
+    outwards = (lattice.normals[direction] * lattice.normals[side]).sum(axis=1) > 1e-9
+    pull: NDArray[np.bool_] = np.where(said == BY_SIDE, outwards & (side >= 0), said == PULL)
+    for each in np.unique(direction[said == BY_SURFACE]).tolist():
+        asked = np.flatnonzero((said == BY_SURFACE) & (direction == each))
+        beyond = scene.kinds(lattice.neighbours(cells[asked], each))
+        behind = scene.kinds(lattice.neighbours(cells[asked], int(lattice.opposite[each])))
+        pull[asked] = (beyond == AIR) & (behind >= 0)
+    return pull
 
 
 def split_force(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.agents.rules import PrescribedRule
 from kaju.errors import ResultError
 from kaju.model.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
@@ -19,6 +20,7 @@ from .deformation import DisplacementField, Squeeze, squeeze
 from .load_path import load_path
 from .stability import Certificate
 from .stage import FloatArray, History, Ledger, Stage
+from .transfer import pulls, split_force
 
 if TYPE_CHECKING:
     import networkx
@@ -73,6 +75,21 @@ class TransferResult(BodyResult):
                 f"stage: this result has the stages 1 to {len(self.stages)}, got {stage}"
             )
         return TransferResult(self.scene, self.stages[:stage], self.certificate, self.seconds)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the figures should know, in words."""
+        notes = []
+        rule = self.scene.rule
+        if isinstance(rule, PrescribedRule) and not rule.sense:
+            applied = self.scene.applied(len(self.stages))
+            row, direction, _ = split_force(self.scene.lattice, applied.force)
+            if pulls(self.scene, applied, row, direction).any():
+                notes.append(
+                    "a load pulls, but without a sense every load squeezes: set rule.sense = true "
+                    "to let pulls stretch"
+                )
+        return tuple(notes)
 
     @cached_property
     def _squeeze(self) -> Squeeze:
@@ -162,7 +179,7 @@ class TransferResult(BodyResult):
             "spectral_radius": self.certificate.spectral_radius,
             "seconds": self.seconds,
             "kaju_version": __version__,
-        }
+        } | ({"notes": list(self.notes)} if self.notes else {})
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per material agent of the last stage.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,11 @@ from .filling import count, slabs
 from .lattice import Cells
 from .loads import Load
 from .surfaces import MOST_FACES, Selection
+
+PUSH: Final = 1
+PULL: Final = -1
+BY_SIDE: Final = 0
+BY_SURFACE: Final = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +35,15 @@ class AppliedLoads:
         Index of the face by which the force enters, -1 for the cell's middle.
     force : ndarray of float, shape (n, dimension)
         The forces (N).
+    sense : ndarray of int, shape (n,), optional
+        What the scene says of the force: `PUSH`, `PULL`, or nothing. Then its side decides
+        (`BY_SIDE`), or, where the scene names none, the surface (`BY_SURFACE`).
     """
 
     cells: Cells
     direction: NDArray[np.int64]
     force: NDArray[np.float64]
+    sense: NDArray[np.int8] | None = None
 
 
 def at_stage(
@@ -50,14 +60,27 @@ def at_stage(
     for load, chosen in zip(loads, selections, strict=True):
         factor = min(1.0, stage / load.steps)
         force = factor * chosen.forces(load, lattice, thickness)
-        parts.append(AppliedLoads(chosen.cells, chosen.direction, force))
+        sense = np.full(len(force), _said(load), dtype=np.int8)
+        parts.append(AppliedLoads(chosen.cells, chosen.direction, force, sense))
     if gravity is not None and any(gravity):
         parts.append(weight(contents, gravity, thickness))
     return AppliedLoads(
         np.concatenate([part.cells for part in parts]),
         np.concatenate([part.direction for part in parts]),
         np.concatenate([part.force for part in parts]),
+        np.concatenate([_senses(part) for part in parts]),
     )
+
+
+def _said(load: Load) -> int:
+    """Return what a load's description says of its sense."""
+    if load.sense is not None:
+        return PUSH if load.sense == "push" else PULL
+    return BY_SURFACE if load.side is None and load.region is None else BY_SIDE
+
+
+def _senses(part: AppliedLoads) -> NDArray[np.int8]:
+    return np.full(len(part.force), BY_SIDE, dtype=np.int8) if part.sense is None else part.sense
 
 
 def _nothing(dimension: int) -> AppliedLoads:

@@ -12,11 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod, sqrt
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.agents.shares import Beside, Way
 from kaju.errors import ParameterError
 
 Cells = NDArray[np.int64]
@@ -34,14 +35,6 @@ _HEXAGON_STEPS = (
     ((1, 0), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1)),
     ((1, 0), (1, 1), (0, 1), (-1, 0), (0, -1), (1, -1)),
 )
-
-
-class Beside(NamedTuple):
-    """A neighbour beside a load: the arm to it and its weights in the two sideways shares."""
-
-    arm: int
-    friction: float
-    poisson: float
 
 
 @dataclass(frozen=True)
@@ -118,7 +111,7 @@ class Lattice:
     def steps(self) -> NDArray[np.int64]:
         """Coordinate steps over each arm, shape (2, directions, dimension).
 
-        The first index is the parity of the row, which counts for hexagons only.
+        The first index is the cell's parity, which counts for hexagons only.
         """
         if self.kind == "hexagon":
             return np.array(_HEXAGON_STEPS, dtype=np.int64)
@@ -157,28 +150,29 @@ class Lattice:
         """Names of the sides of the array, lower before upper, axis by axis."""
         return _AXIS_SIDES[self.dimension]
 
-    @cached_property
-    def beside(self) -> tuple[tuple[Beside, ...], ...]:
-        """For every direction the neighbours beside it, with their weights.
+    def way(self, direction: int, parity: int) -> Way:
+        """Return the neighbours of a cell as a load sees them that travels in a direction.
 
         Across a square or a cube every face that is neither ahead nor behind takes the full
         friction and the full Poisson share. Of a hexagon's four faces beside, those at ±60°
         feel friction, and all four feel the Poisson expansion, by sin²60° = 3/4.
         """
+        ahead, behind = ((direction, 1.0),), ((int(self.opposite[direction]), 1.0),)
         if self.kind == "hexagon":
             turns = ((1, 1.0), (2, 0.0), (4, 0.0), (5, 1.0))
-            return tuple(
-                tuple(Beside((d + turn) % 6, friction, 0.75) for turn, friction in turns)
-                for d in range(6)
-            )
-        return tuple(
-            tuple(Beside(arm, 1.0, 1.0) for arm in range(self.directions) if arm // 2 != d // 2)
-            for d in range(self.directions)
-        )
+            beside = [Beside((direction + turn) % 6, weight, 0.75) for turn, weight in turns]
+        else:
+            arms = [arm for arm in range(self.directions) if arm // 2 != direction // 2]
+            beside = [Beside(arm, 1.0, 1.0) for arm in arms]
+        return Way(ahead, behind, tuple(beside))
+
+    def parity(self, cells: Cells) -> NDArray[np.int64]:
+        """Tell which of two forms each cell has; of hexagons, whether its row is odd."""
+        return cells[:, 1] & 1
 
     def neighbours(self, cells: Cells, arm: int) -> Cells:
         """Return the cells reached from `cells` over one arm (they may lie outside)."""
-        reached: Cells = cells + self.steps[cells[:, 1] & 1, arm]
+        reached: Cells = cells + self.steps[self.parity(cells), arm]
         return reached
 
     def contains(self, cells: Cells) -> NDArray[np.bool_]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
@@ -72,6 +74,9 @@ class Load(Described):
         Pressure (Pa) against the outward normal of each face.
     steps : int
         The load is applied in this many equal steps.
+    sense : {"push", "pull"}, optional
+        For a prescribed rule with `sense`; unless given a force pulls where it points out of
+        the body over its own side.
     """
 
     cell: tuple[Index, ...] | None = Field(
@@ -90,6 +95,9 @@ class Load(Described):
     )
     steps: Count = Field(
         default=1, le=MOST_STEPS, description="the number of equal steps of loading"
+    )
+    sense: Literal["push", "pull"] | None = Field(
+        default=None, description="whether the force travels along ('push') or against itself"
     )
 
     @model_validator(mode="after")

@@ -41,12 +41,15 @@ class PrescribedTable(CoefficientsTable):
     threshold: Number = Field(default=0.01, description="γ, below which loads end (N)")
     accumulate: Flag = False
     materials: dict[Text, CoefficientsTable] = Field(default_factory=dict)
+    sense: Flag = Field(default=False, description="whether loads push or pull")
 
     def build(self) -> PrescribedRule:
         """Return the rule."""
         shared = self.coefficients()
         own = {name: table.coefficients() for name, table in self.materials.items()}
-        return PrescribedRule(shared.alpha, shared.beta, self.threshold, self.accumulate, own)
+        return PrescribedRule(
+            *(shared.alpha, shared.beta, self.threshold, self.accumulate, own, self.sense)
+        )
 
 
 class ElasticTable(Described):

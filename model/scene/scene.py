@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from kaju.agents.materials import Material, suggestion
+from kaju.agents.rules import PrescribedRule
 from kaju.errors import SceneError
 
 from .applied import AppliedLoads, at_stage, check_gravity
@@ -264,7 +265,11 @@ class Scene(Description):
 
         ``{"loads.0.steps": "1", "rule.threshold": 0.001}``: texts are read as TOML values.
         """
-        return Scene(**overridden(self._table(), changes))
+        table = self._table()
+        one_share = any(path.startswith("rule.alpha.") for path in changes)
+        if one_share and isinstance(self.rule, PrescribedRule):  # perhaps left to the dimension
+            table["rule"]["alpha"] = list(self.rule.alpha_in(self.lattice.dimension))
+        return Scene(**overridden(table, changes))
 
     def to_toml(self) -> str:
         """Return the scene as TOML, from which `from_toml` makes an equal scene."""

@@ -29,13 +29,16 @@ def table_of(scene: Description) -> dict[str, Any]:
     body = scene.body.model_dump(mode="json", exclude_defaults=True, exclude={"array"})
     if scene.body.array is not None:
         body["array"] = scene.body.array
+    rule = {"kind": scene.rule.kind, **_entries(scene.rule)}
+    if rule.get("sense") is False:
+        del rule["sense"]  # the literal reading goes without saying
     table = {
         "body": body,
         "legend": dict(scene.legend),
         "materials": {name: _entries(material) for name, material in scene.materials.items()},
         "sides": {name: side.to_value() for name, side in scene.sides.items()},
         "loads": [load.model_dump(mode="json", exclude_defaults=True) for load in scene.loads],
-        "rule": {"kind": scene.rule.kind, **_entries(scene.rule)},
+        "rule": rule,
     }
     return {key: part for key, part in table.items() if part}
 

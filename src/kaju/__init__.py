@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from kaju.model.spawning.spawned_result import SpawnedResult as SpawnedResult
     from kaju.model.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.stored import load_result as load_result
+    from kaju.model.sweep import sweep as sweep
     from kaju.view import animate as animate
     from kaju.view import plot as plot
     from kaju.view.page import export_page as export_page
@@ -84,6 +85,7 @@ _HOME = {
     "plot": "kaju.view",
     "solve": "kaju.model.solving",
     "stability": "kaju.model.propagation.stability",
+    "sweep": "kaju.model.sweep",
 }
 
 __all__ = sorted([*_HOME, "__version__"])

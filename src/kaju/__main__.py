@@ -18,6 +18,7 @@ from . import (
     commands_run,
     commands_scene,
     commands_stress,
+    commands_sweep,
 )
 
 app = typer.Typer(
@@ -38,6 +39,7 @@ for _verb in (
     commands_compare.compare,
     commands_compare.bench,
     commands_stress.stress,
+    commands_sweep.sweep,
     commands_scene.materials,
 ):
     app.command()(_verb)

@@ -61,6 +61,10 @@ class MissingExtraError(KajuError, ImportError):
     """An optional package is needed; the message says how to install it."""
 
 
+class WorkerError(KajuError, RuntimeError):
+    """Processes that were to compute have died, or cannot start."""
+
+
 class TangentError(KajuError, ArithmeticError):
     """Some nodes of a spring network give way: no unique small answer to a small load.
 

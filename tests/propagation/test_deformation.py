@@ -85,14 +85,13 @@ def test_a_floating_line_is_summed_from_its_middle():
     np.testing.assert_allclose(displacement[:, 1], expected - expected[2], rtol=1e-12, atol=1e-22)
 
 
-def test_cells_no_load_reached_keep_their_shape():
-    """Above a pressed cell in mid-column everything rides down as one piece."""
+def test_cells_no_load_reached_stay_where_they_are():
     result = column({"bottom": "rigid"}, rows=40, load_row=20)
     at = np.array([[0.5 * H, (row + 0.5) * H] for row in (25, 39)])
-    moved = result.displacement_at(at)[:, 1]
-    assert moved[0] == moved[1] < 0.0
+    assert not result.displacement_at(at).any()
     far_below = result.displacement_at(np.array([[0.5 * H, 0.5 * H]]))
-    assert far_below[0, 1] == 0.0
+    assert not far_below.any()
+    assert (result.displacement[:, 1] < 0.0).all()
 
 
 def test_a_gap_in_a_line_separates_runs():

@@ -1,0 +1,30 @@
+"""What the agents of cells have in common: they know where they stand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mesa.discrete_space import FixedAgent
+from numpy.typing import NDArray
+
+
+class PlacedAgent(FixedAgent):
+    """An agent that stands for a cell of the scene, or for one just beside the body.
+
+    Mesa's space is one cell wider than the scene on every side, so ``cell.coordinate``
+    counts from there; `index` counts as the scene does.
+    """
+
+    model: Any
+
+    @property
+    def index(self) -> tuple[int, ...]:
+        """The scene's cell: column, row (and layer), from 0; -1 is beside the first."""
+        return tuple(count - 1 for count in self.cell.coordinate)
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """Middle of the cell (m), shape (dimension,)."""
+        middle: NDArray[np.float64] = self.model.lattice.centres(np.array([self.index]))[0]
+        return middle

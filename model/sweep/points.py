@@ -1,0 +1,200 @@
+"""Which points of the varied quantities are run.
+
+Grids take every combination of the values given. The other methods draw points of the unit cube
+and read them through the distributions: Latin hypercubes (McKay, Beckman & Conover 1979),
+scrambled Sobol sequences (Owen 1998), and Saltelli's arrangement of them, from which Sobol
+indices follow (Saltelli et al. 2010).
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.agents.materials import suggestion
+from kaju.errors import MissingExtraError, ParameterError
+
+Vary = Mapping[str, Any]
+Method = str | Sequence[Mapping[str, Any]]
+
+GRID, LISTED = "grid", "list"
+SAMPLED = ("sobol", "lhs", "saltelli")
+
+
+@dataclass(frozen=True)
+class Points:
+    """The points of a sweep, by column.
+
+    Attributes
+    ----------
+    columns : mapping of str to sequence
+        The values that each varied quantity takes, one per point.
+    method : str
+        How they were chosen.
+    """
+
+    columns: Mapping[str, Sequence[Any]]
+    method: str
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        return {key: plain(column[number]) for key, column in self.columns.items()}
+
+
+def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> Points:
+    """Return the points that a sweep asks for.
+
+    Parameters
+    ----------
+    vary : mapping of str to sequence or distribution
+        Values, or a distribution with an inverse (`ppf`), of every quantity.
+    method : {"grid", "list", "sobol", "lhs", "saltelli"} or sequence of mappings
+        How points are chosen from them; or the points themselves.
+    samples : int, optional
+        Number of points (for "saltelli": of base points).
+    seed : int
+        Of the sampling.
+
+    Raises
+    ------
+    ParameterError
+        If these do not go together.
+    """
+    if not isinstance(method, str):
+        return _given(vary, method)
+    if method not in (GRID, LISTED, *SAMPLED):
+        known = (GRID, LISTED, *SAMPLED)
+        raise ParameterError(
+            f"method: {', '.join(map(repr, known))}, or a list of points, "
+            f"got {method!r}{suggestion(method, known)}"
+        )
+    if not isinstance(vary, Mapping) or not vary:
+        raise ParameterError("vary: at least one quantity is needed, as {'rule.threshold': [...]}")
+    if method in SAMPLED:
+        return _sampled(vary, method, samples, seed)
+    if samples is not None:
+        raise ParameterError(
+            f"samples: a {method} has as many points as its values make; "
+            f"leave samples away, or take one of {', '.join(SAMPLED)}"
+        )
+    values = {key: _values(key, given) for key, given in vary.items()}
+    if method == LISTED:
+        if len({len(column) for column in values.values()}) > 1:
+            lengths = ", ".join(f"{key}: {len(column)}" for key, column in values.items())
+            raise ParameterError(
+                f"vary: the values of a list go together one by one; got {lengths}"
+            )
+        return Points(values, LISTED)
+    shape = tuple(map(len, values.values()))
+    places = np.unravel_index(np.arange(math.prod(shape)), shape)
+    columns = {
+        key: [column[place] for place in along]
+        for (key, column), along in zip(values.items(), places, strict=True)
+    }
+    return Points(columns, GRID)
+
+
+def _given(vary: Vary, points: Sequence[Mapping[str, Any]]) -> Points:
+    if vary:
+        raise ParameterError("vary: points that are given say themselves what they vary; pass {}")
+    if not points or not all(isinstance(point, Mapping) and point for point in points):
+        raise ParameterError("method: points are mappings such as {'rule.threshold': 0.01}")
+    keys = list(points[0])
+    for number, point in enumerate(points):
+        if set(point) != set(keys):
+            raise ParameterError(
+                f"method: point {number} varies {sorted(point)}, point 0 varies {sorted(keys)}; "
+                "all must vary the same"
+            )
+    return Points({key: [point[key] for point in points] for key in keys}, LISTED)
+
+
+def _values(key: str, given: Any) -> Sequence[Any]:
+    if hasattr(given, "ppf"):
+        raise ParameterError(
+            f"vary: {key!r} is a distribution, of which a grid or list cannot be made; "
+            "take method='sobol' or 'lhs', with samples="
+        )
+    if isinstance(given, (str, bytes)) or not isinstance(given, (Sequence, np.ndarray, range)):
+        raise ParameterError(
+            f"vary: {key!r} needs a list of values or a scipy.stats distribution, got {given!r}"
+        )
+    if len(given) == 0:
+        raise ParameterError(f"vary: {key!r} has no values")
+    return list(given)
+
+
+def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> Points:
+    if samples is None or isinstance(samples, bool) or int(samples) != samples or samples < 1:
+        raise ParameterError(
+            f"samples: {method} needs the number of points, 1 or more; got {samples!r}"
+        )
+    if method != "lhs" and samples & (samples - 1):
+        below = 1 << (samples.bit_length() - 1)
+        raise ParameterError(
+            f"samples: Sobol points are balanced only in powers of two; take {below} or "
+            f"{2 * below} instead of {samples}, or method='lhs'"
+        )
+    unit = _unit_cube(len(vary), method, samples, seed)
+    columns: dict[str, Sequence[Any]] = {}
+    for (key, given), column in zip(vary.items(), unit.T, strict=True):
+        if hasattr(given, "ppf"):
+            columns[key] = given.ppf(column)
+            if not np.isfinite(columns[key]).all():
+                raise ParameterError(f"vary: the distribution of {key!r} gave infinite values")
+        else:
+            values = _values(key, given)
+            columns[key] = [values[int(place)] for place in column * len(values)]
+    return Points(columns, method)
+
+
+def _unit_cube(dimension: int, method: str, samples: int, seed: int) -> NDArray[np.float64]:
+    if method == "saltelli":
+        sobol = salib("sample.sobol")
+        cube = {"num_vars": dimension, "bounds": [[0.0, 1.0]] * dimension}
+        cube["names"] = [str(number) for number in range(dimension)]
+        unit = sobol.sample(cube, samples, calc_second_order=False, seed=seed)
+    else:
+        from scipy.stats import qmc
+
+        engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
+        unit = engine(dimension, seed=seed).random(samples)
+    return np.clip(np.asarray(unit, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
+
+
+def salib(module: str) -> Any:
+    """Return a module of SALib.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    from importlib import import_module
+
+    try:
+        return import_module(f"SALib.{module}")
+    except ImportError as error:
+        raise MissingExtraError(
+            "sensitivities and Saltelli's points need SALib: pip install 'kaju[sweep]'"
+        ) from error
+
+
+def plain(value: Any) -> Any:
+    """Return a value without NumPy's types, as scenes and files take it."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def key_path(key: str) -> str:
+    """Return ``loads[0].force[1]`` as ``loads.0.force.1``."""
+    return re.sub(r"\[(\d+)\]", r".\1", key)

@@ -1,0 +1,292 @@
+"""Pushes and pulls: what changes when loads have a sense."""
+
+import numpy as np
+import pytest
+
+from kaju import LoadModel, PrescribedRule, Scene, compare, fit_rule, solve, stability
+from kaju.agents.elastic_rule import ElasticRule
+
+ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
+STRAIGHT = PrescribedRule(alpha=(0.5, 0.8, 0.0), beta=1.0, threshold=0.05, sense=True)
+DOWN, UP = 2, 3
+
+
+def column(force, rule=STRAIGHT, cells=4, **side):
+    return Scene(
+        body={
+            "cell_size": 0.01,
+            "cells": [1, cells],
+            "material": "steel",
+            "allow_floating": True,
+        },
+        sides={"bottom": "rigid"} | side,
+        loads=[{"side": "top", "force": [0.0, force]}],
+        rule=rule,
+    )
+
+
+def plate(force, sense=True, threshold=1e-2, **load):
+    return Scene(
+        body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [10, 19], "force": [0.0, force], **load}],
+        rule=PrescribedRule(threshold=threshold, sense=sense),
+    )
+
+
+def by_cell(result, name="displacement"):
+    values = getattr(result, name)
+    return dict(zip(map(tuple, result.last.cells.tolist()), values.tolist(), strict=True))
+
+
+def assert_negative(pulled, pushed, names=("displacement", "stress", "strain")):
+    for name in names:
+        one, other = by_cell(pulled, name), by_cell(pushed, name)
+        assert one.keys() == other.keys()
+        for cell, value in one.items():
+            np.testing.assert_allclose(value, -np.array(other[cell]), rtol=1e-12, atol=1e-30)
+
+
+@ENGINES
+def test_a_column_of_four(engine):
+    """The reference of an independent program."""
+    pushed = LoadModel(column(-1.0), engine=engine).run()
+    stage = pushed.last
+    assert (stage.generations, len(stage.cells), len(stage.boundary_cells)) == (14, 4, 2)
+    assert stage.ledger.taken == pytest.approx(4.780098, abs=5e-7)
+    from_the_top = np.argsort(-stage.cells[:, 1])
+    push_less_pull = (stage.taken - 2.0 * stage.pulled).sum(axis=1)[from_the_top]
+    np.testing.assert_allclose(push_less_pull, [1.041943, 0.927926, 0.80533, 0.766981], atol=5e-7)
+    top, bottom = from_the_top[[0, -1]]
+    pushes = stage.taken - stage.pulled
+    np.testing.assert_allclose(pushes[top], [0, 0, 1.0, 0.209715], atol=5e-7)
+    np.testing.assert_allclose(stage.pulled[top], [0, 0, 0, 0.167772], atol=5e-7)
+    np.testing.assert_allclose(pushes[bottom], [0, 0, 0.512, 0.4096], atol=5e-7)
+    np.testing.assert_allclose(stage.pulled[bottom], [0, 0, 0.068719, 0.085899], atol=5e-7)
+    pulled = LoadModel(column(1.0), engine=engine).run()
+    assert pulled.last.generations == 14
+    assert pulled.last.ledger.taken == stage.ledger.taken
+    assert_negative(pulled, pushed)
+    assert pulled.displacement[0, 1] > 0.0, "the bar gets longer"
+
+
+@ENGINES
+@pytest.mark.parametrize(
+    ("threshold", "found"),
+    [(1e-2, (8, 34, 4, 12.879375)), (1e-3, (11, 85, 13, 21.104765625))],
+)
+def test_the_plate_has_the_literal_rules_counts_at_other_places(engine, threshold, found):
+    results = [LoadModel(plate(-2.0, s, threshold), engine=engine).run() for s in (True, False)]
+    for result in results:
+        stage = result.last
+        counts = (stage.generations, len(stage.cells), len(stage.boundary_cells))
+        assert (*counts, pytest.approx(stage.ledger.taken, rel=1e-13)) == found
+    assert results[0].last.pulled.sum() > 0.0 == results[1].last.pulled.sum()
+    differ = results[0].last.kept - results[1].last.kept
+    assert np.abs(differ).max() > 1e-3
+
+
+@ENGINES
+@pytest.mark.parametrize("load", [{}, {"side": "top"}, {"sense": "pull"}])
+def test_pulling_the_plate_is_pushing_it_with_the_other_sign(engine, load):
+    pushed = LoadModel(plate(-2.0), engine=engine).run()
+    pulled = LoadModel(plate(2.0, **load), engine=engine).run()
+    assert_negative(pulled, pushed)
+
+
+@ENGINES
+@pytest.mark.parametrize("lattice", ["hexagon", "square"])
+@pytest.mark.parametrize("accumulate", [False, True])
+def test_the_mirror_holds_on_other_lattices(engine, lattice, accumulate):
+    def run(sign):
+        scene = Scene(
+            body={
+                "cell_size": 0.01,
+                "thickness": 0.01,
+                "drawing": "aaaaaa\naa.aab\naa=aaa",
+                "lattice": lattice,
+            },
+            legend={"a": "steel", "b": "rubber", ".": "air", "=": "rigid"},
+            sides={"bottom": "roller", "left": "rigid"},
+            loads=[{"cell": [3, 2], "side": "top", "force": [0.0, -2.0 * sign]}],
+            rule=PrescribedRule((0.5, 0.4, 0.1), 0.5, 1e-2, accumulate, sense=True),
+        )
+        return LoadModel(scene, engine=engine).run()
+
+    pushed, pulled = run(1.0), run(-1.0)
+    assert len(pushed.last.cells) > 8
+    assert_negative(pulled, pushed)
+
+
+@ENGINES
+def test_a_cube_is_pulled_as_it_is_pushed(engine):
+    def run(force):
+        scene = Scene(
+            body={"size": [0.1, 0.1, 0.1], "cells": [10, 10, 10], "material": "steel"},
+            sides={"bottom": "rigid"},
+            loads=[{"cell": [5, 5, 9], "force": [0.0, 0.0, force]}],
+            rule=PrescribedRule(sense=True),
+        )
+        return LoadModel(scene, engine=engine).run()
+
+    pushed, pulled = run(-2.0), run(2.0)
+    for result in (pushed, pulled):
+        stage = result.last
+        assert (stage.generations, len(stage.cells), len(stage.boundary_cells)) == (8, 60, 4)
+        assert stage.ledger.taken == pytest.approx(11.526875, rel=1e-13)
+    assert_negative(pulled, pushed)
+
+
+@ENGINES
+@pytest.mark.parametrize(
+    ("side", "sense", "direction"), [("free", "pull", DOWN), ("rigid", "push", UP)]
+)
+def test_what_comes_back_from_an_end(engine, side, sense, direction):
+    """A free end answers as a wave's does; a rigid one keeps the sense and turns the force."""
+    rule = PrescribedRule(alpha=(0.5, 0.8, 0.0), beta=1.0, threshold=0.7, sense=True)
+    scene = column(-1.0, rule, cells=1, bottom=side)
+    stage = LoadModel(scene, engine=engine).run().last
+    assert stage.generations == 2
+    came_back = stage.history.load[stage.history.generation == 2]
+    assert came_back.tolist() == [0.8]
+    last = stage.history.generation == 2
+    assert stage.history.direction[last].tolist() == [direction]
+    assert stage.history.pull[last].tolist() == [sense == "pull"]
+    stretched = stage.kept[0, 1]
+    assert stretched == pytest.approx(0.5 * (1.0 + (-0.8 if sense == "pull" else 0.8)))
+
+
+def test_an_agent_tells_pushes_from_pulls():
+    model = LoadModel(column(1.0), engine="agents")
+    first = model.agents[0]
+    assert (first.inbox, first.pulls) == ({}, {(UP, 1.0): 1.0})
+    model.step()
+    assert (first.taken, first.pulled, first.squeezed) == ({UP: 1.0}, {UP: 1.0}, {1: -0.5})
+    below = model.agents[1]
+    assert below.index == (0, 2), "the pull went down, against its force"
+    assert below.pulls == {(UP, 0.8): 1.0}
+
+
+@ENGINES
+def test_a_stretched_cell_pulls_its_neighbours_inwards(engine):
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [3, 1], "material": "steel", "allow_floating": True},
+        loads=[{"cell": [1, 0], "side": "top", "force": [0.0, 1.0]}],
+        rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=0.0, threshold=0.1, sense=True),
+    )
+    stage = LoadModel(scene, engine=engine).run().last
+    pulled = dict(zip(map(tuple, stage.cells.tolist()), stage.pulled.tolist(), strict=True))
+    assert pulled[1, 0] == [0, 0, 0, 1.0]
+    assert pulled[0, 0] == [0, 0.15, 0, 0], "the force on the left cell points right, inwards"
+    assert pulled[2, 0] == [0.15, 0, 0, 0]
+
+
+@ENGINES
+def test_an_auxetic_cell_pulls_when_it_is_pushed(engine):
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [3, 1], "material": "foam", "allow_floating": True},
+        materials={"foam": {"youngs_modulus": 1e6, "poissons_ratio": -0.5}},
+        loads=[{"cell": [1, 0], "side": "top", "force": [0.0, -1.0]}],
+        rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=0.0, threshold=0.1, sense=True),
+    )
+    stage = LoadModel(scene, engine=engine).run().last
+    pulled = dict(zip(map(tuple, stage.cells.tolist()), stage.pulled.tolist(), strict=True))
+    assert pulled[0, 0] == [0, 0.25, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("load", "pulls"),
+    [
+        ({"cell": [2, 4], "force": [0.0, 1.0]}, True),
+        ({"cell": [2, 4], "force": [0.0, -1.0]}, False),
+        ({"cell": [2, 2], "force": [0.0, 1.0]}, False),
+        ({"cell": [2, 4], "side": "top", "force": [1.0, 0.0]}, False),
+        ({"cell": [2, 0], "force": [0.0, -1.0]}, False),
+        ({"cell": [4, 2], "force": [1.0, 0.0]}, True),
+        ({"cell": [2, 2], "force": [0.0, 1.0], "sense": "pull"}, True),
+        ({"cell": [2, 4], "force": [0.0, 1.0], "sense": "push"}, False),
+        ({"side": "top", "pressure": -1e4}, True),
+        ({"side": "top", "pressure": 1e4}, False),
+        ({"region": {"box": [[0.0, 0.05], [0.05, 0.05]]}, "force": [0.0, 1.0]}, True),
+    ],
+)
+def test_which_forces_pull(load, pulls):
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [5, 5], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[load],
+        rule=PrescribedRule(threshold=0.01, sense=True),
+    )
+    model = LoadModel(scene, engine="arrays")
+    model.step()
+    assert model.result().last.history.pull.all() == pulls
+    literal = LoadModel(scene.replace(rule=PrescribedRule(threshold=0.01))).run()
+    assert bool(literal.notes) == pulls
+    assert ("notes" in literal.summary()) == pulls
+    assert LoadModel(scene).run().notes == ()
+
+
+def test_weight_pushes():
+    scene = Scene(
+        body={
+            "cell_size": 0.01,
+            "cells": [2, 3],
+            "material": "steel",
+            "gravity": [0.0, -9.81],
+        },
+        sides={"top": "rigid"},
+        rule=PrescribedRule(threshold=1e-6, sense=True),
+    )
+    model = LoadModel(scene)
+    model.step()
+    assert not model.result().last.history.pull.any()
+
+
+@ENGINES
+def test_stages_know_the_sense(engine):
+    scene = plate(2.0).replace(loads=[{"cell": [10, 19], "force": [0.0, 2.0], "steps": 4}])
+    result = LoadModel(scene, engine=engine).run()
+    assert [stage.pulled.sum() > 0.0 for stage in result.stages] == [True] * 4
+    assert_negative(result, LoadModel(plate(-2.0), engine=engine).run())
+
+
+def test_the_scene_file_says_it():
+    text = plate(2.0, sense=True).to_toml()
+    assert "sense = true" in text
+    assert Scene.from_toml(text).rule.sense
+    literal = Scene.from_toml(text.replace("sense = true", "sense = false"))
+    assert not literal.rule.sense
+    said = plate(2.0, **{}).replace(
+        loads=[{"cell": [10, 19], "force": [0.0, 2.0], "sense": "push"}]
+    )
+    assert Scene.from_toml(said.to_toml()) == said
+
+
+def test_the_certificate_is_the_same_for_pulls():
+    assert stability(plate(2.0)).generations == 8
+    assert stability(plate(2.0)).spectral_radius == pytest.approx(1.15)
+
+
+def test_a_result_with_pulls_survives_storing(tmp_path):
+    result = LoadModel(plate(2.0)).run()
+    again = type(result).load(result.save(tmp_path / "pulled"))
+    np.testing.assert_array_equal(again.last.pulled, result.last.pulled)
+    np.testing.assert_array_equal(again.last.history.pull, result.last.history.pull)
+    np.testing.assert_array_equal(again.displacement, result.displacement)
+
+
+def test_a_fit_knows_the_sense():
+    """Pulled, the literal rule moves the wrong way, and no coefficients can mend that."""
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [5, 5], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, 2.0]}],
+        rule=PrescribedRule(threshold=1e-2, sense=True),
+    )
+    reference = solve(scene.replace(rule=ElasticRule()))
+    literal = LoadModel(scene.replace(rule=PrescribedRule(threshold=1e-2))).run()
+    assert compare(literal, reference).displacement.misfit > 1.0
+    fit = fit_rule(scene, reference, evaluations=40)
+    assert fit.rule.sense
+    before, after = fit.misfit
+    assert after < before < 1.0

@@ -1,0 +1,280 @@
+"""Many runs: points, measures, rows, seeds, sensitivities."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+import sweep_work
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+import kaju
+from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
+from kaju.model.network import triangular
+from kaju.model.sweep import load_sweep, sensitivity
+
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+    "rule": {"kind": "prescribed", "threshold": 0.01},
+}
+ELASTIC = PLATE | {"rule": {"kind": "elastic"}}
+
+
+def scene(table=PLATE):
+    return Scene(**table)
+
+
+def alone(*arguments, **options):
+    """Sweep on one process, quietly."""
+    return sweep(*arguments, workers=1, progress=False, **options)
+
+
+def test_a_row_is_the_run_that_it_stands_for():
+    table = alone(
+        scene(),
+        {"rule.threshold": [1e-2, 1e-3, 1e-4], "loads[0].force[1]": [-2.0, -1.0]},
+        ["load_taken", "generations", "last.ledger.dropped"],
+    )
+    assert list(table) == [
+        "run", "rule.threshold", "loads[0].force[1]",
+        "load_taken", "generations", "last.ledger.dropped", "error",
+    ]  # fmt: skip
+    two = table[table["loads[0].force[1]"] == -2.0]
+    assert two["load_taken"].round(6).tolist() == [12.879375, 21.104766, 31.929009]
+    assert two["generations"].tolist() == [8, 11, 15]
+    for _, row in table.iterrows():
+        changed = {
+            "rule.threshold": row["rule.threshold"],
+            "loads.0.force.1": row["loads[0].force[1]"],
+        }
+        result = LoadModel(scene().with_overrides(changed)).run()
+        assert row["load_taken"] == result.summary()["load_taken"]
+        assert row["last.ledger.dropped"] == result.last.ledger.dropped
+
+
+def test_all_figures_of_the_summary_unless_told_otherwise():
+    table = alone(scene(), {"rule.threshold": [0.01]})
+    summary = LoadModel(scene()).run().summary()
+    for name in ("generations", "load_taken", "spectral_radius", "max_displacement", "rule"):
+        assert table[name][0] == summary[name]
+    assert "seconds" not in table  # the same sweep is the same table
+
+
+def test_what_is_varied_need_not_be_a_number():
+    table = alone(scene(), {"sides.left": ["rigid", "free"]}, "rigid_boundary_agents")
+    assert table["sides.left"].tolist() == ["rigid", "free"]
+    alphas = [[0.5, 0.5, 0.25], [0.5, 0.3, 0.1]]
+    table = alone(scene(), {"rule.alpha": alphas}, "load_taken")
+    assert table["rule.alpha"].tolist() == ["[0.5, 0.5, 0.25]", "[0.5, 0.3, 0.1]"]
+    assert table["load_taken"][0] > table["load_taken"][1]
+
+
+class OnlyAhead(MaterialAgent):
+    """Passes half of everything straight on."""
+
+    def pass_on(self, load):
+        if 0.5 * load.magnitude > self.model.threshold:
+            ahead = load._replace(magnitude=0.5 * load.magnitude)
+            self.model.hand_over(self, load.direction, ahead)
+
+
+def test_every_model_and_agents_of_ones_own():
+    forces = {"loads[0].force[1]": [-1.0, -2.0]}
+    solved = alone(scene(ELASTIC), forces, "strain_energy")["strain_energy"]
+    assert solved[1] == pytest.approx(4.0 * solved[0], rel=1e-8)
+    named = alone(scene(), forces, "strain_energy", run=solve)["strain_energy"]
+    assert named[1] == pytest.approx(solved[1], rel=1e-8)
+    own = alone(
+        scene(), forces, "material_agents", run=partial(LoadModel, material_agent=OnlyAhead)
+    )
+    assert own["error"][0] != ""  # a partial is no class: it is not run
+    own = alone(scene(), forces, "material_agents", run=own_agents)
+    assert own["material_agents"].tolist() == [7, 8]
+    radius = alone(scene(), {"rule.alpha[1]": [0.1, 0.5]}, "spectral_radius", run=kaju.stability)
+    assert radius["spectral_radius"].round(6).tolist() == [0.75, 1.15]
+    model = alone(scene(), {"rule.threshold": [0.01]}, "load_taken", run=LoadModel)
+    assert model["load_taken"].round(6).tolist() == [12.879375]
+
+
+def own_agents(subject):
+    return LoadModel(subject, material_agent=OnlyAhead).run()
+
+
+def test_networks_and_creep():
+    table = alone(triangular, {"width": [5, 9], "force": [0.1]}, lambda net: net.share_of_height())
+    assert table["measure"].round(3).tolist() == [0.033, 0.022]
+    element = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=10.0)
+    course = {"x": lambda result: result.displacement[-1]}
+    table = alone(
+        lambda force: element,
+        {"force": [1.0], "run.times": [[4.0], [1.0, 4.0]]},
+        course,
+        run=creep_of,
+    )
+    exact = 0.5 * (1.0 - math.exp(-8.0)) + 0.4
+    np.testing.assert_allclose(table["x"], exact, rtol=1e-3)
+
+
+def creep_of(element, times):
+    return kaju.creep(element, kaju.History.step().hold(4.0), times=times)
+
+
+def test_a_failed_point_is_a_row_with_its_error():
+    table = alone(
+        scene(), {"rule.alpha[1]": [0.5, 3.0], "rule.threshold": [0.01, 0.02]}, "load_taken"
+    )
+    assert table["error"].str.startswith("StabilityError: ").tolist() == [False, False, True, True]
+    assert table["load_taken"].isna().tolist() == [False, False, True, True]
+
+
+def test_a_run_that_kills_its_process_is_known_by_it():
+    table = sweep(sweep_work.deadly, {"x": list(range(40))}, workers=2, progress=False)
+    assert table["run"].tolist() == list(range(40))
+    dead = table["x"] == 13
+    assert table["error"][dead].item() == "WorkerError: the process that computed it died, 3 times"
+    assert table["square"][~dead].tolist() == [x * x for x in range(40) if x != 13]
+
+
+def test_seeds_are_independent_and_repeatable():
+    points = {"x": [0.0] * 64}
+    first, again = (alone(sweep_work.drawn, points)["value"] for _ in range(2))
+    assert first.tolist() == again.tolist()
+    assert first.nunique() == 64
+    assert alone(sweep_work.drawn, points, seed=1)["value"].nunique() == 64
+    assert not set(first) & set(alone(sweep_work.drawn, points, seed=1)["value"])
+
+
+def test_the_number_of_processes_changes_nothing():
+    vary = {"x": stats.norm(2.0, 0.1), "y": [1.0, 2.0, 3.0]}
+    options = {"samples": 300, "method": "lhs", "progress": False}
+    one, two = (sweep(sweep_work.square, vary, workers=n, **options) for n in (1, 2))
+    assert one.equals(two)
+
+
+@given(st.integers(1, 5), st.integers(1, 4), st.integers(1, 3))
+def test_a_grid_has_every_combination_once(a, b, c):
+    from kaju.model.sweep.points import points_of
+
+    vary = {"a": list(range(a)), "b": list(range(b)), "c": list(range(c))}
+    points = points_of(vary, "grid", None, 0)
+    every = [(p["a"], p["b"], p["c"]) for p in (points[k] for k in range(len(points)))]
+    assert every == [(i, j, k) for i in range(a) for j in range(b) for k in range(c)]
+
+
+def test_samples_follow_their_distributions():
+    vary = {"x": stats.uniform(2.0, 3.0), "y": ["a", "b", "c", "d"]}
+    for method in ("lhs", "sobol"):
+        table = alone(both, vary, samples=64, method=method)
+        assert ((table["x"] - 2.0) // (3.0 / 64)).nunique() == 64  # one in every 64th
+        assert table["y"].value_counts().tolist() == [16] * 4
+
+
+def both(x, y):
+    return {"same": f"{y}{x:.0f}"}
+
+
+def test_points_that_are_given_and_lists_that_go_together():
+    together = alone(sweep_work.square, {"x": [1.0, 2.0], "y": [3.0, 4.0]}, method="list")
+    given_ones = alone(sweep_work.square, {}, method=[{"x": 1.0, "y": 3.0}, {"x": 2.0, "y": 4.0}])
+    assert together["square"].tolist() == given_ones["square"].tolist() == [4.0, 8.0]
+
+
+def test_sensitivities_of_a_known_function():
+    # x² + y on [0, 1]²: variances 4/45 and 1/12, nothing together.
+    share = (4 / 45) / (4 / 45 + 1 / 12)
+    ranges = {"x": stats.uniform(0, 1), "y": stats.uniform(0, 1)}
+    sampled = alone(sweep_work.square, ranges, samples=1024, method="saltelli")
+    assert len(sampled) == 1024 * 4
+    found = sensitivity(sampled, "square")
+    np.testing.assert_allclose(found["first"], [share, 1 - share], atol=0.02)
+    np.testing.assert_allclose(found["total"], [share, 1 - share], atol=0.02)
+    drawn = alone(sweep_work.square, ranges, samples=1000, method="lhs")
+    np.testing.assert_allclose(sensitivity(drawn, "square")["first"], [share, 1 - share], atol=0.06)
+    steps = np.arange(20) / 20
+    grid = alone(sweep_work.square, {"x": steps, "y": steps})
+    part = np.var(steps**2) / (np.var(steps**2) + np.var(steps))
+    np.testing.assert_allclose(sensitivity(grid, "square")["first"], [part, 1 - part], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "error", "message"),
+    [
+        ((scene(), {"rule.treshold": [1.0]}), {}, kaju.KajuError, "did you mean 'threshold'"),
+        ((scene(), {}), {}, ValueError, "vary: at least one quantity"),
+        ((scene(), {"rule.threshold": 0.1}), {}, ValueError, "needs a list of values"),
+        ((scene(), {"rule.threshold": []}), {}, ValueError, "has no values"),
+        ((scene(), {"rule.beta": stats.uniform()}), {}, ValueError, "method='sobol' or 'lhs'"),
+        ((scene(), {"rule.beta": [1]}), {"method": "gird"}, ValueError, "did you mean 'grid'"),
+        ((scene(), {"rule.beta": [1]}), {"samples": 4}, ValueError, "as many points as its values"),
+        (
+            (scene(), {"rule.beta": [1]}),
+            {"method": "lhs"},
+            ValueError,
+            "needs the number of points",
+        ),
+        (
+            (scene(), {"rule.beta": [1.0]}),
+            {"method": "sobol", "samples": 100},
+            ValueError,
+            "take 64 or 128 instead of 100",
+        ),
+        (
+            (scene(), {"rule.beta": [1], "rule.threshold": [1, 2]}),
+            {"method": "list"},
+            ValueError,
+            "rule.beta: 1, rule.threshold: 2",
+        ),
+        ((scene(), {}), {"method": [{"a": 1}, {"b": 1}]}, ValueError, "point 1 varies"),
+        ((scene(), {"rule.beta": [1]}, 3), {}, ValueError, "measure: a name"),
+        ((scene(), {"rule.beta": [1]}), {"workers": 0.5}, ValueError, "workers: must be a whole"),
+        ((scene(), {"rule.beta": [1]}), {"seed": -1}, ValueError, "seed: must be a whole"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused(arguments, options, error, message):
+    with pytest.raises(error, match=message) as raised:
+        sweep(*arguments, progress=False, **options)
+    assert isinstance(raised.value, kaju.KajuError)
+
+
+def test_a_measure_that_is_not_there_names_those_that_are():
+    table = alone(scene(), {"rule.threshold": [0.01]}, "load_takn")
+    assert "the result has no 'load_takn'; its summary has" in table["error"][0]
+    table = alone(scene(), {"rule.threshold": [0.01]}, lambda result: np.zeros(3))
+    assert "must be one number" in table["error"][0]
+
+
+def test_tables_without_a_sweep_have_no_sensitivities(tmp_path):
+    table = alone(sweep_work.square, {"x": [1.0, 2.0]})
+    with pytest.raises(kaju.KajuError, match="no column 'cube'"):
+        sensitivity(table, "cube")
+    with pytest.raises(kaju.KajuError, match="is not of a sweep"):
+        sensitivity(bare(table.copy()), "x")
+    with pytest.raises(kaju.KajuError, match="is no folder of a sweep"):
+        load_sweep(tmp_path)
+
+
+def bare(table):
+    table.attrs = {}
+    return table
+
+
+def test_pictures_show_what_was_swept(tmp_path):
+    from kaju.view.sweeps import plot_effects, plot_sweep_map
+
+    vary = {"rule.alpha[1]": [0.1, 0.5, 3.0], "rule.threshold": [1e-3, 1e-2, 1e-1]}
+    table = alone(scene(), vary, ["load_taken", "spectral_radius"])
+    effects = plot_effects(table, "load_taken")
+    assert [ax.get_xlabel() for ax in effects.axes] == list(vary)
+    means = effects.axes[0].lines[1].get_ydata()
+    worked = table[table["error"] == ""]
+    np.testing.assert_allclose(means, worked.groupby("rule.alpha[1]")["load_taken"].mean())
+    drawn = plot_sweep_map(table, "spectral_radius")
+    squares, crosses = drawn.axes[0].collections[:2]
+    assert len(squares.get_offsets()) == 6
+    assert len(crosses.get_offsets()) == 3
+    with pytest.raises(kaju.KajuError, match="two of the varied quantities"):
+        plot_sweep_map(table, "load_taken", x="rule.beta")

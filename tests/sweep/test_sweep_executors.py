@@ -1,0 +1,102 @@
+"""Sweeps on everybody's executors: all end with the same table."""
+
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import sweep_work
+
+import kaju
+from kaju import Scene, sweep
+
+POINTS = {"x": [0.5 * k for k in range(200)]}
+HERE = str(Path(sweep_work.__file__).parent)
+
+
+def own():
+    return sweep(sweep_work.square, POINTS, workers=2, progress=False)
+
+
+def borrowed(executor, **options):
+    return sweep(sweep_work.square, POINTS, executor=executor, workers=2, progress=False, **options)
+
+
+def test_threads_and_processes():
+    with ThreadPoolExecutor(2) as threads, ProcessPoolExecutor(2) as processes:
+        assert borrowed(threads).equals(own())
+        assert borrowed(processes).equals(own())
+
+
+@contextmanager
+def dask(folder):
+    """A scheduler and two workers, each a process, over TCP on 127.0.0.1."""
+    distributed = pytest.importorskip("distributed")
+    file = folder / "scheduler.json"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    path = os.pathsep.join([HERE, os.environ.get("PYTHONPATH", "")])
+    common = {"env": os.environ | {"PYTHONPATH": path}, "cwd": folder, **quiet}
+
+    def run(what, *options):
+        module = f"distributed.cli.dask_{what}"
+        command = [sys.executable, "-m", module, "--scheduler-file", str(file), "--no-dashboard"]
+        return subprocess.Popen([*command, *options], **common)
+
+    started = [run("scheduler", "--host", "127.0.0.1", "--port", "0")]
+    try:
+        started += [run("worker", "--nthreads", "1", "--no-nanny") for _ in range(2)]
+        deadline = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        with distributed.Client(scheduler_file=str(file)) as client:
+            assert client.scheduler.address.startswith("tcp://127.0.0.1:")
+            client.wait_for_workers(2, timeout=60)
+            yield client
+    finally:
+        for process in reversed(started):
+            process.kill()  # asked to end, they wait for one another
+        for process in started:
+            process.wait(30)
+
+
+def test_dask_over_tcp(tmp_path):
+    with dask(tmp_path) as client, client.get_executor() as executor:
+        assert borrowed(executor).equals(own())
+        scene = Scene(
+            body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel"},
+            sides={"bottom": "rigid"},
+            loads=[{"cell": [10, 19], "force": [0.0, -2.0]}],
+        )
+        vary = {"rule.threshold": [0.01, 0.001]}
+        there = sweep(scene, vary, executor=executor, progress=False)
+        assert there.equals(sweep(scene, vary, workers=1, progress=False))
+
+
+def test_loky():
+    loky = pytest.importorskip("joblib.externals.loky")
+    assert borrowed(loky.get_reusable_executor(max_workers=2)).equals(own())
+
+
+def test_functions_that_others_cannot_know_are_refused():
+    with ProcessPoolExecutor(1) as executor, pytest.raises(ValueError, match="cannot be sent"):
+        sweep(lambda x: x, {"x": [1]}, executor=executor, progress=False)
+
+
+def test_an_executor_that_fails_is_named_and_its_rows_are_kept(tmp_path):
+    points = {"x": list(range(40))}
+    with (
+        ProcessPoolExecutor(1) as executor,
+        pytest.raises(kaju.KajuError, match="executor: failed with BrokenProcessPool"),
+    ):
+        sweep(sweep_work.deadly, points, executor=executor, workers=1, out=tmp_path, progress=False)
+    table = sweep(sweep_work.deadly, points, workers=1, out=tmp_path, progress=False)
+    assert table["run"].tolist() == list(range(40))
+    assert (table["error"] != "").sum() == 1
+    closed = ThreadPoolExecutor(1)
+    closed.shutdown()
+    with pytest.raises(RuntimeError, match="executor: failed with RuntimeError"):
+        borrowed(closed)

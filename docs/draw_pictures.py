@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kaju import LoadModel, Scene, SpawnedResult, animate, load_scene, plot, solve
+from kaju import LoadModel, Scene, SpawnedResult, animate, creep, load_scene, plot, solve
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
@@ -19,6 +19,8 @@ def main() -> None:
     folder.mkdir(exist_ok=True)
     plate = LoadModel(load_scene(EXAMPLES / "plate.toml", {"rule.threshold": 1e-3})).run()
     animate(plate, folder / "spawning.gif")
+    jelly = creep(load_scene(EXAMPLES / "jelly.toml"))
+    plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
     animate(_spawned(_square(), 0.03), folder / "agents_spawn.gif", fps=1.5)
     plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
 

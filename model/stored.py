@@ -32,10 +32,15 @@ def load_result(path: str | Path) -> Result:
 
 
 def _kinds() -> tuple[type[Result], ...]:
+    from kaju.model.creep.body import TransferCreepResult
+    from kaju.model.creep.elastic_result import ElasticCreepResult
+    from kaju.model.creep.network_result import NetworkCreepResult
+    from kaju.model.creep.state import CreepResult
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.network import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.settling.run import ElasticRun
     from kaju.model.spawning.spawned_result import SpawnedResult
 
-    return TransferResult, ElasticResult, ElasticRun, NetworkResult, SpawnedResult
+    static = (TransferResult, ElasticResult, ElasticRun, NetworkResult, SpawnedResult)
+    return *static, CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult

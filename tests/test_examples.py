@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from kaju import LoadModel, load_scene
+from kaju import LoadModel, creep, load_scene
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 HEADINGS = (
@@ -19,6 +19,14 @@ HEADINGS = (
     "Credits",
 )
 AGENTS = {"plate": 34, "punch": 44, "layers": 112, "cube": 60, "honeycomb": 39, "arch": 54}
+CREEPING = {"jelly": 3.2147e-4}
+"""Scenes with a history: what stays of the displacement (m)."""
+
+
+@pytest.mark.parametrize("name", sorted(CREEPING))
+def test_an_example_creeps(name):
+    course = creep(load_scene(EXAMPLES / f"{name}.toml"))
+    assert course.what_stays() == pytest.approx(CREEPING[name], rel=1e-3)
 
 
 @pytest.mark.parametrize("name", sorted(AGENTS))
@@ -29,7 +37,7 @@ def test_an_example_runs(name):
 
 
 def test_every_scene_is_among_them():
-    assert {path.stem for path in EXAMPLES.glob("*.toml")} == set(AGENTS)
+    assert {path.stem for path in EXAMPLES.glob("*.toml")} == {*AGENTS, *CREEPING}
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.rglob("*.toml")), ids=lambda path: path.stem)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib import rc_context
@@ -20,15 +20,13 @@ from kaju.files import scratch_beside
 from kaju.model.result import Result
 
 from . import motion
+from .creep import curves_over_time, network_over_time
 from .face_agents import waves
 from .files import new_folder
 from .mesh_films import film_of_motion
 from .network_plots import increments
 from .reels import Reel, creeping, growing, loading, spawning
 from .spawning_reels import generations
-
-if TYPE_CHECKING:
-    from kaju.model.creep.state import Course
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -62,25 +60,30 @@ SPAWNED = Animations(
 """Agents of many sizes."""
 FACES = Animations({"waves": waves}, {})
 """Agents of the elastic rule."""
-CREEP = Animations({"times": creeping}, {"times": motion.times})
+CREEP = Animations({"times": creeping, "curves": curves_over_time}, {"times": motion.times})
 """A body in time."""
 NETWORK_CREEP = Animations(
-    {"times": lambda result, **options: increments(result.to_network_result(), **options)},
-    {"times": motion.network_times},
+    {"times": network_over_time, "curves": curves_over_time}, {"times": motion.network_times}
 )
 """A spring network in time."""
+ELEMENT_CREEP = Animations({"times": curves_over_time}, {})
+"""A single element in time."""
 ANIMATIONS_OF = {
     "load transfer": TRANSFER,
     "elastic agents": FACES,
     "elasticity": ELASTIC,
     "spawned": SPAWNED,
     "spring network": NETWORK,
+    "element in time": ELEMENT_CREEP,
+    "network in time": NETWORK_CREEP,
+    "load transfer in time": CREEP,
+    "elasticity in time": CREEP,
 }
 """What can be animated, by the kind of the result."""
 
 
 def animate(
-    result: Result | Course,
+    result: Result,
     path: str | Path,
     what: str | None = None,
     *,
@@ -96,8 +99,8 @@ def animate(
 
     Parameters
     ----------
-    result : Result or creep result
-        Of a model, a solver, or `kaju.creep` of a body or network.
+    result : Result
+        Of a model, a solver, or `kaju.creep`.
     path : path
         The ending decides: ``.gif``, ``.webp`` or ``.mp4`` are films; a name without ending is
         a folder of pictures without background (PNG with alpha), one a frame; ``.glb`` is a
@@ -107,8 +110,8 @@ def animate(
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
         loading; of agents of the elastic rule "waves"; of an elastic body "loading"; of a
         spring network "increments"; of agents of many sizes "generations", or "loads", which
-        colours them by the load that they leave unbalanced (as meshes "loading"); of creep
-        "times".
+        colours them by the load that they leave unbalanced (as meshes "loading"); of what
+        creeps "times", or "curves" with a dot that runs along them.
     fps : float
         Frames per second, up to 50.
     hold : float
@@ -139,7 +142,7 @@ def animate(
     target = Path(path)
     ending = target.suffix.lower()
     _check(target, ending, fps, hold)
-    known = _animations_of(result)
+    known = ANIMATIONS_OF[result.kind]
     if ending in MESHES:
         moving = _chosen(known.motions, result, what)(result)
         film_of_motion(moving, target, fps, hold, magnification)
@@ -171,20 +174,6 @@ def _check(target: Path, ending: str, fps: float, hold: float) -> None:
         raise ParameterError(f"hold: a time from 0 s upwards is needed, got {hold}")
     if ending == ".mp4":
         _ffmpeg(target)
-
-
-def _animations_of(result: Result | Course) -> Animations:
-    if isinstance(result, Result):
-        return ANIMATIONS_OF[result.kind]
-    from kaju.model.creep.network_result import NetworkCreepResult
-
-    if isinstance(result, NetworkCreepResult):
-        return NETWORK_CREEP
-    if hasattr(result, "static"):
-        return CREEP
-    raise ParameterError(
-        f"result: there is nothing to animate of a {type(result).__name__}; plot its numbers"
-    )
 
 
 def _chosen(known: dict[str, Any], result: object, what: str | None) -> Callable[..., Any]:

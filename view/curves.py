@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from .comparison import COLOURS
-from .style import FAINT, INK, LINE, caption, label_axis, new_axes, new_figure
+from .style import FAINT, INK, LINE, caption, label_axis, new_figure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,24 +46,25 @@ def plot_curves(result: HasCurves, ax: Axes | None = None, *, panel: int = 0) ->
     """
     every = result.curves()
     if ax is not None:
-        return _draw(ax, every[panel])
-    rows = -(-len(every) // _ACROSS)
-    across = min(_ACROSS, len(every))
-    figure = new_figure((4.9 * across, 3.6 * rows))
-    panels = figure.subplots(rows, across, squeeze=False).ravel()
-    for drawn, curves in zip(panels, every, strict=False):
-        _draw(drawn, curves)
-    for empty in panels[len(every) :]:
-        empty.set_axis_off()
+        return draw_curves(ax, every[panel])
+    figure, panels = panels_for(every)
+    for drawn, curves in zip(panels, every, strict=True):
+        draw_curves(drawn, curves)
     return figure
 
 
-def plot_panel(curves: Curves, ax: Axes | None = None) -> Axes:
-    """Draw one panel of curves."""
-    return _draw(new_axes(ax, (6.0, 4.0)), curves)
+def panels_for(every: Sequence[Curves]) -> tuple[Figure, list[Axes]]:
+    """Return a new figure, and axes in it for each of some curves."""
+    rows, across = -(-len(every) // _ACROSS), min(_ACROSS, len(every))
+    figure = new_figure((4.9 * across, 3.6 * rows))
+    panels = figure.subplots(rows, across, squeeze=False).ravel().tolist()
+    for empty in panels[len(every) :]:
+        empty.set_axis_off()
+    return figure, panels[: len(every)]
 
 
-def _draw(ax: Axes, curves: Curves) -> Axes:
+def draw_curves(ax: Axes, curves: Curves) -> Axes:
+    """Draw the lines of one panel, with units and, if there are several, their names."""
     single = len(curves.lines) == 1
     for number, (name, values) in enumerate(curves.lines.items()):
         colour = INK if single else COLOURS[number % len(COLOURS)]

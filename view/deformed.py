@@ -12,13 +12,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
 from kaju.errors import ParameterError
+from kaju.model.result import grid_of
 
 from .body import draw_body, finish
 from .cropping import section_of
 from .forces import draw_forces
 from .section import Section
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
-from .subject import focus_of, grid_of, stage_number
+from .subject import focus_of, stage_number
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:

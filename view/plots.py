@@ -17,6 +17,7 @@ from kaju.model.scene import Scene
 from .agent_maps import plot_agent_map, plot_agents_deformed
 from .agents import plot_agents
 from .body import draw_scene
+from .creep import plot_body_at, plot_network_at
 from .cropping import section_of
 from .curves import plot_curves
 from .deformed import plot_deformed
@@ -128,12 +129,19 @@ FACES: dict[str, Picture] = {
 }
 """Pictures of agents of the elastic rule."""
 
+BODY_IN_TIME: dict[str, Picture] = {"curves": plot_curves, "deformed": plot_body_at}
+"""Pictures of bodies that creep."""
+
 PICTURES_OF: dict[str, dict[str, Picture]] = {
     "load transfer": TRANSFER,
     "elasticity": FIELDS,
     "elastic agents": FACES,
     "spawned": SPAWNED,
     "spring network": NETWORK,
+    "element in time": {"curves": plot_curves},
+    "network in time": {"curves": plot_curves, "deformed": plot_network_at},
+    "load transfer in time": BODY_IN_TIME,
+    "elasticity in time": BODY_IN_TIME,
 }
 """Pictures by the kind of the result."""
 
@@ -145,7 +153,7 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
     if isinstance(subject, Scene):
         return {"scene": plot_scene}
     known = PICTURES_OF[subject.kind]
-    if not isinstance(subject, BodyResult):
+    if not hasattr(subject, "scene"):
         return known
 
     def scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
@@ -168,7 +176,8 @@ def plot(
         "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
         "ledger", "stages" or "scene". Of elastic results those of them that are fields or
         the scene, and of agents of many sizes "agents" as well; of agents of the elastic rule
-        also "left" and "curves". Of a network's result
+        also "left" and "curves"; of what creeps "curves" and, but for a single element,
+        "deformed", whose ``record=`` is the index of a time. Of a network's result
         "deformed" or "response".
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.model.creep import creep
+from kaju.model.creep.network_result import NetworkCreepResult
 from kaju.model.creep.state import CreepState
 from kaju.model.network.lattices import triangular
 from kaju.model.network.springs import SpringNetwork
@@ -115,8 +116,9 @@ class Bite:
         Force between the teeth (N), positive when they press.
     displacement : (k, n, 2) floats
         Displacement of the nodes (m).
-    work, dissipated : (k,) floats
-        Work of the teeth, and what of it became heat (J).
+    work, stored, dissipated, numerical : (k,) floats
+        Work of the teeth; what of it the springs can give back, what became heat, and what the
+        time stepping itself made of it (J). ``work = stored + dissipated + numerical``.
     released, rested : int
         Index of the first moment at which the noodle was left alone after the first bite, and
         of the last.
@@ -127,7 +129,9 @@ class Bite:
     force: Floats
     displacement: Floats
     work: Floats
+    stored: Floats
     dissipated: Floats
+    numerical: Floats
     released: int
     rested: int
 
@@ -225,7 +229,7 @@ class _Seen:
         self.state: CreepState | None = None
         self.clock = 0.0
         self.times: list[float] = []
-        self.rows: list[tuple[float, Floats, float, float]] = []
+        self.rows: list[tuple[float, Floats, float, float, float, float]] = []
 
     def go(self, network: SpringNetwork, history: History, times: Sequence[float] | Floats) -> None:
         """Let a part of the meal happen; its time counts from 0."""
@@ -238,9 +242,9 @@ class _Seen:
         for record, time in enumerate(result.times):
             moved = result.displacement[record]
             pushed = result.outside_forces(record)[bitten(network)[0], 1]
-            force = -float(pushed.sum()) if gripped else 0.0
+            force = 0.0 - float(pushed.sum()) if gripped else 0.0
             self.times.append(self.clock + float(time))
-            self.rows.append((force, moved, result.work[record], result.dissipated[record]))
+            self.rows.append((force, moved, *_energies(result, record)))
         self.clock += history.duration
         self.state = result.state
 
@@ -252,6 +256,13 @@ class _Seen:
 
     def bite(self, released: int, rested: int) -> Bite:
         """Return what was seen."""
-        force, moved, work, heat = (np.array(column) for column in zip(*self.rows, strict=True))
+        force, moved, *energies = (np.array(column) for column in zip(*self.rows, strict=True))
         times = np.array(self.times)
-        return Bite(self.network, times, force, moved, work, heat, released, rested)
+        return Bite(self.network, times, force, moved, *energies, released, rested)
+
+
+def _energies(result: NetworkCreepResult, record: int) -> tuple[float, float, float, float]:
+    """Return work, what is stored, what became heat, and the time stepping's own (J)."""
+    columns = (result.work, result.stored, result.dissipated, result.numerical)
+    work, stored, heat, own = (float(column[record]) for column in columns)
+    return work, stored, heat, own

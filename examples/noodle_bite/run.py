@@ -37,7 +37,8 @@ def force_over_time(bites: dict[str, Bite], path: Path) -> None:
     upper.set_ylabel("force between the teeth (N)")
     lower.set_ylabel("loss of height (mm)")
     lower.set_xlabel("time (s)")
-    upper.legend(frameon=False, loc="upper center")
+    upper.set_ylim(top=1.35 * upper.get_ylim()[1])  # room for the legend over the curves
+    upper.legend(frameon=False, loc="upper right", ncols=2)
     _save(figure, path)
 
 
@@ -77,7 +78,7 @@ def nodes_and_material(by_rows: dict[int, dict[str, Bite]], path: Path) -> None:
 
 def animation(bites: dict[str, Bite], path: Path, frames: int = 60) -> None:
     """Write an animation of both noodles, in even steps of time."""
-    figure, axes = plt.subplots(len(bites), 1, figsize=(5.0, 1.9 * len(bites)), squeeze=False)
+    figure, axes = plt.subplots(len(bites), 1, figsize=(8.0, 2.7 * len(bites)), squeeze=False)
     end = min(bite.times[-1] for bite in bites.values())
 
     def draw(frame: int) -> list[Any]:
@@ -86,10 +87,10 @@ def animation(bites: dict[str, Bite], path: Path, frames: int = 60) -> None:
             axis.clear()
             record = min(int(np.searchsorted(bite.times, now)), len(bite.times) - 1)
             _lattice(axis, bite, record)
-            axis.set_title(f"{name}: {now:4.1f} s, {bite.force[record]:.2f} N", fontsize=9)
+            axis.set_title(f"{name}: {now:4.1f} s, {abs(bite.force[record]):.2f} N", fontsize=9)
         return []
 
-    FuncAnimation(figure, draw, frames=frames).save(path, writer=PillowWriter(fps=8), dpi=70)
+    FuncAnimation(figure, draw, frames=frames).save(path, writer=PillowWriter(fps=8), dpi=100)
     plt.close(figure)
 
 
@@ -131,7 +132,9 @@ def figures_of(bite: Bite) -> dict[str, Any]:
         "dent_just_released": float(bite.dent[bite.released]),
         "dent_at_the_end": float(bite.dent[-1]),
         "work": float(bite.work[-1]),
+        "stored": float(bite.stored[-1]),
         "turned_to_heat": float(bite.dissipated[-1]),
+        "made_by_the_time_stepping": float(bite.numerical[-1]),
     }
 
 

@@ -9,6 +9,7 @@ history of a unit stress). Displacements are summed up from the grown strains as
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +20,16 @@ from kaju.agents.rheology_steps import Laws
 from kaju.errors import ResultError
 from kaju.model.propagation.deformation import DisplacementField, Squeeze, squeeze
 from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import cells_of_points
+from kaju.model.result import BodyResult, cells_of_points
 
 from .elements import Elements
-from .state import Course
+from .state import BodyCourse
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TransferCreepResult(Course):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class TransferCreepResult(BodyCourse):
     """What became of load transfer by a prescribed rule in time.
 
     Its energies are of what every agent is squeezed by its own loads; the expansion across
@@ -44,8 +45,24 @@ class TransferCreepResult(Course):
         factor of 1.
     """
 
+    kind: ClassVar[str] = "load transfer in time"
+    _static: ClassVar[type[BodyResult]] = TransferResult
     static: TransferResult
     growth: Floats
+
+    def _sizes(self, record: int) -> Floats:
+        if not len(self.static.last.cells):
+            return np.zeros(1)
+        sizes: Floats = np.linalg.norm(self.displacement(record), axis=1)
+        return sizes
+
+    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays, about = super()._own()
+        return {**arrays, "growth": self.growth}, about
+
+    @classmethod
+    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+        return {**super()._from_own(arrays, about), "growth": arrays["growth"]}
 
     def squeezed(self, record: int = -1) -> Squeeze:
         """Return how much the agents are squeezed, their pressures at a factor of 1."""

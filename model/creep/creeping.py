@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
+from time import perf_counter
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -45,19 +46,19 @@ Drives = Literal["both", "forces", "displacements"]
 # The overloads only say which subject gives which result; options are checked by name below.
 @overload
 def creep(
-    subject: ThreeElement, history: History, duration: float | None = ..., **how: Any
+    subject: ThreeElement, history: History | None = ..., duration: float | None = ..., **how: Any
 ) -> CreepResult: ...
 @overload
 def creep(
-    subject: SpringNetwork, history: History, duration: float | None = ..., **how: Any
+    subject: SpringNetwork, history: History | None = ..., duration: float | None = ..., **how: Any
 ) -> NetworkCreepResult: ...
 @overload
 def creep(
-    subject: Scene, history: History, duration: float | None = ..., **how: Any
+    subject: Scene, history: History | None = ..., duration: float | None = ..., **how: Any
 ) -> TransferCreepResult | ElasticCreepResult: ...
 def creep(  # type: ignore[misc]
     subject: ThreeElement | SpringNetwork | Scene,
-    history: History,
+    history: History | None = None,
     duration: float | None = None,
     *,
     step: float | None = None,
@@ -69,7 +70,7 @@ def creep(  # type: ignore[misc]
     mass: ArrayLike | None = None,
     resume: CreepState | None = None,
     most_steps: int = 100_000,
-) -> CreepResult | TransferCreepResult | ElasticCreepResult:
+) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
     """Let a body creep under a history of loads or displacements.
 
     Parameters
@@ -78,8 +79,8 @@ def creep(  # type: ignore[misc]
         An element takes the history as its force (N), or as its elongation (m) with
         ``drive="displacements"``. A network has the forces and given displacements of its
         last stage multiplied by the history, a scene its loads.
-    history : History
-        Factor over time.
+    history : History, optional
+        Factor over time; of a scene, its own `history` unless given.
     duration : float, optional
         How long (s); by default as long as the history.
     step : float, optional
@@ -99,7 +100,8 @@ def creep(  # type: ignore[misc]
     drive : {"both", "forces", "displacements"}
         What the history multiplies; what it does not multiply stays 0.
     mass : float or array_like, optional
-        Mass at the end of the element, or of each node of the network (kg).
+        Point mass at the loaded end of the element, or at each node of the network (kg). What
+        is pushed then swings, and its kinetic energy is part of `stored`.
     resume : CreepState, optional
         Where an earlier run ended. If that end was among the times of an unbroken run, the
         numbers that follow are the same (to rounding, if supports move).
@@ -127,6 +129,8 @@ def creep(  # type: ignore[misc]
     TangentError
         If the network buckles or is a mechanism.
     """
+    began = perf_counter()
+    history = _history_of(subject, history)
     asked = _asked_times(history, duration, times, resume)
     pace = _pace(step, tolerance, most_steps)
     method = rheology_steps.scheme(scheme)
@@ -137,7 +141,19 @@ def creep(  # type: ignore[misc]
     if isinstance(system, CreepingNetwork):
         system.begin(state.fields, float(drives.displacements.at(state.time)))
     log, state = march(system, method, drives, state, asked, pace)
-    return _result(system, history, log, state)
+    return _result(system, history, log, state, perf_counter() - began)
+
+
+def _history_of(subject: ThreeElement | SpringNetwork | Scene, history: History | None) -> History:
+    """Return what drives the subject."""
+    if history is not None:
+        return history
+    if isinstance(subject, Scene) and subject.history is not None:
+        return subject.history
+    raise ParameterError(
+        "history: is needed, such as History.step().hold(10.0); a scene may bring its own, as "
+        "[history] with times and factors"
+    )
 
 
 def _system(
@@ -178,8 +194,8 @@ def _drives(history: History, drive: Drives) -> Drive:
 
 
 def _result(
-    system: System, history: History, log: Log, state: CreepState
-) -> CreepResult | TransferCreepResult | ElasticCreepResult:
+    system: System, history: History, log: Log, state: CreepState, seconds: float
+) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
     """Put together what was seen."""
     records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
     work, stored, dissipated, numerical = np.array(log.energies).T
@@ -191,6 +207,7 @@ def _result(
         "dissipated": dissipated,
         "numerical": numerical,
         "state": state,
+        "seconds": seconds,
     }
     if isinstance(system, CreepingAgents):
         return TransferCreepResult(**course, static=system.static, growth=records[0])

@@ -10,6 +10,7 @@ all times.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +20,20 @@ from kaju.errors import ResultError
 from kaju.model.elasticity import fields
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.staggered import Strains, axis_pairs, edge_modulus
+from kaju.model.result import BodyResult
 
 from .body import law_of
 from .elastic import CreepingBody
 from .elements import Elements
-from .state import Course
+from .state import BodyCourse
 
 Floats = NDArray[np.float64]
 
+_STORED = ("growth", "faces", "cells", "edges")
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ElasticCreepResult(Course):
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class ElasticCreepResult(BodyCourse):
     """What became of an elastic body in time.
 
     In every query `record` is the index of a time asked for; the default -1 is the last.
@@ -47,12 +51,29 @@ class ElasticCreepResult(Course):
         of the edges, in the scaled units of ``static.problem``, one row for each time.
     """
 
+    kind: ClassVar[str] = "elasticity in time"
+    _static: ClassVar[type[BodyResult]] = ElasticResult
     static: ElasticResult
     growth: Floats | None = None
     body: SteppedBody | None = None
     faces: Floats | None = None
     cells: Floats | None = None
     edges: Floats | None = None
+
+    def _sizes(self, record: int) -> Floats:
+        sizes: Floats = np.linalg.norm(self.cell_displacement(record), axis=-1)
+        return sizes
+
+    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays, about = super()._own()
+        stored = {name: getattr(self, name) for name in _STORED}
+        return arrays | {name: v for name, v in stored.items() if v is not None}, about
+
+    @classmethod
+    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+        own = super()._from_own(arrays, about)
+        own |= {name: arrays.get(name) for name in _STORED}
+        return own if "growth" in arrays else {**own, "body": SteppedBody(own["static"])}
 
     def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""

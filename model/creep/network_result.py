@@ -3,31 +3,71 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.curves import Curves
 from kaju.model.network.geometry import spring_forces, spring_geometry
-from kaju.model.network.network_result import NetworkResult
+from kaju.model.network.network_result import NetworkResult, network_archive, network_from
 from kaju.model.network.springs import SpringNetwork
 
-from .state import CreepResult
+from .state import Course
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class NetworkCreepResult(CreepResult):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class NetworkCreepResult(Course):
     """What became of a spring network in time.
 
     Attributes
     ----------
     network : SpringNetwork
-        What crept. `displacement` has shape (k, n, dimension); `force`, the tension of its
-        springs, (k, m).
+        What crept.
+    displacement : (k, n, dimension) floats
+        Displacement of the nodes (m).
+    force : (k, m) floats
+        Tension of the springs (N).
     """
 
+    kind: ClassVar[str] = "network in time"
     network: SpringNetwork
+    displacement: Floats
+    force: Floats
+
+    def largest_displacement(self) -> Floats:
+        """Return how far the node that ever moves most has moved (m) at every time."""
+        moved: Floats = np.linalg.norm(self.displacement, axis=2)
+        return moved[:, int(moved.max(axis=0).argmax())]
+
+    def grip_force(self) -> Floats:
+        """Return the force (N) of what moves held nodes, along their way, at every time.
+
+        Multiplied by the largest given displacement's rate it is the power that goes in.
+        """
+        given = self.network.displacements[-1]
+        way = given / (np.linalg.norm(given, axis=1).max() or 1.0)
+        records = range(len(self.times))
+        return np.array([float((self.outside_forces(k) * way).sum()) for k in records])
+
+    def largest_force(self) -> Curves:
+        """Return the force of the grip over time, or else the largest tension and pressure."""
+        time = ("time", "s", self.times)
+        if self.network.displacements[-1].any():
+            return Curves("Force", *time, {"force of the grip": self.grip_force()}, "N")
+        lines = {"largest pull": self.force.max(axis=1), "largest push": self.force.min(axis=1)}
+        return Curves("Tension", *time, lines, "N")
+
+    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays, about = network_archive(self.network)
+        return {**arrays, "displacement": self.displacement, "force": self.force}, about
+
+    @classmethod
+    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+        own = {name: arrays[name] for name in ("displacement", "force")}
+        return {"network": network_from(arrays, about), **own}
 
     def outside_forces(self, record: int = -1) -> Floats:
         """Return what acts on every node from outside (N), shape (n, dimension).

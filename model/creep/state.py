@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_beside
+from kaju.model.curves import Curves
+from kaju.model.result import BodyResult, Result, grid_of, read_archive, write_archive
+
+if TYPE_CHECKING:
+    import pandas
+
+    from kaju.model.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -102,8 +112,11 @@ class CreepState:
         return cls(fields, **numbers)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Course:
+_COURSE = ("times", "factors", "work", "stored", "dissipated", "numerical")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Course(Result):
     """What every run in time returns, at the times asked for.
 
     Attributes
@@ -118,6 +131,8 @@ class Course:
     state : CreepState
         Where the run stands at the last of the times; give it to `creep` as ``resume``. Also
         has the number of steps and the sum of the estimated errors.
+    seconds : float
+        Time that the computation took (s).
     """
 
     times: Floats
@@ -127,6 +142,109 @@ class Course:
     dissipated: Floats
     numerical: Floats
     state: CreepState
+    seconds: float = 0.0
+
+    @abstractmethod
+    def largest_displacement(self) -> Floats:
+        """Return how far what moves most has moved (m) at every time, shape (k,)."""
+
+    @abstractmethod
+    def largest_force(self) -> Curves:
+        """Return the curve of what carries the load: a force (N) or a stress (Pa)."""
+
+    @abstractmethod
+    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored besides the course itself: arrays, and plain values."""
+
+    @classmethod
+    @abstractmethod
+    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+        """Return the fields that `_own` took apart."""
+
+    def curves(self) -> list[Curves]:
+        """Return displacement, force or stress, the history, and the energies over time."""
+        time = ("time", "s", self.times)
+        energies = {
+            "work from outside": self.work,
+            "stored": self.stored,
+            "turned to heat": self.dissipated,
+            "time stepping": self.numerical,
+        }
+        return [
+            Curves("Displacement", *time, {"displacement": self.largest_displacement()}, "m"),
+            self.largest_force(),
+            Curves("History", *time, {"factor": self.factors}, ""),
+            Curves("Energies", *time, energies, "J"),
+        ]
+
+    def what_stays(self) -> float | None:
+        """Return the displacement (m) that is left at the end; None while anything acts."""
+        return None if self.factors[-1] else float(self.largest_displacement()[-1])
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        moved, carried = self.largest_displacement(), self.largest_force()
+        force = next(iter(carried.lines.values()))
+        return {
+            "model": self.kind,
+            "duration": float(self.times[-1]),
+            "times": len(self.times),
+            "steps": self.state.steps,
+            "steps_rejected": self.state.rejected,
+            "max_displacement": float(np.abs(moved).max(initial=0.0)),
+            "displacement_that_stays": self.what_stays(),
+            f"largest_{carried.title.lower()}_{carried.unit}": float(np.abs(force).max(initial=0)),
+            f"{carried.title.lower()}_at_the_end_{carried.unit}": float(force[-1]),
+            "work_J": float(self.work[-1]),
+            "stored_J": float(self.stored[-1]),
+            "dissipated_J": float(self.dissipated[-1]),
+            "numerical_J": float(self.numerical[-1]),
+            "error_estimate": self.state.error_estimate,
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        }
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per time asked for: what the curves show."""
+        import pandas as pd
+
+        columns: dict[str, Any] = {"time_s": self.times, "factor": self.factors}
+        for curves in self.curves():
+            for name, values in curves.lines.items() if curves.unit else ():
+                columns[f"{name.replace(' ', '_')}_{curves.unit}"] = values
+        return pd.DataFrame(columns)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result to one ``.npz`` file, whole or not at all.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        arrays, about = self._own()
+        arrays |= {f"course.{name}": getattr(self, name) for name in _COURSE}
+        arrays |= {f"state.{i}": part for i, part in enumerate(self.state.fields)}
+        numbers = {name: getattr(self.state, name) for name in _NUMBERS}
+        return write_archive(
+            path, self.kind, arrays, {**about, "state": numbers, "course_seconds": self.seconds}
+        )
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a result that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, or holds something else.
+        """
+        arrays, about = read_archive(path, cls.kind)
+        course = {name: arrays[f"course.{name}"] for name in _COURSE}
+        count = sum(name.startswith("state.") for name in arrays)
+        state = CreepState(tuple(arrays[f"state.{i}"] for i in range(count)), **about["state"])
+        own = cls._from_own(arrays, about)
+        return cls(**course, state=state, seconds=about["course_seconds"], **own)
 
     def record_at(self, time: float) -> int:
         """Return the index of a time asked for.
@@ -145,7 +263,73 @@ class Course:
         return index
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class BodyCourse(Course):
+    """What became of the body of a scene in time.
+
+    Attributes
+    ----------
+    static : BodyResult
+        The same scene without time, at a factor of 1.
+    """
+
+    static: BodyResult
+    _static: ClassVar[type[BodyResult]]
+
+    @property
+    def scene(self) -> Scene:
+        """What was asked."""
+        return self.static.scene
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that the fields belong to."""
+        return grid_of(self.static)
+
+    @abstractmethod
+    def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+
+    @abstractmethod
+    def stress(self, record: int = -1) -> Floats:
+        """Return stress tensors (Pa), shape (..., dimension, dimension)."""
+
+    @abstractmethod
+    def _sizes(self, record: int) -> Floats:
+        """Return how far cells or agents have moved (m)."""
+
+    def largest_displacement(self) -> Floats:
+        """Return how far the cell that has moved most has moved (m), at every time."""
+        sizes = [self._sizes(record) for record in range(len(self.times))]
+        return np.array([np.nanmax(size, initial=0.0) for size in sizes])
+
+    def largest_force(self) -> Curves:
+        """Return the largest stress of a cell over time, by the size of its components."""
+        sizes = [np.abs(self.stress(record)) for record in range(len(self.times))]
+        largest = np.array([np.nanmax(size, initial=0.0) for size in sizes])
+        return Curves("Stress", "time", "s", self.times, {"largest stress": largest}, "Pa")
+
+    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        text, scene_arrays = self.scene.to_archive()
+        arrays, about = self.static._archive()
+        parts = {f"static.{name}": values for name, values in arrays.items()}
+        parts |= {f"scene.{name}": values for name, values in scene_arrays.items()}
+        about = {**about, "seconds": self.static.seconds}
+        return parts, {"scene": text, "static": about}
+
+    @classmethod
+    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+        from kaju.model.scene import Scene
+
+        def part(of: str) -> dict[str, NDArray[Any]]:
+            found = [name for name in arrays if name.startswith(of)]
+            return {name.removeprefix(of): arrays[name] for name in found}
+
+        scene = Scene.from_archive(about["scene"], part("scene."))
+        return {"static": cls._static._from_archive(scene, part("static."), about["static"])}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CreepResult(Course):
     """What became of an element in time.
 
@@ -157,5 +341,21 @@ class CreepResult(Course):
         Force (N).
     """
 
+    kind: ClassVar[str] = "element in time"
     displacement: Floats
     force: Floats
+
+    def largest_displacement(self) -> Floats:
+        """Return the elongation (m) at every time."""
+        return self.displacement
+
+    def largest_force(self) -> Curves:
+        """Return the force (N) over time."""
+        return Curves("Force", "time", "s", self.times, {"force": self.force}, "N")
+
+    def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        return {"displacement": self.displacement, "force": self.force}, {}
+
+    @classmethod
+    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+        return {"displacement": arrays["displacement"], "force": arrays["force"]}

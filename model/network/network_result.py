@@ -260,10 +260,10 @@ class NetworkResult(Result):
     def save(self, path: str | Path) -> Path:
         """Write network and result to one ``.npz`` file, whole or not at all."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
-        arrays |= {"network_" + name: getattr(self.network, name) for name in _NETWORK_ARRAYS}
+        own, about = network_archive(self.network)
+        arrays |= own
         text = {
-            "names": [encoded(name) for name in self.network.names],
-            "notes": list(self.network.notes),
+            **about,
             "scheme": self.scheme,
             "method": self.method,
             "seconds": self.seconds,
@@ -280,11 +280,23 @@ class NetworkResult(Result):
             If the file is missing, or is no result of a spring network.
         """
         arrays, text = read_archive(path, cls.kind)
-        network = SpringNetwork(
-            **{name: arrays["network_" + name] for name in _NETWORK_ARRAYS},
-            names=tuple(decoded(name) for name in text["names"]),
-            notes=tuple(text["notes"]),
-        )
+        network = network_from(arrays, text)
         answer: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
         answer |= {name: text[name] for name in ("scheme", "method", "seconds")}
         return cls(network=network, **answer)
+
+
+def network_archive(network: SpringNetwork) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return what a stored result keeps of its network: arrays, and plain values."""
+    arrays = {"network_" + name: getattr(network, name) for name in _NETWORK_ARRAYS}
+    names = [encoded(name) for name in network.names]
+    return arrays, {"names": names, "notes": list(network.notes)}
+
+
+def network_from(arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> SpringNetwork:
+    """Return the network that `network_archive` took apart."""
+    return SpringNetwork(
+        **{name: arrays["network_" + name] for name in _NETWORK_ARRAYS},
+        names=tuple(decoded(name) for name in about["names"]),
+        notes=tuple(about["notes"]),
+    )

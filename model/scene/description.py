@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
+from kaju.agents.history import History
 from kaju.agents.materials import Material
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError
@@ -15,17 +16,19 @@ from kaju.errors import ParameterError
 from .body import Body
 from .contents import NOT_BODY
 from .described import Described, Text
+from .history_tables import history_from
 from .loads import Load
 from .material_tables import material_from
 from .rule_tables import Rule, rule_from
 from .sides import SideCondition
 
 MaterialEntry = Annotated[Material, PlainValidator(material_from)]
+HistoryEntry = Annotated[History, PlainValidator(history_from)]
 RuleEntry = Annotated[Rule, PlainValidator(rule_from)]
 
 
 class Description(Described):
-    """Body, legend, materials, sides, loads and rule: the keys of a scene's file."""
+    """Body, legend, materials, sides, loads, rule and history: the keys of a scene's file."""
 
     body: Body
     legend: dict[Text, Text] = Field(default_factory=dict)
@@ -33,6 +36,7 @@ class Description(Described):
     sides: dict[Text, SideCondition] = Field(default_factory=dict)
     loads: tuple[Load, ...] = ()
     rule: RuleEntry = PrescribedRule()
+    history: HistoryEntry | None = None
 
     @model_validator(mode="before")
     @classmethod

@@ -57,6 +57,8 @@ class Scene(Description):
         What presses on the body.
     rule : PrescribedRule
         How agents pass load on.
+    history : History, optional
+        How the loads change in time, for `creep`; all other models apply them as they are.
 
     Raises
     ------
@@ -316,7 +318,8 @@ class Scene(Description):
     def _in_words(self) -> tuple[object, ...]:
         body = (self.body.gravity, self.body.regions, self.body.allow_floating)
         space = (self.lattice, self.plane, self.thickness)
-        return (*space, body, self.cell_materials, self._conditions, self.loads, self.rule)
+        asked = (self.loads, self.rule, self.history)
+        return (*space, body, self.cell_materials, self._conditions, *asked)
 
     @property
     def _conditions(self) -> tuple[SideCondition, ...]:

@@ -39,6 +39,7 @@ def table_of(scene: Description) -> dict[str, Any]:
         "sides": {name: side.to_value() for name, side in scene.sides.items()},
         "loads": [load.model_dump(mode="json", exclude_defaults=True) for load in scene.loads],
         "rule": rule,
+        "history": _entries(scene.history) if scene.history else {},
     }
     return {key: part for key, part in table.items() if part}
 

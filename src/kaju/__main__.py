@@ -13,6 +13,7 @@ from kaju.errors import KajuError
 
 from . import (
     commands_compare,
+    commands_creep,
     commands_look,
     commands_page,
     commands_run,
@@ -34,6 +35,7 @@ for _verb in (
     commands_scene.check,
     commands_run.run,
     commands_run.solve,
+    commands_creep.creep,
     commands_look.animate,
     commands_page.page,
     commands_compare.compare,

@@ -19,6 +19,7 @@ UNITS = {
     "load_applied": "N",
     "reaction": "N",
     "max_displacement": "m",
+    "displacement_that_stays": "m",
     "displacement_error_estimate": "m",
     "energy": "J",
     "strain_energy": "J",

@@ -144,8 +144,8 @@ def test_an_elastic_body_takes_its_load_evenly(tmp_path) -> None:
 
 def test_what_has_no_frames_is_refused(tmp_path) -> None:
     crept = creep(ThreeElement(1.0, 1.0, 1.0), History().hold(1.0))
-    with pytest.raises(ParameterError, match="nothing to animate of a CreepResult"):
-        animate(crept, tmp_path / "still.gif")
+    with pytest.raises(ParameterError, match="no such animation 'mesh' of a CreepResult"):
+        animate(crept, tmp_path / "still.glb")
 
 
 def test_a_quiet_first_stage_does_not_hide_the_others(tmp_path) -> None:

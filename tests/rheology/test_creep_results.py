@@ -1,0 +1,263 @@
+"""Runs in time are results like any other: told, drawn, filmed, stored; and written in scenes."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from kaju import History, Scene, ThreeElement, animate, creep, load_result, plot
+from kaju.__main__ import app
+from kaju.agents.rheology import ElementState
+from kaju.errors import ParameterError, SceneError
+from kaju.model.network import triangular
+
+LAW = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
+BITE = History().ramp(1.0, 0.5).hold(2.0).release().hold(4.0)
+TIMES = [0.25, 0.5, 2.5, 3.0, 6.5]
+JELLY = {
+    "youngs_modulus": 1e4,
+    "poissons_ratio": 0.4,
+    "rheology": {"K_f": 1e4, "D_f": 1e4, "D_d": 5e4},
+}
+CREAM = {
+    "youngs_modulus": 1e3,
+    "poissons_ratio": 0.3,
+    "rheology": {"K_f": 1e3, "D_f": 5e3, "D_d": 1e4},
+}
+
+
+def block(kind, **changes):
+    return Scene(
+        **{
+            "body": {"cell_size": 0.01, "cells": [6, 6], "thickness": 0.1, "material": "jelly"},
+            "materials": {"jelly": JELLY, "cream": CREAM},
+            "sides": {"bottom": "rigid"},
+            "loads": [{"cell": [3, 5], "force": [0.0, -0.1]}],
+            "rule": {"kind": kind},
+            "history": BITE,
+        }
+        | changes
+    )
+
+
+def layered(kind):
+    cream = {"material": "cream", "box": [[0.0, 0.0], [0.06, 0.03]]}
+    body = {"cell_size": 0.01, "cells": [6, 6], "thickness": 0.1, "material": "jelly"}
+    return block(kind, body={**body, "regions": [cream]})
+
+
+COURSES = {
+    "element": lambda: creep(LAW, BITE, times=TIMES),
+    "stretched element": lambda: creep(LAW, BITE.scaled(0.1), times=TIMES[:3], duration=2.5,
+                                       drive="displacements"),
+    "network": lambda: creep(triangular(3), BITE, times=TIMES, rheology=LAW),
+    "prescribed body": lambda: creep(block("prescribed"), times=TIMES),
+    "elastic body": lambda: creep(block("elastic"), times=TIMES),
+    "layers": lambda: creep(layered("elastic"), times=TIMES),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=sorted(COURSES))
+def course(request):
+    return COURSES[request.param]()
+
+
+def test_a_stored_course_is_the_same(course, tmp_path):
+    stored = load_result(course.save(tmp_path / "course"))
+    assert type(stored) is type(course)
+    assert stored.summary() == course.summary()
+    assert stored.to_dataframe().equals(course.to_dataframe())
+    for one, other in zip(stored.state.fields, course.state.fields, strict=True):
+        np.testing.assert_array_equal(one, other)
+    for ours, theirs in zip(stored.curves(), course.curves(), strict=True):
+        assert (ours.title, ours.unit, list(ours.lines)) == (
+            theirs.title,
+            theirs.unit,
+            list(theirs.lines),
+        )
+
+
+def test_it_is_drawn_and_filmed(course, tmp_path):
+    assert len(plot(course).axes) == 4
+    with Image.open(animate(course, tmp_path / "film.gif", fps=20.0)) as film:
+        assert film.n_frames == len(course.times)
+
+
+def test_the_energies_of_the_summary_balance(course):
+    told = course.summary()
+    kept = told["stored_J"] + told["dissipated_J"] + told["numerical_J"]
+    assert kept == pytest.approx(told["work_J"], rel=1e-6)
+
+
+def test_what_stays_is_what_has_flowed():
+    history = History.step(3.0).hold(4.0).release().hold(200.0)
+    course = creep(LAW, history, times=[4.0, 204.0], step=0.5)
+    assert course.what_stays() == pytest.approx(3.0 * 4.0 / LAW.D_d, rel=1e-6)
+    assert creep(LAW, History.step(3.0), 4.0).what_stays() is None
+    assert course.summary()["displacement_that_stays"] == course.what_stays()
+
+
+def test_the_force_of_a_grip_is_that_of_what_it_pulls():
+    network = triangular(3, force=0.0)
+    top = network.node((2, 1))
+    held, given = network.held.copy(), np.zeros_like(network.positions)
+    held[top], given[top, 1] = True, -0.1
+    gripped = type(network).build(
+        network.positions, network.springs, network.stiffness, held=held, displacements=given
+    )
+    course = creep(gripped, BITE, times=TIMES, rheology=LAW)
+    expected = [-course.outside_forces(k)[top, 1] for k in range(len(TIMES))]
+    np.testing.assert_allclose(course.grip_force(), expected)
+    assert course.grip_force()[2] < course.grip_force()[1], "it relaxes"
+    assert course.largest_force().title == "Force"
+
+
+def test_bodies_and_networks_are_drawn_at_a_time(tmp_path):
+    body, network = COURSES["elastic body"](), COURSES["network"]()
+    for course in (body, network):
+        for record, time in ((1, "0.5 s"), (-1, "6.5 s")):
+            told = plot(course, "deformed", record=record).axes[0].texts
+            assert any(f"time {time}" in text.get_text() for text in told)
+        with pytest.raises(ParameterError, match="times 0 to 4"):
+            plot(course, "deformed", record=5)
+    assert plot(body, "scene").axes
+
+
+def test_a_step_is_the_schemes_own():
+    times = 0.3 * np.arange(1, 6)
+    state, forces = ElementState(), []
+    for _ in times:
+        state = LAW.step(state, velocity=0.7, dt=0.3)
+        forces.append(state.force)
+    ramp = History().ramp(0.7 * times[-1], times[-1])
+    np.testing.assert_allclose(forces, LAW.relaxation(displacement=ramp, times=times))
+    assert state.q + state.d == pytest.approx(0.7 * times[-1])
+
+
+def test_many_elements_may_step_at_once():
+    speeds = np.array([0.0, 0.5, -1.0])
+    start = ElementState(np.zeros(3), np.zeros(3), np.zeros(3))
+    together = LAW.step(LAW.step(start, speeds, 0.2), speeds, 0.2)
+    for k, speed in enumerate(speeds):
+        alone = LAW.step(LAW.step(ElementState(), speed, 0.2), speed, 0.2)
+        assert together.force[k] == pytest.approx(alone.force)
+
+
+@pytest.mark.parametrize("law", [LAW, ThreeElement.maxwell(2.0, 5.0), ThreeElement.dashpot(3.0)])
+def test_the_two_coefficients_move_a_mass_as_creep_does(law):
+    mass, pushed, dt, steps = 0.8, 1.5, 0.1, 30
+    state, velocity, moved = ElementState(), 0.0, []
+    for _ in range(steps):
+        numbers = law.coefficients(dt)
+        pull = numbers.D * state.q / numbers.C
+        velocity = (mass * velocity / dt + pushed - pull) / (mass / dt + 1.0 / numbers.C)
+        state = law.step(state, velocity, dt)
+        moved.append(state.q + state.d)
+    times = dt * np.arange(1, steps + 1)
+    course = creep(
+        law, History.step(pushed), times[-1], times=times, step=dt, mass=mass,
+        scheme="backward_euler",
+    )  # fmt: skip
+    np.testing.assert_allclose(course.displacement, moved, rtol=1e-10)
+
+
+@pytest.mark.parametrize(("velocity", "dt"), [(1.0, 0.0), (1.0, -1.0), (np.nan, 1.0)])
+def test_steps_out_of_range_are_refused(velocity, dt):
+    with pytest.raises(ParameterError, match=r"above 0 s|finite"):
+        LAW.step(ElementState(), velocity, dt)
+
+
+STEPS = """
+[body]
+cell_size = 0.01
+cells = [4, 4]
+material = "steel"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [2, 3]
+force = [0.0, -1.0]
+[history]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("times = [0, 2]\nfactors = [0, 1]", History((0, 2), (0, 1))),
+        (
+            "steps = [{ramp = 1.0, duration = 0.5}, {hold = 2.0}, {release = 0.0}, {hold = 4.0}]",
+            BITE,
+        ),
+        ("steps = [{cycles = 2, period = 1.0, high = 3.0}]", History().cycles(2, 1.0, 3.0)),
+    ],
+)  # fmt: skip
+def test_a_history_is_written_in_the_scene(text, expected):
+    scene = Scene.from_toml(STEPS + text)
+    assert scene.history == expected
+    again = Scene.from_toml(scene.to_toml())
+    assert again == scene
+    assert again.history == expected
+    assert scene != scene.replace(history=None)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("times = [0, 1]", "history.times: give either times and factors, or steps"),
+        ("times = [1, 2]\nfactors = [0, 1]", "times must start at 0"),
+        ("steps = [{ramp = 1.0, hold = 2.0}]", "a step is one of ramp, hold, release, cycles"),
+        ("steps = [{cycles = 2}]", "period: belongs to cycles"),
+        ("steps = [{hold = -1.0}]", "duration"),
+        ("factor = [1]", "unknown key, did you mean 'factors'"),
+    ],
+)
+def test_what_is_wrong_with_a_history_is_told(text, told):
+    with pytest.raises(SceneError, match=told.split(", did")[0]):
+        Scene.from_toml(STEPS + text)
+
+
+def test_a_history_is_needed():
+    with pytest.raises(ParameterError, match="history: is needed"):
+        creep(block("elastic", history=None))
+
+
+def typed(*words):
+    from typer.testing import CliRunner
+
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+def test_the_command_lets_a_scene_creep(tmp_path):
+    scene = tmp_path / "jelly.toml"
+    block("elastic").save(scene)
+    done = typed("creep", scene, "--out", tmp_path / "here", "--json")
+    assert done.exit_code == 0
+    told = json.loads(done.output)
+    assert told == json.loads((tmp_path / "here" / "summary.json").read_text())
+    assert {"curves.png", "deformed.png"} <= {p.name for p in (tmp_path / "here").iterdir()}
+    expected = creep(block("elastic"))
+    assert told["displacement_that_stays"] == pytest.approx(expected.what_stays())
+    assert load_result(tmp_path / "here").what_stays() == told["displacement_that_stays"]
+    film = typed("animate", tmp_path / "here", "--fps", "20")
+    assert film.exit_code == 0
+
+
+def test_a_scene_without_a_history_is_pressed_and_held(tmp_path):
+    scene = tmp_path / "jelly.toml"
+    block("elastic", history=None).save(scene)
+    with pytest.raises(ParameterError, match="needs --hold SECONDS"):
+        typed("creep", scene, "--out", tmp_path / "none")
+    typed("creep", scene, "--out", tmp_path / "here", "--hold", "5", "--no-pictures")
+    found = load_result(tmp_path / "here")
+    assert found.times[-1] == 5.0
+    expected = creep(block("elastic"), History.step().hold(5.0))
+    np.testing.assert_allclose(found.growth, expected.growth)
+
+
+def test_a_run_says_that_it_leaves_time_out(tmp_path):
+    scene = tmp_path / "jelly.toml"
+    block("prescribed").save(scene)
+    done = typed("run", scene, "--out", tmp_path / "here", "--no-pictures")
+    assert "rheology takes no part" in done.output

@@ -34,10 +34,10 @@ from kaju.agents.rheology_steps import (
 )
 from kaju.errors import ConvergenceError
 from kaju.model.elasticity.fallback import DIRECT_LIMIT, algebraic_preconditioner
+from kaju.model.elasticity.hierarchy import Hierarchy
 from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
-from kaju.model.elasticity.moduli import moduli_of
+from kaju.model.elasticity.moduli import Moduli, moduli_of
 from kaju.model.elasticity.problem import ElasticProblem
-from kaju.model.elasticity.sparse_multigrid import SparseMultigrid
 from kaju.model.elasticity.staggered import (
     Numbering,
     axis_pairs,
@@ -87,7 +87,7 @@ class CreepingBody:
         self.edge_laws = Laws(*(number[:, None] / problem.scales.modulus for number in laws))
         self.cell_laws = Laws(*(number[self.kind, 0] for number in self.edge_laws))
         ratios = np.array([material.poissons_ratio for material in materials])
-        unit = moduli_of(np.ones(len(materials)), ratios, problem.plane)
+        self.unit = unit = moduli_of(np.ones(len(materials)), ratios, problem.plane)
         self.along, self.cross = unit.stretch[self.kind], unit.lateral[self.kind]
         self.shear = unit.shear[:, None]
         self.share = _shares_of_edges(problem, len(materials))
@@ -209,26 +209,33 @@ class CreepingBody:
                 ratio = np.append(ratio, 1.0)
             if ratio.max() <= 2.0 * ratio.min():
                 return self._prepared[1]
-        solver = self._solver(self._matrix(modulus))
+        solver = self._solver(modulus)
         self._prepared = (modulus.copy(), solver)
         return solver
 
-    def _solver(self, matrix: sp.csr_array) -> Callable[[Floats], Floats]:
-        """Return the factors of a matrix, or a multigrid cycle, by its size and difficulty."""
+    def _solver(self, modulus: Floats) -> Callable[[Floats], Floats]:
+        """Return the factors of the matrix, or a multigrid cycle, by its size and difficulty."""
         limit = DIRECT_LIMIT if self._tough else _FACTORISED_UP_TO
         if self.numbering.size <= limit[self.problem.dimension]:
             factors = splu(
-                sp.csc_array(matrix),
+                sp.csc_array(self._matrix(modulus)),
                 permc_spec="MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0,
                 options={"SymmetricMode": True},
             )
             return lambda load: np.asarray(factors.solve(load))
         if self._tough:
-            algebraic = algebraic_preconditioner(matrix, self.numbering)
+            algebraic = algebraic_preconditioner(self._matrix(modulus), self.numbering)
             if algebraic is not None:
                 return algebraic
-        return SparseMultigrid(matrix, self.numbering).precondition
+        cells = Hierarchy(self.problem, Moduli(*(modulus * values for values in self.unit)))
+
+        def cycle(load: Floats) -> Floats:
+            vector = np.zeros(cells.moving.size)
+            vector[cells.moving] = load
+            return cells.precondition(vector)[cells.moving]
+
+        return cycle
 
     def _matrix(self, modulus: Floats) -> sp.csr_array:
         cell = modulus[self.kind]

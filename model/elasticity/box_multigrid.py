@@ -1,8 +1,8 @@
 """Multigrid for a full box of one material: no matrix is stored.
 
 Parents obey the same law as their children, on cells twice as large. Below the finest
-grid that can still be halved, `SparseMultigrid` takes over; it also copes with odd numbers
-of cells. The V-cycle is symmetric, so it may precondition conjugate gradients.
+grid that can still be halved, `Hierarchy` takes over; it also copes with odd numbers of
+cells. The V-cycle is symmetric, so it may precondition conjugate gradients.
 """
 
 from __future__ import annotations
@@ -16,18 +16,16 @@ from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID
 
+from .hierarchy import Hierarchy
 from .krylov import best_of, dot
 from .moduli import Moduli
 from .problem import (
-    ACTIVE,
     ElasticProblem,
     FaceFields,
     Floats,
     Scales,
     rim_layer,
 )
-from .sparse_multigrid import SparseMultigrid
-from .staggered import Numbering, stiffness_matrix
 
 Vector = NDArray[np.float64]
 SMALLEST = 8
@@ -122,8 +120,30 @@ class BoxMultigrid:
 
     @property
     def depth(self) -> int:
-        """Number of levels, those of the sparse hierarchy beneath included."""
+        """Number of levels, those of the hierarchy beneath included."""
         return len(self.levels) + self._coarsest.depth - 1
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Which entries of a vector are faces that can move."""
+        vector = np.ones(face_count(self.levels[0].shape))
+        self.clear_fixed(0, vector)
+        return vector > 0.0
+
+    def gather(self, fields: FaceFields) -> Vector:
+        """Return the faces' values as a vector; 0 where they cannot move."""
+        shape = self.levels[0].shape
+        vector = np.empty(face_count(shape))
+        for view, values in zip(face_views(vector, shape), fields, strict=True):
+            view[:] = values[(slice(1, -1),) * len(shape)]
+        self.clear_fixed(0, vector)
+        return vector
+
+    def scatter(self, vector: Vector, fields: FaceFields) -> None:
+        """Add a vector to arrays of all faces."""
+        shape = self.levels[0].shape
+        for view, values in zip(face_views(vector, shape), fields, strict=True):
+            values[(slice(1, -1),) * len(shape)] += view
 
     def apply(self, x: Vector) -> Vector:
         """Return the stiffness times x."""
@@ -201,24 +221,25 @@ class BoxMultigrid:
 
 
 class _Coarsest:
-    """The last box, handed to the sparse hierarchy."""
+    """The last box, handed to the hierarchy for any body."""
 
     def __init__(
         self, level: BoxLevel, sides: list[int], plane: Literal["stress", "strain"] | None
     ) -> None:
         problem = _describe(level, sides, plane)
-        states = problem.face_states()
-        active = [s[problem.inner] == ACTIVE for s in states]
-        self._active = np.flatnonzero(np.concatenate([a.ravel() for a in active]))
-        numbering = Numbering(states)
-        self._solver = SparseMultigrid(
-            stiffness_matrix(problem, numbering), numbering, coarsest=800
-        )
-        self.depth = len(self._solver.levels)
+        self._shape = level.shape
+        self._solver = Hierarchy(problem)
+        self.depth = self._solver.depth
 
     def solve(self, load: Vector) -> Vector:
         out = np.zeros_like(load)
-        out[self._active] = self._solver.precondition(load[self._active])
+        inner = (slice(1, -1),) * len(self._shape)
+        loads = tuple(np.pad(view, 1) for view in face_views(load, self._shape))
+        answer = self._solver.precondition(self._solver.gather(loads))
+        fields = tuple(np.zeros_like(values) for values in loads)
+        self._solver.scatter(answer, fields)
+        for view, values in zip(face_views(out, self._shape), fields, strict=True):
+            view[:] = values[inner]
         return out
 
 

@@ -14,10 +14,7 @@ from .fallback import DIRECT_LIMIT, solve_direct
 from .krylov import Iteration, conjugate_gradients, dot
 from .prepared import Prepared, same_body
 from .problem import ElasticProblem, FaceFields
-from .sparse_multigrid import SparseMultigrid
-from .staggered import Numbering
 from .system import System, likeness
-from .transfer import coarsen
 
 Vector = NDArray[np.float64]
 
@@ -247,8 +244,8 @@ def _change_method(
     prepared, right = system.prepared, system.right
     hierarchy, depth = prepared.hierarchy, prepared.hierarchy.depth
     missed = _missed(coarser, _potential(system, start), system.energy(start))
-    if len(right) <= DIRECT_LIMIT[system.problem.dimension]:
-        run, method, depth = solve_direct(prepared.matrix, prepared.factor, right), "direct", 1
+    if prepared.numbering.size <= DIRECT_LIMIT[system.problem.dimension]:
+        run, method, depth = _factorised(system), "direct", 1
         note = "factorised instead"
     else:
         precondition, method = prepared.algebraic, "algebraic multigrid"
@@ -275,21 +272,21 @@ def _change_method(
 def _solve_mixed(system: System, tolerance: float | None, guess: Vector | None) -> Solution:
     prepared, mixed = system.prepared, system.prepared.mixed
     run = mixed.solve(system.right, min(tolerance or 1e-8, 1e-8), guess)
-    roughness = _roughness(mixed.block, prepared.numbering, run.solution)
+    rough = mixed.block.rough(run.solution)
+    roughness = float(dot(rough, mixed.block.apply(rough)))
     whole = system.energy(run.solution)
     discretisation = sqrt(max(roughness / whole, 0.0)) if whole > 0 else 0.0
     solution = _solution(system, run, "mixed form", discretisation, mixed.block.depth)
-    if not run.converged and len(system.right) <= DIRECT_LIMIT[system.problem.dimension]:
-        direct = solve_direct(prepared.matrix, prepared.factor, system.right)
-        solution = _solution(system, direct, "direct", discretisation, 1)
+    if not run.converged and prepared.numbering.size <= DIRECT_LIMIT[system.problem.dimension]:
+        solution = _solution(system, _factorised(system), "direct", discretisation, 1)
         solution.notes.append("the mixed form did not converge: factorised instead")
     return solution
 
 
-def _roughness(block: SparseMultigrid, numbering: Numbering, x: Vector) -> float:
-    """Return the energy of what the parents cannot represent of x."""
-    _, prolong = coarsen(numbering)
-    weight = np.asarray(prolong.T @ np.ones(prolong.shape[0]))
-    mean = np.divide(prolong.T @ x, weight, out=np.zeros_like(weight), where=weight > 0.1)
-    rest = x - prolong @ mean
-    return float(dot(rest, block.apply(rest)))
+def _factorised(system: System) -> Iteration:
+    """Solve by factors of the matrix."""
+    prepared = system.prepared
+    load = system.right[prepared.hierarchy.moving]
+    run = solve_direct(prepared.matrix, prepared.factor, load)
+    run.solution = prepared.spread(run.solution)
+    return run

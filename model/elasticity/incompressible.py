@@ -16,11 +16,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from .hierarchy import Hierarchy
 from .krylov import Iteration, minimal_residuals
 from .moduli import Moduli
 from .problem import ElasticProblem
-from .sparse_multigrid import SparseMultigrid
-from .staggered import Numbering, stiffness_matrix, strain_matrix
+from .staggered import Numbering, strain_matrix
 
 Vector = NDArray[np.float64]
 
@@ -39,8 +39,7 @@ class MixedForm:
         rows = strain_matrix(problem, numbering)
         count = len(kinds)
         stretches = [rows[axis * count : (axis + 1) * count] for axis in range(problem.dimension)]
-        self.divergence = sp.csr_array(sum(stretches[1:], start=stretches[0])[cells])
-        self._gather = sp.csr_array(self.divergence.T)
+        divergence = sp.csr_array(sum(stretches[1:], start=stretches[0])[cells])
         lateral, shear = moduli.lateral[kinds][cells], moduli.shear[kinds][cells]
         self._compliance = 1.0 / lateral
         self._pressure = 1.0 / (1.0 / lateral + 0.5 / shear)
@@ -49,10 +48,14 @@ class MixedForm:
             np.where(pressed, 0.0, moduli.lateral),
             moduli.shear,
         )
-        self.block = SparseMultigrid(
-            stiffness_matrix(problem, numbering, without), numbering, sweeps
+        self.block = Hierarchy(problem, without, sweeps)
+        place = np.flatnonzero(self.block.moving)
+        self._size = self.block.moving.size
+        self.divergence = sp.csr_array(
+            (divergence.data, place[divergence.indices], divergence.indptr),
+            shape=(len(cells), self._size),
         )
-        self._size = numbering.size
+        self._gather = sp.csr_array(self.divergence.T)
 
     def solve(
         self, load: Vector, tolerance: float, guess: Vector | None = None, most: int = 300

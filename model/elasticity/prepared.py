@@ -14,9 +14,9 @@ from scipy.sparse.linalg import SuperLU
 
 from .box_multigrid import BoxMultigrid, is_box
 from .fallback import algebraic_preconditioner, factorise
+from .hierarchy import Hierarchy
 from .incompressible import MixedForm
-from .problem import ElasticProblem
-from .sparse_multigrid import SparseMultigrid
+from .problem import ElasticProblem, FaceFields
 from .staggered import Numbering, stiffness_matrix
 
 Vector = NDArray[np.float64]
@@ -31,6 +31,16 @@ class Multigrid(Protocol):
     @property
     def depth(self) -> int:
         """Number of levels."""
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Which entries of its vectors are faces that can move."""
+
+    def gather(self, fields: FaceFields) -> Vector:
+        """Return the values of the faces that can move; all else is 0."""
+
+    def scatter(self, vector: Vector, fields: FaceFields) -> None:
+        """Add the values of the faces that can move to arrays of all faces."""
 
     def apply(self, x: Vector) -> Vector:
         """Return the stiffness times x."""
@@ -51,7 +61,7 @@ def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
 
 
 class Prepared:
-    """Matrices, parents and factors of a body and its supports, each made when first needed.
+    """Parents, matrices and factors of a body and its supports, each made when first needed.
 
     Attributes
     ----------
@@ -83,14 +93,14 @@ class Prepared:
         return stiffness_matrix(self.body, self.numbering)
 
     @cached_property
-    def sparse(self) -> SparseMultigrid:
-        """The hierarchy of matrices."""
-        return SparseMultigrid(self.matrix, self.numbering)
+    def cells(self) -> Hierarchy:
+        """The hierarchy for any body; of a nearly incompressible one, without the pressures."""
+        return self.mixed.block if self.body.needs_mixed_form else Hierarchy(self.body)
 
     @property
     def hierarchy(self) -> Multigrid:
         """The hierarchy that suits the body."""
-        return self.box or self.sparse
+        return self.box or self.cells
 
     @cached_property
     def mixed(self) -> MixedForm:
@@ -102,10 +112,19 @@ class Prepared:
         """The factors of the stiffness."""
         return factorise(self.matrix)
 
+    def spread(self, values: Vector) -> Vector:
+        """Return a vector of the free faces alone as one of the hierarchy's."""
+        vector = np.zeros(self.hierarchy.moving.size)
+        vector[self.hierarchy.moving] = values
+        return vector
+
     @cached_property
     def algebraic(self) -> Callable[[Vector], Vector] | None:
         """A cycle of algebraic multigrid; None if pyamg is not installed."""
-        return algebraic_preconditioner(self.matrix, self.numbering)
+        cycle = algebraic_preconditioner(self.matrix, self.numbering)
+        if cycle is None:
+            return None
+        return lambda load: self.spread(cycle(load[self.hierarchy.moving]))
 
     @property
     def worth_keeping(self) -> bool:

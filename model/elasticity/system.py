@@ -6,7 +6,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from .box_multigrid import face_count, face_views
 from .krylov import dot
 from .prepared import Prepared
 from .problem import ElasticProblem, FaceFields
@@ -64,24 +63,13 @@ class System:
             self.right = self.load - self.gather(pull)
 
     def gather(self, fields: FaceFields) -> Vector:
-        """Return the free faces' values as a vector; a box keeps its fixed faces, as zeros."""
-        box = self.prepared.box
-        if box is None:
-            return self.prepared.numbering.gather(fields)
-        vector = np.empty(face_count(self.problem.shape))
-        for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
-            view[:] = values[self.problem.inner]
-        box.clear_fixed(0, vector)
-        return vector
+        """Return the free faces' values as a vector of the hierarchy."""
+        return self.prepared.hierarchy.gather(fields)
 
     def scatter(self, vector: Vector) -> FaceFields:
         """Return displacements of all faces, the given ones included."""
         fields = tuple(values.copy() for values in self.problem.fixed)
-        if self.prepared.box is not None:
-            for view, values in zip(face_views(vector, self.problem.shape), fields, strict=True):
-                values[self.problem.inner] += view
-        else:
-            self.prepared.numbering.scatter(vector, fields)
+        self.prepared.hierarchy.scatter(vector, fields)
         return fields
 
     def energy(self, x: Vector) -> float:

@@ -23,9 +23,9 @@ from kaju.model.elasticity.grid import grid_of
 from kaju.model.elasticity.problem import ABSENT, ACTIVE, FIXED
 from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
 from kaju.model.elasticity.supports import check_supports
-from kaju.model.elasticity.transfer import coarsen
 
 from .boundary import Boundary, free_surfaces, supports
+from .transfer import coarsen
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene

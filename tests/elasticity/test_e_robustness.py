@@ -5,7 +5,7 @@ import pytest
 from elastic_cases import cube, pixel_body, plate, press
 from scipy.sparse.linalg import spsolve
 
-from kaju.model.elasticity import staggered
+from kaju.model.elasticity import hierarchy
 from kaju.model.elasticity.engine import solve_problem
 from kaju.model.elasticity.problem import make_problem
 from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
@@ -113,7 +113,7 @@ def test_half_of_its_modulus_is_the_best_for_a_reentrant_corner(monkeypatch):
     top = [[i, 31] for i in range(16)]
     errors = {}
     for weight in (0.0, 0.5, 0.75):
-        monkeypatch.setattr(staggered.edge_modulus, "__kwdefaults__", {"reentrant": weight})
+        monkeypatch.setattr(hierarchy, "REENTRANT_WEIGHT", weight)
         problem = make_problem(
             kinds,
             [(1.0, 0.3)],

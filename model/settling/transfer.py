@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .problem import ABSENT, ACTIVE, FIXED
-from .staggered import Numbering, compact
+from kaju.model.elasticity.problem import ABSENT, ACTIVE, FIXED
+from kaju.model.elasticity.staggered import Numbering, compact
 
 States = NDArray[np.int8]
 Index = NDArray[np.int64]

@@ -48,7 +48,9 @@ def _load(rng, solid):
     force = rng.normal(size=solid.shape[1]) * np.where(rng.random(solid.shape[1]) < 0.3, 0, 3)
     force[0] = force[0] if force.any() else 1.5
     cell = solid[rng.integers(len(solid))]
-    return {"cell": cell.tolist(), "force": force.tolist(), "steps": int(rng.integers(1, 6))}
+    said = rng.choice(["push", "pull", "", ""])
+    load = {"cell": cell.tolist(), "force": force.tolist(), "steps": int(rng.integers(1, 6))}
+    return load | ({"sense": str(said)} if said else {})
 
 
 def _coefficients(rng, dimension):
@@ -63,6 +65,7 @@ def _rule(rng, dimension, fixed):
     settings = {
         "threshold": float(10 ** rng.uniform(-3.5, -1.0)),
         "accumulate": bool(rng.random() < 0.5),
+        "sense": bool(rng.random() < 0.5),
         "materials": own,
     }
     return PrescribedRule(**_coefficients(rng, dimension), **settings | fixed)

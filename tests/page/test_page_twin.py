@@ -68,8 +68,14 @@ def test_the_twin_makes_the_same_agents_take_the_same_loads(pairs):
         assert twin["woken"] == last.woken_by[order].tolist()
         assert twin["alive"] == len(key)
         scale = last.taken.max(initial=1e-300)
-        for name in ("taken", "passed", "dropped"):
-            expected = getattr(last, name)[order].ravel()
+        pushed, pulled = last.taken - last.pulled, last.pulled
+        taken = np.hstack([pushed, pulled]) if scene.rule.sense else pushed
+        for name, values in [
+            ("taken", taken),
+            ("passed", last.passed),
+            ("dropped", last.dropped),
+        ]:
+            expected = values[order].ravel()
             np.testing.assert_allclose(twin[name], expected, rtol=0, atol=1e-12 * scale)
         ledger = last.ledger
         assert twin["pending"] == pytest.approx(ledger.pending, rel=1e-12, abs=1e-12 * scale)
@@ -82,7 +88,8 @@ def test_the_twin_makes_the_same_agents_take_the_same_loads(pairs):
         np.testing.assert_allclose(given, last.returned[by_key], rtol=1e-12)
 
         history = last.history
-        state = key[history.agent] * last.taken.shape[1] + history.direction
+        channel = history.direction + lattice.directions * history.pull
+        state = key[history.agent] * taken.shape[1] + channel
         rows = np.lexsort((state, history.generation))
         expected = np.stack([history.generation[rows], state[rows]], axis=1).tolist()
         assert [row[:2] for row in twin["rows"]] == expected

@@ -1,10 +1,10 @@
 // How the agents deform: the twin of kaju's deformation by the loads they took.
 import { RIGID, ROLLER } from "./lattice.js";
-import { sharesOf } from "./rule.js";
+import { dot, sharesOf } from "./rule.js";
 
 /** Pressure (Pa) by axis, and displacement (m) by coordinate at the cells' centres, by key. */
-export function deformation(run, taken) {
-  const { scene, lattice: L, kinds, C } = run, { axes, D, h } = L, size = L.size;
+export function deformation(run, taken, generation = run.generation) {
+  const { scene, lattice: L, kinds, C, spawn } = run, { axes, D, h } = L, size = L.size;
   const area = L.faceArea(scene.thickness), agent = scene.materials.map((m) => {
     const s = sharesOf(scene.rule, m, L.dimension);
     return { own: s.own / area, modulus: m.youngs_modulus, free: s.beta * m.poissons_ratio };
@@ -34,13 +34,13 @@ export function deformation(run, taken) {
       length[k] = sum * h;
     });
     alongLines(L, kinds, arm, length, (k, u) => {
+      if (!(spawn[k] > 0 && spawn[k] <= generation)) return;   // what no load reached stays where it is
       for (let a = 0; a < L.dimension; a++) displacement[a][k] += u * L.normals[arm][a] * scale;
     });
   });
   return { pressure, displacement };
 }
 
-const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
 
 /** Sum lengths along every unbroken row of body cells; tell each centre's displacement. */
 function alongLines(L, kinds, arm, length, tell) {

@@ -1,6 +1,6 @@
 // One view for all hosts: a run is drawn, whoever computed it: the twin in this page, a record in
 // the file, or Python behind a channel.
-import { certify, Twin } from "./rule.js";
+import { certify, entering, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
 import { bytesOf, Recorded, Sums, unpack } from "./history.js";
 import { colourOf, COLOURS, paintCells, paintForces, paintLegend, paintLoads, paintPath, paintPick, place, View } from "./paint.js";
@@ -146,7 +146,7 @@ export class Page {
   // ----------------------------------------------------------------------------- what is shown
   deformed() {
     if (!this.moved) {
-      this.moved = deformation(this.run, this.sums.taken.sum);
+      this.moved = deformation(this.run, this.sums.taken.sum, this.g);
       if (this.run.lattice.kind === "square") this.moved.corners = cornersOf(this.run.lattice, this.run.kinds, this.moved.displacement);
     }
     return this.moved;
@@ -330,7 +330,7 @@ export class Page {
   moveLoad(load, cell) {
     const k = this.run.lattice.key(cell);
     if (this.run.kinds[k] < 0 || cell.every((c, a) => c === load.cell[a])) return;
-    this.change(() => { load.cell = cell; });
+    this.change(() => { Object.assign(load, { cell, sense: load.sense === "side" ? "surface" : load.sense, face: entering(this.run.lattice, this.run.kinds, k, load.force) }); });
   }
   /** Read a cell's story, or draw it, as the pen says. */
   touch(cell) {

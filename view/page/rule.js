@@ -26,7 +26,8 @@ export class Transfer {
     this.distinct = [...new Set(this.share)];
     this.number = Int32Array.from(this.share, (x) => this.distinct.indexOf(x));
     const emitted = rows.map((row) => row.reduce((sum, e) => sum + e[2], 0));
-    this.emitted = this.shares.map((_, m) => Math.max(...emitted.slice(m * this.C, (m + 1) * this.C)));
+    this.emitted = emitted;                    // by material and channel
+    this.worst = Math.floor(emitted.indexOf(Math.max(...emitted)) / this.C);
     this.largest = this.share.reduce((a, b) => Math.max(a, b), 0);
     this.turned = { [AIR]: [], [RIGID]: [], [ROLLER]: [] };
     for (const kind of [AIR, RIGID, ROLLER]) for (let arm = 0; arm < D; arm++) {
@@ -35,16 +36,18 @@ export class Transfer {
   }
 }
 
+/** What a load sends out: a push travels along its force, a pull against it. */
 function emissionsOf({ D, opposite, beside }, shares, channel) {
-  const pull = channel >= D, d = pull ? channel - D : channel, list = [];
-  list.push([pull ? opposite[d] : d, channel, shares.forward]);
-  for (const [arm, friction, poisson] of beside[d]) {
+  const pull = channel >= D, ahead = pull ? opposite[channel - D] : channel;
+  const list = [[ahead, channel, shares.forward]], outPulls = pull === shares.poisson >= 0;
+  for (const [arm, friction, poisson] of beside[ahead]) {
     list.push([arm, channel, shares.friction * friction]);
-    list.push([arm, pull ? opposite[arm] + D : arm, shares.poisson * poisson]);
+    list.push([arm, outPulls ? opposite[arm] + D : arm, Math.abs(shares.poisson) * poisson]);
   }
   return list.filter((emission) => emission[2] > 0);
 }
 
+/** In which channel a load comes back that went over an arm to a boundary. */
 function turn({ D, opposite, mirrored }, kind, arm, channel, sense) {
   const pull = channel >= D ? D : 0, d = channel - pull;
   if (kind === RIGID) return opposite[d] + pull;
@@ -70,15 +73,30 @@ export function appliedLoads(scene, lattice, kinds, stage = scene.stages) {
     const factor = Math.min(1, stage / load.steps), k = lattice.key(load.cell);
     if (kinds[k] < 0) continue;
     for (const [d, magnitude] of splitForce(lattice, load.force.map((f) => factor * f))) {
-      loads.push([k, d + (scene.rule.sense && pulls(lattice, load, d) ? lattice.D : 0), magnitude]);
+      const pull = scene.rule.sense && pulls(lattice, kinds, load, k, d);
+      loads.push([k, pull ? d + lattice.D : d, magnitude]);
     }
   }
   return loads;
 }
 
-function pulls(lattice, load, direction) {     // a force that points out of the body pulls
-  if (load.sense) return load.sense === "pull";
-  return load.face >= 0 && direction === load.face;
+/** Whether a part of a force pulls: as the scene says, or out of the body over its side. */
+function pulls(lattice, kinds, { sense, face }, k, d) {
+  if (sense === "push" || sense === "pull") return sense === "pull";
+  if (sense === "side") return face >= 0 && dot(lattice.normals[d], lattice.normals[face]) > 1e-9;
+  return kinds[lattice.neighbour(k, d)] === AIR && kinds[lattice.neighbour(k, lattice.opposite[d])] >= 0;
+}
+export const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
+
+/** The face by which a force enters a cell for which none is named; -1: the cell's middle. */
+export function entering(lattice, kinds, k, force) {
+  const along = lattice.normals.map((n) => dot(n, force)), least = Math.min(...along) + 1e-9;
+  let faces = along.flatMap((x, d) => (x <= least ? [d] : []));
+  if (faces.length > 1) {
+    const exposed = faces.filter((d) => kinds[lattice.neighbour(k, d)] < 0);
+    if (exposed.length) faces = exposed;
+  }
+  return faces.length === 1 ? faces[0] : -1;
 }
 
 const MAGNITUDES = 2 ** 20;                    // so many different magnitudes may travel at once
@@ -279,19 +297,21 @@ class Tally {
 
 // ------------------------------------------------------------------------------- certificate
 
+const MOST_CELLS = 200000;                     // above this many the radius is bounded, not iterated on
+
 /** Will the loads end? The twin of kaju.stability: bounds, generations, and why not. */
 export function certify(scene, cells) {
   const lattice = new Lattice(scene.lattice), transfer = new Transfer(scene, lattice);
-  const { emitted, largest } = transfer, { accumulate, threshold } = scene.rule;
+  const { emitted, largest, worst } = transfer, { accumulate, threshold } = scene.rule;
   const kinds = lattice.kinds(cells, scene.sides);
   let lower = Math.min(...emitted), upper = Math.max(...emitted);
-  if (lower < upper) [lower, upper] = boundRadius(lattice, transfer, kinds);
+  if (upper - lower <= 1e-12 * upper) lower = upper;
+  if (lower < upper && cells.length <= MOST_CELLS) [lower, upper] = boundRadius(lattice, transfer, kinds);
   const loads = appliedLoads(scene, lattice, kinds).map((load) => load[2]);
   const load = accumulate ? loads.reduce((a, b) => a + b, 0) : Math.max(0, ...loads);
   const generations = endsWithin(load, accumulate ? upper : largest, threshold);
-  const worst = emitted.indexOf(Math.max(...emitted)), shares = transfer.shares[worst];
   return { lower, upper, largest, generations, stable: generations !== null,
-    ...remedies(lattice, shares), name: scene.materials[worst].name };
+    ...remedies(lattice, transfer.shares[worst]), name: scene.materials[worst].name };
 }
 
 function endsWithin(load, decay, threshold) {

@@ -29,6 +29,7 @@ export function tomlOf(scene, cells) {
   for (const load of loads) {
     lines.push("[[loads]]", `cell = ${list(load.cell, String)}`, `force = ${list(load.force)}  # N`);
     if (load.steps > 1) lines.push(`steps = ${load.steps}`);
+    lines.push(...sensed(scene, load));
     lines.push("");
   }
   lines.push("[rule]", 'kind = "prescribed"', ...coefficients(rule), `threshold = ${number(rule.threshold)}  # N`,
@@ -40,6 +41,13 @@ export function tomlOf(scene, cells) {
   return lines.join("\n") + "\n";
 }
 
+const SIDE_OF_FACE = ["left", "right", "bottom", "top"], SIDE_OF_CUBE = ["left", "right", "front", "back", "bottom", "top"];
+function sensed({ lattice, rule }, { sense, face }) {   // what decides whether the force pulls
+  if (sense === "push" || sense === "pull") return [`sense = ${quoted(sense)}`];
+  if (sense !== "side" || lattice.kind === "hexagon") return [];
+  if (face < 0) return rule.sense ? ['sense = "push"'] : [];
+  return [`side = ${quoted((lattice.shape.length === 3 ? SIDE_OF_CUBE : SIDE_OF_FACE)[face])}`];
+}
 const coefficients = ({ alpha, beta }) => [...(alpha ? [`alpha = ${list(alpha)}`] : []), `beta = ${number(beta)}`];
 
 function drawn({ lattice: { shape: [nx, ny] }, materials }, cells) {

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import SceneError
+from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL, PUSH
 
 if TYPE_CHECKING:
     from kaju.agents.rules import Coefficients
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene
     from kaju.model.scene.sides import SideCondition
 
+_SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]
 
 MOST_CELLS = 1_000_000
@@ -80,7 +82,7 @@ def _rule(scene: Scene) -> dict[str, Any]:
         **_coefficients(rule),
         "threshold": rule.threshold,
         "accumulate": rule.accumulate,
-        "sense": getattr(rule, "sense", None),
+        "sense": rule.sense,
         "materials": {name: _coefficients(own) for name, own in rule.materials.items()},
     }
 
@@ -99,10 +101,11 @@ def _loads(scene: Scene) -> list[dict[str, Any]]:
     largest = np.abs(full.force).argmax(axis=1) if len(rows) else rows
     whole, part = full.force[rows, largest], first[rows, largest]
     steps = np.divide(whole, part, out=np.ones(len(rows)), where=part != 0.0)
-    columns = (full.cells, full.force, full.direction, np.rint(steps).astype(int))
+    assert full.sense is not None
+    columns = (full.cells, full.force, full.direction, np.rint(steps).astype(int), full.sense)
     return [
-        {"cell": cell, "force": force, "face": face, "steps": number}
-        for cell, force, face, number in zip(*(column.tolist() for column in columns), strict=True)
+        {"cell": cell, "force": force, "face": face, "steps": number, "sense": _SENSES[sense]}
+        for cell, force, face, number, sense in zip(*(c.tolist() for c in columns), strict=True)
     ]
 
 
@@ -151,11 +154,10 @@ def history_columns(scene: Scene, stage: Stage, exact: bool = False) -> Columns:
     """
     lattice, history = scene.lattice, stage.history
     key = lattice.key(stage.cells)
-    rows = Rows(
-        history.generation,
-        key[history.agent] * stage.taken.shape[1] + history.direction,
-        history.load,
-    )
+    sense = isinstance(scene.rule, PrescribedRule) and scene.rule.sense
+    states = lattice.directions * (2 if sense else 1)
+    state = history.direction + lattice.directions * history.pull
+    rows = Rows(history.generation, key[history.agent] * states + state, history.load)
     real = np.float64 if exact else np.float32
     return {
         **rows.columns(1, stage.generations, exact),

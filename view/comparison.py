@@ -76,12 +76,12 @@ def plot_profiles(
     check_count(comparisons)
     figure = new_figure((4.1 * len(lines) + 0.5, 3.9))
     for ax, line in zip(figure.subplots(1, len(lines), squeeze=False)[0], lines, strict=True):
-        _profile(ax, comparisons, line, (quantity, component), per, symbol)
-    _legend(figure, comparisons, believed)
+        plot_profile(ax, comparisons, line, (quantity, component), per, symbol)
+    legend_below(figure, comparisons, believed)
     return figure
 
 
-def _profile(
+def plot_profile(
     ax: Axes,
     comparisons: Comparisons,
     line: Line,
@@ -89,16 +89,17 @@ def _profile(
     per: float | None,
     symbol: str,
 ) -> None:
+    """Draw a component along one line, as it is or as a share of `per`."""
     first = next(iter(comparisons.values()))
     profile = first.along(line.start, line.end, 401)
     shown = pair_of(profile, *what)
     ax.plot(profile.distance, shown.reference / (per or 1.0), color=INK, linewidth=1.6)
     drawn = [shown.reference]
     for number, comparison in enumerate(comparisons.values()):
-        distance, pair = _at_cells(comparison, line, what)
+        distance, pair = at_cells(comparison, line, what)
         drawn.append(pair.values)
-        ax.plot(distance, pair.values / (per or 1.0), **_look(number))
-    _frame(ax, line, float(profile.distance.max()))
+        ax.plot(distance, pair.values / (per or 1.0), **look_of(number))
+    frame_of(ax, line, float(profile.distance.max()))
     if per is None:
         label_axis(ax.yaxis, symbol, np.concatenate(drawn).tolist(), shown.unit)
     else:
@@ -120,9 +121,9 @@ def plot_ratio(
     ax = new_axes(ax, (4.6, 3.9))
     ax.axhline(1.0, color=INK, linewidth=1.6)
     for number, comparison in enumerate(comparisons.values()):
-        distance, pair = _at_cells(comparison, line, (quantity, component))
-        ax.plot(distance, pair.ratio, **_look(number))
-    _frame(ax, line, float(np.linalg.norm(np.subtract(line.end, line.start))))
+        distance, pair = at_cells(comparison, line, (quantity, component))
+        ax.plot(distance, pair.ratio, **look_of(number))
+    frame_of(ax, line, float(np.linalg.norm(np.subtract(line.end, line.start))))
     ax.set_ylabel(f"{symbol} over that of {believed}", fontsize=9)
     return ax
 
@@ -140,11 +141,11 @@ def plot_stress_ratio(
     check_count(comparisons)
     figure = new_figure((8.8, 3.9))
     left, right = figure.subplots(1, 2)
-    _profile(left, comparisons, line, ("stress", component), -pressure, f"−{symbol} / $p$")
+    plot_profile(left, comparisons, line, ("stress", component), -pressure, f"−{symbol} / $p$")
     plot_ratio(comparisons, line, "stress", component, believed=believed, symbol=symbol, ax=right)
     left.set_title(f"Share of the pressure p = {with_unit(pressure, 'Pa')}", **TITLE)
     right.set_title(f"Share of the stress of {believed}", **TITLE)
-    _legend(figure, comparisons, believed)
+    legend_below(figure, comparisons, believed)
     return figure
 
 
@@ -167,7 +168,7 @@ def pair_of(of: Any, quantity: str, component: str) -> Pair:
     return pair.component(component)
 
 
-def _at_cells(comparison: Comparison, line: Line, what: tuple[str, str]) -> tuple[Floats, Pair]:
+def at_cells(comparison: Comparison, line: Line, what: tuple[str, str]) -> tuple[Floats, Pair]:
     """Return a component at those points of a comparison that lie on a line."""
     start = np.asarray(line.start, dtype=np.float64)
     span = np.asarray(line.end, dtype=np.float64) - start
@@ -179,7 +180,8 @@ def _at_cells(comparison: Comparison, line: Line, what: tuple[str, str]) -> tupl
     return (on_line - start) @ (span / length), chosen
 
 
-def _look(number: int) -> dict[str, Any]:
+def look_of(number: int) -> dict[str, Any]:
+    """Return how what is judged is drawn, by its number."""
     return {
         "color": COLOURS[number],
         "marker": MARKERS[number],
@@ -190,7 +192,8 @@ def _look(number: int) -> dict[str, Any]:
     }
 
 
-def _frame(ax: Axes, line: Line, length: float) -> None:
+def frame_of(ax: Axes, line: Line, length: float) -> None:
+    """Label the axis along a line, and keep the frame light."""
     label_axis(ax.xaxis, line.title, [0.0, length], "m")
     ax.tick_params(labelsize=8, color=FAINT)
     ax.grid(True, color="#ececec", linewidth=0.6)
@@ -199,9 +202,10 @@ def _frame(ax: Axes, line: Line, length: float) -> None:
         ax.spines[side].set_visible(False)
 
 
-def _legend(figure: Figure, comparisons: Comparisons, believed: str) -> None:
+def legend_below(figure: Figure, comparisons: Comparisons, believed: str) -> None:
+    """Say what the lines are, below the figure."""
     handles = [Line2D([], [], color=INK, linewidth=1.6, label=believed)]
-    handles += [Line2D([], [], label=name, **_look(n)) for n, name in enumerate(comparisons)]
+    handles += [Line2D([], [], label=name, **look_of(n)) for n, name in enumerate(comparisons)]
     figure.legend(
         handles=handles,
         loc="outside lower center",

@@ -1,86 +1,183 @@
-"""The commands `kaju compare` and `kaju bench`."""
+"""The verbs `compare`, of a rule with elasticity or of two results, and `bench`."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from kaju.errors import ParameterError, ResultFileError
+from kaju.files import check_writable
+
+from .console import Console
+from .options import Force, Json, Pictures, Quiet, Settings, scene_of
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from kaju.model.compare import Comparison
 
-Stored = "A result or reference (.npz), or the folder of a run."
+Stored = "a result or reference (.npz), or the folder of a run"
 
 
 def compare(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help=f"{Stored} It is judged.")],
-    reference: Annotated[
-        Path, typer.Argument(metavar="REFERENCE", help=f"{Stored} It is believed.")
+    judged: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENE|RESULT", help=f"A scene (.toml), whose rule is judged; or {Stored}."
+        ),
     ],
+    reference: Annotated[
+        Path | None,
+        typer.Argument(metavar="[REFERENCE]", help=f"With a result: {Stored}. It is believed."),
+    ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="DIR", help="Folder for comparison.json and maps."),
+        typer.Option(
+            *("--out", "-o"),
+            metavar="DIR",
+            help="Folder for comparison.json and pictures; of a scene SCENE-compared unless given.",
+        ),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a comparison that is already there.")
-    ] = False,
+    settings: Settings = None,
+    resolution: Annotated[
+        int | None,
+        typer.Option(min=1, metavar="N", help="Cells of the believed answer for one of a scene's."),
+    ] = None,
+    depth: Annotated[
+        list[float] | None,
+        typer.Option(metavar="M", help="How far below a scene's load a row lies (m); repeatable."),
+    ] = None,
+    fit: Annotated[
+        int, typer.Option(metavar="RUNS", help="Runs for fitting a scene's rule; 0: no fit.")
+    ] = 200,
+    pictures: Pictures = True,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Say how far a result is from another one of the same body."""
+    """Say how far a scene's rule is from elasticity, or one result from another.
+
+    Of a scene: runs its rule, the same with fitted coefficients, and agents of the elastic
+    rule; draws the stress ratio, stresses along rows, shapes and displacements beside the
+    answer of elasticity; and says in words how far each is off, and where.
+    """
+    console = Console(as_json, quiet)
+    if judged.suffix == ".toml":
+        if reference is not None:
+            raise ParameterError(
+                f"{reference}: a scene is compared with elasticity; to compare its run with "
+                f"another result, run it first (kaju run {judged}), then compare its folder"
+            )
+        folder = out or Path(f"{judged.stem}-compared")
+        _check_free(folder, force)
+        told = _rule(judged, settings, resolution, depth, fit, console)
+        _write(folder, *told, pictures, console)
+        return
+    for given, name in ((settings, "--set"), (resolution, "--resolution"), (depth, "--depth")):
+        if given is not None:
+            raise ParameterError(f"{name}: belongs to a scene; {judged} is a result")
+    if reference is None:
+        raise ParameterError(f"REFERENCE: is needed, which {judged} is judged by")
+    if out is not None:
+        _check_free(out, force)
+    told = _two(judged, reference, console)
+    if out is not None:
+        _write(out, *told, pictures, console)
+
+
+Figures = Callable[[], "Mapping[str, Figure]"]
+
+
+def _rule(
+    path: Path,
+    settings: list[str] | None,
+    resolution: int | None,
+    depth: list[float] | None,
+    fit: int,
+    console: Console,
+) -> tuple[dict[str, Any], Figures]:
+    """Set a scene's rule beside elasticity, and say what was found."""
+    from kaju.model.beside_elasticity import beside_elasticity
+    from kaju.view.beside import pictures_beside, words_beside
+
+    study = beside_elasticity(scene_of(path, settings), resolution=resolution, evaluations=fit)
+    study.rows(depth)  # refuses a depth outside of the body before anything is said
+    for line in words_beside(study):
+        console.say(line)
+    if console.as_json:
+        console.figures(study.summary())
+    return study.summary(), lambda: pictures_beside(study, depth)
+
+
+def _two(result: Path, reference: Path, console: Console) -> tuple[dict[str, Any], Figures]:
+    """Compare two stored answers, and say what was found."""
     from kaju.model.compare import compare as compare_answers
     from kaju.model.compare import load_answer
     from kaju.model.reference import Reference
 
-    for path in (result, reference):
-        if path.suffix == ".toml":
-            raise ParameterError(
-                f"{path}: is a scene; run it first (kaju run {path}), then compare its folder"
-            )
+    if reference.suffix == ".toml":
+        raise ParameterError(
+            f"{reference}: is a scene; run it first (kaju run {reference}), then compare its folder"
+        )
     judged = load_answer(result)
     if isinstance(judged, Reference):
         raise ParameterError(f"{result}: is a reference, which is believed; name it second")
     found = compare_answers(judged, load_answer(reference))
     summary = found.summary()
-    typer.echo(f"{summary['result']} against {summary['reference']}, {len(found.points)} points")
-    typer.echo(f"  {'':14}{'largest error':>14}{'r.m.s. error':>14}{'misfit':>10}")
+    if console.as_json:
+        console.figures(summary)
+    console.say(f"{summary['result']} against {summary['reference']}, {len(found.points)} points")
+    console.say(f"  {'':14}{'largest error':>14}{'r.m.s. error':>14}{'misfit':>10}")
     for name in ("displacement", "stress"):
         if summary[name]:
             errors = summary[name]
-            typer.echo(
+            console.say(
                 f"  {name:14}{errors['max_error']:14.4g}{errors['l2_error']:14.4g}"
                 f"{errors['misfit']:10.4g}"
             )
     if found.energy_error is not None:
-        typer.echo(f"  energy norm of the error {found.energy_error:.4g}")
-    typer.echo(
+        console.say(f"  energy norm of the error {found.energy_error:.4g}")
+    console.say(
         "  errors are shares of the reference's largest value; misfit: |difference| over |it|"
     )
-    if out is not None:
-        _write(found, out, force)
+    return summary, lambda: _error_maps(found)
 
 
-def _write(found: Comparison, folder: Path, force: bool) -> None:
+def _error_maps(found: Comparison) -> dict[str, Figure]:
     from kaju.view.comparison_maps import plot_error
-    from kaju.view.files import save
     from kaju.view.style import figure_of
 
+    names = ("displacement", "stress") if found.stress else ("displacement",)
+    return {f"error_{name}": figure_of(plot_error(found, name)) for name in names}
+
+
+def _check_free(folder: Path, force: bool) -> None:
     target = folder / "comparison.json"
     if target.exists() and not force:
         raise ResultFileError(
             f"{target}: exists already; take another folder, or --force to replace it"
         )
+    check_writable(folder, ResultFileError)
+
+
+def _write(
+    folder: Path, summary: dict[str, Any], figures: Figures, pictures: bool, console: Console
+) -> None:
+    from kaju.view.files import save
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        target.write_text(json.dumps(found.summary(), indent=2) + "\n", encoding="utf-8")
+        text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+        (folder / "comparison.json").write_text(text, encoding="utf-8")
     except OSError as error:
         raise ResultFileError(f"{folder}: cannot be written: {error.strerror}") from error
-    typer.echo(target)
-    for name in ("displacement", "stress") if found.stress else ("displacement",):
-        picture = save(figure_of(plot_error(found, name)), folder / f"error_{name}.png")
-        typer.echo(picture)
+    drawn = figures() if pictures else {}
+    written = [save(figure, folder / f"{name}.png") for name, figure in drawn.items()]
+    console.files([folder / "comparison.json", *written])
 
 
 def bench(

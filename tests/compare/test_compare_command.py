@@ -56,7 +56,7 @@ def test_scenes_and_references_in_the_wrong_place_are_refused(stored):
     folder, _ = stored
     reference = DATA / "plate_finite_elements.npz"
     with pytest.raises(ParameterError, match=r"run it first \(kaju run plate.toml\)"):
-        kaju("compare", "plate.toml", folder / "run")
+        kaju("compare", folder / "run", "plate.toml")
     with pytest.raises(ParameterError, match="name it second"):
         kaju("compare", reference, folder / "run")
 

@@ -1,0 +1,171 @@
+"""A scene's rule beside elasticity: what is found, drawn and said in one command."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from kaju import ElasticModel, ElasticRule, LoadModel, Scene, compare, load_scene, solve
+from kaju.__main__ import app
+from kaju.errors import KajuError, ParameterError
+from kaju.model.beside_elasticity import CHOSEN, DERIVED, FITTED, beside_elasticity
+from kaju.view.beside import pictures_beside, words_beside
+
+
+def plate(**changes):
+    return Scene(
+        **{
+            "body": {"cell_size": 0.01, "cells": [10, 8], "thickness": 0.002, "material": "steel"},
+            "sides": {"bottom": "rigid"},
+            "loads": [{"cell": [4, 7], "force": [0.0, -2.0], "steps": 4}],
+        }
+        | changes
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def study():
+    return beside_elasticity(plate(), resolution=4, evaluations=30)
+
+
+def test_each_answer_is_compared_as_by_hand(study):
+    believed = solve(plate(), resolution=4, strategy="uniform")
+    by_hand = compare(LoadModel(plate()).run(), believed).summary()
+    assert study.comparisons[CHOSEN].summary() == by_hand
+    assert list(study.comparisons) == [CHOSEN, FITTED, DERIVED]
+    before, after = study.fit.misfit
+    assert study.comparisons[CHOSEN].displacement.misfit == before
+    assert study.comparisons[FITTED].displacement.misfit == after <= before
+    assert study.comparisons[DERIVED].displacement.misfit < 0.1 < after
+
+
+def test_ways_lie_in_the_column_of_the_load_and_across_it(study):
+    down = study.down
+    np.testing.assert_allclose(down.start, [0.045, 0.08])
+    np.testing.assert_allclose(down.end, [0.045, 0.0])
+    rows = study.rows()
+    assert [round(row.depth, 9) for row in rows] == [0.005, 0.025, 0.045]
+    np.testing.assert_allclose(rows[1].start, [0.0, 0.055])
+    np.testing.assert_allclose(rows[1].end, [0.1, 0.055])
+    assert [row.depth for row in study.rows([0.03])] == [0.03]
+    with pytest.raises(ParameterError, match=r"depth: must lie between 0 and 0.08 m"):
+        study.rows([0.2])
+
+
+def test_a_load_from_the_left_is_looked_at_from_the_left():
+    scene = plate(
+        sides={"right": "rigid"}, loads=[{"cell": [0, 3], "force": [5.0, 0.0]}],
+        rule=ElasticRule(tolerance=1e-4),
+    )  # fmt: skip
+    study = beside_elasticity(scene, resolution=2)
+    assert study.axis == 0
+    np.testing.assert_allclose(study.down.start, [0.0, 0.035])
+    np.testing.assert_allclose(study.down.end, [0.1, 0.035])
+    np.testing.assert_allclose(study.rows()[0].end, [0.005, 0.08])
+    assert study.pressure == pytest.approx(5.0 / (0.01 * 0.002))
+
+
+def test_an_elastic_rule_is_run_as_it_is():
+    rule = ElasticRule(order="wave", threshold=0.05)
+    study = beside_elasticity(plate(rule=rule), resolution=2)
+    assert list(study.comparisons) == [DERIVED]
+    assert study.fit is None
+    run = ElasticModel(plate(rule=rule)).run()
+    expected = compare(run, study.believed).displacement.misfit
+    assert study.comparisons[DERIVED].displacement.misfit == pytest.approx(expected)
+
+
+def test_where_the_error_lies(study):
+    run = LoadModel(plate()).run()
+    pair, points = study.comparisons[CHOSEN].displacement, study.comparisons[CHOSEN].points
+    awake = {tuple(cell) for cell in run.last.cells.tolist()}
+    cells = plate().lattice.locate(points).tolist()
+    asleep = np.array([tuple(cell) not in awake for cell in cells])
+    expected = (pair.error[asleep] ** 2).sum() / (pair.error**2).sum()
+    assert study.unreached()[CHOSEN] == pytest.approx(expected)
+    assert DERIVED not in study.unreached()
+    told = "\n".join(words_beside(study))
+    assert f"{expected:.0%} of the squared error" in told
+    assert f"off by up to {pair.max_error:.1%} of the largest" in told
+    worst = 1e3 * points[pair.error.argmax()]
+    assert f"at ({worst[0]:.4g}, {worst[1]:.4g}) mm" in told
+
+
+def test_four_figures_show_both_stresses_shapes_and_displacements(study):
+    figures = pictures_beside(study)
+    assert list(figures) == ["stress_ratio", "stress_rows", "deformed", "displacement"]
+    ratio, rows = figures["stress_ratio"].axes, figures["stress_rows"].axes
+    assert len(ratio) == 3
+    assert len(rows) == 6, "two stresses, three depths"
+    # the middle of the first row of cells, from the picture and from the answers
+    believed = study.believed
+    drawn = rows[0].lines[0]
+    middle = int(np.argmin(np.abs(drawn.get_xdata() - 0.045)))
+    at = np.array([[0.045, 0.075]])
+    assert drawn.get_ydata()[middle] == pytest.approx(believed.stress_at(at)[0, 1, 1], rel=1e-6)
+    cross = ratio[2].lines[1]
+    judged = study.comparisons[CHOSEN].result
+    stress = judged.stress_at(np.array([[0.045, 0.075]]))[0]
+    assert cross.get_ydata()[0] == pytest.approx(stress[0, 0] / stress[1, 1])
+
+
+def typed(*words):
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    if isinstance(done.exception, KajuError):
+        raise done.exception
+    return done
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "plate.toml"
+    plate().save(path)
+    return path
+
+
+def test_one_command_writes_figures_and_words(scene, tmp_path, study):
+    out = tmp_path / "beside"
+    words = ("compare", scene, "--out", out, "--resolution", 4, "--fit", 30)
+    done = typed(*words)
+    assert done.exit_code == 0
+    for line in words_beside(study):
+        assert line in done.output
+    names = {path.name for path in out.iterdir()}
+    pictures = {"stress_ratio", "stress_rows", "deformed", "displacement"}
+    assert names == {"comparison.json", *(f"{name}.png" for name in pictures)}
+    with pytest.raises(KajuError, match="--force"):
+        typed(*words)
+    told = typed(*words, "--force", "--json", "--no-pictures")
+    found = json.loads(told.output)
+    expected = study.summary() | {"seconds": found["seconds"]}
+    assert found == expected == json.loads((out / "comparison.json").read_text())
+
+
+def test_settings_change_the_scene_and_without_a_fit_there_is_none(scene, tmp_path):
+    words = ("--fit", 0, "--resolution", 2, "--no-pictures", "--json")
+    done = typed("compare", scene, "--out", tmp_path / "x", "--set", "rule.threshold=0.001", *words)
+    found = json.loads(done.output)
+    assert found["fit"] is None
+    assert list(found["answers"]) == [CHOSEN, DERIVED]
+    finer = LoadModel(load_scene(scene, {"rule.threshold": 0.001})).run()
+    expected = compare(finer, solve(plate(), resolution=2, strategy="uniform"))
+    assert found["answers"][CHOSEN]["displacement"]["misfit"] == pytest.approx(
+        expected.displacement.misfit
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["plate.npz"], "REFERENCE: is needed"),
+        (["a.npz", "b.npz", "--depth", "0.01"], "--depth: belongs to a scene"),
+        (["SCENE", "other"], "a scene is compared with elasticity"),
+        (["SCENE", "--depth", "7", "--fit", "0"], "depth: must lie between"),
+        (["SCENE", "--json", "--quiet"], "--quiet"),
+    ],
+)
+def test_what_does_not_belong_together_is_refused(scene, tmp_path, monkeypatch, words, told):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(KajuError, match=told):
+        typed("compare", *(scene if word == "SCENE" else word for word in words))

@@ -3,6 +3,7 @@
 import json
 import shutil
 import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -69,7 +70,7 @@ class Opened:
         self.tab.on("console", lambda message: self.messages.append(message.text))
         self.tab.on("pageerror", lambda error: self.messages.append(str(error)))
         self.tab.goto(path.as_uri())
-        self.tab.wait_for_function("document.getElementById('kaju').page?.drawn > 0")
+        self.until("page?.drawn > 0")
 
     def js(self, expression):
         """The value of an expression in which `page` is the page."""
@@ -77,6 +78,13 @@ class Opened:
             "(async () => { const page = document.getElementById('kaju').page; "
             f"return {expression}; }})()"
         )
+
+    def until(self, expression, seconds=60):
+        """Wait until an expression holds; the page's policy lets no string be polled in it."""
+        end = time.monotonic() + seconds
+        while not self.js(expression):
+            assert time.monotonic() < end, f"not in {seconds} s: {expression}"
+            time.sleep(0.02)
 
     def at(self, cell):
         """Where a cell's middle is in the window."""

@@ -128,6 +128,37 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
     assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-12)
 
 
+def test_elasticity_stands_beside_the_rule(opened, plate):
+    page = opened(plate)
+    page.tab.get_by_role("tab", name="Look").click()
+    page.tab.get_by_label("Elastic answer beside it").check()
+    page.until("page.answer")
+    page.js("page.draw()")
+    solved = kaju.solve(Scene(**PLATE), strategy="uniform")
+    at = page.js("page.answer.displacement.map((u) => u[page.run.lattice.key([10, 19])])")
+    assert at == pytest.approx(solved.cell_displacement[10, 19], rel=1e-9)
+    assert "on average they differ by" in page.tab.locator(".cap").nth(2).inner_text()
+    assert page.messages == []
+
+
+def test_presets_load_by_one_click_and_everything_goes_back(opened, plate, tmp_path):
+    page = opened(plate)
+    page.tab.get_by_role("button", name="A finer threshold").click()
+    assert page.js("[page.run.generation, page.run.agents]") == [11, 85]
+    page.tab.get_by_role("button", name="Make it blow up").click()
+    page.until("page.run.grown")
+    assert "bad" in page.tab.locator(".verdict").get_attribute("class")
+    page.tab.get_by_role("button", name="As it was").click()
+    assert page.js("[page.run.generation, page.run.agents]") == [8, 34]
+    hole = Scene(**PLATE).with_region(disk={"centre": [0.1, 0.1], "radius": 0.03})
+    own = kaju.export_page(
+        Scene(**PLATE), tmp_path / "own.html", presets={"A hole": (hole, "Where does it go?")}
+    )
+    page = opened(own)
+    page.tab.get_by_role("button", name="A hole").click()
+    assert page.js("page.run.kinds[page.run.lattice.key([10, 10])]") == -1
+
+
 def test_the_certificate_turns_red_at_once(opened, plate):
     page = opened(plate)
     page.tab.get_by_label("Add up loads that meet").check()

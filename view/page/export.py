@@ -190,11 +190,18 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
     return re.sub(r"^export (?=const|let|function|class|async)", "", code, flags=re.M)
 
 
+ANSWER = """
+onmessage = ({ data: { scene, cells, loads } }) => {
+  try { postMessage({ answer: elasticAnswer(scene, cells, loads) }); }
+  catch (error) { postMessage({ error: error.message }); }
+};
+"""
+
+
 @cache
 def worker() -> str:
-    """Return the text of the worker that answers with elasticity; empty without one."""
-    has_one = files(__package__).joinpath("elastic.js").is_file()
-    return joined(("lattice.js", "elastic.js")) if has_one else ""
+    """Return the text of the worker that answers with elasticity."""
+    return joined(("lattice.js", "elastic.js")) + ANSWER
 
 
 def page_html(packed: bytes, title: str, code: str | None = None) -> str:

@@ -1,6 +1,6 @@
 // One view for all hosts: a run is drawn, whoever computed it: the twin in this page, a record in
 // the file, or Python behind a channel.
-import { certify, entering, Twin } from "./rule.js";
+import { certify, entering, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
 import { bytesOf, Recorded, Sums, unpack } from "./history.js";
 import { colourOf, COLOURS, paintCells, paintForces, paintLegend, paintLoads, paintPath, paintPick, place, View } from "./paint.js";
@@ -12,11 +12,11 @@ import { buildAside, buildFooter, buildHeader, buildTries, icon, make } from "./
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", error: "m" };
 const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
-const MOST_GENERATIONS = 4000, PATIENCE = 120;             // ms of computing before a first picture
+const MOST_GENERATIONS = 4000, PATIENCE = 40;              // ms of computing before a first picture
 
 export class Page {
-  constructor(element, { scene, cells, run = null, kind, title = "", text = "", presets = [], verdict = "", stable = true, language, elastic = null }) {
-    Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "", given: { verdict, stable }, elasticText: elastic });
+  constructor(element, { scene, cells, run = null, kind, title = "", text = "", presets = [], verdict = "", stable = true, language, elastic = null, channel = null }) {
+    Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "", given: { verdict, stable }, elasticText: elastic, channel });
     this.language = language ?? (navigator.languages ?? ["en"]).map((l) => l.slice(0, 2)).find((l) => l in LANGUAGES) ?? "en";
     this.t = say(this.language);
     this.start = { scene: copyOf(scene), cells: cells.slice(), word: "asItWas" };
@@ -76,14 +76,14 @@ export class Page {
     this.changed = true;
     if (this.kind === "live") { this.channel.change(this.scene, this.cells, this.stage); this.certify(); return; }
     const atEnd = this.g >= this.run.generation;
-    this.adopt(this.compute());
     this.certify();
+    this.adopt(this.compute());
     this.seek(atEnd ? Infinity : this.g);
     this.header();
     if (this.look.beside) this.showElastic(true);
   }
   load({ scene, cells, stage, look, generation }) {
-    this.scene = copyOf(scene); this.cells = cells.slice(); this.stage = stage ?? scene.stages;
+    this.scene = copyOf(scene); this.cells = (cells ?? this.start.cells).slice(); this.stage = stage ?? scene.stages;
     this.factor = 1; this.picked = -1; this.material = "";
     if (look) Object.assign(this.look, look);
     const first = scene === this.start.scene;
@@ -102,7 +102,7 @@ export class Page {
     const { t, parts } = this;
     let { verdict, stable } = this.given;
     if (this.touchable || !verdict) {
-      if (this.scene.rule.kind !== "prescribed") { parts.verdict.hidden = !verdict; } else {
+      if (this.scene.rule.kind !== "prescribed" || (this.kind === "live" && verdict)) { parts.verdict.hidden = !verdict; } else {
         this.certificate = certify(this.scene, this.cells);
         verdict = verdictOf(this.certificate, this.scene.rule, t); stable = this.certificate.stable;
       }
@@ -161,7 +161,7 @@ export class Page {
       if (g) for (let i = offset[g - 1]; i < offset[g]; i++) v[Math.floor(index[i] / C)] += value[i];
       return v;
     }
-    const own = colour === "kept" ? run.transfer?.shares.map((s) => s.own) ?? [] : null;
+    const own = colour === "kept" ? run.scene.materials.map((m) => sharesOf(run.scene.rule, m, L.dimension).own) : null;
     const moved = colour === "move" || colour === "stress" ? this.deformed() : null;
     for (let k = 0; k < L.size; k++) {
       if (kinds[k] < 0) continue;
@@ -220,6 +220,7 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     paintLegend(view, scale, t(look.colour), (v) => quantity(v, UNITS[look.colour]), inks);
     this.parts.cap.textContent = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
+    if (look.beside && this.parts.others.length) this.drawElastic();
     this.words();
     this.drawn = (this.drawn ?? 0) + 1;
   }
@@ -372,7 +373,80 @@ export class Page {
   }
 
   // ------------------------------------------------------------------------- elasticity beside
-  showElastic(on) { this.look.beside = on; }
+  showElastic(on) {
+    this.look.beside = on;
+    clearTimeout(this.asking);
+    this.worker?.terminate();
+    this.worker = null;
+    for (const box of this.parts.others) box.hidden = !on;
+    if (!on) { this.answer = null; this.later(); return; }
+    if (!this.parts.others.length) this.buildOthers();
+    this.asking = setTimeout(() => this.askElastic(), this.answer ? 60 : 0);
+    this.later();
+  }
+  askElastic() {
+    const url = URL.createObjectURL(new Blob([this.elasticText], { type: "text/javascript" }));
+    const part = (load) => Math.min(1, this.stage / load.steps);
+    const loads = this.scene.loads.map((load) => ({ ...load, force: load.force.map((f) => f * part(load)) }));
+    this.worker = new Worker(url);
+    this.worker.onmessage = ({ data: { answer, error } }) => {
+      URL.revokeObjectURL(url);
+      this.answer = answer ?? null; this.why = error;
+      this.later();
+    };
+    this.worker.postMessage({ scene: this.scene, cells: this.cells, loads });
+  }
+  buildOthers() {
+    this.parts.others = [0, 1].map(() => make("div", {}, make("canvas", { role: "img" }), make("div", { className: "cap" })));
+    this.stageBox.append(...this.parts.others);
+    new ResizeObserver(() => this.later()).observe(this.parts.others[0].firstChild);
+  }
+  /** The elastic answer, and by how much the rule differs from it. */
+  drawElastic() {
+    const { answer, run, inks, look, t, parts } = this, { lattice: L, kinds } = run, [one, two] = parts.others;
+    if (!answer) { one.lastChild.textContent = this.why ? t("noAnswer", { why: this.why }) : t("solving"); return; }
+    const stress = look.colour === "stress", [ux, uy] = answer.displacement, [sx, sy] = answer.stress;
+    const mine = this.deformed().displacement, v = new Float64Array(L.size).fill(NaN), difference = v.slice();
+    let high = 0, moved = 0, worst = 0, sum = 0, own = 0, count = 0;
+    L.each((k) => {
+      if (kinds[k] < 0) return;
+      const length = Math.hypot(ux[k], uy[k]);
+      v[k] = stress ? Math.max(Math.abs(sx[k]), Math.abs(sy[k])) : length;
+      difference[k] = Math.hypot(mine[0][k] - ux[k], mine[1][k] - uy[k]);
+      high = Math.max(high, v[k]); moved = Math.max(moved, length); worst = Math.max(worst, difference[k]);
+      own = Math.max(own, size(mine, k)); sum += difference[k]; count++;
+    });
+    const shape = look.deformed ? { displacement: answer.displacement, corners: cornersOf(L, kinds, answer.displacement) } : null;
+    const factor = shape ? 10 ** look.magnify * 0.066 * Math.max(...L.shape) * L.h / (moved || 1) : 0;
+    const draw = (box, values, scale, word, unit, moving) => {
+      const view = new View(box.firstChild, L, look.camera);
+      paintCells(view, kinds, values, scale, inks, { moved: moving, factor });
+      paintLegend(view, scale, word, (x) => quantity(x, unit), inks);
+      box.firstChild.ariaLabel = word;
+    };
+    const top = high || 1, word = `${t("elastic")}: ${t(stress ? "stress" : "move")}`;
+    draw(one, v, { low: stress ? top * 1e-4 : 0, high: top, log: stress }, word, stress ? "Pa" : "m", shape);
+    draw(two, difference, { low: 0, high: worst || 1, log: false }, t("error"), "m", null);
+    one.lastChild.textContent = t("solvedIn", { n: general(answer.seconds, 2) }) + (shape ? ` · ${t("magnified", { n: quantity(factor, "") })}` : "");
+    two.lastChild.textContent = t("misfit", { a: quantity(own, "m"), b: quantity(moved, "m"), n: general(100 * sum / count / (moved || 1), 2) });
+  }
+
+  // ------------------------------------------------------------------------- Python computes
+  /** Take an answer of Python's, unpacked. */
+  receive({ header, columns }) {
+    this.channel.pending = false;
+    if (header.error) { this.announce(header.error); return; }
+    if (header.fresh) {
+      this.adopt(new Recorded(this.scene, this.cells, this.stage));
+      if (header.certificate) { this.given = header.certificate; this.certify(); }
+    }
+    const { run } = this;
+    if (columns.offset) run.append(columns);
+    if (run.passed && !this.sums.passed) this.adopt(run);
+    run.atRest = Boolean(header.at_rest);
+    this.scales.clear();
+    this.seek(this.channel.wanted);
+  }
   storyOf(k) { return storyOf(this, k); }
 }
 
@@ -414,4 +488,37 @@ export async function openPage(element, base64, elastic = null) {
   document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
   return mount(element, { ...header, cells, run, presets, elastic });
+}
+
+const AHEAD = 8;                               // generations asked for before they are looked at
+
+/** What the page asks of Python: further generations ahead of time, or a changed scene. */
+class Channel {
+  constructor(send) { Object.assign(this, { send, wanted: 0, pending: true, page: null }); }
+  want(g) {
+    const { run } = this.page;
+    this.wanted = g;
+    if (this.pending || run.atRest || g + AHEAD / 2 < run.generation) return;
+    this.pending = true;
+    this.send({ type: "step", generations: g === Infinity ? 64 : Math.max(0, g - run.generation) + AHEAD });
+  }
+  change(scene, cells, stage) {
+    this.wanted = this.page.g; this.pending = true;
+    const text = Array.from(new Uint8Array(cells.buffer), (c) => String.fromCharCode(c)).join("");
+    this.send({ type: "scene", scene, cells: btoa(text), generation: this.wanted + AHEAD, stage });
+  }
+}
+
+/** A page whose run Python computes: `send(message)`, and `listen(f)` for packed answers. */
+export async function connect(element, base64, send, listen, elastic = null) {
+  const { header, columns: { cells } } = await unpack(bytesOf(base64)), channel = new Channel(send);
+  const run = new Recorded(header.scene, cells);
+  run.atRest = false;
+  channel.page = { run };
+  const page = mount(element, { ...header, kind: "live", cells, run, presets: [], elastic, channel });
+  channel.page = page;
+  let turn = Promise.resolve();                // answers in the order in which they came
+  listen((bytes) => { turn = turn.then(async () => page.receive(await unpack(bytes))).catch((error) => page.announce(error.message)); });
+  send({ type: "hello" });
+  return page;
 }

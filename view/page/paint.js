@@ -325,16 +325,19 @@ export function paintPick(view, cell, inks) {
   }
 }
 
-/** The colour bar below a picture. */
+/** The colour bar below a picture; its label beside it, or above it where there is no room. */
 export function paintLegend(view, scale, label, show, inks) {
-  const { ctx, w, h } = view, n = Math.max(120, Math.min(260, 0.45 * w)), y = h - 34;
+  const { ctx, w, h } = view;
   ctx.font = "12px system-ui, DejaVu Sans, sans-serif";
-  const text = ctx.measureText(label).width, x = Math.max(text + 14, (w - n + text) / 2);
+  const n = Math.max(110, Math.min(260, 0.45 * w)), text = ctx.measureText(label).width + 8;
+  const beside = text + n + 24 < w, x = (w - n + (beside ? text : 0)) / 2, y = h - 34;
   const gradient = ctx.createLinearGradient(x, 0, x + n, 0);
   for (let i = 0; i <= 16; i++) gradient.addColorStop(i / 16, `rgb(${COLOURS[Math.round(i / 16 * 255)]})`);
   ctx.fillStyle = gradient; ctx.fillRect(x, y, n, 10);
   ctx.fillStyle = inks.ink; ctx.textBaseline = "top"; ctx.textAlign = "left";
   ctx.fillText((scale.log ? "≤ " : "") + show(scale.low), x, y + 14);
   ctx.textAlign = "right"; ctx.fillText(show(scale.high), x + n, y + 14);
-  ctx.textBaseline = "middle"; ctx.fillText(label, x - 8, y + 5);
+  ctx.textBaseline = "middle";
+  if (beside) ctx.fillText(label, x - 8, y + 5);
+  else { ctx.textAlign = "center"; ctx.fillText(label, w / 2, y - 9, w - 12); }
 }

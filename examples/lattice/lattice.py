@@ -1,0 +1,94 @@
+"""A triangular lattice of springs between two points: nodes, supports, matrix, and recipe.
+
+Run `run.py` for the pictures; MODEL.md tells what there is to see.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju import NetworkResult, SpringNetwork, solve
+from kaju.errors import SupportError
+from kaju.model.network import triangular
+
+FORCE = 0.1
+"""From above and from below (N), for springs of 1 N/m and 1 m."""
+
+SHAPES = ((5, 9), (9, 5), (17, 17))
+"""Nodes in a long row, and rows: tall, wide, and large."""
+
+NODES = (3, 5, 9, 17, 33)
+"""Rows of nodes that make up the same body, ever closer together."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What is in the dough, and what it does to the springs.
+
+    An assumption, to have something to compare: more water makes a noodle softer, salt makes it
+    firmer (it draws the gluten together). The factors are chosen, not measured.
+    """
+
+    name: str
+    stiffness: float
+
+
+RECIPES = (
+    Recipe("more water", 0.7),
+    Recipe("plain", 1.0),
+    Recipe("with salt", 1.3),
+)
+
+
+def pressed(width: int, rows: int, stiffness: float = 1.0) -> NetworkResult:
+    """Return a lattice pressed between two points."""
+    return solve(triangular(width, rows, stiffness=stiffness, force=FORCE))
+
+
+def same_body(rows: int, force: float = 0.02) -> NetworkResult:
+    """Return a body of 4 m by 3.46 m made of some rows of nodes, pressed lightly.
+
+    A triangular lattice is as stiff as a sheet with E t = 2K/√3, however far its nodes lie
+    apart: so the springs stay the same, and only the nodes come closer.
+    """
+    return solve(triangular(rows, rows, spacing=4.0 / (rows - 1), force=force))
+
+
+def connections(network: SpringNetwork) -> NDArray[np.int64]:
+    """Return the matrix of zeros and ones that says which nodes are joined."""
+    graph = network.to_graph()
+    matrix = nx.to_numpy_array(graph, nodelist=list(network.names), weight=None, dtype=np.int64)
+    return np.asarray(matrix)
+
+
+def free_motions(network: SpringNetwork) -> int:
+    """Return in how many ways the nodes can move, all held ones let go, at no force.
+
+    By the numbers of the stiffness matrix of small displacements: K d dᵀ for each spring of
+    direction d, on the diagonal of both its nodes, and −K d dᵀ between them.
+    """
+    count = network.positions.size
+    stiffness = np.zeros((count, count))
+    for (first, second), strength in zip(network.springs, network.stiffness, strict=True):
+        way = network.positions[first] - network.positions[second]
+        block = strength * np.outer(way, way) / float(way @ way)
+        one, other = (slice(2 * node, 2 * node + 2) for node in (first, second))
+        stiffness[one, one] += block
+        stiffness[other, other] += block
+        stiffness[one, other] -= block
+        stiffness[other, one] -= block
+    return int(count - np.linalg.matrix_rank(stiffness, hermitian=True))
+
+
+def without_supports(width: int = 5) -> str:
+    """Return what is said of a lattice that nothing holds."""
+    held = triangular(width, force=FORCE)
+    try:
+        SpringNetwork.build(held.positions, held.springs, held.stiffness, forces=held.forces[-1])
+    except SupportError as error:
+        return str(error)
+    raise AssertionError("a lattice that nothing holds has no unique answer")

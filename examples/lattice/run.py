@@ -1,0 +1,137 @@
+"""Press lattices of springs between two points: more nodes, other shapes, other recipes.
+
+python examples/lattice/run.py --out lattice
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import matplotlib.pyplot as plt
+from lattice import (
+    NODES,
+    RECIPES,
+    SHAPES,
+    connections,
+    free_motions,
+    pressed,
+    same_body,
+    without_supports,
+)
+
+from kaju import NetworkResult, plot
+from kaju.model.network import triangular
+
+
+def shapes(path: Path | None) -> dict[str, Any]:
+    """Press lattices of three shapes, and draw them."""
+    found = {f"{width} × {rows}": pressed(width, rows) for width, rows in SHAPES}
+    for (width, rows), result in zip(SHAPES, found.values(), strict=True):
+        if path is not None:
+            plot(result).savefig(path / f"pressed_{width}x{rows}.png", dpi=110)
+    return {name: figures_of(result) for name, result in found.items()}
+
+
+def figures_of(result: NetworkResult) -> dict[str, Any]:
+    """Return how many nodes there are, how far the tip gives, and where strain is largest."""
+    node, tip = result.largest_displacement()
+    strained = int(np.abs(result.strain()).argmax())
+    ends = [str(result.network.names[end]) for end in result.network.springs[strained]]
+    return {
+        "nodes": len(result.network.positions),
+        "springs": len(result.network.springs),
+        "tip": round(tip, 6),
+        "tip_node": str(node),
+        "share_of_height": round(result.share_of_height(), 6),
+        "largest_strain": round(float(np.abs(result.strain()).max()), 6),
+        "largest_strain_between": ends,
+    }
+
+
+def more_nodes(path: Path | None) -> dict[str, Any]:
+    """Make the same body of ever more nodes, and draw what changes and what does not."""
+    found = {rows: figures_of(same_body(rows)) for rows in NODES}
+    if path is not None:
+        figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.4))
+        nodes = [told["nodes"] for told in found.values()]
+        left.semilogx(nodes, [1e3 * told["tip"] for told in found.values()], "o-", color="#0b5394")
+        right.loglog(nodes, [t["largest_strain"] for t in found.values()], "s-", color="#b2340b")
+        left.set_ylabel("tip gives by (mm)")
+        right.set_ylabel("largest strain of a spring")
+        left.set_ylim(bottom=0.0)
+        for axes in (left, right):
+            axes.set_xlabel("nodes of the same body")
+            axes.grid(color="#dddddd", lw=0.5)
+        figure.tight_layout()
+        figure.savefig(path / "more_nodes.png", dpi=110)
+        plt.close(figure)
+    return {str(rows): told for rows, told in found.items()}
+
+
+def matrix(path: Path | None) -> dict[str, Any]:
+    """Count what the matrix of connections says, and draw it."""
+    network = triangular(5)
+    joined = connections(network)
+    if path is not None:
+        figure, axes = plt.subplots(figsize=(4.6, 4.8))
+        axes.imshow(joined, cmap="Greys", interpolation="nearest")
+        axes.set_title("Which nodes are joined: 1 is black", fontsize=10, loc="left")
+        axes.set_xlabel("node")
+        axes.set_ylabel("node")
+        figure.tight_layout()
+        figure.savefig(path / "matrix.png", dpi=110)
+        plt.close(figure)
+    return {
+        "nodes": len(joined),
+        "springs": int(joined.sum()) // 2,
+        "most_neighbours": int(joined.sum(axis=1).max()),
+        "free_motions_without_supports": free_motions(network),
+    }
+
+
+def recipes(path: Path | None) -> dict[str, Any]:
+    """Press lattices of softer and firmer springs, and draw how far they give."""
+    tips = {recipe.name: pressed(5, 5, recipe.stiffness) for recipe in RECIPES}
+    told = {name: round(result.largest_displacement()[1], 6) for name, result in tips.items()}
+    if path is not None:
+        figure, axes = plt.subplots(figsize=(4.6, 3.2))
+        axes.bar(list(told), [1e3 * tip for tip in told.values()], color="#c8963e", width=0.6)
+        axes.set_ylabel("tip gives by (mm)")
+        axes.set_title("Water and salt as spring constants (assumed)", fontsize=10, loc="left")
+        figure.tight_layout()
+        figure.savefig(path / "recipes.png", dpi=110)
+        plt.close(figure)
+    return told
+
+
+def main(arguments: list[str] | None = None) -> dict[str, Any]:
+    """Run the experiment, draw, and return the key figures that ``summary.json`` holds."""
+    parser = argparse.ArgumentParser(description=__doc__, allow_abbrev=False)
+    parser.add_argument("--out", type=Path, default=Path("lattice"), help="folder for results")
+    parser.add_argument("--no-pictures", action="store_true", help="write numbers only")
+    asked = parser.parse_args(arguments)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    pictures = None if asked.no_pictures else asked.out
+    summary = {
+        "shapes": shapes(pictures),
+        "more nodes on the same body": more_nodes(pictures),
+        "matrix of connections": matrix(pictures),
+        "without supports": without_supports(),
+        "recipes (assumed)": recipes(pictures),
+    }
+    (asked.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n")
+    return summary
+
+
+if __name__ == "__main__":
+    print(json.dumps(main(), indent=1))

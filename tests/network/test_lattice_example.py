@@ -1,0 +1,71 @@
+"""The lattice example: it runs, and shows what its page says it shows."""
+
+import json
+import sys
+from importlib import util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "examples" / "lattice"
+
+
+def _load(file, name):
+    spec = util.spec_from_file_location(name, FOLDER / file)
+    module = util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+lattice = _load("lattice.py", "lattice")
+run = _load("run.py", "lattice_run")
+
+
+@pytest.mark.parametrize(
+    ("width", "rows", "nodes", "tip"), [(5, 9, 41, 0.137), (9, 5, 43, 0.116), (17, 17, 281, 0.187)]
+)
+def test_the_posters_lattices(width, rows, nodes, tip):
+    told = run.figures_of(lattice.pressed(width, rows))
+    assert told["nodes"] == nodes
+    assert told["tip"] == pytest.approx(tip, abs=5e-4)
+    assert told["tip_node"] in told["largest_strain_between"], "strain is largest at the load"
+
+
+def test_more_nodes_on_the_same_body_give_more_but_ever_more_slowly():
+    told = [run.figures_of(lattice.same_body(rows)) for rows in (3, 5, 9, 17)]
+    tips = np.array([figures["tip"] for figures in told])
+    assert np.all(np.diff(tips) > 0.0)
+    assert np.ptp(np.diff(tips)) < 0.4 * np.diff(tips).mean(), "by about as much for each doubling"
+    strain = np.array([figures["largest_strain"] for figures in told])
+    np.testing.assert_allclose(strain[1:] / strain[:-1], 2.0, rtol=0.05)
+
+
+def test_a_net_without_supports_moves_in_three_ways_and_is_refused():
+    network = lattice.triangular(5)
+    assert lattice.free_motions(network) == 3
+    assert "nothing holds the nodes" in lattice.without_supports()
+
+
+def test_the_matrix_of_connections_is_that_of_the_springs():
+    network = lattice.triangular(5)
+    joined = lattice.connections(network)
+    assert set(np.unique(joined)) == {0, 1}
+    np.testing.assert_array_equal(joined, joined.T)
+    found = {tuple(sorted(pair)) for pair in np.argwhere(joined).tolist()}
+    assert found == {tuple(sorted(pair)) for pair in network.springs.tolist()}
+
+
+def test_softer_springs_give_more():
+    water, plain, salt = run.recipes(None).values()
+    assert salt < plain < water
+
+
+def test_it_writes_what_its_page_lists(tmp_path):
+    summary = run.main(["--out", str(tmp_path)])
+    page = (FOLDER / "MODEL.md").read_text()
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {name for name in names if f"`{name}`" in page}
+    assert len(names) == 7
+    assert json.loads((tmp_path / "summary.json").read_text()) == summary

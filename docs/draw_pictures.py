@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kaju import LoadModel, Scene, SpawnedResult, animate, creep, load_scene, plot, solve
+from kaju import ElasticResult, LoadModel, Scene, animate, creep, load_scene, plot, solve
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
@@ -25,10 +25,8 @@ def main() -> None:
     plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
 
 
-def _spawned(scene: Scene, tolerance: float) -> SpawnedResult:
-    found = solve(scene, strategy="spawning", tolerance=tolerance)
-    assert isinstance(found, SpawnedResult)
-    return found
+def _spawned(scene: Scene, tolerance: float) -> ElasticResult:
+    return solve(scene, strategy="spawning", tolerance=tolerance)
 
 
 def _square() -> Scene:

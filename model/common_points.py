@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kaju.errors import ResultError
 from kaju.model.reference import Reference
-from kaju.model.result import BodyResult, body_cells, grid_of
+from kaju.model.result import Field, body_cells
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -31,16 +31,7 @@ class Stressed(Protocol):
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
 
 
-@runtime_checkable
-class Staged(Protocol):
-    """A result that stands at one stage of loading."""
-
-    @property
-    def stage(self) -> int | None:
-        """The stage, from 1; None: the last."""
-
-
-def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
+def common_points(result: Field, other: Field | Reference) -> Floats:
     """Return where to compare: the middles of the larger cells, as far as both know them.
 
     Raises
@@ -49,12 +40,12 @@ def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
         If the answers are of different bodies, or the body has too many cells.
     """
     if isinstance(other, Reference):
-        centres = cell_centres(result.scene, grid_of(result))
+        centres = cell_centres(result.scene, result.grid)
         known = other.rows(centres) >= 0
         return centres if known.all() else other.points
     coarse, fine = sorted((result.scene, other.scene), key=lambda s: -s.lattice.cell_size)
     _same_body(coarse, fine)
-    return cell_centres(coarse, grid_of(result), grid_of(other))
+    return cell_centres(coarse, result.grid, other.grid)
 
 
 def cell_centres(scene: Scene, *others: Scene) -> Floats:
@@ -80,7 +71,7 @@ def _cells_in(box: CellBox) -> NDArray[np.int64]:
     return cells
 
 
-def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
+def check_comparable(result: Field, other: Field | Reference) -> None:
     """Refuse what cannot be compared: other dimensions, materials, thickness or loads.
 
     Raises
@@ -89,7 +80,7 @@ def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
         Naming what differs.
     """
     for answer in (result, other):
-        if not isinstance(answer, (BodyResult, Reference)):
+        if not isinstance(answer, (Field, Reference)):
             raise ResultError(
                 f"compare: a {type(answer).__name__} has no body of cells; give "
                 "results of load transfer or elasticity, or a Reference"
@@ -111,7 +102,7 @@ def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
     _same_loads(result, other)
 
 
-def _same_loads(result: BodyResult, other: BodyResult) -> None:
+def _same_loads(result: Field, other: Field) -> None:
     totals = [_total_force(answer) for answer in (result, other)]
     largest = max(float(np.abs(total).max(initial=0.0)) for total in totals)
     if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * largest:
@@ -122,15 +113,8 @@ def _same_loads(result: BodyResult, other: BodyResult) -> None:
         )
 
 
-def _total_force(result: BodyResult) -> Floats:
-    from kaju.model.propagation.transfer_result import TransferResult
-
-    stage: int | None = None
-    if isinstance(result, TransferResult):
-        stage = len(result.stages)
-    elif isinstance(result, Staged):
-        stage = result.stage
-    total: Floats = result.scene.applied(stage).force.sum(axis=0)
+def _total_force(result: Field) -> Floats:
+    total: Floats = result.scene.applied(result.stage).force.sum(axis=0)
     return total
 
 

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kaju.errors import ResultError, ResultFileError
+from kaju.model.archive import read_archive
 from kaju.model.common_points import Stressed, check_comparable, common_points
 from kaju.model.pair import Pair, Profile
 from kaju.model.profile import line_of
 from kaju.model.reference import Reference
-from kaju.model.result import BodyResult, body_cells, grid_of, read_archive
+from kaju.model.result import Field, body_cells
 from kaju.model.stored import load_result
 
 if TYPE_CHECKING:
@@ -33,9 +34,9 @@ class Comparison:
 
     Attributes
     ----------
-    result : BodyResult
+    result : Field
         The answer that is judged.
-    reference : BodyResult or Reference
+    reference : Field or Reference
         The answer that is believed.
     points : array, shape (n, dimension)
         Where they are compared (m).
@@ -47,8 +48,8 @@ class Comparison:
         Δσ is the difference of the stresses, σ the reference's.
     """
 
-    result: BodyResult
-    reference: BodyResult | Reference
+    result: Field
+    reference: Field | Reference
     points: Floats
     displacement: Pair
     stress: Pair | None
@@ -75,8 +76,8 @@ class Comparison:
             points = near_line(self.reference.points, first, way, length)
         else:
             points = first + np.linspace(0.0, length, count)[:, None] * way
-            points = points[body_cells(grid_of(self.reference), points)[1]]
-        points = points[body_cells(grid_of(self.result), points)[1]]
+            points = points[body_cells(self.reference.grid, points)[1]]
+        points = points[body_cells(self.result.grid, points)[1]]
         if not len(points):
             raise ResultError(
                 "along: no point of the line lies in both bodies, or is known to the reference"
@@ -102,13 +103,13 @@ class Settling(Protocol):
     """A run of agents that can tell what they have settled to."""
 
     @property
-    def result(self) -> BodyResult:
+    def result(self) -> Field:
         """What they have settled to."""
 
 
 def compare(
-    result: BodyResult | Settling,
-    reference: BodyResult | Reference | Settling,
+    result: Field | Settling,
+    reference: Field | Reference | Settling,
     *,
     points: ArrayLike | None = None,
 ) -> Comparison:
@@ -116,9 +117,9 @@ def compare(
 
     Parameters
     ----------
-    result : BodyResult or ElasticRun
+    result : Field or ElasticRun
         The answer that is judged: of load transfer, or elastic.
-    reference : BodyResult, ElasticRun or Reference
+    reference : Field, ElasticRun or Reference
         The answer that is believed; on cells of any size.
     points : array, shape (n, dimension), optional
         Where to compare (m). By default in the middles of the larger cells of the two scenes;
@@ -156,7 +157,7 @@ def compare(
     return Comparison(judged, believed, chosen, displacement, stress, energy)
 
 
-def load_answer(path: str | Path) -> BodyResult | Reference:
+def load_answer(path: str | Path) -> Field | Reference:
     """Read a saved result or reference, whichever a file or a result's folder holds.
 
     Raises
@@ -168,7 +169,7 @@ def load_answer(path: str | Path) -> BodyResult | Reference:
     if read_archive(source)[1]["kind"] == "reference":
         return Reference.load(source)
     result = load_result(source)
-    if not isinstance(result, BodyResult):
+    if not isinstance(result, Field):
         raise ResultFileError(
             f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
             "and references can be compared"
@@ -176,17 +177,15 @@ def load_answer(path: str | Path) -> BodyResult | Reference:
     return result
 
 
-def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
-    if isinstance(given, (BodyResult, Reference)):
+def _answer(given: Field | Reference | Settling) -> Field | Reference:
+    if isinstance(given, (Field, Reference)):
         return given
     if isinstance(given, Settling):
         return given.result
     raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
 
 
-def _pairs(
-    result: BodyResult, reference: BodyResult | Reference, points: Floats
-) -> tuple[Pair, Pair | None]:
+def _pairs(result: Field, reference: Field | Reference, points: Floats) -> tuple[Pair, Pair | None]:
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
     if isinstance(reference, Reference) and reference.stress is None:
@@ -226,8 +225,7 @@ def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
     return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
 
 
-def _name(answer: BodyResult | Reference) -> str:
+def _name(answer: Field | Reference) -> str:
     if isinstance(answer, Reference):
         return answer.source.partition(":")[0] or "reference"
-    names = {"load transfer": "prescribed rule", "spawned": "spawned agents"}
-    return names.get(answer.kind, answer.kind)
+    return answer.name

@@ -9,7 +9,7 @@ import numpy as np
 
 from kaju.errors import ResultError
 
-from .result import BodyResult, body_cells, grid_of
+from .result import BodyResult, body_cells
 
 if TYPE_CHECKING:
     import pandas
@@ -26,7 +26,7 @@ def along_line(
 
     first, way, length = line_of(start, end, result.scene.lattice.dimension, "profile")
     points = first + np.linspace(0.0, length, count)[:, None] * way
-    points = points[body_cells(grid_of(result), points)[1]]
+    points = points[body_cells(result.grid, points)[1]]
     if not len(points):
         raise ResultError(f"profile: no point from {list(start)} to {list(end)} lies in the body")
     names = AXES[: len(first)]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kaju.errors import ParameterError, ResultError
-from kaju.model.result import read_archive, write_archive
+from kaju.model.archive import read_archive, reading, write_archive
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -154,7 +154,8 @@ class Reference:
             If the file is missing, or holds something else.
         """
         arrays, about = read_archive(path, "reference")
-        return cls(**arrays, strain_energy=about["strain_energy"], source=about["source"])
+        with reading(path):
+            return cls(**arrays, strain_energy=about["strain_energy"], source=about["source"])
 
 
 def _numbers(name: str, given: ArrayLike | None) -> Floats:

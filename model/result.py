@@ -1,9 +1,8 @@
-"""What every engine returns: the same questions, whatever the answer was computed with."""
+"""What every answer of kaju offers, whatever it was computed with."""
 
 from __future__ import annotations
 
-import json
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -12,34 +11,114 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkab
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju import __version__
-from kaju.errors import ResultError, ResultFileError
-from kaju.files import scratch_beside
+from kaju.errors import ResultError
+
+from .archive import Archive, open_archive, reading, write_archive
 
 if TYPE_CHECKING:
     import pandas
 
     from kaju.model.scene import Scene
 
+Floats = NDArray[np.float64]
 _SCENE = "scene."
 
 
-class Result(ABC):
-    """What a model or a solver has found out.
+@runtime_checkable
+class Result(Protocol):
+    """An answer of kaju: of load transfer, elasticity, agents that settle, springs, or in time.
 
     Attributes
     ----------
     kind : str
-        Which model it came from, as stored results are labelled.
+        What it is an answer of; stored results are labelled by it.
     seconds : float
         Time that the computation took (s).
+    pictures, films : tuple of str
+        What `kaju.plot` and `kaju.animate` can draw of it, the usual one first.
     """
 
-    kind: ClassVar[str]
-    seconds: float
+    @property
+    def kind(self) -> str:
+        """What it is an answer of."""
+
+    @property
+    def seconds(self) -> float:
+        """Time that the computation took (s)."""
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per agent, or per time."""
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to one file, from which `kaju.load_result` reads it again."""
+
+
+@runtime_checkable
+class Field(Protocol):
+    """An answer that knows displacement and stress everywhere in the body of a scene."""
+
+    @property
+    def name(self) -> str:
+        """What it is called beside another answer."""
+
+    @property
+    def focus(self) -> NDArray[np.int64] | None:
+        """The cells that pictures are about; None for all of the body."""
+
+    @property
+    def scene(self) -> Scene:
+        """What was asked."""
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
+
+    @property
+    def stage(self) -> int | None:
+        """The stage of loading at which it stands, from 1; None: the last."""
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+
+
+class Tiles:
+    """Squares or cubes with a value each: what maps, sections and solids are drawn of.
+
+    Attributes
+    ----------
+    lower : array, shape (n, dimension)
+        Lower corners (m).
+    size : array, shape (n,)
+        Edges (m).
+    value : array, shape (n,)
+    """
+
+    def __init__(self, lower: Floats, size: Floats, value: Floats) -> None:
+        self.lower, self.size = lower, size
+        self.value = np.asarray(value, dtype=np.float64)
+
+
+class Described:
+    """Prints the key figures: nobody wants to see thousands of agents printed."""
 
     def __repr__(self) -> str:
-        # The fields are arrays of thousands of agents; nobody wants to see them printed.
         figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
         return f"{type(self).__name__}({figures})"
 
@@ -47,37 +126,47 @@ class Result(ABC):
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
 
-    @abstractmethod
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return one row per agent."""
 
-    @abstractmethod
-    def save(self, path: str | Path) -> Path:
-        """Write the result to one file, from which `load` reads it again."""
-
-    @classmethod
-    @abstractmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a result that `save` wrote."""
-
-
-class BodyResult(Result):
-    """What a model has found out about the body of a scene.
+class BodyResult(Described):
+    """What answers about the body of a scene have in common.
 
     Attributes
     ----------
     scene : Scene
         What was asked.
+    seconds : float
     """
 
+    kind: ClassVar[str]
     scene: Scene
+    seconds: float
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """What it is called beside another answer."""
+
+    @property
+    @abstractmethod
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
+
+    @property
+    @abstractmethod
+    def stage(self) -> int | None:
+        """The stage of loading at which it stands, from 1; None: the last."""
+
+    @property
+    @abstractmethod
+    def focus(self) -> NDArray[np.int64] | None:
+        """The cells that pictures are about; None for all of the body."""
 
     @abstractmethod
-    def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
     @abstractmethod
-    def stress_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
 
     def profile(
@@ -127,14 +216,21 @@ class BodyResult(Result):
         Raises
         ------
         ResultFileError
-            If the file is missing, or holds something else.
+            If the file is missing, is damaged, or holds something else.
         """
         from kaju.model.scene import Scene
 
-        arrays, about = read_archive(path, cls.kind)
-        names = [name for name in arrays if name.startswith(_SCENE)]
-        own = {name.removeprefix(_SCENE): arrays.pop(name) for name in names}
-        return cls._from_archive(Scene.from_archive(about["scene"], own), arrays, about)
+        archive = open_archive(path, *cls.kinds())
+        with reading(path):
+            names = [name for name in archive.arrays if name.startswith(_SCENE)]
+            own = {name.removeprefix(_SCENE): archive.arrays.pop(name) for name in names}
+            archive.value("seconds", float, int)
+            return cls._from_archive(Scene.from_archive(archive.value("scene", str), own), archive)
+
+    @classmethod
+    def kinds(cls) -> tuple[str, ...]:
+        """Return the labels of stored results that it reads: its own, and earlier ones."""
+        return (cls.kind,)
 
     @abstractmethod
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
@@ -142,29 +238,11 @@ class BodyResult(Result):
 
     @classmethod
     @abstractmethod
-    def _from_archive(
-        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
-    ) -> Self:
+    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         """Return the result that `_archive` took apart."""
 
 
-@runtime_checkable
-class OnOwnCells(Protocol):
-    """A result on other cells than those of its scene."""
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that the fields belong to."""
-
-
-def grid_of(result: BodyResult) -> Scene:
-    """Return the scene on the cells that a result's fields belong to."""
-    return result.grid if isinstance(result, OnOwnCells) else result.scene
-
-
-def cells_of_points(
-    scene: Scene, points: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Return points (m) as an array, and the body cell that each lies in or on.
 
     Raises
@@ -188,9 +266,7 @@ def cells_of_points(
     return points, cells
 
 
-def body_cells(
-    scene: Scene, points: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def body_cells(scene: Scene, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return the body cell that each point (m) lies in or on, and whether there is one."""
     lattice = scene.lattice
     cells = lattice.locate(points)
@@ -204,65 +280,3 @@ def body_cells(
         cells[place] = moved[inside]
         outside[place] = False
     return cells, ~outside
-
-
-def write_archive(
-    path: str | Path, kind: str, arrays: dict[str, NDArray[Any]], text: dict[str, Any]
-) -> Path:
-    """Write arrays and plain values to one ``.npz`` file, whole or not at all.
-
-    Parameters
-    ----------
-    path : path
-        The file; the ending ``.npz`` is added if it is missing.
-    kind : str
-        Label of the result, which `read_archive` checks.
-    arrays : dict of str to array
-        Numbers; no objects, so that reading needs no pickle.
-    text : dict
-        Anything that JSON can hold.
-
-    Raises
-    ------
-    ResultFileError
-        If the file cannot be written.
-    """
-    target = Path(path)
-    if target.suffix != ".npz":
-        target = target.with_name(target.name + ".npz")
-    labelled = {"kind": kind, "kaju_version": __version__, **text}
-    described = np.frombuffer(json.dumps(labelled).encode(), dtype=np.uint8)
-    with scratch_beside(target, ResultFileError) as scratch:
-        np.savez_compressed(scratch, allow_pickle=False, json=described, **arrays)
-    return target
-
-
-def read_archive(
-    path: str | Path, kind: str | None = None
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read what `write_archive` wrote.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    kind : str, optional
-        The label that is expected; None takes any.
-
-    Raises
-    ------
-    ResultFileError
-        If the file is missing, is no archive of kaju's, or holds another kind of result.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files if name != "json"}
-            text = json.loads(archive["json"].tobytes().decode())
-    except FileNotFoundError as error:
-        raise ResultFileError(f"{path}: there is no such file") from error
-    except Exception as error:
-        raise ResultFileError(f"{path}: is not a result that kaju has saved ({error})") from error
-    found = text.get("kind")
-    if kind not in (None, found):
-        raise ResultFileError(f"{path}: holds a result of kind {found!r}, not of {kind!r}")
-    return arrays, text

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, overload
+from math import isfinite
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+import numpy as np
 
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
@@ -10,80 +13,212 @@ from kaju.model.scene import Scene
 if TYPE_CHECKING:
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.network import NetworkResult, SpringNetwork
-    from kaju.model.spawning.spawned_result import SpawnedResult
+    from kaju.model.spawning.quantities import ToleranceAt
+
+Strategy = Literal["auto", "uniform", "spawning"]
+STRATEGIES = ("auto", "uniform", "spawning")
+SMALLEST_TOLERANCE, TOLERANCE = 1e-6, 1e-2
 
 
 @overload
-def solve(subject: Scene, **how: Any) -> ElasticResult | SpawnedResult: ...
-@overload
-def solve(subject: SpringNetwork, **how: Any) -> NetworkResult: ...
 def solve(
-    subject: Scene | SpringNetwork, **how: Any
-) -> ElasticResult | SpawnedResult | NetworkResult:
+    subject: Scene,
+    tolerance: float | None = None,
+    resolution: int | None = None,
+    strategy: Strategy = "auto",
+    tolerance_at: ToleranceAt | None = None,
+    previous: ElasticResult | None = None,
+    stage: int | None = None,
+    *,
+    most_agents: int | None = None,
+) -> ElasticResult: ...
+@overload
+def solve(
+    subject: SpringNetwork,
+    tolerance: float | None = None,
+    *,
+    increments: int | None = None,
+    method: str | None = None,
+) -> NetworkResult: ...
+def solve(
+    subject: Scene | SpringNetwork,
+    tolerance: float | None = None,
+    resolution: int | None = None,
+    strategy: Strategy = "auto",
+    tolerance_at: ToleranceAt | None = None,
+    previous: ElasticResult | None = None,
+    stage: int | None = None,
+    *,
+    most_agents: int | None = None,
+    increments: int | None = None,
+    method: str | None = None,
+) -> ElasticResult | NetworkResult:
     """Return how a body or a network of springs answers its loads.
 
     Parameters
     ----------
     subject : Scene or SpringNetwork
         A scene is solved as linear elasticity, a network in large deformation.
-    **how
-        For a scene: `tolerance`, `resolution`, `stage`, `strategy`, and `previous`, the answer
-        to a scene of which something was changed, to start from.
+    tolerance : float, optional
+        Relative error of a scene's answer: in the energy norm, or in what `tolerance_at` names;
+        the square of an error in the energy norm is the relative error of the energy. Without
+        one the scene's own cells are solved, or `resolution` times as many along every axis;
+        agents that spawn take 0.01. Of a network it is the force left in every node, as a share
+        of the largest force (1e-12 unless given).
+    resolution : int, optional
+        Cells per cell of the scene, along every axis. Regions are asked again, so that round
+        shapes become rounder. No agent is smaller; with "uniform" all are as small.
+    strategy : {"auto", "uniform", "spawning"}
+        Where agents may be small: "uniform" everywhere alike, "spawning" only where the
+        tolerance asks for it, "auto" by whichever is expected to be done first. The answer's
+        notes say what was chosen, and why.
+    tolerance_at : optional
+        What the tolerance is about instead of the energy norm; agents spawn for it.
+        "displacement" is the largest displacement error anywhere, relative to the largest
+        displacement. A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
+        quantity: its error is relative to itself, or to a hundredth of the largest
+        displacement, stress or reaction if that is more; of several the worst counts. A
+        point, a region or a side stands for its `Deflection`.
+    previous : ElasticResult, optional
+        The answer to a scene on the same cells, of which something was changed, to start from.
+        It is continued in the way that it was found, at its tolerance and resolution unless
+        others are given.
+    stage : int, optional
+        Stage of loading; by default the last.
+    most_agents : int, optional
+        Give up before there are more; by default 4 million, 400,000 in three dimensions.
+    increments : int, optional
+        Steps in which a network is loaded; 10 unless given.
+    method : str, optional
+        How a network's equations are solved; see `SpringNetwork.solve`.
 
-        With the strategy "auto" (unless given) and a tolerance, the relative error in the
-        energy norm is at most the tolerance, by whichever is expected to be cheaper: equal
-        cells so small that they keep it, or agents that spawn where they have to. The result's
-        notes say which, and why; see `kaju.model.spawning.choice`. Without a tolerance the
-        scene's own cells are solved, or `resolution` times as many along every axis. A
-        previous answer is continued in the way that it was found.
+    Returns
+    -------
+    ElasticResult or NetworkResult
+        Of a scene always an ElasticResult, whatever the strategy. Short of the tolerance only
+        where agents may not be smaller, which its notes say.
 
-        With "spawning" agents are small only where the tolerance, an error in the energy norm
-        or in what `tolerance_at` names, asks for it: see `kaju.model.spawning.solve`.
+    Raises
+    ------
+    SupportError
+        If a part of the body could move without straining.
+    ConvergenceError
+        If the tolerance asks for too many agents, or an iteration ends above it; `best` holds
+        the result so far.
+    ParameterError, SceneError
+        If an argument or the scene breaks a rule.
+    """
+    if isinstance(subject, Scene):
+        _refuse(subject, increments=increments, method=method)
+        return _solve_scene(
+            subject, tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents
+        )
+    from kaju.model.network import SpringNetwork
+    from kaju.model.network import solve as solve_network
 
-        With "uniform" all cells are equal, and the tolerance is only that to which their
-        equations are solved: see `kaju.model.elasticity.solve`.
+    if not isinstance(subject, SpringNetwork):
+        raise ParameterError(
+            f"subject: a Scene or a SpringNetwork is needed, got {type(subject).__name__}"
+        )
+    _refuse(
+        subject,
+        resolution=resolution,
+        strategy=None if strategy == "auto" else strategy,
+        tolerance_at=tolerance_at,
+        previous=previous,
+        stage=stage,
+        most_agents=most_agents,
+    )
+    how = {"tolerance": tolerance, "increments": increments, "method": method}
+    given: dict[str, Any] = {name: value for name, value in how.items() if value is not None}
+    return solve_network(subject, **given)
 
-        For a network: `increments`, `method`, `tolerance`, as in `kaju.model.network.solve`.
+
+def _refuse(subject: object, **given: object) -> None:
+    """Refuse what is given though it belongs to another subject."""
+    names = [name for name, value in given.items() if value is not None]
+    if names:
+        raise ParameterError(f"{names[0]}: belongs to no {type(subject).__name__}; leave it out")
+
+
+def _solve_scene(
+    scene: Scene,
+    tolerance: float | None,
+    resolution: int | None,
+    strategy: str,
+    tolerance_at: ToleranceAt | None,
+    previous: ElasticResult | None,
+    stage: int | None,
+    most_agents: int | None,
+) -> ElasticResult:
+    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elasticity.solve import solve as solve_uniform
+    from kaju.model.spawning.choice import solve_cheaply, solve_equal
+    from kaju.model.spawning.solve import solve_spawning
+
+    if strategy not in STRATEGIES:
+        raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
+    if previous is not None and not isinstance(previous, ElasticResult):
+        raise ParameterError(
+            f"previous: an ElasticResult is needed to start from, got {type(previous).__name__}"
+        )
+    check_numbers(tolerance, resolution, stage, most_agents, least=1e-13)
+    spawned = previous is not None and previous.found.storage == "tree"
+    if strategy == "auto" and (tolerance_at is not None or spawned):
+        strategy = "spawning"
+    if strategy == "spawning":
+        return solve_spawning(
+            scene,
+            tolerance,
+            resolution,
+            tolerance_at=tolerance_at,
+            stage=stage,
+            most_agents=most_agents,
+            previous=previous,
+        )
+    if tolerance_at is not None:
+        raise ParameterError(
+            "tolerance_at: equal cells have no error to choose; take strategy='spawning'"
+        )
+    if tolerance is None:
+        return solve_uniform(scene, None, resolution, stage=stage, previous=previous)
+    if strategy == "uniform":
+        return solve_equal(scene, tolerance, resolution, stage=stage, previous=previous)
+    return solve_cheaply(
+        scene, tolerance, resolution, stage=stage, most_agents=most_agents, previous=previous
+    )
+
+
+def check_numbers(
+    tolerance: float | None,
+    resolution: int | None,
+    stage: int | None = None,
+    most_agents: int | None = None,
+    least: float = SMALLEST_TOLERANCE,
+) -> None:
+    """Refuse numbers that break a rule.
 
     Raises
     ------
     ParameterError
-        If the subject is neither.
+        Naming the argument, its rule and its value.
     """
-    if isinstance(subject, Scene):
-        return _solve_scene(subject, **how)
-    from kaju.model.network import SpringNetwork
-    from kaju.model.network import solve as solve_network
-
-    if isinstance(subject, SpringNetwork):
-        return solve_network(subject, **how)
-    raise ParameterError(
-        f"subject: a Scene or a SpringNetwork is needed, got {type(subject).__name__}"
-    )
-
-
-def _solve_scene(scene: Scene, strategy: str = "auto", **how: Any) -> ElasticResult | SpawnedResult:
-    from kaju.model.elasticity.solve import solve as solve_uniform
-    from kaju.model.spawning.choice import solve_cheaply
-    from kaju.model.spawning.solve import solve_spawning
-
-    if strategy not in ("auto", "uniform", "spawning"):
-        raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
-    given = {name: value for name, value in how.items() if value is not None}
-    if strategy == "auto" and _asks_for_agents(given):
-        strategy = "spawning"
-    if strategy == "spawning":
-        return solve_spawning(scene, **given)
-    if "tolerance_at" in given:
-        raise ParameterError(
-            "tolerance_at: equal cells have no error to choose; take strategy='spawning'"
-        )
-    if strategy == "auto" and "tolerance" in given:
-        return solve_cheaply(scene, **given)
-    return solve_uniform(scene, **given)
-
-
-def _asks_for_agents(given: dict[str, Any]) -> bool:
-    from kaju.model.spawning.spawned_result import SpawnedResult
-
-    return "tolerance_at" in given or isinstance(given.get("previous"), SpawnedResult)
+    if tolerance is not None:
+        number = isinstance(tolerance, (int, float, np.number)) and not isinstance(tolerance, bool)
+        if not (number and isfinite(tolerance) and least <= tolerance < 1.0):
+            remedy = (
+                ""
+                if least < SMALLEST_TOLERANCE
+                else (
+                    "; equal cells at a resolution (strategy='uniform', resolution=4) solve their "
+                    "equations to less"
+                )
+            )
+            raise ParameterError(
+                f"tolerance: must be a number from {least:g} to 1, got {tolerance!r}{remedy}"
+            )
+    whole = {"resolution": resolution, "stage": stage, "most_agents": most_agents}
+    for name, value in whole.items():
+        integer = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+        if value is not None and not (integer and value >= 1):
+            raise ParameterError(f"{name}: must be a whole number from 1 upwards, got {value!r}")

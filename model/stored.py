@@ -3,9 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Protocol
 
 from kaju.errors import ResultFileError
-from kaju.model.result import Result, read_archive
+from kaju.model.archive import open_archive
+from kaju.model.result import Result
+
+
+class Storable(Protocol):
+    """A class of results that reads what it has written."""
+
+    @classmethod
+    def kinds(cls) -> tuple[str, ...]:
+        """Return the labels of stored results that it reads."""
+
+    @classmethod
+    def load(cls, path: str | Path) -> Result:
+        """Read a result that its `save` wrote."""
 
 
 def load_result(path: str | Path) -> Result:
@@ -24,14 +38,14 @@ def load_result(path: str | Path) -> Result:
     file = Path(path)
     if file.is_dir():
         file = file / "result.npz"
-    kind = read_archive(file)[1].get("kind")
+    kind = open_archive(file).about["kind"]
     for known in _kinds():
-        if known.kind == kind:
+        if kind in known.kinds():
             return known.load(file)
     raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
 
 
-def _kinds() -> tuple[type[Result], ...]:
+def _kinds() -> tuple[type[Storable], ...]:
     from kaju.model.creep.body import TransferCreepResult
     from kaju.model.creep.elastic_result import ElasticCreepResult
     from kaju.model.creep.network_result import NetworkCreepResult
@@ -40,7 +54,6 @@ def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.network import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.settling.run import ElasticRun
-    from kaju.model.spawning.spawned_result import SpawnedResult
 
-    static = (TransferResult, ElasticResult, ElasticRun, NetworkResult, SpawnedResult)
+    static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)
     return *static, CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.colors import Normalize
 
-from kaju.model.spawning.export import same_points
+from kaju.model.elasticity.export import same_points
 
 from .body import draw_body, finish
 from .deformed import check_magnification, draw_rest, largest_shift, moved_colours
@@ -17,13 +17,12 @@ from .layers import Layer, Squares, draw_squares, draw_surroundings, layer_of, s
 from .maps import colours_of, quantity_of
 from .section import Floats
 from .style import colour_bar, new_axes
-from .subject import stage_number
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from kaju.model.spawning.spawned_result import SpawnedResult
+    from kaju.model.elasticity.elastic_result import ElasticResult
 
 PEAK = 2e-3
 """Values on this share of the picture may lie beyond the scale: stresses grow at corners."""
@@ -33,7 +32,7 @@ _FOLDED = 64
 
 
 def plot_agent_map(
-    result: SpawnedResult,
+    result: ElasticResult,
     what: str,
     ax: Axes | None = None,
     *,
@@ -45,7 +44,7 @@ def plot_agent_map(
 
     Parameters
     ----------
-    result : SpawnedResult
+    result : ElasticResult
         Agents of many sizes.
     what, ax, component
         As for `plot_map`.
@@ -65,7 +64,7 @@ def plot_agent_map(
     shown = quantity_of(result, what, component)
     ax = new_axes(ax)
     entries = draw_surroundings(ax, layer)
-    notes = draw_forces(ax, layer, stage_number(result))
+    notes = draw_forces(ax, layer, result.stage)
     squares = squares_of(layer, result.lower, result.size, shown.values)
     top, beyond = _top(squares)
     look = colours_of(shown, squares.value, top)
@@ -89,7 +88,7 @@ def _top(squares: Squares) -> tuple[float, bool]:
 
 
 def plot_agents_deformed(
-    result: SpawnedResult,
+    result: ElasticResult,
     ax: Axes | None = None,
     *,
     magnification: float | None = None,
@@ -100,7 +99,7 @@ def plot_agents_deformed(
 
     Parameters
     ----------
-    result : SpawnedResult
+    result : ElasticResult
         Agents of many sizes.
     ax, magnification
         As for `plot_deformed`.
@@ -119,7 +118,7 @@ def plot_agents_deformed(
     check_magnification(magnification)
     layer = layer_of(result, cut, crop)
     ax = new_axes(ax)
-    distance = np.linalg.norm(result.agent_displacement, axis=1)
+    distance = np.linalg.norm(result.displacement, axis=1)
     squares = squares_of(layer, result.lower, result.size, distance)
     moved = corner_moves(result, layer, squares)
     factor = magnification or _magnification(layer, squares, moved)
@@ -129,19 +128,19 @@ def plot_agents_deformed(
     places = squares.corners + factor * moved
     look = moved_colours(squares.value, Normalize(0.0, largest or 1.0))
     drawn = draw_squares(ax, layer, squares, "moved", places, **look)
-    notes = draw_forces(ax, layer, stage_number(result))
+    notes = draw_forces(ax, layer, result.stage)
     colour_bar(ax, drawn, "displacement", "m")
     told = f"deformation shown {times(factor)}; largest displacement {quantity(largest, 'm')}"
     finish(ax, layer, "Deformed body", [told, *notes], entries)
     return ax
 
 
-def corner_moves(result: SpawnedResult, layer: Layer, squares: Squares) -> Floats:
+def corner_moves(result: ElasticResult, layer: Layer, squares: Squares) -> Floats:
     """Return how the corners of squares move in the picture (m), shape (n, 4, 2).
 
     Squares that stand for several agents move as a whole, as one of them does.
     """
-    moved = np.repeat(layer.in_plane(result.agent_displacement[squares.row])[:, None], 4, axis=1)
+    moved = np.repeat(layer.in_plane(result.displacement[squares.row])[:, None], 4, axis=1)
     own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])
     corners = squares.corners[own].reshape(-1, 2)
     first, number = same_points(corners, float(result.size.min()))

@@ -19,7 +19,7 @@ from .cropping import section_of
 from .forces import draw_forces
 from .section import Section
 from .style import INK, SEQUENTIAL, add_polygons, colour_bar, new_axes
-from .subject import focus_of, stage_number, threshold_of
+from .subject import threshold_of
 from .units import counted, quantity
 
 if TYPE_CHECKING:
@@ -150,10 +150,10 @@ def plot_agents(
         With the picture; its figure is ``ax.figure``.
     """
     stage = result.last
-    section = section_of(result.scene, focus_of(result), cut, crop)
+    section = section_of(result.scene, result.focus, cut, crop)
     ax = new_axes(ax)
     entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, stage_number(result))
+    notes = draw_forces(ax, section, result.stage)
     gamma = quantity(threshold_of(result), "N")
     if len(stage.cells):
         norm = spawn_norm(stage.generations)

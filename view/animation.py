@@ -49,15 +49,17 @@ TRANSFER = Animations(
     {"generations": motion.generations, "stages": motion.stages},
 )
 """A run of load transfer."""
-ELASTIC = Animations({"loading": growing}, {"loading": motion.loaded})
-"""An elastic body, whose displacements grow with its load."""
 NETWORK = Animations({"increments": increments}, {"increments": motion.increments})
 """A loaded spring network."""
-SPAWNED = Animations(
-    {"generations": generations, "loads": partial(generations, colour="unbalanced_load")},
+ELASTIC = Animations(
+    {
+        "generations": generations,
+        "loads": partial(generations, colour="unbalanced_load"),
+        "loading": growing,
+    },
     {"loading": motion.loaded},
 )
-"""Agents of many sizes."""
+"""An elastic body: agents that spawn, and displacements that grow with the load."""
 FACES = Animations({"waves": waves}, {})
 """Agents of the elastic rule."""
 CREEP = Animations({"times": creeping, "curves": curves_over_time}, {"times": motion.times})
@@ -71,8 +73,7 @@ ELEMENT_CREEP = Animations({"times": curves_over_time}, {})
 ANIMATIONS_OF = {
     "load transfer": TRANSFER,
     "elastic agents": FACES,
-    "elasticity": ELASTIC,
-    "spawned": SPAWNED,
+    "elastic": ELASTIC,
     "spring network": NETWORK,
     "element in time": ELEMENT_CREEP,
     "network in time": NETWORK_CREEP,
@@ -142,12 +143,15 @@ def animate(
     target = Path(path)
     ending = target.suffix.lower()
     _check(target, ending, fps, hold)
+    if not isinstance(result, Result):
+        raise ParameterError(f"result: an answer of kaju is needed, got {type(result).__name__}")
     known = ANIMATIONS_OF[result.kind]
     if ending in MESHES:
         moving = _chosen(known.motions, result, what)(result)
         film_of_motion(moving, target, fps, hold, magnification)
         return target
-    reel = _chosen(known.reels, result, what)(result, **options)
+    reels = {name: known.reels[name] for name in result.films}
+    reel = _chosen(reels, result, what)(result, **options)
     reel.figure.set_dpi(_RESOLUTION)
     reel.settle(bare=bare)
     count = min(reel.last + 1, MOST_FRAMES)

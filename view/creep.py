@@ -26,7 +26,6 @@ from .network_plots import plot_network
 from .network_stand import Colour, Stand
 from .reels import TWO_LINES, Reel
 from .style import INK, caption, colour_bar, figure_of, new_axes
-from .subject import focus_of, stage_number
 from .units import quantity, times
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def plot_body_at(
     record = _checked(course, record)
     check_magnification(magnification)
     static = course.static
-    section = section_of(course.grid, focus_of(static), cut, crop)
+    section = section_of(course.grid, static.focus, cut, crop)
     every, kind = section.ground
     tiles, moved_at = every[kind >= 0], partial(course.displacement_at, record=record)
     moved = corner_displacements(static, section, tiles, moved_at)
@@ -64,7 +63,7 @@ def plot_body_at(
     draw_rest(ax, section)
     drawn = draw_deformed(ax, section, tiles, moved, size, factor, Normalize(0.0, largest or 1.0))
     if course.factors[record]:
-        draw_forces(ax, section, stage_number(static))
+        draw_forces(ax, section, static.stage)
     colour_bar(ax, drawn, "displacement", "m")
     notes = [
         f"{_moment(course, record)}; largest displacement {quantity(largest, 'm')}",

@@ -12,21 +12,20 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
 from kaju.errors import ParameterError
-from kaju.model.result import grid_of
 
 from .body import draw_body, finish
 from .cropping import section_of
 from .forces import draw_forces
 from .section import Section
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
-from .subject import focus_of, stage_number
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.result import BodyResult
+    from kaju.model.propagation.transfer_result import TransferResult
+    from kaju.model.result import Field
 
     from .section import Floats, Ints
 
@@ -39,7 +38,7 @@ _LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
 
 
 def corner_displacements(
-    result: BodyResult, section: Section, tiles: Ints, moved_at: MovedAt | None = None
+    result: Field, section: Section, tiles: Ints, moved_at: MovedAt | None = None
 ) -> Floats:
     """Return how the corners of tiles move in the plane (m), shape (n, corners, 2).
 
@@ -60,7 +59,7 @@ def corner_displacements(
 
 
 def sizes_of(
-    result: BodyResult, section: Section, tiles: Ints, moved_at: MovedAt | None = None
+    result: Field, section: Section, tiles: Ints, moved_at: MovedAt | None = None
 ) -> Floats:
     """Return how far the middles of tiles move (m), shape (n,)."""
     moved = _within(result, section.in_body(section.centres(tiles)), moved_at)
@@ -68,9 +67,9 @@ def sizes_of(
     return size
 
 
-def _within(result: BodyResult, points: Floats, moved_at: MovedAt | None) -> Floats:
+def _within(result: Field, points: Floats, moved_at: MovedAt | None) -> Floats:
     """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
-    grid = grid_of(result)
+    grid = result.grid
     body = grid.kinds(grid.lattice.locate(points)) >= 0
     moved = np.zeros_like(points)
     moved[body] = (moved_at or result.displacement_at)(points[body])
@@ -136,7 +135,7 @@ def draw_deformed(
 
 
 def plot_deformed(
-    result: BodyResult,
+    result: TransferResult,
     ax: Axes | None = None,
     *,
     magnification: float | None = None,
@@ -147,8 +146,8 @@ def plot_deformed(
 
     Parameters
     ----------
-    result : BodyResult
-        A run of load transfer, or an elastic result.
+    result : TransferResult
+        A run.
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     magnification : float, optional
@@ -167,7 +166,7 @@ def plot_deformed(
         If the magnification is not a positive number.
     """
     check_magnification(magnification)
-    section = section_of(grid_of(result), focus_of(result), cut, crop)
+    section = section_of(result.grid, result.focus, cut, crop)
     ax = new_axes(ax)
     every, kind = section.ground
     tiles = every[kind >= 0]
@@ -178,7 +177,7 @@ def plot_deformed(
     entries = draw_body(ax, section, filled=False)
     draw_rest(ax, section)
     drawn = draw_deformed(ax, section, tiles, moved, size, factor, Normalize(0.0, largest or 1.0))
-    notes = draw_forces(ax, section, stage_number(result))
+    notes = draw_forces(ax, section, result.stage)
     if largest > 0.0:
         colour_bar(ax, drawn, "displacement", "m")
         notes = [f"deformation shown {times(factor)}", *notes]

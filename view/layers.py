@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.spawning.spawned_result import SpawnedResult
+    from kaju.model.elasticity.elastic_result import ElasticResult
 
 FINEST = 800
 """Agents smaller than this part of the picture are drawn together."""
@@ -79,13 +79,13 @@ class Layer(Section):
 
 
 def layer_of(
-    result: SpawnedResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
+    result: ElasticResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
 ) -> Layer:
     """Choose what to show: the whole body, or the surroundings of its smallest agents.
 
     Parameters
     ----------
-    result : SpawnedResult
+    result : ElasticResult
     cut : dict of one axis to a place (m), optional
         The plane through a three-dimensional body to show, such as ``{"y": 0.05}``; by
         default through small agents.
@@ -119,7 +119,7 @@ class Small(NamedTuple):
     hidden: bool
 
 
-def small_agents(result: SpawnedResult) -> Small:
+def small_agents(result: ElasticResult) -> Small:
     """Return the agents that pictures are about: a quarter of all, the smallest."""
     limit = float(np.quantile(result.size, SMALL))
     small = result.size <= limit
@@ -129,7 +129,7 @@ def small_agents(result: SpawnedResult) -> Small:
     return Small(corner, corner + 0.5 * result.size[small, None], limit * LEGIBLE < span)
 
 
-def _plane(result: SpawnedResult, cut: Mapping[str, float] | None) -> tuple[int | None, float]:
+def _plane(result: ElasticResult, cut: Mapping[str, float] | None) -> tuple[int | None, float]:
     if result.lower.shape[1] == 2:
         if cut is not None:
             raise ParameterError("cut: belongs to three dimensions; leave it out")
@@ -149,7 +149,7 @@ def _plane(result: SpawnedResult, cut: Mapping[str, float] | None) -> tuple[int 
     return axis, place
 
 
-def _cell(result: SpawnedResult, axis: int, place: float) -> int:
+def _cell(result: ElasticResult, axis: int, place: float) -> int:
     lattice = result.grid.lattice
     return min(int(place / lattice.cell_size), lattice.shape[axis] - 1)
 

@@ -19,7 +19,6 @@ from .forces import draw_forces
 from .loads import CLOSE_UP, load_norm
 from .section import Floats, Section
 from .style import INK, LOADS, add_polygons, colour_bar, new_axes
-from .subject import focus_of, stage_number
 from .units import counted, grouped
 
 if TYPE_CHECKING:
@@ -135,11 +134,11 @@ def plot_load_path(
     whole = result.last
     stage = around_heaviest(whole)
     graph = load_path(result.scene, stage)
-    focus, close = (stage.cells, CLOSE_UP) if len(stage.cells) else (focus_of(result), WHOLE_UP_TO)
+    focus, close = (stage.cells, CLOSE_UP) if len(stage.cells) else (result.focus, WHOLE_UP_TO)
     section = section_of(result.scene, focus, cut, crop, 2**62, close)
     ax = new_axes(ax)
     entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, stage_number(result))
+    notes = draw_forces(ax, section, result.stage)
     tail, head, load = edges_in(section, graph)
     if len(load):
         drawn = draw_edges(ax, section, tail, head, load, load_norm(load))

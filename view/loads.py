@@ -16,7 +16,6 @@ from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
 from .section import Section
 from .style import FORCE, LOADS, add_polygons, colour_bar, new_axes
-from .subject import focus_of, stage_number
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -126,10 +125,10 @@ def plot_loads(
             f"generation: this run has the generations 1 to {stage.generations}, got {generation}"
         )
     whole = CLOSE_UP if len(stage.cells) else WHOLE_UP_TO
-    section = section_of(result.scene, focus_of(result), cut, crop, ARROWS_ACROSS, whole)
+    section = section_of(result.scene, result.focus, cut, crop, ARROWS_ACROSS, whole)
     ax = new_axes(ax)
     entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, stage_number(result))
+    notes = draw_forces(ax, section, result.stage)
     loads = taken_in(stage, generation)
     title = "Loads taken" if generation is None else f"Loads taken in generation {generation}"
     total = f"{quantity(float(loads.sum()), 'N')} taken in all, arrow length grows like √load"

@@ -17,14 +17,14 @@ from .forces import draw_forces
 from .loads import load_norm
 from .section import Floats, Ints, Section
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
-from .subject import cells_of, field_of, focus_of, grid_of, stage_number, taken_of
 from .units import quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.result import BodyResult
+    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.propagation.transfer_result import TransferResult
 
 
 class Quantity(NamedTuple):
@@ -37,7 +37,9 @@ class Quantity(NamedTuple):
     logarithmic: bool = False
 
 
-def quantity_of(result: BodyResult, what: str, component: str | None) -> Quantity:
+def quantity_of(
+    result: ElasticResult | TransferResult, what: str, component: str | None
+) -> Quantity:
     """Return a field of a result, or one component of it.
 
     Raises
@@ -46,19 +48,20 @@ def quantity_of(result: BodyResult, what: str, component: str | None) -> Quantit
         If there is no such component.
     """
     if what == "von_mises":
-        return Quantity(field_of(result, "von_mises"), "Von Mises stress", "Pa", signed=False)
+        return Quantity(result.von_mises, "Von Mises stress", "Pa", signed=False)
     if what == "taken":
-        return Quantity(taken_of(result).sum(axis=1), "Loads taken", "N", False, True)
+        taken: Floats = getattr(result, what)
+        return Quantity(taken.sum(axis=1), "Loads taken", "N", False, True)
     names = "xyz"[: result.scene.lattice.dimension]
     if what == "displacement":
         known = ("magnitude", *names)
         chosen = _known(component or "magnitude", known)
         if chosen == "magnitude":
-            size = np.linalg.norm(field_of(result, "displacement"), axis=1)
+            size = np.linalg.norm(result.displacement, axis=1)
             return Quantity(size, "Displacement", "m", signed=False)
-        values = field_of(result, "displacement")[:, names.index(chosen)]
+        values = result.displacement[:, names.index(chosen)]
         return Quantity(values, f"Displacement along {chosen}", "m", signed=True)
-    tensor, unit = field_of(result, what), "Pa" if what == "stress" else ""
+    tensor, unit = getattr(result, what), "Pa" if what == "stress" else ""
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
     largest = max(pairs, key=lambda pair: float(np.abs(tensor[:, *pairs[pair]]).max(initial=0.0)))
     chosen = _known(component or largest, tuple(pairs))
@@ -120,7 +123,7 @@ def colours_of(shown: Quantity, values: Floats, largest: float | None = None) ->
 
 
 def plot_map(
-    result: BodyResult,
+    result: TransferResult,
     what: str,
     ax: Axes | None = None,
     *,
@@ -132,8 +135,8 @@ def plot_map(
 
     Parameters
     ----------
-    result : BodyResult
-        A result with fields over cells.
+    result : TransferResult
+        A run.
     what : {"displacement", "stress", "strain", "von_mises", "taken"}
         The field.
     ax : matplotlib Axes, optional
@@ -153,13 +156,13 @@ def plot_map(
     ParameterError
         If there is no such component.
     """
-    section = section_of(grid_of(result), focus_of(result), cut, crop)
+    section = section_of(result.grid, result.focus, cut, crop)
     shown = quantity_of(result, what, component)
     ax = new_axes(ax)
     entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, stage_number(result))
+    notes = draw_forces(ax, section, result.stage)
     if len(shown.values):
-        drawn = draw_map(ax, section, cells_of(result), shown)
+        drawn = draw_map(ax, section, result.last.cells, shown)
         colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit)
         extreme = shown.values[np.argmax(np.abs(shown.values))]
         notes = [f"largest value {quantity(float(extreme), shown.unit)}; " + "; ".join(notes)]

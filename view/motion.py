@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaju.model.result import grid_of
-
 from .section import HEXAGON
-from .subject import field_of, is_spawned
 
 if TYPE_CHECKING:
     from kaju.model.creep.body import TransferCreepResult
@@ -24,8 +21,7 @@ if TYPE_CHECKING:
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import BodyResult
-    from kaju.model.spawning.spawned_result import SpawnedResult
+    from kaju.model.result import Field
 
     from .section import Floats, Ints
 
@@ -102,10 +98,10 @@ def _cells(corners: Floats, apart: Floats) -> _Cells:
     return _Cells(flat[first], number.reshape(corners.shape[:2]), inside)
 
 
-def _body(result: BodyResult) -> tuple[_Cells, Ints]:
+def _body(result: Field) -> tuple[_Cells, Ints]:
     """Return the cells of a result's grid, and where they are."""
-    lattice = grid_of(result).lattice
-    cells = np.argwhere(grid_of(result).rasterise() >= 0)
+    lattice = result.grid.lattice
+    cells = np.argwhere(result.grid.rasterise() >= 0)
     form, apart = HEXAGON, np.array([1.0, 0.5 * 3.0**0.5])
     if lattice.kind != "hexagon":
         form, apart = _FORMS[lattice.dimension] - 0.5, np.ones(lattice.dimension)
@@ -153,16 +149,12 @@ def _transfer(result: TransferResult, states: Sequence[TransferResult]) -> Motio
     return Motion(body.points, body.parts, frames)
 
 
-def loaded(result: ElasticResult | SpawnedResult) -> Motion:
+def loaded(result: ElasticResult) -> Motion:
     """Return an elastic body at rest and under its load."""
-    if is_spawned(result):
-        d = result.lower.shape[1]
-        places = result.lower[:, None] + result.size[:, None, None] * _FORMS[d]
-        body = _cells(places, np.full(d, result.size.min()))
-        values = {"von_mises": field_of(result, "von_mises"), "level": result.level.astype(float)}
-    else:
-        body, _ = _body(result)
-        values = {"von_mises": field_of(result, "von_mises")}
+    d = result.lower.shape[1]
+    places = result.lower[:, None] + result.size[:, None, None] * _FORMS[d]
+    body = _cells(places, np.full(d, result.size.min()))
+    values = {"von_mises": result.von_mises, "level": result.level.astype(np.float64)}
     moved = body.moved(result.displacement_at)
     rest = Frame(0.0, np.zeros_like(moved), {name: np.zeros_like(v) for name, v in values.items()})
     return Motion(body.points, body.parts, [rest, Frame(1.0, moved, values)])

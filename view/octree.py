@@ -16,14 +16,13 @@ from .quadtree import Standing, bar_of, look_of, standing, told
 from .section import Floats, Ints
 from .space import Box, box_around, draw_arrows, draw_frame
 from .style import caption, new_axes
-from .subject import stage_number
 from .units import quantity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.scene import Scene
-    from kaju.model.spawning.spawned_result import SpawnedResult
 
 Flags = NDArray[np.bool_]
 
@@ -47,7 +46,7 @@ class View(NamedTuple):
 
 
 def plot_octree(
-    result: SpawnedResult,
+    result: ElasticResult,
     ax: Axes | None = None,
     *,
     colour: str = "level",
@@ -58,7 +57,7 @@ def plot_octree(
 
     Parameters
     ----------
-    result : SpawnedResult
+    result : ElasticResult
         Agents of many sizes in three dimensions.
     ax : matplotlib Axes3D, optional
         Where to draw; a new figure unless given.
@@ -79,7 +78,7 @@ def plot_octree(
     ax = new_axes(ax, SPACE, "3d")
     space = cast(Axes3D, ax)
     draw_frame(space, result.grid, view.box)
-    notes = draw_arrows(space, result.grid, view.box, stage_number(result), MOST_ARROWS)
+    notes = draw_arrows(space, result.grid, view.box, result.stage, MOST_ARROWS)
     look = look_of(colour, agents.value)
     draw_cubes(space, result.grid, view, agents, look)
     bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, agents.value)
@@ -87,7 +86,7 @@ def plot_octree(
     return ax
 
 
-def view_of(result: SpawnedResult, crop: bool | None = None) -> View:
+def view_of(result: ElasticResult, crop: bool | None = None) -> View:
     """Choose the box and the planes by the smallest agents."""
     scene, small = result.grid, small_agents(result)
     edge = scene.lattice.cell_size

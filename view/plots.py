@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import BodyResult, Result
+from kaju.model.result import Result
 from kaju.model.scene import Scene
 
 from .agent_maps import plot_agent_map, plot_agents_deformed
@@ -32,13 +32,12 @@ from .octree import plot_octree
 from .quadtree import plot_quadtree
 from .stages import plot_both, plot_stages
 from .style import figure_of
-from .subject import is_spawned
 from .voxels import plot_body_in_space, plot_voxels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from kaju.model.spawning.spawned_result import SpawnedResult
+    from kaju.model.elasticity.elastic_result import ElasticResult
 
 Picture = Callable[..., "Axes | Figure"]
 
@@ -81,17 +80,21 @@ def _map(what: str, plot: Picture = plot_map) -> Picture:
 
 MAPS = ("displacement", "strain", "stress", "von_mises")
 
-FIELDS: dict[str, Picture] = {"deformed": plot_deformed, **{name: _map(name) for name in MAPS}}
-"""Pictures of any result with fields over cells."""
+
+def _scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+    return plot_scene(result.scene, ax, **options)
+
 
 TRANSFER: dict[str, Picture] = {
     "agents": _agents,
     "loads": plot_loads,
-    **FIELDS,
+    "deformed": plot_deformed,
+    **{name: _map(name) for name in MAPS},
     "taken": _map("taken"),
     "load_path": plot_load_path,
     "ledger": plot_ledger,
     "stages": _stages,
+    "scene": _scene,
 }
 """Pictures of a run of load transfer."""
 
@@ -99,17 +102,18 @@ NETWORK: dict[str, Picture] = {"deformed": plot_network, "response": plot_respon
 """Pictures of a loaded spring network."""
 
 
-def _many_sizes(result: SpawnedResult, ax: Axes | None = None, **options: Any) -> Axes:
+def _many_sizes(result: ElasticResult, ax: Axes | None = None, **options: Any) -> Axes:
     whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
     return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
 
 
-SPAWNED: dict[str, Picture] = {
+ELASTIC: dict[str, Picture] = {
     "agents": _many_sizes,
     "deformed": plot_agents_deformed,
     **{name: _map(name, plot_agent_map) for name in MAPS},
+    "scene": _scene,
 }
-"""Pictures of agents of many sizes."""
+"""Pictures of an elastic answer."""
 
 
 def _settled(plot: Picture) -> Picture:
@@ -125,18 +129,22 @@ FACES: dict[str, Picture] = {
     "agents": plot_face_agents,
     "left": plot_left,
     "curves": plot_curves,
-    **{name: _settled(draw) for name, draw in FIELDS.items()},
+    **{name: _settled(ELASTIC[name]) for name in ("deformed", *MAPS)},
+    "scene": _scene,
 }
 """Pictures of agents of the elastic rule."""
 
-BODY_IN_TIME: dict[str, Picture] = {"curves": plot_curves, "deformed": plot_body_at}
+BODY_IN_TIME: dict[str, Picture] = {
+    "curves": plot_curves,
+    "deformed": plot_body_at,
+    "scene": _scene,
+}
 """Pictures of bodies that creep."""
 
 PICTURES_OF: dict[str, dict[str, Picture]] = {
     "load transfer": TRANSFER,
-    "elasticity": FIELDS,
+    "elastic": ELASTIC,
     "elastic agents": FACES,
-    "spawned": SPAWNED,
     "spring network": NETWORK,
     "element in time": {"curves": plot_curves},
     "network in time": {"curves": plot_curves, "deformed": plot_network_at},
@@ -152,14 +160,11 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
     """Return the pictures that can be made of a subject, by name, the usual one first."""
     if isinstance(subject, Scene):
         return {"scene": plot_scene}
-    known = PICTURES_OF[subject.kind]
-    if not hasattr(subject, "scene"):
-        return known
-
-    def scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
-        return plot_scene(result.scene, ax, **options)
-
-    return {**known, "scene": scene}
+    if not isinstance(subject, Result):
+        raise ParameterError(
+            f"subject: a Scene or a result is needed, got {type(subject).__name__}"
+        )
+    return {name: PICTURES_OF[subject.kind][name] for name in subject.pictures}
 
 
 def plot(
@@ -238,17 +243,20 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
     return written
 
 
-def _section(result: Result) -> Axes | None:
+SECTIONS: dict[str, Callable[[Any], Axes]] = {
+    "load transfer": plot_agents,
+    "elastic": plot_quadtree,
+}
+"""Sections through the agents of bodies in space."""
+
+
+def _section(result: Any) -> Axes | None:
     """Draw a section through the agents of a body in space."""
-    if not isinstance(result, BodyResult) or result.scene.lattice.dimension == 2:
+    if result.kind not in SECTIONS or result.scene.lattice.dimension == 2:
         return None
-    if is_spawned(result):
-        return plot_quadtree(result)
-    return plot_agents(result) if isinstance(result, TransferResult) else None
+    return SECTIONS[result.kind](result)
 
 
 def _usual(result: Result) -> list[str]:
-    known = pictures_of(result)
-    if not isinstance(result, TransferResult):
-        return [name for name in known if name != "scene"]
-    return [name for name in USUAL if name != "stages" or len(result.stages) > 1]
+    known = [name for name in result.pictures if name != "scene"]
+    return [name for name in USUAL if name in known] if result.kind == "load transfer" else known

@@ -16,13 +16,12 @@ from .forces import draw_forces
 from .layers import agents_told, draw_squares, draw_surroundings, layer_of, squares_of
 from .section import Floats, Ints
 from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, colour_bar, new_axes
-from .subject import stage_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-    from kaju.model.spawning.spawned_result import SpawnedResult
+    from kaju.model.elasticity.elastic_result import ElasticResult
 
 
 class Colour(NamedTuple):
@@ -55,7 +54,7 @@ class Standing(NamedTuple):
 
 
 def plot_quadtree(
-    result: SpawnedResult,
+    result: ElasticResult,
     ax: Axes | None = None,
     *,
     colour: str = "level",
@@ -68,7 +67,7 @@ def plot_quadtree(
 
     Parameters
     ----------
-    result : SpawnedResult
+    result : ElasticResult
         Agents of many sizes.
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
@@ -99,7 +98,7 @@ def plot_quadtree(
     layer = layer_of(result, cut, crop)
     ax = new_axes(ax)
     entries = draw_surroundings(ax, layer)
-    notes = draw_forces(ax, layer, stage_number(result))
+    notes = draw_forces(ax, layer, result.stage)
     shown = squares_of(layer, agents.lower, agents.size, agents.value)
     look = look_of(colour, agents.value)
     drawn = draw_squares(ax, layer, shown, "agents", array=shown.value, **look)
@@ -112,7 +111,7 @@ def plot_quadtree(
     return ax
 
 
-def told(result: SpawnedResult, generation: int | None) -> str:
+def told(result: ElasticResult, generation: int | None) -> str:
     """Return in words what stands in a generation."""
     last = len(result.generations) - 1
     number = last if generation is None else generation
@@ -120,7 +119,7 @@ def told(result: SpawnedResult, generation: int | None) -> str:
     return agents_told(found.agents, number, found.error)
 
 
-def standing(result: SpawnedResult, colour: str, generation: int | None = None) -> Standing:
+def standing(result: ElasticResult, colour: str, generation: int | None = None) -> Standing:
     """Return the agents of a generation, with what their colours show."""
     if colour not in COLOURS:
         raise ParameterError(

@@ -31,7 +31,6 @@ from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, taken_in
 from .space import box_around, draw_arrows, draw_frame
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes
-from .subject import focus_of, grid_of, stage_number
 from .units import counted, quantity, times
 from .voxels import draw_agents_in_space
 
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
     from kaju.model.creep.elastic_result import ElasticCreepResult
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import BodyResult
+    from kaju.model.result import Field
 
     from .section import Floats, Ints, Section
 
@@ -120,15 +119,15 @@ def spawning(
     if result.scene.lattice.dimension == 3 and cut is None:
         return _spawning_in_space(result)
     stage = result.last
-    section = section_of(result.scene, focus_of(result), cut, crop)
+    section = section_of(result.scene, result.focus, cut, crop)
     ax = new_axes(None)
     entries = draw_body(ax, section)
-    draw_forces(ax, section, stage_number(result))
+    draw_forces(ax, section, result.stage)
     norm = spawn_norm(stage.generations)
     spawn_bar(ax, norm, stage.generations)
     entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
     notes = finish(ax, section, "Agents spawn and pass their loads on", TWO_LINES, entries)
-    coarse = section_of(result.scene, focus_of(result), cut, crop, FILM_ARROWS_ACROSS)
+    coarse = section_of(result.scene, result.focus, cut, crop, FILM_ARROWS_ACROSS)
     every = [taken_in(stage, generation) for generation in range(stage.generations + 1)]
     largest = max(coarse.gather(stage.cells, t, "sum")[1].max(initial=0.0) for t in every)
     scale = load_norm(np.array([largest]))
@@ -145,13 +144,13 @@ def spawning(
 
 def _spawning_in_space(result: TransferResult) -> Reel:
     scene, stage = result.scene, result.last
-    cells = focus_of(result)
+    cells = result.focus
     assert cells is not None
     box = box_around(scene, cells)
     ax = new_axes(None, (6.8, 6.2), "3d")
     space = cast(Axes3D, ax)
     draw_frame(space, scene, box)
-    draw_arrows(space, scene, box, stage_number(result))
+    draw_arrows(space, scene, box, result.stage)
     norm = spawn_norm(stage.generations)
     spawn_bar(ax, norm, stage.generations)
     legend(ax, boundary_entries(stage.boundary_kind))
@@ -183,7 +182,7 @@ def loading(
     result: TransferResult, cut: Mapping[str, int] | None = None, crop: bool | None = None
 ) -> Reel:
     """Return the stages of loading: the body deforms as the load grows."""
-    section = section_of(result.scene, focus_of(result), cut, crop)
+    section = section_of(result.scene, result.focus, cut, crop)
     states = [result.at_stage(number) for number in range(1, len(result.stages) + 1)]
     load = [0.0, *applied_loads(result).tolist()]
 
@@ -201,11 +200,9 @@ GROWING = 24
 """Frames in which an elastic body takes its load."""
 
 
-def growing(
-    result: BodyResult, cut: Mapping[str, int] | None = None, crop: bool | None = None
-) -> Reel:
+def growing(result: Field, cut: Mapping[str, int] | None = None, crop: bool | None = None) -> Reel:
     """Return an elastic body whose load grows evenly, and its displacements with it."""
-    section = section_of(grid_of(result), focus_of(result), cut, crop)
+    section = section_of(result.grid, result.focus, cut, crop)
     full = _move(result, section)
     shares = [number / GROWING for number in range(GROWING + 1)]
     moves = [_Move(share * full.corners, share * full.size) for share in shares]
@@ -218,7 +215,7 @@ def creeping(
     crop: bool | None = None,
 ) -> Reel:
     """Return a body in time, at the moments asked for."""
-    section = section_of(grid_of(result.static), focus_of(result.static), cut, crop)
+    section = section_of(result.static.grid, result.static.focus, cut, crop)
     moves = [
         _move(result.static, section, partial(result.displacement_at, record=k))
         for k in range(len(result.times))
@@ -243,7 +240,7 @@ def _body_tiles(section: Section) -> Ints:
     return every[kind >= 0]
 
 
-def _move(result: BodyResult, section: Section, moved_at: MovedAt | None = None) -> _Move:
+def _move(result: Field, section: Section, moved_at: MovedAt | None = None) -> _Move:
     tiles = _body_tiles(section)
     return _Move(
         corner_displacements(result, section, tiles, moved_at),
@@ -256,7 +253,7 @@ def _still(move: _Move) -> _Move:
 
 
 def _deforming(
-    result: BodyResult,
+    result: Field,
     section: Section,
     moves: list[_Move],
     shares: list[float],
@@ -268,7 +265,7 @@ def _deforming(
 
     `staged` frames are the scene's own stages of loading.
     """
-    tiles, stage = _body_tiles(section), stage_number(result)
+    tiles, stage = _body_tiles(section), result.stage
     seen = [move.corners for move in moves if move.size.any()]
     factor = min((magnification_for(section, tiles, move) for move in seen), default=1.0)
     norm = Normalize(0.0, float(max(move.size.max(initial=0.0) for move in moves)) or 1.0)

@@ -20,18 +20,17 @@ from .reels import TWO_LINES, Reel
 from .section import Floats
 from .space import draw_arrows, draw_frame
 from .style import caption, figure_of, new_axes
-from .subject import stage_number
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-    from kaju.model.spawning.spawned_result import SpawnedResult
+    from kaju.model.elasticity.elastic_result import ElasticResult
 
 TITLE = "Agents spawn where load is left unbalanced"
 
 
 def generations(
-    result: SpawnedResult,
+    result: ElasticResult,
     colour: str = "level",
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
@@ -44,7 +43,7 @@ def generations(
     layer = layer_of(result, cut, crop)
     ax = new_axes(None)
     entries = draw_surroundings(ax, layer)
-    draw_forces(ax, layer, stage_number(result))
+    draw_forces(ax, layer, result.stage)
     bar_of(ax, ScalarMappable(look["norm"], look["cmap"]), colour, values)
     notes = finish(ax, layer, TITLE, TWO_LINES, entries)
 
@@ -58,13 +57,13 @@ def generations(
 
 
 def _in_space(
-    result: SpawnedResult, colour: str, crop: bool | None, look: dict[str, Any], values: Floats
+    result: ElasticResult, colour: str, crop: bool | None, look: dict[str, Any], values: Floats
 ) -> Reel:
     view = view_of(result, crop)
     ax = new_axes(None, SPACE, "3d")
     space = cast(Axes3D, ax)
     draw_frame(space, result.grid, view.box)
-    draw_arrows(space, result.grid, view.box, stage_number(result), MOST_ARROWS)
+    draw_arrows(space, result.grid, view.box, result.stage, MOST_ARROWS)
     bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, values)
     notes = caption(ax, TITLE, TWO_LINES)
 
@@ -75,11 +74,11 @@ def _in_space(
     return Reel(figure_of(ax), len(result.generations) - 1, draw, notes, words)
 
 
-def _words(result: SpawnedResult, still: str) -> Callable[[int], str]:
+def _words(result: ElasticResult, still: str) -> Callable[[int], str]:
     return lambda number: f"{told(result, number)}\n{still}"
 
 
-def _all_values(result: SpawnedResult, colour: str) -> Floats:
+def _all_values(result: ElasticResult, colour: str) -> Floats:
     """Return what the colours show of all generations together."""
     if colour not in OF_EVERY_GENERATION:
         raise ParameterError(

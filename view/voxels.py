@@ -14,7 +14,6 @@ from mpl_toolkits.mplot3d import Axes3D
 from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
 from .space import Box, box_around, draw_arrows, draw_frame, draw_voxels, gathered
 from .style import BODY, INK, SEQUENTIAL, caption, legend, new_axes
-from .subject import focus_of, stage_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,13 +80,13 @@ def plot_voxels(
     matplotlib Axes3D
     """
     scene, stage = result.scene, result.last
-    cells = focus_of(result)
+    cells = result.focus
     assert cells is not None
     box = box_around(scene, cells, crop)
     ax = new_axes(ax, _SIZE, "3d")
     space = cast(Axes3D, ax)
     draw_frame(space, scene, box)
-    notes = draw_arrows(space, scene, box, stage_number(result))
+    notes = draw_arrows(space, scene, box, result.stage)
     if len(stage.cells):
         norm = spawn_norm(stage.generations)
         draw_agents_in_space(space, scene, stage, box, norm)

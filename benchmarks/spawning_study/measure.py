@@ -120,7 +120,7 @@ def by_spawning(case, truth, tolerances=None):
         found, seconds, runs = timed(
             lambda t=tolerance: solve(case.scene, strategy="spawning", tolerance=t)
         )
-        cost = (found.agents, len(found.spawning.balance.free), seconds, runs)
+        cost = (found.agents, len(found.found.spawning.balance.free), seconds, runs)
         yield row(case, "spawning", tolerance, found, truth, cost, found.error_estimate)
 
 
@@ -130,7 +130,7 @@ def by_aim(case, truth, tolerances):
         found, seconds, runs = timed(
             lambda t=tolerance: solve(case.scene, tolerance_at="displacement", tolerance=t)
         )
-        cost = (found.agents, len(found.spawning.balance.free), seconds, runs)
+        cost = (found.agents, len(found.found.spawning.balance.free), seconds, runs)
         yield row(case, "aimed", tolerance, found, truth, cost, found.displacement_error_estimate)
 
 

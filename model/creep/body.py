@@ -18,6 +18,7 @@ from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
 from kaju.agents.rheology_steps import Laws
 from kaju.errors import ResultError
+from kaju.model.archive import Archive
 from kaju.model.propagation.deformation import DisplacementField, Squeeze, squeeze
 from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.result import BodyResult, cells_of_points
@@ -61,8 +62,9 @@ class TransferCreepResult(BodyCourse):
         return {**arrays, "growth": self.growth}, about
 
     @classmethod
-    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
-        return {**super()._from_own(arrays, about), "growth": arrays["growth"]}
+    def _from_own(cls, archive: Archive) -> dict[str, Any]:
+        growth = archive.array("growth", "f", (None, None))
+        return {**super()._from_own(archive), "growth": growth}
 
     def squeezed(self, record: int = -1) -> Squeeze:
         """Return how much the agents are squeezed, their pressures at a factor of 1."""

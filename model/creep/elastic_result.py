@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from kaju.agents.rheology_steps import Laws
 from kaju.errors import ResultError
+from kaju.model.archive import Archive
 from kaju.model.elasticity import fields
+from kaju.model.elasticity.cell_agents import CellAgents
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.staggered import Strains, axis_pairs, edge_modulus
 from kaju.model.result import BodyResult
@@ -48,7 +50,7 @@ class ElasticCreepResult(BodyCourse):
         What was marched through time where it does not.
     faces, cells, edges : arrays or None
         Then: displacement of the active faces, stress of the cells along each axis, and shear
-        of the edges, in the scaled units of ``static.problem``, one row for each time.
+        of the edges, in the scaled units of ``static.found.problem``, one row for each time.
     """
 
     kind: ClassVar[str] = "elasticity in time"
@@ -70,8 +72,8 @@ class ElasticCreepResult(BodyCourse):
         return arrays | {name: v for name, v in stored.items() if v is not None}, about
 
     @classmethod
-    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
-        own = super()._from_own(arrays, about)
+    def _from_own(cls, archive: Archive) -> dict[str, Any]:
+        own, arrays = super()._from_own(archive), archive.arrays
         own |= {name: arrays.get(name) for name in _STORED}
         return own if "growth" in arrays else {**own, "body": SteppedBody(own["static"])}
 
@@ -84,14 +86,14 @@ class ElasticCreepResult(BodyCourse):
     def cell_displacement(self, record: int = -1) -> Floats:
         """Return the displacement of the cells' middles (m), as `ElasticResult` does."""
         if self.growth is not None:
-            return np.asarray(self.growth[record] * self.static.cell_displacement)
-        return self._moved(record).cell_displacement
+            return np.asarray(self.growth[record] * self.static.cells().displacement)
+        return self._moved(record).cells().displacement
 
     def stress(self, record: int = -1) -> Floats:
         """Return the stress tensors of the cells (Pa), shape (n, ..., dimension, dimension)."""
         if self.growth is not None:
-            return np.asarray(self.factors[record] * self.static.stress)
-        problem = self.static.problem
+            return np.asarray(self.factors[record] * self.static.cells().stress)
+        problem = self._cells.problem
         solid = problem.kinds >= 0
         cells = []
         for values in self._stepped(self.cells)[record]:
@@ -113,16 +115,28 @@ class ElasticCreepResult(BodyCourse):
 
     def _moved(self, record: int) -> ElasticResult:
         """Return a result with the displacements of a moment; its stresses mean nothing."""
-        problem = self.static.problem
+        problem = self._cells.problem
         assert self.body is not None
         moved = tuple(float(self.factors[record]) * values for values in problem.fixed)
         self.body.numbering.scatter(self._stepped(self.faces)[record], moved)
-        return replace(self.static, solution=replace(self.static.solution, displacement=moved))
+        solution = replace(self._cells.solution, displacement=moved)
+        return replace(self.static, found=replace(self._cells, solution=solution))
+
+    @property
+    def _cells(self) -> CellAgents:
+        return cells_of(self.static)
 
     def _stepped(self, values: Floats | None) -> Floats:
         if values is None:
             raise ResultError("this run followed the correspondence principle: scale `static`")
         return values
+
+
+def cells_of(static: ElasticResult) -> CellAgents:
+    """Return the equal cells of an elastic answer."""
+    if not isinstance(static.found, CellAgents):
+        raise ResultError("creep: is worked out on equal cells; take strategy='uniform'")
+    return static.found
 
 
 class CorrespondingBody(Elements):
@@ -146,12 +160,12 @@ class SteppedBody(CreepingBody):
 
     def __init__(self, static: ElasticResult) -> None:
         self.static = static
-        super().__init__(static.problem, static.grid.cell_materials)
+        super().__init__(cells_of(static).problem, static.grid.cell_materials)
 
 
 def elastic_body(static: ElasticResult) -> CorrespondingBody | SteppedBody:
     """Return the cheapest thing to march for an elastic scene."""
-    materials, problem = static.grid.cell_materials, static.problem
+    materials, problem = static.grid.cell_materials, cells_of(static).problem
     table = np.array(
         [
             np.array([law.K_f, law.D_f, 1.0 / law.D_d]) * [1 / e, 1 / e, e]

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.archive import Archive
 from kaju.model.curves import Curves
 from kaju.model.network.geometry import spring_forces, spring_geometry
 from kaju.model.network.network_result import NetworkResult, network_archive, network_from
@@ -33,6 +34,8 @@ class NetworkCreepResult(Course):
     """
 
     kind: ClassVar[str] = "network in time"
+    pictures: ClassVar[tuple[str, ...]] = ("curves", "deformed")
+    films: ClassVar[tuple[str, ...]] = ("times", "curves")
     network: SpringNetwork
     displacement: Floats
     force: Floats
@@ -65,9 +68,9 @@ class NetworkCreepResult(Course):
         return {**arrays, "displacement": self.displacement, "force": self.force}, about
 
     @classmethod
-    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
-        own = {name: arrays[name] for name in ("displacement", "force")}
-        return {"network": network_from(arrays, about), **own}
+    def _from_own(cls, archive: Archive) -> dict[str, Any]:
+        own = {name: archive.array(name, "f", None) for name in ("displacement", "force")}
+        return {"network": network_from(archive.arrays, archive.about), **own}
 
     def outside_forces(self, record: int = -1) -> Floats:
         """Return what acts on every node from outside (N), shape (n, dimension).

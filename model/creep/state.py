@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_beside
+from kaju.model.archive import Archive, open_archive, reading, write_archive
 from kaju.model.curves import Curves
-from kaju.model.result import BodyResult, Result, grid_of, read_archive, write_archive
+from kaju.model.result import BodyResult, Described
 
 if TYPE_CHECKING:
     import pandas
@@ -116,7 +117,7 @@ _COURSE = ("times", "factors", "work", "stored", "dissipated", "numerical")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Course(Result):
+class Course(Described):
     """What every run in time returns, at the times asked for.
 
     Attributes
@@ -135,6 +136,9 @@ class Course(Result):
         Time that the computation took (s).
     """
 
+    kind: ClassVar[str]
+    pictures: ClassVar[tuple[str, ...]] = ("curves",)
+    films: ClassVar[tuple[str, ...]] = ("times",)
     times: Floats
     factors: Floats
     work: Floats
@@ -158,7 +162,7 @@ class Course(Result):
 
     @classmethod
     @abstractmethod
-    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+    def _from_own(cls, archive: Archive) -> dict[str, Any]:
         """Return the fields that `_own` took apart."""
 
     def curves(self) -> list[Curves]:
@@ -239,12 +243,20 @@ class Course(Result):
         ResultFileError
             If the file is missing, or holds something else.
         """
-        arrays, about = read_archive(path, cls.kind)
-        course = {name: arrays[f"course.{name}"] for name in _COURSE}
-        count = sum(name.startswith("state.") for name in arrays)
-        state = CreepState(tuple(arrays[f"state.{i}"] for i in range(count)), **about["state"])
-        own = cls._from_own(arrays, about)
-        return cls(**course, state=state, seconds=about["course_seconds"], **own)
+        archive = open_archive(path, cls.kind)
+        with reading(path):
+            arrays, about = archive.arrays, archive.about
+            course = {name: archive.array(f"course.{name}", "f", (None,)) for name in _COURSE}
+            count = sum(name.startswith("state.") for name in arrays)
+            fields = tuple(archive.array(f"state.{i}", "f", None) for i in range(count))
+            state = CreepState(fields, **archive.value("state", dict))
+            own = cls._from_own(archive)
+            return cls(**course, state=state, seconds=about["course_seconds"], **own)
+
+    @classmethod
+    def kinds(cls) -> tuple[str, ...]:
+        """Return the labels of stored results that it reads."""
+        return (cls.kind,)
 
     def record_at(self, time: float) -> int:
         """Return the index of a time asked for.
@@ -273,6 +285,8 @@ class BodyCourse(Course):
         The same scene without time, at a factor of 1.
     """
 
+    pictures: ClassVar[tuple[str, ...]] = ("curves", "deformed", "scene")
+    films: ClassVar[tuple[str, ...]] = ("times", "curves")
     static: BodyResult
     _static: ClassVar[type[BodyResult]]
 
@@ -284,7 +298,7 @@ class BodyCourse(Course):
     @property
     def grid(self) -> Scene:
         """The scene on the cells that the fields belong to."""
-        return grid_of(self.static)
+        return self.static.grid
 
     @abstractmethod
     def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
@@ -318,15 +332,17 @@ class BodyCourse(Course):
         return parts, {"scene": text, "static": about}
 
     @classmethod
-    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
+    def _from_own(cls, archive: Archive) -> dict[str, Any]:
         from kaju.model.scene import Scene
 
         def part(of: str) -> dict[str, NDArray[Any]]:
-            found = [name for name in arrays if name.startswith(of)]
-            return {name.removeprefix(of): arrays[name] for name in found}
+            found = [name for name in archive.arrays if name.startswith(of)]
+            return {name.removeprefix(of): archive.arrays[name] for name in found}
 
-        scene = Scene.from_archive(about["scene"], part("scene."))
-        return {"static": cls._static._from_archive(scene, part("static."), about["static"])}
+        scene = Scene.from_archive(archive.value("scene", str), part("scene."))
+        about = {**archive.value("static", dict), "kind": cls._static.kind}
+        static = Archive(archive.path, part("static."), about)
+        return {"static": cls._static._from_archive(scene, static)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -357,5 +373,6 @@ class CreepResult(Course):
         return {"displacement": self.displacement, "force": self.force}, {}
 
     @classmethod
-    def _from_own(cls, arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> dict[str, Any]:
-        return {"displacement": arrays["displacement"], "force": arrays["force"]}
+    def _from_own(cls, archive: Archive) -> dict[str, Any]:
+        columns = ("displacement", "force")
+        return {name: archive.array(name, "f", (None,)) for name in columns}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import isfinite
 from time import perf_counter
-from typing import Literal
 
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 
+from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
-from .engine import Answered, solve_problem
+from .engine import Answered, Solution, solve_problem
 from .grid import Grid, grid_of
 from .prepared import same_body
 from .supports import check_supports
@@ -22,7 +22,6 @@ def solve(
     scene: Scene,
     tolerance: float | None = None,
     resolution: int | None = None,
-    strategy: Literal["auto", "uniform"] = "auto",
     *,
     stage: int | None = None,
     previous: ElasticResult | None = None,
@@ -42,8 +41,6 @@ def solve(
         Cells to solve per cell of the scene, along every axis: 2 halves them. By default 1,
         or 2 where a member is only one cell wide, which could not carry shear; with a
         previous result as many as there.
-    strategy : {"auto", "uniform"}
-        "uniform" takes equal cells everywhere; so does "auto" at present.
     stage : int, optional
         Stage of loading; by default the last.
     previous : ElasticResult, optional
@@ -64,24 +61,18 @@ def solve(
         If an argument or the scene breaks a rule.
     """
     start = perf_counter()
-    _check(tolerance, resolution, strategy)
+    _check(tolerance, resolution)
     grid, answered = _grid(scene, stage, resolution, previous)
     if answered is None or not same_body(grid.problem, answered.problem):
         check_supports(grid.problem, grid.origin, grid.division)
     solution = solve_problem(grid.problem, tolerance, answered)
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
+    found = CellAgents(grid.scene, stage, grid.problem, grid.origin, solution)
     result = ElasticResult(
-        scene,
-        grid.scene,
-        stage,
-        grid.division,
-        grid.problem,
-        grid.origin,
-        solution,
-        perf_counter() - start,
+        scene, stage, found, perf_counter() - start, tolerance=None, resolution=resolution
     )
     if not solution.converged:
-        raise ConvergenceError(_remedy(result, tolerance), result.residuals, result)
+        raise ConvergenceError(_remedy(solution, tolerance), result.residuals, result)
     return result
 
 
@@ -91,19 +82,19 @@ def _grid(
     """Return the grid, and the previous answer if it is of as many cells in the same place."""
     if previous is None:
         return grid_of(scene, stage, resolution or 1), None
-    if not isinstance(previous, ElasticResult):
+    found = previous.found
+    if not isinstance(found, CellAgents):
         raise ParameterError(
-            f"previous: equal cells continue from an ElasticResult, got {type(previous).__name__}"
+            "previous: equal cells continue from equal cells, and its agents are of many sizes; "
+            "take strategy='spawning', or leave `previous` out"
         )
-    grid = grid_of(scene, stage, resolution or previous.subdivision, previous.problem)
-    if previous.origin != grid.origin or previous.problem.kinds.shape != grid.problem.kinds.shape:
+    grid = grid_of(scene, stage, resolution or previous.subdivision, found.problem)
+    if found.origin != grid.origin or found.problem.kinds.shape != grid.problem.kinds.shape:
         return grid, None
-    return grid, Answered(previous.problem, previous.solution)
+    return grid, Answered(found.problem, found.solution)
 
 
-def _check(tolerance: float | None, resolution: int | None, strategy: str) -> None:
-    if strategy not in ("auto", "uniform"):
-        raise ParameterError(f"strategy: must be 'auto' or 'uniform', got {strategy!r}")
+def _check(tolerance: float | None, resolution: int | None) -> None:
     if tolerance is not None and not (
         isfinite(tolerance) and SMALLEST_TOLERANCE <= tolerance < 1.0
     ):
@@ -116,12 +107,11 @@ def _check(tolerance: float | None, resolution: int | None, strategy: str) -> No
         raise ParameterError(f"resolution: must be 1 or more, got {resolution}")
 
 
-def _remedy(result: ElasticResult, tolerance: float | None) -> str:
-    solution = result.solution
+def _remedy(solution: Solution, tolerance: float | None) -> str:
     asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
     return (
         f"solve: after {solution.iterations} iterations of {solution.method} the relative residual "
-        f"is {result.residuals[-1]:.2g}, short of {asked}; install pyamg (pip install "
+        f"is {solution.residuals[-1]:.2g}, short of {asked}; install pyamg (pip install "
         "'kaju[amg]'), take a larger tolerance, or a smaller contrast of the materials. The "
         "error's `best` holds the result so far, its `residuals` the history"
     )

@@ -13,7 +13,8 @@ from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 
 from kaju import __version__
 from kaju.errors import ResultError
-from kaju.model.result import Result, read_archive, write_archive
+from kaju.model.archive import read_archive, reading, write_archive
+from kaju.model.result import Described
 
 from .geometry import spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network
@@ -39,7 +40,7 @@ _NETWORK_ARRAYS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NetworkResult(Result):
+class NetworkResult(Described):
     """States of a spring network along its load path.
 
     Record 0 is the network before any load, record k the end of increment k. Where a record
@@ -280,10 +281,26 @@ class NetworkResult(Result):
             If the file is missing, or is no result of a spring network.
         """
         arrays, text = read_archive(path, cls.kind)
-        network = network_from(arrays, text)
-        answer: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
-        answer |= {name: text[name] for name in ("scheme", "method", "seconds")}
-        return cls(network=network, **answer)
+        with reading(path):
+            network = network_from(arrays, text)
+            answer: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
+            answer |= {name: text[name] for name in ("scheme", "method", "seconds")}
+            return cls(network=network, **answer)
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+        return ("deformed", "response")
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+        return ("increments",)
+
+    @classmethod
+    def kinds(cls) -> tuple[str, ...]:
+        """Return the labels of stored results that it reads."""
+        return (cls.kind,)
 
 
 def network_archive(network: SpringNetwork) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ResultError
-from kaju.model.result import BodyResult, cells_of_points
+from kaju.model.archive import Archive
+from kaju.model.result import BodyResult, Tiles, cells_of_points
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID
 
@@ -51,6 +52,50 @@ class TransferResult(BodyResult):
     stages: tuple[Stage, ...]
     certificate: Certificate
     seconds: float
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+        return PICTURES if len(self.stages) > 1 else tuple(p for p in PICTURES if p != "stages")
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+        return ("generations", "stages")
+
+    @property
+    def focus(self) -> NDArray[np.int64]:
+        """The cells that pictures are about: those of agents, or where forces are."""
+        stage = self.last
+        if len(stage.cells):
+            return np.concatenate([stage.cells, stage.boundary_cells])
+        return self.scene.applied().cells
+
+    @property
+    def name(self) -> str:
+        """What it is called beside another answer."""
+        return "prescribed rule"
+
+    @property
+    def grid(self) -> Scene:
+        """The scene, on whose cells the agents stand."""
+        return self.scene
+
+    @property
+    def stage(self) -> int:
+        """The stage of loading at which it stands, counted from 1."""
+        return len(self.stages)
+
+    def tiles(self, value: FloatArray) -> Tiles:
+        """Return the agents with a value each, as they are drawn."""
+        size = self.scene.lattice.cell_size
+        lower = np.asarray(size * self.last.cells, dtype=np.float64)
+        return Tiles(lower, np.full(len(lower), size), np.asarray(value, dtype=np.float64))
+
+    @property
+    def taken(self) -> FloatArray:
+        """Loads taken (N) by direction, shape (agents, directions)."""
+        return self.last.taken
 
     @property
     def last(self) -> Stage:
@@ -225,9 +270,8 @@ class TransferResult(BodyResult):
         return arrays, {"stages": described, "certificate": asdict(self.certificate)}
 
     @classmethod
-    def _from_archive(
-        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
-    ) -> TransferResult:
+    def _from_archive(cls, scene: Scene, archive: Archive) -> TransferResult:
+        arrays, about = archive.arrays, archive.about
         stages = []
         for number, described in enumerate(about["stages"]):
             history = {f.name: arrays[f"{number}.history.{f.name}"] for f in fields(History)}
@@ -240,6 +284,22 @@ class TransferResult(BodyResult):
             stages.append(Stage(**described, **columns, history=History(**history)))
         certificate = Certificate(**about["certificate"])
         return cls(scene, tuple(stages), certificate, about["seconds"])
+
+
+PICTURES = (
+    "agents",
+    "loads",
+    "deformed",
+    "displacement",
+    "strain",
+    "stress",
+    "von_mises",
+    "taken",
+    "load_path",
+    "ledger",
+    "stages",
+    "scene",
+)
 
 
 def _columns(record: Stage | History) -> dict[str, NDArray[Any]]:

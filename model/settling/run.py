@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.model.archive import Archive
 from kaju.model.curves import Curves
+from kaju.model.elasticity.cell_agents import CellAgents
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.engine import Solution
 from kaju.model.elasticity.staggered import strain_energy
@@ -77,6 +79,25 @@ class ElasticRun(BodyResult):
     seconds: float
 
     @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+        return ("agents", "left", "curves", *self.result.pictures[1:])
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+        return ("waves",)
+
+    @property
+    def name(self) -> str:
+        """What it is called beside another answer."""
+        return "elastic agents"
+
+    @property
+    def focus(self) -> None:
+        """The cells that pictures are about: all of the body."""
+
+    @property
     def grid(self) -> Scene:
         """The scene on the cells whose faces the agents stand on."""
         return self.result.grid
@@ -89,7 +110,7 @@ class ElasticRun(BodyResult):
     @property
     def displacement(self) -> tuple[Floats, ...]:
         """Per axis the displacement (m) of the faces normal to it; NaN where there is no body."""
-        return self.result.face_displacement
+        return self.result.cells().face_displacement
 
     @property
     def energy(self) -> Floats:
@@ -190,9 +211,9 @@ class ElasticRun(BodyResult):
         }
 
     @classmethod
-    def _from_archive(
-        cls, scene: Scene, arrays: dict[str, NDArray[Any]], about: dict[str, Any]
-    ) -> Self:
+    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
+        arrays, about = archive.arrays, archive.about
+
         def part(name: str) -> dict[str, Any]:
             return {
                 key.partition(".")[2]: values
@@ -200,7 +221,7 @@ class ElasticRun(BodyResult):
                 if key.partition(".")[0] == name
             }
 
-        answer = {**about["answer"], "seconds": about["answer_seconds"]}
+        answer = {**about["answer"], "kind": "elastic", "seconds": about["answer_seconds"]}
         ledger: dict[str, Any] = {
             name: np.asarray(value) for name, value in about["ledger"].items()
         }
@@ -208,7 +229,9 @@ class ElasticRun(BodyResult):
         certificate = about["certificate"]
         return cls(
             scene=scene,
-            result=ElasticResult._from_archive(scene, part("answer"), answer),
+            result=ElasticResult._from_archive(
+                scene, Archive(archive.path, part("answer"), answer)
+            ),
             outcome=about["outcome"],
             threshold=about["threshold"],
             agents=FaceAgents(**part("agents")),
@@ -267,16 +290,8 @@ def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
         converged=model.at_rest,
         notes=[outcome, "the error estimate is of the loads left; the grid's own is not in it"],
     )
-    return ElasticResult(
-        model.scene,
-        table.grid,
-        model.stage,
-        table.subdivision,
-        table.problem,
-        table.origin,
-        solution,
-        model.seconds,
-    )
+    found = CellAgents(table.grid, model.stage, table.problem, table.origin, solution)
+    return ElasticResult(model.scene, model.stage, found, model.seconds)
 
 
 def _face_agents(model: ElasticModel) -> FaceAgents:

@@ -12,17 +12,18 @@ from dataclasses import replace
 from math import inf, log
 from time import perf_counter
 
-import numpy as np
-
+from kaju.errors import ConvergenceError
+from kaju.model.elasticity.cell_agents import CellAgents
 from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elasticity.solve import solve
 from kaju.model.scene import Scene
+from kaju.model.solving import SMALLEST_TOLERANCE, check_numbers
 
 from .costs import cost_of_agents
 from .equal_cells import EqualCells
 from .generations import Spawner, Spawning
 from .ground import ground_of
-from .solve import MOST_AGENTS, answer_of, check_arguments
-from .spawned_result import SpawnedResult
+from .solve import MOST_AGENTS, answer_of
 
 FEWEST = {2: 1.0, 3: 0.5}
 """Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
@@ -100,7 +101,7 @@ def solve_cheaply(
     stage: int | None = None,
     most_agents: int | None = None,
     previous: ElasticResult | None = None,
-) -> ElasticResult | SpawnedResult:
+) -> ElasticResult:
     """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper.
 
     Parameters
@@ -117,7 +118,7 @@ def solve_cheaply(
 
     Returns
     -------
-    ElasticResult or SpawnedResult
+    ElasticResult
         Its notes say what was chosen, and why.
 
     Raises
@@ -126,17 +127,16 @@ def solve_cheaply(
         As `solve_spawning`.
     """
     start = perf_counter()
-    check_arguments(tolerance, resolution, most_agents)
+    check_numbers(tolerance, resolution)
     cells = EqualCells(scene, tolerance, resolution, stage, previous)
     agents = Agents(scene, tolerance, resolution, stage, most_agents)
     while True:
         if cells.continues or FAVOUR * cells.seconds < agents.seconds:
             equal = cells.step()
             if equal is not None:
-                notes = [note for note in equal.solution.notes if TAKEN not in note]
+                notes = [note for note in equal.notes if TAKEN not in note]
                 notes += cells_notes(equal, agents, tolerance)
-                solution = replace(equal.solution, notes=notes)
-                return replace(equal, solution=solution, seconds=perf_counter() - start)
+                return with_notes(equal, notes, tolerance, perf_counter() - start)
         else:
             spawning = agents.step()
             if spawning is not None:
@@ -145,19 +145,73 @@ def solve_cheaply(
                 return answer_of(spawning, scene, stage, *how, perf_counter() - start)
 
 
+def solve_equal(
+    scene: Scene,
+    tolerance: float,
+    resolution: int | None = None,
+    *,
+    stage: int | None = None,
+    previous: ElasticResult | None = None,
+) -> ElasticResult:
+    """Solve a scene by equal cells that are small enough for a tolerance.
+
+    With a resolution all cells are as small as that. Where their error is above the tolerance,
+    however small, the answer's notes say so; their equations are solved to it at least.
+
+    Raises
+    ------
+    ConvergenceError
+        If more cells would be needed than fit.
+    """
+    start = perf_counter()
+    if resolution is not None or tolerance < SMALLEST_TOLERANCE:
+        result = solve(scene, tolerance, resolution, stage=stage, previous=previous)
+        notes = [*result.notes, *above_note(result, tolerance)]
+        return with_notes(result, notes, tolerance, perf_counter() - start)
+    cells = EqualCells(scene, tolerance, None, stage, previous, divides=True)
+    while cells.seconds < inf:
+        result_or_none = cells.step()
+        if result_or_none is not None:
+            return with_notes(
+                result_or_none, list(result_or_none.notes), tolerance, perf_counter() - start
+            )
+    best = cells.last
+    raise ConvergenceError(
+        f"solve: a tolerance of {tolerance:g} needs about {cells.cells:.2g} equal cells, more than "
+        "fit, or cells that cannot be solved; take a larger tolerance, or strategy='spawning'. The "
+        "error's `best` holds the result so far",
+        () if best is None else best.residuals,
+        best,
+    )
+
+
+def above_note(result: ElasticResult, tolerance: float) -> list[str]:
+    """Say that the smallest cells allowed do not do, if so."""
+    if result.error_estimate <= tolerance:
+        return []
+    return [
+        f"the smallest cells allowed leave an estimated error of {result.error_estimate:.2g}, "
+        f"above the tolerance of {tolerance:g}; a larger resolution allows smaller ones"
+    ]
+
+
+def with_notes(
+    equal: ElasticResult, notes: list[str], tolerance: float, seconds: float
+) -> ElasticResult:
+    """Return an answer of equal cells with what was asked of it, and what is to be said."""
+    found = equal.found
+    assert isinstance(found, CellAgents)
+    found = replace(found, solution=replace(found.solution, notes=notes))
+    return replace(equal, found=found, tolerance=tolerance, seconds=seconds)
+
+
 def cells_notes(equal: ElasticResult, agents: Agents, tolerance: float) -> list[str]:
     """Say why equal cells were taken, and whether they do."""
-    count = np.count_nonzero(equal.body)
-    notes = [
-        f"{count:,} {TAKEN} for a tolerance of {tolerance:g}; of agents that "
-        f"spawn about {agents.agents:,.0f} were expected"
+    return [
+        f"{equal.agents:,} {TAKEN} for a tolerance of {tolerance:g}; of agents that "
+        f"spawn about {agents.agents:,.0f} were expected",
+        *above_note(equal, tolerance),
     ]
-    if equal.error_estimate > tolerance:
-        notes.append(
-            f"the smallest cells allowed leave an estimated error of {equal.error_estimate:.2g}, "
-            f"above the tolerance of {tolerance:g}; a larger resolution allows smaller ones"
-        )
-    return notes
 
 
 def agents_note(cells: EqualCells, tolerance: float) -> str:

@@ -44,6 +44,8 @@ class EqualCells:
     stage : int or None
     previous : ElasticResult, optional
         The answer to a scene of which something was changed: the first run continues from it.
+    divides : bool
+        Divide cells even where smaller ones make round shapes rounder and point loads sharper.
 
     Attributes
     ----------
@@ -61,9 +63,11 @@ class EqualCells:
         resolution: int | None,
         stage: int | None,
         previous: ElasticResult | None = None,
+        divides: bool = False,
     ) -> None:
         self.scene, self.tolerance = scene, tolerance
         self.resolution, self.stage, self.previous = resolution, stage, previous
+        self._divides = divides
         self.last: ElasticResult | None = None
         self.error = inf
         self._order: float | None = None
@@ -144,7 +148,7 @@ class EqualCells:
         """Note how many cells there are, how far off they are, and how fast the error falls."""
         last, self.last = self.last, result
         division = result.subdivision
-        self._cells = float(np.count_nonzero(result.body)) / division**result.problem.dimension
+        self._cells = float(result.agents) / division**self.scene.lattice.dimension
         self.error = result.error_estimate
         if last is None or not self.error > 0.0:
             return
@@ -161,7 +165,7 @@ class EqualCells:
 
         Round shapes become rounder on smaller cells, and loads at points sharper.
         """
-        if division == 1:
+        if division == 1 or self._divides:
             return True
         if self._count(division) > MOST_CELLS[self._method]:
             return False

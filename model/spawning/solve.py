@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from time import perf_counter
 
 from kaju.errors import ConvergenceError, ParameterError
+from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.scene import Scene
+from kaju.model.solving import TOLERANCE, check_numbers
 
 from .generations import Spawning, spawn
 from .goals import Asked, aim_of, asked
 from .ground import ground_of
 from .previous import check_previous
 from .quantities import ToleranceAt
-from .spawned_result import SpawnedResult
+from .tree_agents import TreeAgents
 
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
 CONTRAST = 1e4
 """Of materials, from which on estimates of what a tolerance is about were seen to fail."""
-SMALLEST_TOLERANCE, TOLERANCE = 1e-6, 1e-2
 
 
 def solve_spawning(
@@ -30,8 +30,8 @@ def solve_spawning(
     tolerance_at: ToleranceAt | None = None,
     stage: int | None = None,
     most_agents: int | None = None,
-    previous: SpawnedResult | None = None,
-) -> SpawnedResult:
+    previous: ElasticResult | None = None,
+) -> ElasticResult:
     """Solve a scene as linear elasticity by agents of many sizes.
 
     The first agents are as large as the body, its materials, supports and loads let them
@@ -61,14 +61,14 @@ def solve_spawning(
         Stage of loading; by default the last.
     most_agents : int, optional
         Give up before there are more; by default 4 million, 400,000 in three dimensions.
-    previous : SpawnedResult, optional
+    previous : ElasticResult, optional
         The answer to a scene on the same cells, of which something was changed. Its agents
         are those to begin with; where the body is the same they keep their matrices, where
         fewer would do they retire and a parent comes back.
 
     Returns
     -------
-    SpawnedResult
+    ElasticResult
         Short of the tolerance only where agents may not be smaller, which its notes say.
 
     Raises
@@ -86,7 +86,7 @@ def solve_spawning(
     if previous is not None and tolerance_at is None:
         tolerance_at = previous.tolerance_at
     goals = asked(tolerance_at)
-    check_arguments(tolerance, resolution, most_agents)
+    check_numbers(tolerance, resolution, stage, most_agents)
     ground = ground_of(scene, stage, resolution)
     limit = most_agents or MOST_AGENTS[ground.dimension]
     if before is not None:
@@ -106,7 +106,7 @@ def answer_of(
     limit: int,
     seconds: float,
     tolerance_at: Asked = None,
-) -> SpawnedResult:
+) -> ElasticResult:
     """Return agents that have ended as a result.
 
     Raises
@@ -116,7 +116,8 @@ def answer_of(
     """
     spawning.notes += rest_of(spawning, tolerance, resolution)
     spawning.notes += doubts_of(spawning, tolerance_at)
-    result = SpawnedResult(scene, stage, tolerance, resolution, spawning, seconds, tolerance_at)
+    found = TreeAgents(spawning, stage)
+    result = ElasticResult(scene, stage, found, seconds, tolerance, resolution, tolerance_at)
     if spawning.stopped == "agents":
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an estimated error of "
@@ -138,19 +139,20 @@ def answer_of(
 
 
 def _continued(
-    previous: SpawnedResult | None, tolerance: float | None, resolution: int | None
+    previous: ElasticResult | None, tolerance: float | None, resolution: int | None
 ) -> tuple[Spawning | None, float, int | None]:
     """Return the previous agents, and what was not given as it was for them."""
     if previous is None:
         return None, TOLERANCE if tolerance is None else tolerance, resolution
-    if not isinstance(previous, SpawnedResult):
+    found = previous.found
+    if not isinstance(found, TreeAgents):
         raise ParameterError(
-            "previous: spawning agents continue from a SpawnedResult, got "
-            f"{type(previous).__name__}"
+            "previous: spawning agents continue from agents that have spawned, and its cells are "
+            "all equal; take strategy='uniform', or leave `previous` out"
         )
     tolerance = previous.tolerance if tolerance is None else tolerance
     resolution = previous.resolution if resolution is None else resolution
-    return previous.spawning, tolerance, resolution
+    return found.spawning, TOLERANCE if tolerance is None else tolerance, resolution
 
 
 def doubts_of(spawning: Spawning, tolerance_at: Asked) -> list[str]:
@@ -179,16 +181,3 @@ def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> lis
     if resolution is None:
         remedy = "look for a point that is almost a hinge, where stiff parts touch at a corner"
     return [f"the smallest agents allowed leave {above}; {remedy}"]
-
-
-def check_arguments(tolerance: float, resolution: int | None, most_agents: int | None) -> None:
-    """Refuse arguments that break a rule."""
-    if not (isfinite(tolerance) and SMALLEST_TOLERANCE <= tolerance < 1.0):
-        raise ParameterError(
-            f"tolerance: must lie between {SMALLEST_TOLERANCE:g} and 1 for spawning agents, got "
-            f"{tolerance}; equal cells (strategy='uniform') solve their equations to less"
-        )
-    for name, value in (("resolution", resolution), ("most_agents", most_agents)):
-        whole = isinstance(value, int) and not isinstance(value, bool)
-        if value is not None and not (whole and value >= 1):
-            raise ParameterError(f"{name}: must be a whole number from 1 upwards, got {value}")

@@ -9,14 +9,16 @@ import mesa
 
 from kaju.agents.spawning_agent import Birth, SpawningAgent
 from kaju.errors import ResultError
+from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.solving import check_numbers
 
 from .family import Family
 from .generations import Generation, Spawner
 from .goals import aim_of, asked
 from .ground import ground_of
 from .quantities import ToleranceAt
-from .solve import MOST_AGENTS, check_arguments, doubts_of, rest_of
-from .spawned_result import SpawnedResult
+from .solve import MOST_AGENTS, doubts_of, rest_of
+from .tree_agents import TreeAgents
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -77,7 +79,7 @@ class SpawningModel(mesa.Model):
         rng: int | None = None,
     ) -> None:
         super().__init__(rng=rng)
-        check_arguments(tolerance, resolution, most_agents)
+        check_numbers(tolerance, resolution, stage, most_agents)
         self.scene, self.stage = scene, stage
         self.tolerance, self.resolution = tolerance, resolution
         self.ground = ground_of(scene, stage, resolution)
@@ -191,13 +193,13 @@ class SpawningModel(mesa.Model):
         rest = rest_of(spawning, self.tolerance, self.resolution)
         return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or rest[0]}"
 
-    def run(self) -> SpawnedResult:
+    def run(self) -> ElasticResult:
         """Step until the error is within the tolerance, or the run was stopped."""
         while self.running:
             self.step()
         return self.result()
 
-    def result(self) -> SpawnedResult:
+    def result(self) -> ElasticResult:
         """Return the agents as they are.
 
         Raises
@@ -210,5 +212,6 @@ class SpawningModel(mesa.Model):
         spawning = self.spawner.outcome()
         spawning.notes += rest_of(spawning, self.tolerance, self.resolution)
         spawning.notes += doubts_of(spawning, self.tolerance_at)
-        asked = (self.scene, self.stage, self.tolerance, self.resolution)
-        return SpawnedResult(*asked, spawning, self.seconds, self.tolerance_at)
+        found = TreeAgents(spawning, self.stage)
+        asked = (self.tolerance, self.resolution, self.tolerance_at)
+        return ElasticResult(self.scene, self.stage, found, self.seconds, *asked)

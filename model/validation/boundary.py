@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.elasticity.cell_agents import CellAgents
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.engine import solve_problem
 from kaju.model.elasticity.from_scene import problem_of_scene
@@ -91,7 +92,8 @@ def solve_with_given_displacement(
     fixed = given_faces(problem, numbers, displacement)
     problem = replace(problem, fixed=fixed)
     solution = solve_problem(problem, tolerance)
-    return ElasticResult(scene, scene, None, 1, problem, origin, solution, perf_counter() - start)
+    found = CellAgents(scene, None, problem, origin, solution)
+    return ElasticResult(scene, None, found, perf_counter() - start)
 
 
 def given_faces(problem: ElasticProblem, sides: list[int], displacement: Field) -> FaceFields:

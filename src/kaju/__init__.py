@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from kaju.model.spawning.quantities import Deflection as Deflection
     from kaju.model.spawning.quantities import Reaction as Reaction
     from kaju.model.spawning.quantities import Stress as Stress
-    from kaju.model.spawning.spawned_result import SpawnedResult as SpawnedResult
     from kaju.model.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.stored import load_result as load_result
     from kaju.model.sweep import sweep as sweep
@@ -68,7 +67,6 @@ _HOME = {
     "Reference": "kaju.model.reference",
     "Result": "kaju.model.result",
     "Scene": "kaju.model.scene",
-    "SpawnedResult": "kaju.model.spawning.spawned_result",
     "SpawningModel": "kaju.model.spawning.spawning_model",
     "SpringNetwork": "kaju.model.network",
     "ThreeElement": "kaju.agents.rheology",

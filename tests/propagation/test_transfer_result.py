@@ -54,7 +54,7 @@ def test_a_stored_result_is_read_whatever_its_kind(result, tmp_path):
     elastic = solve(result.scene.replace(rule=ElasticRule()))
     elastic.save(tmp_path / "elastic")
     assert isinstance(load_result(tmp_path / "elastic.npz"), ElasticResult)
-    with pytest.raises(ResultFileError, match="of kind 'elasticity', not of 'load transfer'"):
+    with pytest.raises(ResultFileError, match="of kind 'elastic', not of 'load transfer'"):
         TransferResult.load(tmp_path / "elastic.npz")
     write_archive(tmp_path / "strange", "tea leaves", {}, {})
     with pytest.raises(ResultFileError, match="'tea leaves', which this kaju cannot read"):

@@ -135,8 +135,8 @@ def test_agents_of_one_size_are_the_uniform_grid(name):
     for side, force in uniform.reactions.items():
         atol = 1e-8 * np.abs(force).max()
         np.testing.assert_allclose(spawned.reactions[side], force, rtol=1e-8, atol=atol)
-    place = np.rint(spawned.lower / cell).astype(int) - np.asarray(uniform.origin)
-    expected = uniform.stress[tuple(place.T)]
+    place = np.rint(spawned.lower / cell).astype(int) - np.asarray(uniform.cells().origin)
+    expected = uniform.cells().stress[tuple(place.T)]
     np.testing.assert_allclose(spawned.stress, expected, atol=1e-7 * np.abs(expected).max())
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from elastic_scenes import spawned_agents
 from PIL import Image
 
-from kaju import LoadModel, Reference, Scene, SpawnedResult, compare, load_scene, solve
+from kaju import ElasticResult, LoadModel, Reference, Scene, compare, load_scene, solve
 from kaju.__main__ import main
 from kaju.errors import ResultError
 from kaju.model.compare import load_answer
@@ -115,7 +116,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     assert summary["error_estimate"] <= 0.1
     names = {path.name for path in Path("agents").iterdir()}
     assert {"result.npz", "agents.png", "von_mises.png", "deformed.png"} <= names
-    assert isinstance(load_answer("agents"), SpawnedResult)
+    assert spawned_agents(load_answer("agents"))
     assert Path(PLATE).read_bytes() == before
 
     assert kaju("run", PLATE, "--out", "cells", "--no-pictures", "--strategy", "uniform")[0] == 0
@@ -148,4 +149,4 @@ def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
     assert code == 2
     assert "most_agents" in err
     assert str(Path("here/result.npz")) in out
-    assert 100 < SpawnedResult.load("here/result.npz").agents <= 300
+    assert 100 < ElasticResult.load("here/result.npz").agents <= 300

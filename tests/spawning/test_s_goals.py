@@ -195,7 +195,7 @@ def test_derivatives_tell_how_quantities_change(plane):
     """With every displacement for a reaction, with linear ones for all; by differences."""
     scene = rubber().with_overrides({"body.plane": plane})
     result = spawned_by(scene, tolerance=0.2)
-    balance, u = result.spawning.balance, result.spawning.displacement
+    balance, u = result.found.spawning.balance, result.found.spawning.displacement
     grid, ground = balance.grid, balance.grid.ground
     place = grid.place / ground.cell
     rng = np.random.default_rng(1)
@@ -286,7 +286,9 @@ def test_everything_is_stored(tmp_path):
 def test_solving_again_gives_the_same_numbers():
     asked = [(0.1, 0.1), Stress((0.05, 0.05), "xx")]
     first, second = (spawned_by(plate(), tolerance=0.01, tolerance_at=asked) for _ in range(2))
-    np.testing.assert_array_equal(first.spawning.displacement, second.spawning.displacement)
+    np.testing.assert_array_equal(
+        first.found.spawning.displacement, second.found.spawning.displacement
+    )
     model = SpawningModel(plate(), tolerance=0.01, tolerance_at=asked)
     assert model.run().goals[1] == first.goals[1]
 

@@ -105,7 +105,7 @@ def test_hole_in_the_middle_can_be_looked_into():
 
 
 def test_fields_are_drawn_on_the_agents(flat):
-    size = np.linalg.norm(flat.agent_displacement, axis=1)
+    size = np.linalg.norm(flat.displacement, axis=1)
     found = drawn(plot(flat, "displacement"), "map").get_array()
     np.testing.assert_array_equal(found, size)
     for what, a, b in (("stress", 0, 1), ("strain", 1, 1)):

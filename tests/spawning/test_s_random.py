@@ -56,9 +56,9 @@ def test_forces_balance_and_work_is_energy(seed):
     force = scene.applied().force
     total = force.sum(axis=0) + sum(result.reactions.values())
     assert np.abs(total).max() < 1e-9 * np.abs(force).sum()
-    balance = result.spawning.balance
-    work = balance.load @ result.spawning.displacement
-    assert result.spawning.energy == pytest.approx(0.5 * work, rel=1e-7)
+    balance = result.found.spawning.balance
+    work = balance.load @ result.found.spawning.displacement
+    assert result.found.spawning.energy == pytest.approx(0.5 * work, rel=1e-7)
 
 
 @pytest.mark.parametrize("most_agents", [1_000, 8_000])

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from elastic_scenes import spawned_agents
 
 import kaju
 from kaju import Scene, solve
 from kaju.errors import ConvergenceError, ParameterError, ResultFileError, SupportError
+from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.spawning.solve import solve_spawning
-from kaju.model.spawning.spawned_result import SpawnedResult
 from kaju.model.stored import load_result
 
 
@@ -143,7 +144,9 @@ def test_reasons_for_spawning_are_kept():
 
 def test_solving_again_gives_the_same_numbers():
     first, second = (spawned_by(plate(), tolerance=0.05) for _ in range(2))
-    np.testing.assert_array_equal(first.spawning.displacement, second.spawning.displacement)
+    np.testing.assert_array_equal(
+        first.found.spawning.displacement, second.found.spawning.displacement
+    )
 
 
 def test_values_at_points_are_those_of_fine_equal_cells():
@@ -204,7 +207,7 @@ def test_resolution_bounds_the_agents_and_says_so():
 def test_too_many_agents_are_an_error_that_keeps_the_best():
     with pytest.raises(ConvergenceError, match="most_agents") as caught:
         solve(plate(), tolerance=0.01, most_agents=1000, strategy="spawning")
-    assert isinstance(caught.value.best, SpawnedResult)
+    assert spawned_agents(caught.value.best)
     assert 300 < caught.value.best.agents <= 1000
 
 
@@ -222,21 +225,21 @@ def test_bad_arguments_are_named(how, match):
 
 
 def test_agents_spawn_if_that_strategy_is_asked_for():
-    assert isinstance(solve(plate(), tolerance=0.3, strategy="spawning"), SpawnedResult)
-    assert not isinstance(solve(plate(), tolerance=0.1, strategy="uniform"), SpawnedResult)
+    assert spawned_agents(solve(plate(), tolerance=0.3, strategy="spawning"))
+    assert not spawned_agents(solve(plate(), tolerance=0.1, strategy="uniform"))
 
 
 def test_saved_result_is_the_same_when_read(tmp_path):
     result = solve_spawning(plate(), tolerance=0.1)
     path = result.save(tmp_path / "plate")
     again = load_result(path)
-    assert isinstance(again, SpawnedResult)
+    assert spawned_agents(again)
     assert again.summary() == result.summary()
     np.testing.assert_array_equal(again.cause, result.cause)
     points = np.array([[0.105, 0.19], [0.2, 0.0]])
     np.testing.assert_array_equal(again.stress_at(points), result.stress_at(points))
     with pytest.raises(ResultFileError):
-        SpawnedResult.load(tmp_path / "nothing.npz")
+        ElasticResult.load(tmp_path / "nothing.npz")
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -34,15 +34,19 @@ def part(figure, name: str):
 
 def test_an_elastic_result_is_drawn_on_the_cells_that_were_solved() -> None:
     result = solve(Scene.from_toml(BLOCK))
-    cells = np.count_nonzero(result.body)
+    cells = np.count_nonzero(result.cells().body)
     assert len(part(plot(result, "deformed"), "moved").get_paths()) == cells
     field = part(plot(result, "von_mises"), "map")
     assert field.get_array().max() == pytest.approx(np.nanmax(result.von_mises))
 
 
-def test_an_elastic_result_has_no_agents_to_draw() -> None:
-    with pytest.raises(ParameterError, match="there is deformed, displacement"):
-        plot(solve(Scene.from_toml(BLOCK)), "agents")
+def test_equal_cells_are_drawn_as_agents_of_one_size() -> None:
+    result = solve(Scene.from_toml(BLOCK))
+    agents = part(plot(result, "agents"), "agents")
+    assert len(agents.get_paths()) == result.agents
+    assert np.all(agents.get_array() == 0)
+    with pytest.raises(ParameterError, match="there is agents, deformed, displacement"):
+        plot(result, "load_path")
 
 
 def test_the_springs_of_a_network_are_coloured_by_tension() -> None:

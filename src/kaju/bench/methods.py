@@ -67,7 +67,7 @@ def multigrid(problem: Problem, division: int) -> Callable[[], Answer]:
     from kaju.model.elasticity.solve import solve
 
     def job() -> Answer:
-        result = solve(problem.scene(division), strategy="uniform")
+        result = solve(problem.scene(division))
         return lambda: result.displacement_at(problem.points)
 
     return job

@@ -7,7 +7,8 @@ import pytest
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.network import NetworkResult, SpringNetwork, triangular
 from kaju.model.network.graphs import decoded, encoded
-from kaju.model.result import Result, write_archive
+from kaju.model.archive import write_archive
+from kaju.model.result import Result
 
 
 @pytest.fixture(scope="module")

@@ -108,17 +108,17 @@ def compare(scene, answer, within):
     k = result.subdivision
     assert answer["subdivision"] == k
     rim = tuple(n + 2 for n in scene.lattice.shape)
-    lower = np.array(result.origin) // k
+    lower = np.array(result.cells().origin) // k
 
     def expected(field):
         whole = np.full([k * n for n in rim], np.nan)
-        start = np.array(result.origin) + k
+        start = np.array(result.cells().origin) + k
         whole[tuple(slice(a, a + n) for a, n in zip(start, field.shape, strict=True))] = field
         return whole.reshape(rim[0], k, rim[1], k).mean(axis=(1, 3))
 
     assert (lower >= 0).all()
-    truth = [expected(result.cell_displacement[..., a]) for a in range(2)]
-    stress = [expected(result.stress[..., a, b]) for a, b in ((0, 0), (1, 1), (0, 1))]
+    truth = [expected(result.cells().displacement[..., a]) for a in range(2)]
+    stress = [expected(result.cells().stress[..., a, b]) for a, b in ((0, 0), (1, 1), (0, 1))]
     for wanted, given in ((truth, answer["displacement"]), (stress, answer["stress"])):
         scale = max(np.nanmax(np.abs(field)) for field in wanted)
         for field, column in zip(wanted, given, strict=True):

@@ -16,7 +16,7 @@ from kaju import (
     solve,
 )
 from kaju.errors import ResultError, ResultFileError
-from kaju.model.result import write_archive
+from kaju.model.archive import write_archive
 
 
 @pytest.fixture(scope="module")

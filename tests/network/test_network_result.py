@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from kaju.errors import ResultError, ResultFileError
+from kaju.model.archive import write_archive
 from kaju.model.network import NetworkResult, SpringNetwork, triangular
 from kaju.model.network.graphs import decoded, encoded
-from kaju.model.archive import write_archive
 from kaju.model.result import Result
 
 

@@ -151,10 +151,11 @@ class BodyResult(Described):
     def grid(self) -> Scene:
         """The scene on the cells that say where the body is."""
 
-    @property
-    @abstractmethod
-    def stage(self) -> int | None:
-        """The stage of loading at which it stands, from 1; None: the last."""
+    if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
+
+        @property
+        def stage(self) -> int | None:
+            """The stage of loading at which it stands, from 1; None: the last."""
 
     @property
     @abstractmethod

@@ -18,7 +18,7 @@ from kaju.agents.load import Load, Sense
 from kaju.agents.material_agent import MaterialAgent
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
-from .stage import FloatArray, History, IntArray, Ledger, Stage, collect_history
+from .stage import FloatArray, History, IntArray, Ledger, News, Stage, collect_history
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -211,6 +211,21 @@ class AgentEngine:
             kind = BOUNDARY_AGENTS[int(self.kinds[cell.coordinate])]
             self.boundaries[cell] = kind(self.model, cell)
         return self.boundaries[cell]
+
+    def since(self, generation: int, agents: int) -> News:
+        """Return what came after a generation, and after so many agents."""
+        parts = enumerate(self.record[generation:], start=generation + 1)
+        rows = [(g, *row) for g, part in parts for row in part]
+        born = list(self.agents.values())[agents:]
+        return News(
+            np.array([g for g, _, _, _ in rows], dtype=np.int64),
+            self.lattice.key(self._places([agent for _, agent, _, _ in rows])),
+            np.array([state for _, _, state, _ in rows], dtype=np.int64),
+            np.array([load for _, _, _, load in rows]),
+            self.lattice.key(self._places(born)),
+            np.array([agent.spawn_step for agent in born], dtype=np.int64),
+            np.array([self._arms_to_wakers(agent) for agent in born], dtype=np.int64),
+        )
 
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""

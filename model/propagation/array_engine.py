@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .agent_table import AgentTable
-from .stage import FloatArray, IntArray, Ledger, Stage, collect_boundary, collect_history
+from .stage import FloatArray, IntArray, Ledger, News, Stage, collect_boundary, collect_history
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -239,6 +239,21 @@ class ArrayEngine:
         added = len(self.values) + np.arange(len(first))
         self.values = np.append(self.values, sums)
         return _rows(place, state, added, np.ones(len(first)), bits)
+
+    def since(self, generation: int, agents: int) -> News:
+        """Return what came after a generation, and after so many agents."""
+        table, none = self.agents, np.empty(0, dtype=np.int64)
+        parts = self.record[generation:]
+        when = [np.full(len(part[0]), g) for g, part in enumerate(parts, start=generation + 1)]
+        return News(
+            np.concatenate([none, *when]),
+            table.key[np.concatenate([none, *(agent for agent, _, _ in parts)])],
+            np.concatenate([none, *(state for _, state, _ in parts)]),
+            np.concatenate([np.empty(0), *(load for _, _, load in parts)]),
+            table.key[agents:],
+            table.spawn_step[agents:],
+            table.woken_by[agents:],
+        )
 
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""

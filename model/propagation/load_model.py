@@ -16,7 +16,7 @@ from kaju.model.progress import progress_line
 from .agent_engine import AgentEngine
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify
-from .stage import Stage
+from .stage import News, Stage
 from .transfer import Transfer, states_of
 from .transfer_result import TransferResult
 
@@ -218,6 +218,39 @@ class LoadModel(mesa.Model):
         if generation >= self.max_generations:
             return f"stopped after max_generations = {generation} with loads on their way"
         return ""
+
+    def since(self, generation: int, agents: int = 0) -> News:
+        """Return what has happened in the current stage after a generation.
+
+        Parameters
+        ----------
+        generation : int
+            0 for all of it.
+        agents : int
+            How many agents are known already; those that spawned later are told.
+        """
+        return self.engine.since(generation, agents)
+
+    def again(self, scene: Scene) -> LoadModel:
+        """Return a new model of another scene with the same kind of agents.
+
+        It runs loads that grow, too, until they threaten to overflow.
+        """
+        engine = self.engine
+        agent = engine.material_agent if isinstance(engine, AgentEngine) else None
+        return type(self)(
+            scene,
+            engine="agents" if agent else "arrays",
+            material_agent=agent or MaterialAgent,
+            allow_unstable=True,
+            max_generations=self.max_generations,
+        )
+
+    def watch(self, port: int = 8000, *, browser: bool = True) -> None:
+        """Show agents like these at work in a browser; see `kaju.watch`."""
+        import kaju
+
+        kaju.watch(self, port, browser=browser)
 
     def run(self, progress: bool | None = None) -> TransferResult:
         """Step until the last stage is at rest, and return the result.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,29 @@ class History:
     direction: IntArray
     load: FloatArray
     pull: BoolArray
+
+
+class News(NamedTuple):
+    """What has happened since a generation: loads taken, and agents that spawned.
+
+    Attributes
+    ----------
+    generation, key, channel : arrays of int, shape (rows,)
+        When, in which cell (`Lattice.key`), and along which direction; pulls are counted after
+        all directions.
+    load : array of float, shape (rows,)
+        Sum of the loads taken then (N).
+    born, spawn_step, woken_by : arrays of int, shape (agents,)
+        Cells of the new agents, and what `Stage` says of them.
+    """
+
+    generation: IntArray
+    key: IntArray
+    channel: IntArray
+    load: FloatArray
+    born: IntArray
+    spawn_step: IntArray
+    woken_by: IntArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from kaju.view import animate as animate
     from kaju.view import plot as plot
     from kaju.view.page import export_page as export_page
+    from kaju.view.page import watch as watch
 
 # Names are fetched when first asked for, so that `import kaju` stays quick: Mesa brings
 # pandas with it, the views bring matplotlib.
@@ -83,6 +84,7 @@ _HOME = {
     "plot": "kaju.view",
     "solve": "kaju.model.solving",
     "stability": "kaju.model.propagation.stability",
+    "watch": "kaju.view.page",
     "sweep": "kaju.model.sweep",
 }
 

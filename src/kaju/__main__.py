@@ -38,6 +38,7 @@ for _verb in (
     commands_creep.creep,
     commands_look.animate,
     commands_page.page,
+    commands_page.watch,
     commands_compare.compare,
     commands_compare.bench,
     commands_stress.stress,

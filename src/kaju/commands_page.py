@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -46,3 +47,21 @@ def page(
         shown = load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()
     typer.echo(export_page(shown, target, title=headline, language=language))
+
+
+def watch(
+    scene: Annotated[
+        Path | None,
+        typer.Argument(metavar="SCENE", help="A scene (.toml); the worked plate unless given."),
+    ] = None,
+    port: Annotated[int, typer.Option(help="Where to listen; 0 takes any port.")] = 8000,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open a browser window.")
+    ] = True,
+    settings: Settings = None,
+) -> None:
+    """Watch agents at work in a browser; Python computes them, on this machine only."""
+    from kaju.view.page import watch as serve
+
+    worked = Path(str(files("kaju").joinpath("plate.toml")))
+    serve(scene_of(scene or worked, settings), port, browser=browser)

@@ -1,5 +1,6 @@
-"""The page: one file in which a run can be watched, touched and handed on."""
+"""The page: one file in which a run can be watched, touched and handed on; or a live view."""
 
 from .export import export_page
+from .server import watch, watch_app
 
-__all__ = ["export_page"]
+__all__ = ["export_page", "watch", "watch_app"]

@@ -52,6 +52,17 @@ const data = document.getElementById("kaju-data").textContent;
 const elasticText = document.getElementById("kaju-elastic").textContent.trim();
 await openPage(document.getElementById("kaju"), data, elasticText || null);
 """
+LIVE = """
+const main = document.getElementById("kaju");
+const data = document.getElementById("kaju-data").textContent;
+const socket = new WebSocket(`ws://${location.host}/session`);
+socket.binaryType = "arraybuffer";
+const ask = (question) => socket.send(JSON.stringify(question));
+const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
+const elasticText = document.getElementById("kaju-elastic").textContent.trim() || null;
+socket.onopen = () => connect(main, data, ask, listen, elasticText);
+socket.onclose = (event) => main.page?.complain(event.reason || main.page.t("gone"));
+"""
 
 
 def export_page(
@@ -198,20 +209,30 @@ onmessage = ({ data: { scene, cells, loads } }) => {
 """
 
 
+def live_page(scene: Scene) -> str:
+    """Return the page of a live run: it talks to the server that has sent it, to nobody else."""
+    data, columns = scene_data(scene)
+    header = {"format": FORMAT, "kind": "live", "scene": data, "presets": []}
+    code = joined((*MODULES, "live.js")) + LIVE
+    return page_html(pack(header, columns), "kaju watch", code, "connect-src 'self'; ")
+
+
 @cache
 def worker() -> str:
     """Return the text of the worker that answers with elasticity."""
     return joined(("lattice.js", "elastic.js")) + ANSWER
 
 
-def page_html(packed: bytes, title: str, code: str | None = None) -> str:
+def page_html(packed: bytes, title: str, code: str | None = None, policy: str = "") -> str:
     """Return the file: the page's modules, what they are told, and a strict content policy.
 
-    Only the one script whose hash the policy names may run; nothing may be fetched.
+    Only the one script whose hash the policy names may run; nothing may be fetched but what
+    `policy` adds.
     """
     script = _inline(joined() + START if code is None else code)
     digest = hashlib.sha256(script.encode()).digest()
     fields = {
+        "policy": policy,
         "hash": f"sha256-{base64.b64encode(digest).decode()}",
         "title": escape(title),
         "data": base64.b64encode(packed).decode(),

@@ -111,6 +111,12 @@ export class Page {
     parts.verdict.classList.toggle("bad", !stable);
   }
 
+  complain(text) {
+    this.parts.verdict.textContent = text; this.parts.verdict.hidden = false;
+    this.parts.verdict.classList.add("bad");
+    this.later();
+  }
+
   // ---------------------------------------------------------------------------- generations
   goTo(g) {
     if (g === Infinity) g = this.run.generation;
@@ -484,7 +490,8 @@ export async function openPage(element, base64, elastic = null) {
   document.adoptedStyleSheets = [sheetOf("html, body { margin: 0; height: 100%; } body > main { height: 100%; }")];
   const { header, columns } = await unpack(bytesOf(base64));
   const { cells } = columns;
-  const run = columns.offset ? new Recorded(header.scene, cells).append(columns) : null;
+  const run = header.kind === "runnable" ? null : new Recorded(header.scene, cells);
+  if (columns.offset) run.append(columns);
   document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
   return mount(element, { ...header, cells, run, presets, elastic });

@@ -1,0 +1,431 @@
+"""`kaju watch`: agents in Python, one session a browser, and nobody in another's way."""
+
+import base64
+import json
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from http.client import HTTPConnection
+from itertools import pairwise
+from statistics import median
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import numpy as np
+import pytest
+import uvicorn
+from page_scenes import random_scenes
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+import kaju
+from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
+from kaju.errors import ParameterError
+from kaju.view.page import server
+from kaju.view.page.live import LiveRun, scene_from
+from kaju.view.page.packing import unpack
+from kaju.view.page.scene_data import scene_data
+
+HERE = "http://127.0.0.1"
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0], "steps": 4}],
+}
+
+
+def plate(**rule):
+    return Scene(**PLATE, rule=PrescribedRule(**rule))
+
+
+def changed(scene, generation=0, stage=1, **rule):
+    """The message of a page in which the rule was changed."""
+    data, columns = scene_data(scene)
+    data["rule"] |= rule
+    cells = base64.b64encode(columns["cells"].tobytes()).decode()
+    return json.dumps(
+        {"type": "scene", "scene": data, "cells": cells, "generation": generation, "stage": stage}
+    )
+
+
+def told(run, message):
+    return unpack(run.answer(message if isinstance(message, str) else json.dumps(message)))
+
+
+def history(answers, channels):
+    """All rows that answers hold: generation, state, load."""
+    rows, generation = [], 0
+    for _, columns in answers:
+        offset, delta = columns["offset"], columns["delta"].astype(np.int64)
+        for first, last in pairwise(offset):
+            generation += 1
+            states = np.cumsum(delta[first:last].astype(np.uint32), dtype=np.uint32)
+            rows += [
+                (generation, int(state), float(load))
+                for state, load in zip(states, columns["load"][first:last], strict=True)
+            ]
+    return rows
+
+
+class Tired(MaterialAgent):
+    def step(self):
+        if self.model.generation > 3:
+            raise ValueError("I am tired")
+        super().step()
+
+
+# ------------------------------------------------------------------------------- one session
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_answers_are_the_history_of_the_run(engine):
+    scene = plate(threshold=1e-3)
+    run = LiveRun(scene, lambda asked: LoadModel(asked, engine=engine))
+    answers = [told(run, {"type": "hello"})]
+    while not answers[-1][0]["at_rest"]:
+        answers.append(told(run, {"type": "step", "generations": 2}))
+    last, lattice = LoadModel(scene).run().last, scene.lattice
+    key, wanted = lattice.key(last.cells), last.history
+    states = key[wanted.agent] * 4 + wanted.direction
+    theirs = sorted(zip(wanted.generation, states, wanted.load, strict=True))
+    mine = sorted(history(answers, 4))
+    assert [row[:2] for row in mine] == [row[:2] for row in theirs]
+    np.testing.assert_allclose([row[2] for row in mine], [row[2] for row in theirs], rtol=1e-6)
+    born = np.concatenate([columns["key"] for _, columns in answers])
+    assert sorted(born) == sorted(key)
+    order = {k: row for row, k in enumerate(key)}
+    rows = [order[k] for k in born]
+    spawn = np.concatenate([columns["spawn"] for _, columns in answers])
+    np.testing.assert_array_equal(spawn, last.spawn_step[rows])
+    np.testing.assert_array_equal(
+        np.concatenate([columns["woken"] for _, columns in answers]), last.woken_by[rows]
+    )
+    totals = answers[-1][1]
+    np.testing.assert_allclose(totals["passed"].reshape(-1, 4), last.passed[rows], rtol=1e-6)
+    np.testing.assert_allclose(totals["dropped"].ravel(), last.dropped[rows], rtol=1e-6)
+    assert answers[0][0]["certificate"]["stable"] is True
+    assert answers[-1][0]["outcome"] == last.outcome
+
+
+def test_a_scene_comes_back_as_it_was_sent():
+    """Squares, hexagons, cubes; what a page sends is the scene, at any stage of its loading."""
+    for scene, _ in random_scenes(30, seed=3):
+        data, columns = scene_data(scene)
+        for stage in {1, scene.stages}:
+            back = scene_from(json.loads(json.dumps(data)), columns["cells"].ravel(), stage)
+            wanted, found = scene.applied(stage), back.applied()
+            np.testing.assert_array_equal(found.cells, wanted.cells)
+            np.testing.assert_allclose(found.force, wanted.force, rtol=1e-15)
+            np.testing.assert_array_equal(back.rasterise() < 0, scene.rasterise() < 0)
+            assert back.rule == scene.rule
+
+
+def test_a_changed_rule_is_run_up_to_the_generation_that_is_shown():
+    scene = plate()
+    run = LiveRun(scene)
+    header, columns = told(run, changed(scene, generation=3, stage=4, threshold=1e-4))
+    assert header["fresh"]
+    assert len(columns["offset"]) == 4
+    finer = LoadModel(plate(threshold=1e-4)).run().last
+    first = finer.history.generation <= 3
+    assert columns["load"].sum() == pytest.approx(finer.history.load[first].sum(), rel=1e-6)
+    assert len(columns["key"]) == (finer.spawn_step <= 4).sum()
+    header, _ = told(run, changed(scene, accumulate=True))
+    assert header["certificate"]["stable"] is False
+    assert "loads grow" in header["certificate"]["verdict"]
+
+
+def test_an_early_stage_takes_its_part_of_the_load():
+    _, columns = told(LiveRun(plate()), changed(plate(), generation=1, stage=1))
+    assert columns["load"].tolist() == [0.5]
+
+
+def test_elasticity_is_answered_by_cell():
+    scene = Scene(**PLATE | {"loads": [{"cell": [10, 19], "force": [0.0, -2.0]}]})
+    header, columns = told(LiveRun(scene), {"type": "elastic"})
+    solved = kaju.solve(scene.replace(rule=kaju.ElasticRule()))
+    moved = columns["displacement"].reshape(2, 22, 22)[:, 1:-1, 1:-1]
+    np.testing.assert_allclose(np.moveaxis(moved, 0, -1), solved.cell_displacement, rtol=1e-12)
+    stress = columns["stress"].reshape(3, 22, 22)[:, 1:-1, 1:-1]
+    np.testing.assert_allclose(stress[2], solved.stress[..., 0, 1], rtol=1e-12)
+    assert np.isnan(columns["displacement"].reshape(2, 22, 22)[:, 0]).all()
+    assert header["subdivision"] == 1
+
+
+@pytest.mark.parametrize(
+    ("message", "complaint"),
+    [
+        ("{", "is not JSON"),
+        ("[1]", "a table is needed"),
+        ({"type": "import os"}, "no message 'import os'"),
+        ({"type": "step", "generations": 0}, "generations"),
+        ({"type": "step", "generations": 1e99}, "generations"),
+        ({"type": "step", "generations": True}, "generations"),
+        ({"type": "scene"}, "scene: a table"),
+        (changed(plate(), threshold=-1.0), "threshold"),
+        (changed(plate(), threshold="1"), "threshold"),
+        (changed(plate(), file="/etc/passwd"), "file"),
+        (changed(plate()).replace('"cells": "', '"cells": "%'), "base64"),
+        (changed(plate()).replace('"shape": [20, 20]', '"shape": [20, 21]'), "do not fill"),
+    ],
+)
+def test_what_is_no_question_is_refused_and_changes_nothing(message, complaint):
+    run = LiveRun(plate())
+    told(run, {"type": "step", "generations": 2})
+    header, columns = told(run, message)
+    assert complaint in header["error"]
+    assert not columns
+    header, columns = told(run, {"type": "step"})
+    assert "error" not in header
+    assert len(columns["offset"]) == 2
+
+
+def test_a_scene_can_name_no_file(tmp_path):
+    """Nothing that a message holds is read as a path, wherever it stands."""
+    secret = tmp_path / "secret.png"
+    secret.write_bytes(b"mine")
+    data, columns = scene_data(plate())
+    data |= {"body": {"image": str(secret)}, "image": str(secret), "array": str(secret)}
+    data["lattice"]["array"] = data["materials"][0]["file"] = str(secret)
+    cells = base64.b64encode(columns["cells"].tobytes()).decode()
+    header, _ = told(LiveRun(plate()), {"type": "scene", "scene": data, "cells": cells})
+    assert "error" not in header
+    data["sides"]["bottom"] = {"image": str(secret)}
+    header, _ = told(LiveRun(plate()), {"type": "scene", "scene": data, "cells": cells})
+    assert "sides" in header["error"]
+    assert "mine" not in header["error"]
+
+
+def test_agents_that_fail_are_reported_with_what_they_did_before(caplog):
+    run = LiveRun(plate(), LoadModel(plate(), material_agent=Tired).again)
+    header, columns = told(run, {"type": "step", "generations": 9})
+    assert header["error"] == "ValueError: I am tired"
+    assert len(columns["offset"]) - 1 == run.model.generation
+    assert "I am tired" in caplog.text
+    assert told(run, {"type": "hello"})[0]["fresh"]
+
+
+# ------------------------------------------------------------------------------- the server
+
+
+@contextmanager
+def running(of=None, **options):
+    """A real server on a free port; yields the port."""
+    app = server.watch_app(of or plate(), **options)
+    serving = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error"))
+    thread = threading.Thread(target=serving.run)
+    thread.start()
+    while not serving.started:
+        time.sleep(0.01)
+    try:
+        yield serving.servers[0].sockets[0].getsockname()[1]
+    finally:
+        serving.should_exit = True
+        thread.join()
+
+
+@pytest.fixture(scope="module")
+def port():
+    with running() as found:
+        yield found
+
+
+def get(port, path, **headers):
+    connection = HTTPConnection("127.0.0.1", port)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer, text
+
+
+def session(port, name="127.0.0.1", origin=True):
+    """A websocket of a page of the server; of another page, or by another name, if wanted."""
+    own = f"http://{name}:{port}" if origin is True else origin
+    uri = f"ws://{name}:{port}/session"
+    here = socket.create_connection(("127.0.0.1", port))
+    return connect(uri, sock=here, origin=own, max_size=None, close_timeout=1)
+
+
+def asked(websocket, message):
+    websocket.send(message if isinstance(message, str) else json.dumps(message))
+    return unpack(websocket.recv(timeout=20))
+
+
+def test_the_page_may_talk_to_its_server_only(port):
+    answer, text = get(port, "/")
+    assert answer.status == 200
+    assert answer.headers["x-frame-options"] == "DENY"
+    policy = re.search(r'Content-Security-Policy" content="([^"]+)"', text)[1]
+    assert policy.startswith("default-src 'none'; connect-src 'self'; script-src 'sha256-")
+
+
+@pytest.mark.parametrize("path", ["/etc/passwd", "/../pyproject.toml", "/plate.toml", "/static/"])
+def test_no_file_is_served(port, path):
+    assert get(port, path)[0].status == 404
+
+
+@pytest.mark.parametrize("name", ["evil.example", "10.0.0.1"])
+def test_other_names_of_this_machine_are_refused(port, name):
+    assert get(port, "/", Host=f"{name}:{port}")[0].status == 400
+    with pytest.raises(InvalidStatus, match="400"):
+        session(port, name)
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "https://127.0.0.1", "null", None])
+def test_other_pages_are_refused(port, origin):
+    with pytest.raises(InvalidStatus, match="403"):
+        session(port, origin=origin)
+
+
+def test_localhost_is_this_machine_too(port):
+    with session(port, "localhost") as websocket:
+        assert asked(websocket, {"type": "hello"})[0]["fresh"]
+
+
+def test_sessions_do_not_see_each_other(port):
+    with session(port) as one, session(port) as other:
+        asked(one, {"type": "step", "generations": 5})
+        _, columns = asked(other, {"type": "step"})
+        assert columns["load"].tolist() == [2.0]
+        header, _ = asked(one, changed(plate(), generation=2, stage=4, threshold=1e-4))
+        assert header["fresh"]
+        header, _ = asked(other, {"type": "step", "generations": 9})
+        assert header["at_rest"]
+        assert header["outcome"] == "at rest after 8 generations"
+
+
+def test_one_that_fails_hurts_nobody():
+    with (
+        running(LoadModel(plate(), material_agent=Tired)) as port,
+        session(port) as one,
+        session(port) as other,
+    ):
+        assert "tired" in asked(one, {"type": "step", "generations": 9})[0]["error"]
+        assert "error" not in asked(other, {"type": "step"})[0]
+        assert "is not JSON" in asked(one, "\x00")[0]["error"]
+        assert asked(one, {"type": "hello"})[0]["fresh"]
+
+
+def test_idle_sessions_are_dropped():
+    with running(idle=0.3) as port, session(port) as websocket:
+        assert asked(websocket, {"type": "hello"})[0]["fresh"]
+        with pytest.raises(ConnectionClosed, match="load the page again") as closed:
+            websocket.recv(timeout=20)
+        assert closed.value.rcvd.code == server.GONE
+
+
+def test_there_is_an_end_to_sessions(port, monkeypatch):
+    monkeypatch.setattr(server, "MOST_SESSIONS", 2)
+    with session(port) as one, session(port) as other:
+        asked(one, {"type": "hello"})
+        asked(other, {"type": "hello"})
+        with pytest.raises(InvalidStatus, match="403"):
+            session(port)
+
+
+def test_what_cannot_be_watched_is_told():
+    with pytest.raises(ParameterError, match="got 'elastic'"):
+        server.watch_app(Scene(**PLATE, rule={"kind": "elastic"}))
+    with pytest.raises(ParameterError, match="port: 99999"):
+        kaju.watch(plate(), 99999, browser=False)
+
+
+@contextmanager
+def ten_sessions(port):
+    opened = [session(port) for _ in range(10)]
+    try:
+        yield opened
+    finally:
+        for websocket in opened:
+            websocket.close()
+
+
+@pytest.mark.slow
+def test_a_click_is_answered_at_once_on_forty_thousand_cells():
+    """Median of 20 steps with ten sessions open, of which one fails; processor time of all."""
+    scene = Scene(
+        body={"size": [0.2, 0.2], "cells": [200, 200], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, -400.0]}],
+        rule=PrescribedRule(alpha=(0.5, 0.6, 0.12), threshold=1e-5, accumulate=True),
+    )
+    with running(scene) as port, ten_sessions(port) as sessions:
+        for websocket in sessions:
+            asked(websocket, {"type": "hello"})
+        assert "error" in asked(sessions[0], "no message")[0]
+        asked(sessions[1], {"type": "step", "generations": 30})
+        spent = []
+        for number in range(20):
+            began = time.process_time()
+            header, columns = asked(sessions[1 + number % 9], {"type": "step"})
+            spent.append(time.process_time() - began)
+            assert "error" not in header
+            assert len(columns["load"]) > 0
+    assert median(spent) < 0.1
+
+
+# ---------------------------------------------------------------- the command, and a browser
+
+
+def test_the_command_serves_until_it_is_interrupted():
+    started = subprocess.Popen(
+        [sys.executable, "-m", "kaju", "watch", "--port", "0", "--no-browser"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        address = re.search(r"http://127\.0\.0\.1:\d+/", started.stdout.readline())[0]
+        with urlopen(address) as answer:  # the server listens before it says so
+            assert b'id="kaju"' in answer.read()
+        with pytest.raises(HTTPError, match="400"):
+            urlopen(Request(address, headers={"Host": "evil.example"}))
+    finally:
+        started.send_signal(signal.SIGINT)
+        _, errors = started.communicate(timeout=20)
+    assert errors == ""
+    assert started.returncode == 0
+
+
+def test_a_browser_steps_plays_and_changes_what_python_computes(chromium):
+    with running() as port:
+        tab = chromium.new_context().new_page()
+        messages = []
+        tab.on("console", lambda message: messages.append(message.text))
+        tab.on("pageerror", lambda error: messages.append(str(error)))
+        tab.goto(f"{HERE}:{port}/")
+
+        def page(expression):
+            return tab.evaluate(
+                "(() => { const page = document.getElementById('kaju').page; "
+                f"return page && ({expression}); }})()"
+            )
+
+        def until(expression):
+            for _ in range(200):
+                if page(expression):
+                    return
+                tab.wait_for_timeout(50)
+            raise AssertionError(f"{expression}: {page('page.parts.verdict.textContent')}")
+
+        until("page.g === 1")
+        tab.keyboard.press("ArrowRight")
+        until("page.g === 2")
+        tab.get_by_role("button", name="Play").click()
+        until("page.run.atRest && page.g === 8")
+        last = LoadModel(plate()).run().last
+        assert page("page.run.agents") == len(last.cells)
+        assert page("page.sums.taken.sum.reduce((a, b) => a + b)") == pytest.approx(
+            last.ledger.taken, rel=1e-6
+        )
+        page("page.change(() => { page.scene.rule.threshold = 0.001; })")
+        until("page.run.atRest && page.run.agents === 85")
+        assert "11 generations" in page("page.parts.verdict.textContent")
+        assert messages == []
+        tab.context.close()

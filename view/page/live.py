@@ -1,0 +1,325 @@
+"""Agents in Python, watched in a page: one message in, one packed answer out.
+
+What the messages and answers say is described in README.md beside this file. A scene that
+comes with a message is plain numbers; nothing in it is a path or a program.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import json
+import logging
+from collections.abc import Callable, Mapping
+from math import isfinite, prod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kaju.errors import KajuError, ParameterError
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.scene import Scene
+
+from .packing import pack
+from .scene_data import Rows, history_columns
+
+if TYPE_CHECKING:
+    from kaju.model.elasticity.elastic_result import ElasticResult
+
+    from .scene_data import Columns
+
+log = logging.getLogger(__name__)
+
+ModelOf = Callable[[Scene], LoadModel]
+
+MOST_GENERATIONS = 10_000
+"""Of one message."""
+MOST_LOADS = 50_000
+_QUICK = 1
+"""Level of compression: time counts more than bytes on the way to the same machine."""
+
+
+def usual_model(scene: Scene) -> LoadModel:
+    """Return the rule's own agents, as arrays; loads that grow are shown growing."""
+    return LoadModel(scene, engine="arrays", allow_unstable=True)
+
+
+class LiveRun:
+    """One session: a model that a page steps, and exchanges when its scene was changed.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a prescribed rule.
+    model_of : callable, optional
+        Returns a model of a scene, with agents of your own if you like.
+    """
+
+    def __init__(self, scene: Scene, model_of: ModelOf = usual_model) -> None:
+        self.scene = scene
+        self.model_of = model_of
+        self._model: LoadModel | None = None
+
+    @property
+    def model(self) -> LoadModel:
+        """What is stepped, begun when it is first asked for."""
+        if self._model is None:
+            self._begin(at_stage(self.scene, self.scene.stages))
+        assert self._model is not None
+        return self._model
+
+    def answer(self, message: str) -> bytes:
+        """Return the packed answer to a message: what has happened, and what went wrong."""
+        header: dict[str, Any] = {}
+        columns: Columns = {}
+        try:
+            asked = _read(message)
+            if asked.get("type") == "elastic":
+                header, columns = self._elastic()
+            else:
+                fresh = self._prepare(asked)
+                wrong = self._step(_generations(asked))
+                header, columns = self._told(fresh)
+                header |= wrong
+        except Exception as error:
+            header = _complaint(error)
+        return pack(header, columns, level=_QUICK)
+
+    def _prepare(self, asked: dict[str, Any]) -> bool:
+        """Begin anew if that is asked for; return whether it was."""
+        match asked.get("type"):
+            case "hello":
+                self._begin(at_stage(self.scene, self.scene.stages))
+            case "scene":
+                stage = _whole(asked, "stage", 1, 100_000, 1)
+                self._begin(scene_from(_table(asked, "scene"), _cells(asked), stage))
+            case "step":
+                return False
+            case other:
+                raise ParameterError(f"type: there is no message {other!r}")
+        return True
+
+    def _begin(self, scene: Scene) -> None:
+        self._model = self.model_of(scene)
+        self._sent = self._known = 0
+
+    def _step(self, generations: int) -> dict[str, Any]:
+        """Let generations pass; agents that somebody wrote may fail, what was until then counts."""
+        try:
+            for _ in range(generations):
+                if self.model.running:
+                    self.model.step()
+        except Exception as error:
+            return _complaint(error)
+        return {}
+
+    def _told(self, fresh: bool) -> tuple[dict[str, Any], Columns]:
+        """Return what has happened since the last answer."""
+        model, lattice = self.model, self.model.lattice
+        news = model.since(self._sent, self._known)
+        channels = lattice.directions * (2 if model.transfer.rule.sense else 1)
+        rows = Rows(news.generation, news.key * channels + news.channel, news.load)
+        columns: Columns = rows.columns(self._sent + 1, model.generation)
+        columns |= {
+            "key": news.born.astype(np.uint32),
+            "spawn": news.spawn_step.astype(np.uint32),
+            "woken": news.woken_by.astype(np.uint8),
+        }
+        self._sent, self._known = model.generation, self._known + len(news.born)
+        header: dict[str, Any] = {
+            "fresh": fresh,
+            "at_rest": not model.running,
+            "outcome": model.outcome,
+        }
+        if fresh:
+            certificate = model.certificate
+            header["certificate"] = {
+                "stable": bool(certificate.stable),
+                "verdict": certificate.verdict,
+            }
+        if not model.running:
+            columns |= self._totals()
+        return header, columns
+
+    def _totals(self) -> Columns:
+        """Return what is known of all agents when a run is over, in the order they were sent."""
+        found = history_columns(self.model.scene, self.model.result().last)
+        order = np.argsort(found["key"], kind="stable")
+        sent = self.model.since(0, 0).born
+        row = order[np.searchsorted(found["key"], sent, sorter=order)]
+        names = [name for name in ("passed", "dropped", "returned") if name in found]
+        return {name: found[name].reshape(len(order), -1)[row] for name in names}
+
+    def _elastic(self) -> tuple[dict[str, Any], Columns]:
+        """Return the elastic answer to the scene, by cell key."""
+        from kaju.agents.rules import ElasticRule
+        from kaju.model.elasticity.solve import solve
+
+        scene = self.model.scene.replace(rule=ElasticRule())
+        result = solve(scene)
+        displacement, stress = _by_key(result, scene)
+        header = {"elastic": True, "seconds": result.seconds, "subdivision": result.subdivision}
+        return header, {"displacement": displacement, "stress": stress}
+
+
+def _by_key(result: ElasticResult, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Return displacement and stress of the scene's cells, one row a component; NaN off body."""
+    lattice, k, d = scene.lattice, result.subdivision, scene.lattice.dimension
+    pairs = [(a, a) for a in range(d)] + [(a, b) for a in range(d) for b in range(a + 1, d)]
+    fields = [result.cell_displacement[..., a] for a in range(d)]
+    fields += [result.stress[..., a, b] for a, b in pairs]
+    whole = np.full((len(fields), *(k * (n + 2) for n in lattice.shape)), np.nan)
+    start = [k + first for first in result.origin]
+    box = tuple(slice(a, a + n) for a, n in zip(start, result.body.shape, strict=True))
+    for row, field in zip(whole, fields, strict=True):
+        row[box] = field
+    split = [size for n in lattice.shape for size in (n + 2, k)]
+    means = whole.reshape(len(fields), *split).mean(axis=tuple(range(2, 2 * d + 1, 2)))
+    flat = means.reshape(len(fields), -1)
+    return flat[:d], flat[d:]
+
+
+def at_stage(scene: Scene, stage: int) -> Scene:
+    """Return a scene whose loads are those of one stage, applied in one step."""
+    if scene.stages == 1:
+        return scene
+    loads = []
+    for load in scene.loads:
+        share = min(1.0, stage / load.steps)
+        pressed: dict[str, Any] = {}
+        if load.pressure is not None:
+            pressed = {"pressure": share * load.pressure}
+        if load.force is not None:
+            pressed = {"force": tuple(share * component for component in load.force)}
+        loads.append(load.model_copy(update={"steps": 1, **pressed}))
+    return scene.replace(loads=tuple(loads))
+
+
+def scene_from(data: Mapping[str, Any], cells: np.ndarray, stage: int | None = None) -> Scene:
+    """Return the scene that `scene_data` has described, as a page may have changed it.
+
+    Parameters
+    ----------
+    data, cells
+        As `scene_data` returns them.
+    stage : int, optional
+        Take the loads of this stage, applied in one step.
+
+    Raises
+    ------
+    KajuError
+        If the description breaks a rule of scenes.
+    """
+    lattice = _table(data, "lattice")
+    kind, shape = lattice.get("kind"), _list(lattice, "shape")
+    sizes = all(isinstance(n, int) and n > 0 for n in shape)
+    if not sizes or prod(shape) != cells.size:
+        raise ParameterError(f"cells: {cells.size} do not fill an array of shape {shape}")
+    names = [str(_table({"": m}, "").get("name")) for m in _list(data, "materials")]
+    if cells.max(initial=0) >= len(names):
+        raise ParameterError(f"cells: {cells.max()} is no number of {len(names)} materials")
+    body = {
+        "array": cells.astype(np.int16).reshape(shape) + 3,
+        "cell_size": lattice.get("cell_size"),
+        "allow_floating": True,
+    }
+    if kind == "hexagon":
+        body["lattice"] = "hexagon"
+    if kind != "cube":
+        body |= {"thickness": data.get("thickness"), "plane": data.get("plane") or "stress"}
+    rule = _table(data, "rule")
+    loads = _list(data, "loads")
+    if len(loads) > MOST_LOADS:
+        raise ParameterError(f"loads: {len(loads)} are more than {MOST_LOADS:,} in one message")
+    legend = {str(number + 3): name for number, name in enumerate(names)}
+    keys = ("youngs_modulus", "poissons_ratio", "density")
+    return Scene(
+        body=body,
+        legend=legend | {"2": "air", "1": "rigid"},
+        materials={
+            name: {key: m[key] for key in keys if m.get(key) is not None}
+            for name, m in zip(names, data["materials"], strict=True)
+        },
+        sides=dict(_table(data, "sides")),
+        loads=[_load(load, kind, len(shape), stage) for load in loads],
+        rule={key: value for key, value in rule.items() if value is not None},
+    )
+
+
+def _load(given: object, kind: object, dimension: int, stage: int | None) -> dict[str, Any]:
+    load = _table({"load": given}, "load")
+    steps, face, force = load.get("steps", 1), load.get("face", -1), load.get("force")
+    if not (isinstance(steps, int) and steps >= 1 and isinstance(face, int)):
+        raise ParameterError(f"loads: steps from 1 and a face are needed, got {steps!r}, {face!r}")
+    if not (isinstance(force, list) and all(isinstance(f, (int, float)) for f in force)):
+        raise ParameterError(f"loads: force: numbers are needed, got {force!r}")
+    share = 1.0 if stage is None else min(1.0, stage / steps)
+    found: dict[str, Any] = {
+        "cell": load.get("cell"),
+        "force": [share * f for f in force],
+        "steps": steps if stage is None else 1,
+    }
+    if face >= 0 and kind != "hexagon":  # a side of a hexagon is two of its faces
+        sides = ("left", "right", "front", "back", "bottom", "top")
+        names = sides if dimension == 3 else (*sides[:2], *sides[4:])
+        if face >= len(names):
+            raise ParameterError(f"loads: there is no face {face}")
+        found["side"] = names[face]
+    if load.get("sense") in ("push", "pull"):
+        found["sense"] = load["sense"]
+    return found
+
+
+def _complaint(error: Exception) -> dict[str, Any]:
+    if isinstance(error, KajuError):
+        return {"error": str(error)}
+    log.error("agents or the scene failed", exc_info=error)
+    return {"error": f"{type(error).__name__}: {error}"}
+
+
+def _generations(asked: Mapping[str, Any]) -> int:
+    if asked["type"] == "step":
+        return _whole(asked, "generations", 1, MOST_GENERATIONS, 1)
+    return _whole(asked, "generation", 0, MOST_GENERATIONS, 0)
+
+
+def _read(message: str) -> dict[str, Any]:
+    try:
+        asked = json.loads(message)
+    except (ValueError, RecursionError) as error:
+        raise ParameterError(f"message: is not JSON ({error})") from error
+    return _table({"message": asked}, "message")
+
+
+def _table(of: Mapping[str, Any], name: str) -> dict[str, Any]:
+    value = of.get(name)
+    if not isinstance(value, dict):
+        raise ParameterError(f"{name}: a table is needed, got {value!r:.60}")
+    return value
+
+
+def _list(of: Mapping[str, Any], name: str) -> list[Any]:
+    value = of.get(name)
+    if not isinstance(value, list):
+        raise ParameterError(f"{name}: a list is needed, got {value!r:.60}")
+    return value
+
+
+def _whole(of: Mapping[str, Any], name: str, low: int, high: int, usual: int) -> int:
+    value = of.get(name, usual)
+    whole = isinstance(value, (int, float)) and isfinite(value) and value == int(value)
+    if not whole or isinstance(value, bool) or not low <= value <= high:
+        raise ParameterError(f"{name}: a whole number from {low} to {high} is needed, got {value}")
+    return int(value)
+
+
+def _cells(asked: Mapping[str, Any]) -> np.ndarray:
+    text = asked.get("cells")
+    try:
+        raw = base64.b64decode(text, validate=True) if isinstance(text, str) else b""
+    except binascii.Error as error:
+        raise ParameterError(f"cells: are not base64 ({error})") from error
+    cells = np.frombuffer(raw, dtype=np.int8)
+    if not len(cells) or cells.min() < -2:
+        raise ParameterError("cells: materials from 0, -1 for air and -2 for rigid are needed")
+    return cells

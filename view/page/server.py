@@ -1,0 +1,185 @@
+"""`kaju watch`: agents in Python, watched in browsers on the same machine.
+
+One page, one websocket a session; a session is a model of its own. Sessions share nothing but
+the scene they begin with, read no files, and are dropped when nobody has asked them anything
+for a while. Only pages that this server has sent may talk to it: other hosts' names (DNS
+rebinding) and other pages' requests (cross-site websockets) are refused.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import webbrowser
+from typing import TYPE_CHECKING
+
+from kaju.agents.rules import PrescribedRule
+from kaju.errors import MissingExtraError, ParameterError
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.scene import Scene
+
+from .export import live_page
+from .live import LiveRun, usual_model
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+    from starlette.requests import Request
+    from starlette.responses import Response
+    from starlette.websockets import WebSocket
+
+ADDRESS = "127.0.0.1"
+HOSTS = (ADDRESS, "localhost")
+IDLE = 1800.0
+"""Sessions that ask nothing for so long (s) are dropped."""
+MOST_SESSIONS = 64
+LARGEST_MESSAGE = 8_000_000
+"""Bytes of a message: a million cells as base64, and loads."""
+REFUSED, GONE, BUSY = 1008, 1001, 1013
+"""Codes with which websockets are closed: of another page, idle, too many."""
+
+
+def watch(
+    of: Scene | LoadModel, port: int = 8000, *, browser: bool = True, idle: float = IDLE
+) -> None:
+    """Show agents at work in a browser, until interrupted (Ctrl+C).
+
+    Every browser window is a session with a model of its own, that of `of` begun anew. The
+    server listens to this machine only.
+
+    Parameters
+    ----------
+    of : Scene or LoadModel
+        With a prescribed rule. A model may have agents of your own.
+    port : int
+        0 takes any that is free.
+    browser : bool
+        Whether to open a browser window.
+    idle : float
+        Sessions that ask nothing for so long (s) are dropped.
+
+    Raises
+    ------
+    MissingExtraError
+        If Starlette or uvicorn are not installed.
+    ParameterError
+        If the rule is not a prescribed one, or the port is taken.
+    """
+    try:
+        import uvicorn
+    except ImportError as error:
+        raise _missing() from error
+
+    app = watch_app(of, idle=idle)
+    listening = _listen(port)
+    address = f"http://{ADDRESS}:{listening.getsockname()[1]}/"
+    print(f"watch at {address} (Ctrl+C ends it)", flush=True)  # noqa: T201
+    if browser:
+        webbrowser.open(address)
+    config = uvicorn.Config(
+        app, log_level="warning", ws_max_size=LARGEST_MESSAGE, timeout_graceful_shutdown=1
+    )
+    with contextlib.suppress(KeyboardInterrupt):
+        uvicorn.Server(config).run(sockets=[listening])
+
+
+def watch_app(of: Scene | LoadModel, idle: float = IDLE) -> Starlette:
+    """Return the application that `watch` serves, for servers of your own.
+
+    Parameters
+    ----------
+    of, idle
+        As for `watch`.
+    """
+    try:
+        from starlette.applications import Starlette
+        from starlette.middleware import Middleware
+        from starlette.middleware.trustedhost import TrustedHostMiddleware
+        from starlette.responses import HTMLResponse
+        from starlette.routing import Route, WebSocketRoute
+    except ImportError as error:
+        raise _missing() from error
+
+    scene = of if isinstance(of, Scene) else of.scene
+    if not isinstance(scene.rule, PrescribedRule):
+        raise ParameterError(
+            f"rule.kind: agents of a prescribed rule can be watched, got {scene.rule.kind!r}; "
+            "kaju page shows what others have done"
+        )
+    model_of = usual_model if isinstance(of, Scene) else of.again
+    html = live_page(scene)
+
+    async def page(_: Request) -> Response:
+        return HTMLResponse(html, headers=_HEADERS)
+
+    sessions = Sessions(idle)
+
+    async def session(websocket: WebSocket) -> None:
+        if not _same_origin(websocket):
+            await websocket.close(REFUSED)
+            return
+        await sessions.serve(websocket, LiveRun(scene, model_of))
+
+    return Starlette(
+        routes=[Route("/", page), WebSocketRoute("/session", session)],
+        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(HOSTS))],
+    )
+
+
+_HEADERS = {
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+}
+
+
+class Sessions:
+    """Everybody who watches; each answered in a thread, so that nobody waits for another."""
+
+    def __init__(self, idle: float) -> None:
+        self.idle = idle
+        self.open = 0
+
+    async def serve(self, websocket: WebSocket, run: LiveRun) -> None:
+        """Answer one websocket until it is closed or idle."""
+        from starlette.websockets import WebSocketDisconnect
+
+        if self.open >= MOST_SESSIONS:
+            await websocket.close(BUSY)
+            return
+        await websocket.accept()
+        self.open += 1
+        try:
+            while True:
+                message = await asyncio.wait_for(websocket.receive_text(), self.idle)
+                await websocket.send_bytes(await asyncio.to_thread(run.answer, message))
+        except TimeoutError:
+            await websocket.close(GONE, "nothing was asked for a long time: load the page again")
+        except (WebSocketDisconnect, RuntimeError):  # closed, while it was answered perhaps
+            pass
+        finally:
+            self.open -= 1
+
+
+def _same_origin(websocket: WebSocket) -> bool:
+    """Tell whether a page of this very server asks; browsers always say whose page it is."""
+    origin = websocket.headers.get("origin")
+    return origin is not None and origin == f"http://{websocket.headers.get('host')}"
+
+
+def _listen(port: int) -> socket.socket:
+    listening = socket.socket()
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((ADDRESS, port))
+        listening.listen(128)  # who comes before the server is ready waits
+    except (OSError, OverflowError) as error:
+        listening.close()
+        reason = getattr(error, "strerror", None) or error
+        raise ParameterError(f"port: {port} cannot be used ({reason}); take another") from error
+    return listening
+
+
+def _missing() -> MissingExtraError:
+    return MissingExtraError("kaju watch needs a server: pip install 'kaju[watch]'")

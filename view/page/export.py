@@ -61,7 +61,7 @@ const ask = (question) => socket.send(JSON.stringify(question));
 const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
 const elasticText = document.getElementById("kaju-elastic").textContent.trim() || null;
 socket.onopen = () => connect(main, data, ask, listen, elasticText);
-socket.onclose = (event) => main.page?.complain(event.reason || main.page.t("gone"));
+socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("gone"));
 """
 
 

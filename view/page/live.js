@@ -39,7 +39,7 @@ export class Channel {
     if (!header.error) { this.ask(); return; }
     this.wanted = page.run.generation;
     page.playing = false;
-    page.complain(header.error);
+    complain(page, header.error);
   }
   take(header, columns) {
     const { page } = this;
@@ -53,6 +53,14 @@ export class Channel {
     if (!page.playing) page.goTo(Math.min(this.wanted, page.run.generation));
     page.later();
   }
+}
+
+/** Say what went wrong where the certificate stands. */
+export function complain(page, text) {
+  if (!page) return;
+  const { verdict } = page.parts;
+  verdict.textContent = text; verdict.hidden = false;
+  verdict.classList.add("bad");
 }
 
 /** A page whose run is computed elsewhere: `send` takes a question, `listen` a listener for answers. */

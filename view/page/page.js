@@ -15,8 +15,8 @@ const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
 const MOST_GENERATIONS = 4000, PATIENCE = 40;              // ms of computing before a first picture
 
 export class Page {
-  constructor(element, { scene, cells, run = null, kind, title = "", text = "", presets = [], verdict = "", stable = true, language, elastic = null, channel = null }) {
-    Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "", given: { verdict, stable }, elasticText: elastic, channel });
+  constructor(element, { scene, cells, run = null, kind, title = "", text = "", presets = [], verdict = "", stable = true, language, elastic = null }) {
+    Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "", given: { verdict, stable }, elasticText: elastic });
     this.language = language ?? (navigator.languages ?? ["en"]).map((l) => l.slice(0, 2)).find((l) => l in LANGUAGES) ?? "en";
     this.t = say(this.language);
     this.start = { scene: copyOf(scene), cells: cells.slice(), word: "asItWas" };
@@ -109,12 +109,6 @@ export class Page {
     }
     parts.verdict.textContent = verdict; parts.verdict.hidden = !verdict;
     parts.verdict.classList.toggle("bad", !stable);
-  }
-
-  complain(text) {
-    this.parts.verdict.textContent = text; this.parts.verdict.hidden = false;
-    this.parts.verdict.classList.add("bad");
-    this.later();
   }
 
   // ---------------------------------------------------------------------------- generations
@@ -437,22 +431,6 @@ export class Page {
     two.lastChild.textContent = t("misfit", { a: quantity(own, "m"), b: quantity(moved, "m"), n: general(100 * sum / count / (moved || 1), 2) });
   }
 
-  // ------------------------------------------------------------------------- Python computes
-  /** Take an answer of Python's, unpacked. */
-  receive({ header, columns }) {
-    this.channel.pending = false;
-    if (header.error) { this.announce(header.error); return; }
-    if (header.fresh) {
-      this.adopt(new Recorded(this.scene, this.cells, this.stage));
-      if (header.certificate) { this.given = header.certificate; this.certify(); }
-    }
-    const { run } = this;
-    if (columns.offset) run.append(columns);
-    if (run.passed && !this.sums.passed) this.adopt(run);
-    run.atRest = Boolean(header.at_rest);
-    this.scales.clear();
-    this.seek(this.channel.wanted);
-  }
   storyOf(k) { return storyOf(this, k); }
 }
 
@@ -495,37 +473,4 @@ export async function openPage(element, base64, elastic = null) {
   document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
   return mount(element, { ...header, cells, run, presets, elastic });
-}
-
-const AHEAD = 8;                               // generations asked for before they are looked at
-
-/** What the page asks of Python: further generations ahead of time, or a changed scene. */
-class Channel {
-  constructor(send) { Object.assign(this, { send, wanted: 0, pending: true, page: null }); }
-  want(g) {
-    const { run } = this.page;
-    this.wanted = g;
-    if (this.pending || run.atRest || g + AHEAD / 2 < run.generation) return;
-    this.pending = true;
-    this.send({ type: "step", generations: g === Infinity ? 64 : Math.max(0, g - run.generation) + AHEAD });
-  }
-  change(scene, cells, stage) {
-    this.wanted = this.page.g; this.pending = true;
-    const text = Array.from(new Uint8Array(cells.buffer), (c) => String.fromCharCode(c)).join("");
-    this.send({ type: "scene", scene, cells: btoa(text), generation: this.wanted + AHEAD, stage });
-  }
-}
-
-/** A page whose run Python computes: `send(message)`, and `listen(f)` for packed answers. */
-export async function connect(element, base64, send, listen, elastic = null) {
-  const { header, columns: { cells } } = await unpack(bytesOf(base64)), channel = new Channel(send);
-  const run = new Recorded(header.scene, cells);
-  run.atRest = false;
-  channel.page = { run };
-  const page = mount(element, { ...header, kind: "live", cells, run, presets: [], elastic, channel });
-  channel.page = page;
-  let turn = Promise.resolve();                // answers in the order in which they came
-  listen((bytes) => { turn = turn.then(async () => page.receive(await unpack(bytes))).catch((error) => page.announce(error.message)); });
-  send({ type: "hello" });
-  return page;
 }

@@ -24,7 +24,7 @@ from .packing import pack
 from .scene_data import Rows, history_columns
 
 if TYPE_CHECKING:
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from numpy.typing import NDArray
 
     from .scene_data import Columns
 
@@ -151,32 +151,30 @@ class LiveRun:
         return {name: found[name].reshape(len(order), -1)[row] for name in names}
 
     def _elastic(self) -> tuple[dict[str, Any], Columns]:
-        """Return the elastic answer to the scene, by cell key."""
+        """Return the elastic answer to the scene: one row a component, by cell key."""
         from kaju.agents.rules import ElasticRule
-        from kaju.model.elasticity.solve import solve
+        from kaju.model.solving import solve
 
         scene = self.model.scene.replace(rule=ElasticRule())
-        result = solve(scene)
-        displacement, stress = _by_key(result, scene)
-        header = {"elastic": True, "seconds": result.seconds, "subdivision": result.subdivision}
-        return header, {"displacement": displacement, "stress": stress}
+        result = solve(scene, strategy="uniform")
+        lattice, d = scene.lattice, scene.lattice.dimension
+        key = lattice.key(lattice.locate(result.middle))
+        agents = np.bincount(key, minlength=prod(n + 2 for n in lattice.shape))
 
+        def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+            total = np.bincount(key, values, minlength=len(agents))
+            return np.where(agents > 0, total / np.maximum(agents, 1), np.nan)
 
-def _by_key(result: ElasticResult, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Return displacement and stress of the scene's cells, one row a component; NaN off body."""
-    lattice, k, d = scene.lattice, result.subdivision, scene.lattice.dimension
-    pairs = [(a, a) for a in range(d)] + [(a, b) for a in range(d) for b in range(a + 1, d)]
-    fields = [result.cell_displacement[..., a] for a in range(d)]
-    fields += [result.stress[..., a, b] for a, b in pairs]
-    whole = np.full((len(fields), *(k * (n + 2) for n in lattice.shape)), np.nan)
-    start = [k + first for first in result.origin]
-    box = tuple(slice(a, a + n) for a, n in zip(start, result.body.shape, strict=True))
-    for row, field in zip(whole, fields, strict=True):
-        row[box] = field
-    split = [size for n in lattice.shape for size in (n + 2, k)]
-    means = whole.reshape(len(fields), *split).mean(axis=tuple(range(2, 2 * d + 1, 2)))
-    flat = means.reshape(len(fields), -1)
-    return flat[:d], flat[d:]
+        pairs = [(a, a) for a in range(d)] + [(a, b) for a in range(d) for b in range(a + 1, d)]
+        header = {
+            "elastic": True,
+            "seconds": result.seconds,
+            "subdivision": result.subdivision,
+        }
+        return header, {
+            "displacement": np.stack([mean(column) for column in result.displacement.T]),
+            "stress": np.stack([mean(result.stress[:, a, b]) for a, b in pairs]),
+        }
 
 
 def at_stage(scene: Scene, stage: int) -> Scene:
@@ -195,7 +193,7 @@ def at_stage(scene: Scene, stage: int) -> Scene:
     return scene.replace(loads=tuple(loads))
 
 
-def scene_from(data: Mapping[str, Any], cells: np.ndarray, stage: int | None = None) -> Scene:
+def scene_from(data: Mapping[str, Any], cells: NDArray[np.int8], stage: int | None = None) -> Scene:
     """Return the scene that `scene_data` has described, as a page may have changed it.
 
     Parameters
@@ -313,7 +311,7 @@ def _whole(of: Mapping[str, Any], name: str, low: int, high: int, usual: int) ->
     return int(value)
 
 
-def _cells(asked: Mapping[str, Any]) -> np.ndarray:
+def _cells(asked: Mapping[str, Any]) -> NDArray[np.int8]:
     text = asked.get("cells")
     try:
         raw = base64.b64decode(text, validate=True) if isinstance(text, str) else b""

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 import skfem
+from peers.graded_bricks import solve_bricks
+from peers.problems import BLOCK, PIXELS, PLATE, Problem
 
 from kaju import Scene
-from kaju.bench.graded_bricks import solve_bricks
-from kaju.bench.problems import BLOCK, PIXELS, PLATE, Problem
 from kaju.model.elasticity.moduli import moduli_of
 from kaju.model.reference import Reference
 from kaju.model.validation.graded_elements import solve_graded

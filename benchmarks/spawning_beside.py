@@ -19,12 +19,12 @@ import sys
 from functools import partial
 from pathlib import Path
 
+from peers.report import environment
 from spawning_study import tables, targets
 from spawning_study.measure import write_rows
 from spawning_study.scenes import cases
 
 from kaju import solve
-from kaju.bench.report import environment
 
 
 def jobs():

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import skfem
+from peers.graded_bricks import solve_bricks
 
-from kaju.bench.graded_bricks import solve_bricks
 from kaju.model.reference import Reference
 from kaju.model.validation.graded_elements import solve_graded
 

@@ -12,9 +12,9 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
+from peers.adaptive_elements import adaptive, uniform
 
 from kaju import solve
-from kaju.bench.adaptive_elements import adaptive, uniform
 
 logging.getLogger("skfem").setLevel(logging.ERROR)
 

@@ -10,8 +10,8 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+from peers.graded_bricks import solve_bricks
 
-from kaju.bench.graded_bricks import solve_bricks
 from kaju.model.reference import Reference
 from kaju.model.validation.graded_elements import solve_graded
 

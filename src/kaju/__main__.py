@@ -40,7 +40,6 @@ for _verb in (
     commands_page.page,
     commands_page.watch,
     commands_compare.compare,
-    commands_compare.bench,
     commands_stress.stress,
     commands_sweep.sweep,
     commands_scene.materials,

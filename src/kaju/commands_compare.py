@@ -1,4 +1,4 @@
-"""The verbs `compare`, of a rule with elasticity or of two results, and `bench`."""
+"""The verb `compare`, of a rule with elasticity or of two results."""
 
 from __future__ import annotations
 
@@ -178,26 +178,3 @@ def _write(
     drawn = figures() if pictures else {}
     written = [save(figure, folder / f"{name}.png") for name, figure in drawn.items()]
     console.files([folder / "comparison.json", *written])
-
-
-def bench(
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for table and picture.")
-    ] = Path("kaju-bench"),
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Small sizes only, under a minute.")
-    ] = False,
-    problem: Annotated[
-        list[str] | None,
-        typer.Option(help="plate, block or pixels; all of them unless given. May be repeated."),
-    ] = None,
-) -> None:
-    """Measure time and memory against error, for kaju and for finite elements.
-
-    The finite elements are those of scikit-fem; they need the extra fem (pyamg comes with it).
-    """
-    from kaju.bench.run import run
-
-    run(out, quick, tuple(problem or ()), typer.echo)
-    for path in sorted(out.glob("work_precision.*")):
-        typer.echo(path)

@@ -4,15 +4,15 @@ import csv
 
 import numpy as np
 import pytest
+from peers import finite_elements
+from peers.dolfinx_peer import at_points, grid
+from peers.measure import Measurement, in_a_fresh_process, jobs, measure
+from peers.methods import METHODS
+from peers.picture import draw
+from peers.problems import BLOCK, PIXELS, PLATE, PROBLEMS
+from peers.report import cost_at, environment, markdown, read_csv, write_csv
+from peers.run import run
 
-from kaju.bench import finite_elements
-from kaju.bench.dolfinx_peer import at_points, grid
-from kaju.bench.measure import Measurement, in_a_fresh_process, jobs, measure
-from kaju.bench.methods import METHODS
-from kaju.bench.picture import draw
-from kaju.bench.problems import BLOCK, PIXELS, PLATE, PROBLEMS
-from kaju.bench.report import cost_at, environment, markdown, read_csv, write_csv
-from kaju.bench.run import run
 from kaju.errors import ParameterError
 
 
@@ -91,7 +91,7 @@ def test_a_process_of_its_own_measures_the_same():
 
 
 def test_what_is_not_installed_is_said(monkeypatch):
-    monkeypatch.setattr("kaju.bench.methods.find_spec", lambda name: None)
+    monkeypatch.setattr("peers.methods.find_spec", lambda name: None)
     found = in_a_fresh_process("plate", "algebraic", 2)
     assert found.seconds is None
     assert found.failure == "skfem and pyamg not installed"
@@ -159,5 +159,17 @@ def test_the_grid_for_dolfinx_is_the_picture(problem):
 
 
 def test_without_dolfinx_that_is_said(monkeypatch):
-    monkeypatch.setattr("kaju.bench.measure.python_with_dolfinx", lambda: None)
+    monkeypatch.setattr("peers.measure.python_with_dolfinx", lambda: None)
     assert in_a_fresh_process("plate", "dolfinx", 2).failure == "dolfinx not installed"
+
+
+def test_the_whole_benchmark_writes_table_and_picture(tmp_path, monkeypatch):
+    def pretend(problem, method, division):
+        return Measurement(problem, method, division, 400, 0.5 / division, 9.0, 0.1, 0.01, 3)
+
+    monkeypatch.setattr("peers.run.in_a_fresh_process", pretend)
+    run(tmp_path / "bench", quick=True, problems=("plate",))
+    written = {path.name for path in (tmp_path / "bench").iterdir()}
+    table = {f"work_precision.{ending}" for ending in ("csv", "md", "png")}
+    assert written == table | {"environment.json"}
+    assert "scikit-fem, pyamg" in (tmp_path / "bench" / "work_precision.md").read_text()

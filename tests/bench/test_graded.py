@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+from peers.problems import PLATE
 
 from kaju import Scene
-from kaju.bench.problems import PLATE
 from kaju.errors import ParameterError
 
 pytest.importorskip("skfem")
 
-from kaju.bench.graded_bricks import graded_ticks, solve_bricks
+from peers.graded_bricks import graded_ticks, solve_bricks
+
 from kaju.model.validation.graded_elements import singular_points, solve_graded
 from kaju.model.validation.scene_elements import surroundings
 

@@ -1,4 +1,4 @@
-"""`kaju compare` and `kaju bench` on the command line."""
+"""`kaju compare` on the command line."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from kaju import LoadModel, Scene, compare, solve
 from kaju.__main__ import app
-from kaju.bench.measure import Measurement
 from kaju.errors import ParameterError, ResultFileError
 
 DATA = Path(__file__).parent.parent / "data"
@@ -59,16 +58,3 @@ def test_scenes_and_references_in_the_wrong_place_are_refused(stored):
         kaju("compare", folder / "run", "plate.toml")
     with pytest.raises(ParameterError, match="name it second"):
         kaju("compare", reference, folder / "run")
-
-
-def test_bench_writes_table_and_picture(tmp_path, monkeypatch):
-    def pretend(problem, method, division):
-        return Measurement(problem, method, division, 400, 0.5 / division, 9.0, 0.1, 0.01, 3)
-
-    monkeypatch.setattr("kaju.bench.run.in_a_fresh_process", pretend)
-    done = kaju("bench", "--quick", "--problem", "plate", "--out", tmp_path / "bench")
-    assert done.exit_code == 0
-    written = {path.name for path in (tmp_path / "bench").iterdir()}
-    table = {f"work_precision.{ending}" for ending in ("csv", "md", "png")}
-    assert written == table | {"environment.json"}
-    assert "scikit-fem, pyamg" in (tmp_path / "bench" / "work_precision.md").read_text()

@@ -26,7 +26,13 @@ LONG = 10.0
 """A job that takes longer than this (s) is run once."""
 PATIENCE = 200.0
 """A job that takes longer than this (s) is given up."""
-ALONE = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+ALONE = {
+    **os.environ,
+    "OPENBLAS_NUM_THREADS": "1",
+    "PYTHONPATH": os.pathsep.join(
+        filter(None, [str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")])
+    ),
+}
 """The small dense steps of finite elements and algebraic multigrid are quicker on one thread."""
 
 
@@ -82,7 +88,7 @@ def in_a_fresh_process(problem: str, method: str, division: int) -> Measurement:
     try:
         if method == "dolfinx":
             return by_dolfinx(nothing)
-        command = [sys.executable, "-m", "kaju.bench.measure", problem, method, str(division)]
+        command = [sys.executable, "-m", "peers.measure", problem, method, str(division)]
         return Measurement(**json.loads(_output_of(command)))
     except subprocess.TimeoutExpired:
         return _failed(nothing, f"given up after {PATIENCE:g} s")
@@ -92,7 +98,7 @@ def in_a_fresh_process(problem: str, method: str, division: int) -> Measurement:
 
 
 def _output_of(command: list[str]) -> str:
-    done = subprocess.run(  # noqa: S603  the command is our own
+    done = subprocess.run(
         command, capture_output=True, text=True, timeout=PATIENCE, check=True, env=ALONE
     )
     return done.stdout

@@ -8,7 +8,7 @@ on meshes graded towards every corner (`benchmarks/finite_element_truth.py`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import as_file, files
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -127,8 +127,7 @@ class Problem:
 
     def truth(self) -> Reference:
         """Return the true displacements at `points`."""
-        with as_file(files("kaju.bench") / f"truth_{self.name}.npz") as path:
-            return Reference.load(path)
+        return Reference.load(Path(__file__).with_name(f"truth_{self.name}.npz"))
 
     def error(self, displacement: Floats) -> tuple[float, float]:
         """Return the largest and the root mean square error of displacements at `points` (m).

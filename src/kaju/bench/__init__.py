@@ -1,5 +1,0 @@
-"""Work against precision: what an answer costs, for kaju and for finite elements.
-
-`kaju bench` runs it. Every job has a process of its own, so that peaks of memory belong to
-one job; what is compiled or imported is not timed.
-"""

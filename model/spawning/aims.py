@@ -99,11 +99,16 @@ def choose(grid: Composite, part: Floats, allowed: float) -> Flags:
         What may be left of them all.
     """
     smallest = grid.leaves.size <= grid.ground.smallest
+    return choose_among(part, allowed, smallest, BULK[grid.dimension])
+
+
+def choose_among(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
+    """Choose those with the largest parts in an error, but none of the `smallest`."""
     helpless = float(part[smallest].sum())
     part = np.where(smallest, 0.0, part)
     total = float(part.sum())
     excess = total - (allowed - helpless if helpless < allowed else allowed)
-    goal = max(min(BULK[grid.dimension] * total, excess / GAIN), 0.0)
+    goal = max(min(bulk * total, excess / GAIN), 0.0)
     order = np.argsort(-part, kind="stable")
     count = int(np.searchsorted(np.cumsum(part[order]), goal)) + 1
     enough = part[order[count - 1]] if count <= len(part) else 0.0

@@ -11,11 +11,12 @@ import scipy.sparse as sp
 from kaju.model.elasticity.krylov import dot
 from kaju.model.elasticity.problem import ACTIVE, FIXED
 from kaju.model.elasticity.reactions import INSIDE
+from kaju.model.elasticity.staggered import Pair
 
 from .composite import Composite, Floats
 from .ground import Ground
 from .leaves import Index
-from .loads import face_loads
+from .loads import FaceLoads, face_loads
 from .rows import stiffness_of, sum_rows
 
 
@@ -29,12 +30,6 @@ class Balance:
         Strains of the leaves, axis by axis, then of the edges, pair by pair, by the faces.
     offset : array
         The strains that displaced walls cause by themselves.
-    load : array, shape (faces,)
-        External force on every face.
-    wall_load : array, shape (2·dimension + 1, dimension)
-        External force on the sides of the array, and on rigid cells inside of it.
-    surface_shear : dict from pair of axes to array
-        Shear stress that loads along the surface put on the edges.
     """
 
     def __init__(self, grid: Composite) -> None:
@@ -57,14 +52,32 @@ class Balance:
             constants.append(np.where(stiff, first.constant + second.constant, 0.0))
         self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
         self.offset = np.concatenate(constants)
-        self.load, self.wall_load, self.surface_shear = face_loads(grid)
+
+    @cached_property
+    def _entered(self) -> FaceLoads:
+        return face_loads(self.grid)
+
+    @property
+    def load(self) -> Floats:
+        """External force on every face."""
+        return self._entered.face
+
+    @property
+    def wall_load(self) -> Floats:
+        """External force on the sides of the array, and on rigid cells inside of it."""
+        return self._entered.wall
+
+    @property
+    def surface_shear(self) -> dict[Pair, Floats]:
+        """Shear stress that loads along the surface put on the edges."""
+        return self._entered.surface_shear
 
     def loaded_by(self, ground: Ground) -> Balance:
         """Return the same agents and matrices under the loads of other ground of the same body."""
         twin = copy(self)
         twin.grid = copy(self.grid)
         twin.grid.ground = ground
-        twin.load, twin.wall_load, twin.surface_shear = face_loads(twin.grid)
+        twin.__dict__.pop("_entered", None)
         return twin
 
     @cached_property

@@ -19,14 +19,13 @@ from kaju.model.elasticity.solve import solve
 from kaju.model.scene import Scene
 from kaju.model.solving import SMALLEST_TOLERANCE, check_numbers
 
+from .block_spawner import FEWEST, BlockSpawner, spawner_of
 from .costs import cost_of_agents
 from .equal_cells import EqualCells
 from .generations import Spawner, Spawning
 from .ground import ground_of
 from .solve import MOST_AGENTS, answer_of
 
-FEWEST = {2: 1.0, 3: 0.5}
-"""Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
 FAVOUR = 1.25
 """Equal cells have to be quicker by this factor: agents tell more about the body."""
 TAKEN = "equal cells were taken"
@@ -47,7 +46,7 @@ class Agents:
         self.resolution, self.stage = resolution, stage
         self.limit = most_agents or MOST_AGENTS[scene.lattice.dimension]
         self._cost = cost_of_agents(scene)
-        self._spawner: Spawner | None = None
+        self._spawner: Spawner | BlockSpawner | None = None
 
     @property
     def agents(self) -> float:
@@ -88,7 +87,7 @@ class Agents:
         """Let one more generation spawn; return the agents if it is the last."""
         if self._spawner is None:
             ground = ground_of(self.scene, self.stage, self.resolution)
-            self._spawner = Spawner(ground, self.tolerance, self.limit)
+            self._spawner = spawner_of(ground, self.tolerance, self.limit)
         self._spawner.step()
         return self._spawner.outcome() if self._spawner.finished else None
 

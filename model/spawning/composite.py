@@ -71,6 +71,11 @@ class Composite:
         return sp.csr_array(sp.vstack(blocks, format="csr")), start
 
     @property
+    def upper(self) -> Index:
+        """Whether a face is at the upper (1) or lower (0) side of its owner."""
+        return np.asarray(self._side % 2)
+
+    @property
     def size(self) -> int:
         """Number of faces."""
         return len(self.axis)

@@ -96,7 +96,7 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
     reach = reach[first] if along else np.full(len(point), grid.ground.cell)
     around = _leaves_around(grid, point, pair, inverse)
     kinds = _kinds_around(grid, point, pair, around)
-    modulus = _edge_modulus(grid, kinds)
+    modulus = edge_modulus(kinds, grid.ground.moduli.shear)
     grads, spans = [], []
     far = _second_half(grid, point, pair, reach)
     for a, b in (pair, pair[::-1]):
@@ -156,11 +156,19 @@ def _kinds_around(grid: Composite, point: Index, pair: Pair, around: Index) -> I
     return kinds
 
 
-def _edge_modulus(grid: Composite, kinds: Index) -> Floats:
-    """Harmonic mean of the four leaves round an edge; see `staggered.edge_modulus`."""
+def edge_modulus(kinds: Index, shear: Floats) -> Floats:
+    """Return the shear modulus of edges by the kinds of the four cells round them.
+
+    It is the harmonic mean of theirs; see `staggered.edge_modulus`.
+
+    Parameters
+    ----------
+    kinds : int array, shape (4, ...)
+    shear : array, shape (materials,)
+    """
     rigid = (kinds == RIGID) | (kinds == DISPLACED)
     body = kinds >= 0
-    compliance = np.where(body, 1.0 / grid.ground.moduli.shear[np.maximum(kinds, 0)], 0.0)
+    compliance = np.where(body, 1.0 / shear[np.maximum(kinds, 0)], 0.0)
     total = compliance.sum(axis=0)
     count = (body | rigid).sum(axis=0)
     corner = (body.sum(axis=0) == 3) & ((kinds == AIR).sum(axis=0) == 1)

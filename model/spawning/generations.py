@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -17,9 +18,9 @@ from .first import direct_limit, first_agents
 from .ground import Ground
 from .held import rebalance
 from .indicator import Indicator, indicate
-from .leaves import Flags, Index
+from .leaves import Flags, Index, Leaves
 from .nested import NestedMultigrid
-from .previous import Heirs, Standing, answered
+from .previous import Heirs, Standing
 from .settle import energy_of, relative_error, settle
 
 ALGEBRAIC_SHARE = 0.05
@@ -104,7 +105,7 @@ class Spawning:
     energy: float
     error: float
     aimed: Aimed
-    generations: list[Generation]
+    generations: Sequence[Generation]
     residuals: list[float]
     levels: int
     reached: bool
@@ -112,6 +113,16 @@ class Spawning:
     notes: list[str] = field(default_factory=list)
     hierarchy: NestedMultigrid | None = field(default=None, repr=False)
     retired: int = 0
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents."""
+        return self.balance.grid.leaves
+
+    @property
+    def ground(self) -> Ground:
+        """What they stand on."""
+        return self.balance.grid.ground
 
 
 class Spawner:
@@ -171,6 +182,11 @@ class Spawner:
         self.retired = 0
         self._chosen: Flags | None = None
         self._stopped = ""
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents of this generation."""
+        return self.balance.grid.leaves
 
     def _stand(self, standing: Standing) -> None:
         self.balance, self.hierarchy, self.displacement, self.notes = standing
@@ -287,24 +303,6 @@ class Spawner:
         chosen = nobody if self._chosen is None else self._chosen
         cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
         self.generations.append(Generation(*cost, leaves.code, leaves.size, load, chosen))
-
-
-def spawn(
-    ground: Ground,
-    tolerance: float,
-    most_agents: int,
-    aim: Aim | None = None,
-    previous: Spawning | None = None,
-) -> Spawning:
-    """Solve with agents that are small only where the error asks for it; see `Spawner`."""
-    if previous is not None and aim is None:
-        answer = answered(previous, ground, tolerance)
-        if answer is not None:
-            return answer
-    spawner = Spawner(ground, tolerance, most_agents, aim, previous)
-    while not spawner.finished:
-        spawner.step()
-    return spawner.outcome()
 
 
 def _first(ground: Ground) -> Standing:

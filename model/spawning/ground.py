@@ -79,6 +79,15 @@ class Ground:
         """Return the kinds of unit cells, also outside the array."""
         return self._purity.kinds(points // self.cell, 0)
 
+    def kinds_of(self, boxes: Index, exponent: int) -> Index:
+        """Return the kinds of boxes of 2^exponent of the scene's cells, or MIXED."""
+        return self._purity.kinds(boxes, exponent)
+
+    @property
+    def loaded(self) -> Index:
+        """The scene's cells that take loads, shape (n, dimension)."""
+        return self._cells
+
     @property
     def youngs_modulus(self) -> Floats:
         """Of every material (Pa)."""

@@ -9,7 +9,8 @@ from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 from kaju.model.solving import TOLERANCE, check_numbers
 
-from .generations import Spawning, spawn
+from .block_spawner import spawn
+from .generations import Spawning
 from .goals import Asked, aim_of, asked
 from .ground import ground_of
 from .previous import check_previous
@@ -90,7 +91,7 @@ def solve_spawning(
     ground = ground_of(scene, stage, resolution)
     limit = most_agents or MOST_AGENTS[ground.dimension]
     if before is not None:
-        check_previous(before.balance.grid.ground, ground)
+        check_previous(before.ground, ground)
     spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), before)
     seconds = perf_counter() - start
     how = (scene, stage, tolerance, resolution)
@@ -157,7 +158,7 @@ def _continued(
 
 def doubts_of(spawning: Spawning, tolerance_at: Asked) -> list[str]:
     """Return where the error of what a tolerance is about cannot be told."""
-    shear = spawning.balance.grid.ground.moduli.shear
+    shear = spawning.ground.moduli.shear
     contrast = float(shear.max() / shear.min())
     if tolerance_at is None or contrast < CONTRAST:
         return []

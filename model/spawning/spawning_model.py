@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ from kaju.errors import ResultError
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.solving import check_numbers
 
+from .block_spawner import BlockSpawner, spawner_of
 from .family import Family
 from .generations import Generation, Spawner
 from .goals import aim_of, asked
@@ -95,10 +97,11 @@ class SpawningModel(mesa.Model):
             agent.remove()
         self._objects = []
         aim = aim_of(self.tolerance_at, self.ground)
-        self.spawner = Spawner(self.ground, self.tolerance, self.most_agents, aim)
+        how = (self.ground, self.tolerance, self.most_agents, aim)
+        self.spawner: Spawner | BlockSpawner = spawner_of(*how)
         metre = self.ground.scene.lattice.cell_size / self.ground.cell
         self.family = Family(self.ground.dimension, metre)
-        leaves = self.spawner.balance.grid.leaves
+        leaves = self.spawner.leaves
         self.family.grow(leaves.code, leaves.size)
         self.running = True
         self._show()
@@ -119,7 +122,7 @@ class SpawningModel(mesa.Model):
         self.seconds += perf_counter() - began
 
     @property
-    def history(self) -> list[Generation]:
+    def history(self) -> Sequence[Generation]:
         """The generations so far, loads in scaled units; `result` has them in N."""
         return self.spawner.generations
 

@@ -55,12 +55,12 @@ class TreeAgents:
     @property
     def ground(self) -> Ground:
         """What the agents stand on."""
-        return self.spawning.balance.grid.ground
+        return self.spawning.ground
 
     @property
     def leaves(self) -> Leaves:
         """The agents."""
-        return self.spawning.balance.grid.leaves
+        return self.spawning.leaves
 
     @property
     def grid(self) -> Scene:

@@ -1,0 +1,377 @@
+"""Agents that spawn in blocks: the same steps as in `generations`, on a forest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf, sqrt
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.model.elasticity.krylov import Iteration
+from kaju.model.elasticity.problem import ACTIVE, STIFF_PRESSURE
+
+from . import block_kernels as kernels
+from .aims import BULK, SPARE, Aim, Aimed, choose_among
+from .balance import Balance
+from .block_multigrid import BlockMultigrid, Root
+from .blocks import BlockBalance, Window
+from .forest import ACROSS, Forest, first_forest
+from .generations import (
+    ALGEBRAIC_SHARE,
+    FIRST_GUESS,
+    MOST_GENERATIONS,
+    Generation,
+    Spawner,
+    Spawning,
+)
+from .ground import Ground
+from .held import check_held
+from .indicator import Indicator
+from .leaves import Flags, Leaves, morton
+from .nested import NestedMultigrid
+from .previous import SUITS, answered
+from .settle import WORST
+
+Floats = NDArray[np.float64]
+
+LAST = 1e-9
+"""The last generation's forces balance to this share of the loads."""
+FEWEST = {2: 1.0, 3: 0.5}
+"""Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
+WORTHWHILE = 3_000
+"""Of fewer agents each may as well stand for itself."""
+CONTRAST = 100.0
+"""Of materials, up to which the parents' own stiffness serves as a coarse level."""
+
+
+def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
+    """Return the first blocks for a scene; None where single agents do better.
+
+    These do what blocks cannot do yet: bodies on foundations or with displaced sides, materials
+    of a contrast above 100 or nearly incompressible. They also stand where a tolerance asks for
+    few agents, or fewer than the first blocks hold, for instance in bodies of fine shape.
+    """
+    moduli, scene = ground.moduli, ground.scene
+    conditions = [scene.side_condition(name) for name in scene.lattice.sides]
+    unusual = any(c.displacement is not None or c.stiffness for c in conditions)
+    ratio = moduli.lateral / moduli.shear
+    rubber = scene.plane != "stress" and (ratio > STIFF_PRESSURE).any()
+    contrast = moduli.shear.max() / moduli.shear.min()
+    expected = FEWEST[ground.dimension] / tolerance**ground.dimension
+    if rubber or unusual or contrast > CONTRAST or expected < WORTHWHILE:
+        return None
+    forest = first_forest(ground)
+    return forest if forest is not None and forest.agents <= expected else None
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One step of spawning, agents told by their blocks; see `Generation`."""
+
+    error: float
+    energy: float
+    iterations: int
+    forest: Forest
+    load: NDArray[np.float32]
+    chosen: Flags
+
+    def generation(self) -> Generation:
+        """Return it agent by agent."""
+        cells, many = self.forest.cells(self.forest.leaves), len(self.forest.corners)
+        return Generation(
+            self.forest.agents, self.error, self.energy, self.iterations, self.error,
+            cells.code, cells.size, self.load.ravel().astype(np.float64),
+            np.repeat(self.chosen, many),
+        )  # fmt: skip
+
+
+class Records(Sequence[Generation]):
+    """Generations, laid out agent by agent when they are asked for."""
+
+    def __init__(self, records: Sequence[Record] = ()) -> None:
+        self.records = list(records)
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    @overload
+    def __getitem__(self, at: int) -> Generation: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[Generation]: ...
+    def __getitem__(self, at: int | slice) -> Generation | list[Generation]:
+        if isinstance(at, slice):
+            return [record.generation() for record in self.records[at]]
+        return self.records[at].generation()
+
+
+class BlockSpawning(Spawning):
+    """Agents that stand in blocks, and how they came to be.
+
+    What stands agent by agent is laid out when it is asked for.
+    """
+
+    def __init__(self, spawner: BlockSpawner) -> None:
+        self.blocks, self.u = spawner.blocks, spawner.displacement
+        self.energy, self.error = spawner.energy, spawner.error
+        self.residuals, self.levels = spawner.residuals, spawner.blocks.forest.depth
+        self.reached = spawner.error <= spawner.tolerance and spawner.stopped != "iteration"
+        self.stopped = "" if self.reached else spawner.stopped
+        self.notes, self.retired = list(spawner.notes), 0
+        self._allowed = 2 * spawner.energy * (SPARE * spawner.tolerance) ** 2
+        self._records = list(spawner.records)
+
+    def under(self, ground: Ground, tolerance: float) -> BlockSpawning | None:
+        """Return this answer on ground that differs by the unit of its loads; else None."""
+        old = self.ground
+        suits = self.reached and SUITS * tolerance <= self.error <= tolerance
+        if not (suits and ground.loaded_like(old) and ground.scene.same_body(old.scene)):
+            return None
+        if min(self.blocks.forest.size) < ground.smallest:
+            return None
+        twin, last = copy(self), self._records[-1]
+        for name in ("_cells", "_window", "displacement", "indicator"):
+            twin.__dict__.pop(name, None)
+        forest = self.blocks.forest.loaded_by(ground)
+        twin.blocks = copy(self.blocks)
+        twin.blocks.forest = forest
+        twin.blocks.__dict__.pop("load", None)
+        twin._records = [replace(last, iterations=0, forest=forest)]
+        twin.residuals, twin.retired = self.residuals[-1:], 0
+        return twin
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents."""
+        return self._cells
+
+    @cached_property
+    def _cells(self) -> Leaves:
+        forest = self.blocks.forest
+        cells, cause = forest.cells(forest.leaves), self._causes()
+        return replace(cells, cause=cause.ravel())
+
+    def _causes(self) -> Floats:
+        """Return for every agent the load (N) for which it spawned, block by block."""
+        forest, d = self.blocks.forest, self.blocks.forest.dimension
+        many, force = len(forest.corners), forest.ground.scales.force
+        leaves = forest.leaves
+        found = np.repeat(forest.cause[leaves][:, None], many, axis=1)
+        for step in np.unique(forest.step[leaves]):
+            here = np.flatnonzero((forest.step[leaves] == step) & (forest.cause[leaves] > 0))
+            if step == 0 or not len(here):
+                continue
+            before, block = self._records[step - 1], leaves[here]
+            code = morton(before.forest.lower[before.forest.leaves])
+            parent = np.searchsorted(code, morton(forest.lower[forest.parent[block]]))
+            # In the order of the codes the cells of an octant follow one another.
+            cell = forest.octant[block][:, None] * (many >> d) + (np.arange(many) >> d)
+            found[here] = before.load[parent[:, None], cell] * force
+        return found
+
+    @property
+    def ground(self) -> Ground:
+        """What they stand on."""
+        return self.blocks.forest.ground
+
+    @cached_property
+    def _window(self) -> Window:
+        forest = self.blocks.forest
+        every = np.ones((len(forest.leaves), len(forest.corners)), dtype=np.bool_)
+        return Window(forest, forest.leaves, every)
+
+    @property
+    def generations(self) -> Records:  # type: ignore[override]
+        """The steps of spawning."""
+        return Records(self._records)
+
+    @property
+    def balance(self) -> Balance:  # type: ignore[override]
+        """The composite grid of all agents."""
+        return self._window.balance
+
+    @cached_property
+    def displacement(self) -> Floats:  # type: ignore[override]
+        """Displacement of all its faces."""
+        grid = self.balance.grid
+        place = self._window.place
+        return np.where(grid.state == ACTIVE, self.u.ravel()[place], grid.value)
+
+    @cached_property
+    def indicator(self) -> Indicator:  # type: ignore[override]
+        """What each agent leaves unbalanced."""
+        square = agents_errors(self.blocks, self.u).square
+        load = self._records[-1].load
+        return Indicator(square, load.ravel().astype(np.float64))
+
+    @property
+    def aimed(self) -> Aimed:  # type: ignore[override]
+        """The error that the tolerance is about, and who contributes to it."""
+        nobody = np.zeros(self.blocks.forest.agents, dtype=np.bool_)
+        return Aimed(self.error, self.indicator.square, nobody, self._allowed)
+
+    @property
+    def hierarchy(self) -> NestedMultigrid | None:  # type: ignore[override]
+        """None: other questions to the same agents get a hierarchy of their own."""
+        return None
+
+
+def agents_errors(blocks: BlockBalance, u: Floats) -> Indicator:
+    """Return what every agent of the leaf blocks leaves unbalanced."""
+    forest, u = blocks.forest, u.copy()
+    blocks.everywhere(u)
+    shape = (len(forest.leaves), len(forest.corners))
+    squares, loads = np.empty(shape), np.empty(shape)
+    blocks.errors(u, squares, loads)
+    order = forest.corners @ ACROSS ** np.arange(forest.dimension)[::-1]
+    return Indicator(squares[:, order].ravel(), loads[:, order].ravel())
+
+
+def spawner_of(
+    ground: Ground,
+    tolerance: float,
+    most_agents: int,
+    aim: Aim | None = None,
+    previous: Spawning | None = None,
+) -> Spawner | BlockSpawner:
+    """Return agents that will spawn: in blocks, where these can do what is asked."""
+    forest = blocks_for(ground, tolerance) if aim is None else None
+    if forest is not None and forest.agents <= most_agents:
+        return BlockSpawner(forest, tolerance, most_agents)
+    return Spawner(ground, tolerance, most_agents, aim, previous)
+
+
+def spawn(
+    ground: Ground,
+    tolerance: float,
+    most_agents: int,
+    aim: Aim | None = None,
+    previous: Spawning | None = None,
+) -> Spawning:
+    """Solve with agents that are small only where the error asks for it; see `Spawner`."""
+    if previous is not None and aim is None:
+        if isinstance(previous, BlockSpawning):
+            answer: Spawning | None = previous.under(ground, tolerance)
+        else:
+            answer = answered(previous, ground, tolerance)
+        if answer is not None:
+            return answer
+    spawner = spawner_of(ground, tolerance, most_agents, aim, previous)
+    while not spawner.finished:
+        spawner.step()
+    spawning = spawner.outcome()
+    if previous is not None and isinstance(spawning, BlockSpawning):
+        before, now = previous.leaves, spawning.leaves
+        at = now.find(before.lower)
+        spawning.retired = int(np.count_nonzero((at >= 0) & (now.size[at] > before.size)))
+    return spawning
+
+
+class BlockSpawner:
+    """Blocks of agents that settle, look for what they leave unbalanced, and spawn, step by step.
+
+    See `generations.Spawner`, whose steps and attributes these are.
+    """
+
+    def __init__(self, forest: Forest, tolerance: float, most_agents: int) -> None:
+        self.ground, self.tolerance, self.most_agents = forest.ground, tolerance, most_agents
+        self.blocks = BlockBalance(forest)
+        self.root = Root(self.blocks)
+        check_held(self.root.balance)
+        self.displacement = self.blocks.zeros()
+        self.multigrid = BlockMultigrid(self.blocks, self.root)
+        self.records: list[Record] = []
+        self.notes: list[str] = []
+        self.error, self.energy = FIRST_GUESS, 0.0
+        self.finished, self.stopped = False, ""
+        self._chosen: Flags | None = None
+        self.residuals: list[float] = []
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents of this generation."""
+        forest = self.blocks.forest
+        return forest.cells(forest.leaves)
+
+    @property
+    def generations(self) -> Records:
+        """The steps so far."""
+        return Records(self.records)
+
+    def step(self) -> None:
+        """Spawn, but for the first time, and settle."""
+        if self._chosen is not None:
+            self._spawn(self._chosen)
+        share = min(ALGEBRAIC_SHARE * self.error, WORST)
+        run = self._settle(lambda run: run.errors[-1] <= share)
+        part, loads = self._look(run.errors[-1])
+        iterations = len(run.residuals) - 1
+        self._ends(part)
+        if self.finished:
+            run = self._settle(lambda run: max(run.residuals[-1], run.errors[-1]) <= LAST)
+            iterations += len(run.residuals) - 1
+            part, loads = self._look(run.errors[-1])
+            self._ends(part)
+            self._note_rest(run)
+        self.residuals = run.residuals
+        forest = self.blocks.forest
+        chosen = np.zeros(len(part), dtype=np.bool_) if self._chosen is None else self._chosen
+        record = Record(self.error, self.energy, iterations, forest, loads, chosen)
+        self.records.append(record)
+
+    def _settle(self, done: Any) -> Iteration:
+        return self.multigrid.solve(self.blocks.load, self.displacement, done)
+
+    def _look(self, algebraic: float) -> tuple[Floats, NDArray[np.float32]]:
+        """See what is left unbalanced; return the blocks' squares and the agents' loads."""
+        forest, u = self.blocks.forest, self.displacement
+        self.energy = 0.5 * float(kernels.dot(self.blocks.load, u, forest.leaves))
+        self.blocks.everywhere(u)
+        loads = np.empty((len(forest.leaves), len(forest.corners)), dtype=np.float32)
+        part = self.blocks.errors(u, np.empty((0, 0)), loads)
+        order = forest.corners @ ACROSS ** np.arange(forest.dimension)[::-1]
+        total = float(part.sum())
+        if self.energy > 0.0:
+            self.error = float(np.hypot(sqrt(total / (2 * self.energy)), algebraic))
+        else:
+            self.error = 0.0 if total == 0.0 else inf
+        return part, loads[:, order]
+
+    def _ends(self, part: Floats) -> None:
+        forest = self.blocks.forest
+        smallest = forest.size[forest.leaves] <= forest.ground.smallest
+        allowed = 2 * self.energy * (SPARE * self.tolerance) ** 2
+        chosen = choose_among(part, allowed, smallest, BULK[forest.dimension])
+        many = (1 << forest.dimension) - 1
+        agents = forest.agents + many * np.count_nonzero(chosen) * len(forest.corners)
+        self.stopped = "" if chosen.any() else "depth"
+        if agents > self.most_agents or len(self.records) + 1 == MOST_GENERATIONS:
+            self.stopped = "agents"
+        self.finished = self.error <= self.tolerance or bool(self.stopped)
+        self._chosen = None if self.finished else chosen
+
+    def _note_rest(self, run: Iteration) -> None:
+        if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
+            self.stopped = "iteration"
+        if not run.converged:
+            self.notes.append(
+                f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
+            )
+        self.finished, self._chosen = True, None
+
+    def _spawn(self, chosen: Flags) -> None:
+        before, old = self.blocks.forest, self.displacement
+        marked = np.zeros(len(before), dtype=np.bool_)
+        marked[before.leaves[chosen]] = True
+        forest = before.refined(marked, len(self.records))
+        self.blocks = BlockBalance(forest)
+        self.multigrid = BlockMultigrid(self.blocks, self.root)
+        self.displacement = self.blocks.follow(old, before, self.multigrid.rim)
+
+    def outcome(self) -> BlockSpawning:
+        """Return the agents as they are."""
+        return BlockSpawning(self)

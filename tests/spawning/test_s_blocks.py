@@ -1,0 +1,125 @@
+"""Blocks of agents are the same operator as agents one by one, and give the same answers."""
+
+import numpy as np
+import pytest
+from spawning_bodies import BRASS, STEEL, blotched, drawn, pierced, quarter, ragged
+
+from kaju import Scene, solve
+from kaju.model.spawning import block_kernels as kernels
+from kaju.model.spawning.block_multigrid import BlockMultigrid
+from kaju.model.spawning.blocks import BlockBalance, Window
+from kaju.model.spawning.forest import first_forest
+from kaju.model.spawning.ground import ground_of
+
+
+def plate(**changes):
+    return Scene(
+        **{
+            "body": {"size": [0.2, 0.2], "cells": [20, 20], "material": "steel"},
+            "sides": {"bottom": "rigid"},
+            "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+            **changes,
+        }
+    )
+
+
+def dragged():
+    top = {"region": {"box": [[0.05, 0.2], [0.1, 0.2]]}, "force": [3.0, -1.0]}
+    return plate(sides={"left": "rigid", "bottom": "roller"}, loads=[top])
+
+
+def layered():
+    codes = np.ones((8, 8), dtype=int)
+    codes[:, 4:] = 2
+    codes[5:, 6:] = 0
+    return drawn(codes, [STEEL, BRASS], [{"side": "left", "pressure": 1e5}])
+
+
+BODIES = {
+    "plate": plate,
+    "dragged": dragged,
+    "layered": layered,
+    "pierced": pierced,
+    "blotched": blotched,
+    "ragged": lambda: ragged(1),
+    "cube": lambda: quarter(0.3),
+    "cube with another": lambda: quarter(0.3, {"youngs_modulus": 0.01, "poissons_ratio": 0.2}),
+}
+
+
+def random_blocks(scene, seed=0):
+    """Return blocks that have spawned by chance, and the same agents one by one."""
+    forest, rng = first_forest(ground_of(scene, None, None)), np.random.default_rng(seed)
+    steps, share = (3, 0.15) if forest.dimension == 2 else (2, 0.03)
+    for step in range(steps):
+        forest = forest.refined(rng.random(len(forest)) < share, step + 1)
+    every = np.ones((len(forest.leaves), len(forest.corners)), dtype=np.bool_)
+    return BlockBalance(forest), Window(forest, forest.leaves, every)
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_forces_and_loads_are_those_of_single_agents(name):
+    blocks, window = random_blocks(BODIES[name]())
+    balance = window.balance
+    place, free = window.place[balance.free], balance.free
+    assert blocks.forest.depth > 1
+    np.testing.assert_array_equal(np.sort(place), blocks.unknowns)
+    x = np.random.default_rng(1).normal(size=len(free))
+    u, force = blocks.zeros(), blocks.zeros()
+    u.ravel()[place] = x
+    energy = blocks.apply(u, force)
+    expected = balance.stiffness(free) @ x
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(force.ravel()[place], expected, rtol=0, atol=4e-15 * scale)
+    assert energy == pytest.approx(x @ expected, rel=1e-13)
+    load = blocks.load.ravel()
+    np.testing.assert_allclose(load[place], balance.load[free], atol=1e-14)
+    assert np.count_nonzero(load) == np.count_nonzero(balance.load[free])
+
+
+@pytest.mark.parametrize("name", ["plate", "pierced", "cube with another"])
+def test_a_cycle_is_symmetric(name):
+    blocks, _ = random_blocks(BODIES[name]())
+    multigrid, rng = BlockMultigrid(blocks), np.random.default_rng(2)
+    loads = [blocks.zeros(), blocks.zeros()]
+    for load in loads:
+        load.ravel()[blocks.unknowns] = rng.normal(size=len(blocks.unknowns))
+    answers = [multigrid.precondition(load).copy() for load in loads]
+    (ours, theirs), leaves = loads, blocks.forest.leaves
+    one = kernels.dot(ours, answers[1], leaves)
+    other = kernels.dot(theirs, answers[0], leaves)
+    size = kernels.dot(ours, answers[0], leaves)
+    assert size > 0.0
+    assert abs(one - other) < 1e-12 * size
+
+
+@pytest.mark.parametrize("name", ["plate", "dragged", "layered"])
+def test_answers_are_those_of_single_agents(name):
+    result = solve(BODIES[name](), tolerance=0.015, strategy="spawning")
+    balance = result.spawning.balance
+    u = result.spawning.displacement
+    left = balance.force(u)[balance.free] - balance.load[balance.free]
+    assert np.abs(left).max() < 1e-7 * np.abs(balance.load).max()
+    assert balance.energy(u) == pytest.approx(result.spawning.energy, rel=1e-8)
+    assert result.agents == len(balance.grid.leaves) == len(result.cause)
+    assert len(balance.grid.leaves.balanced(0)) == result.agents
+
+
+def test_blocks_ask_for_no_more_than_the_tolerance():
+    coarse = solve(plate(), tolerance=0.015, strategy="spawning")
+    fine = solve(plate(), tolerance=0.004, strategy="spawning")
+    assert coarse.error_estimate <= 0.015
+    assert fine.error_estimate <= 0.004
+    gap = coarse.strain_energy / fine.strain_energy - 1
+    assert 0.3 * 0.015**2 < gap < 2.0 * coarse.error_estimate**2
+    assert len(fine.generations) == fine.summary()["generations"]
+    assert fine.generations[-1].agents == fine.agents
+
+
+def test_family_of_blocks_is_a_family():
+    result = solve(plate(), tolerance=0.015, strategy="spawning")
+    family = result.family
+    np.testing.assert_array_equal(np.sort(family.rows["code"][family.working]),
+                                  np.sort(result.spawning.leaves.code))  # fmt: skip
+    np.testing.assert_array_equal(family.rows["cause"][family.working], result.cause)
+    assert np.nanmax(result.cause) > 0.0

@@ -96,11 +96,11 @@ def test_a_cycle_is_symmetric(name):
 @pytest.mark.parametrize("name", ["plate", "dragged", "layered"])
 def test_answers_are_those_of_single_agents(name):
     result = solve(BODIES[name](), tolerance=0.015, strategy="spawning")
-    balance = result.spawning.balance
-    u = result.spawning.displacement
+    balance = result.found.spawning.balance
+    u = result.found.spawning.displacement
     left = balance.force(u)[balance.free] - balance.load[balance.free]
     assert np.abs(left).max() < 1e-7 * np.abs(balance.load).max()
-    assert balance.energy(u) == pytest.approx(result.spawning.energy, rel=1e-8)
+    assert balance.energy(u) == pytest.approx(result.found.spawning.energy, rel=1e-8)
     assert result.agents == len(balance.grid.leaves) == len(result.cause)
     assert len(balance.grid.leaves.balanced(0)) == result.agents
 
@@ -120,6 +120,6 @@ def test_family_of_blocks_is_a_family():
     result = solve(plate(), tolerance=0.015, strategy="spawning")
     family = result.family
     np.testing.assert_array_equal(np.sort(family.rows["code"][family.working]),
-                                  np.sort(result.spawning.leaves.code))  # fmt: skip
+                                  np.sort(result.found.spawning.leaves.code))  # fmt: skip
     np.testing.assert_array_equal(family.rows["cause"][family.working], result.cause)
     assert np.nanmax(result.cause) > 0.0

@@ -1,9 +1,10 @@
 """By which rule an agent passes load on.
 
 A rule answers one question: of a load that an agent takes, *what shares does it keep and
-pass on?* The agent's own code is the same for every rule; only the source of the numbers
-differs. `PrescribedRule` takes them from the user, `ElasticRule` derives them from the
-material.
+pass on?* `PrescribedRule` takes them from the user, `ElasticRule` derives them from the
+material. What an agent does with its shares is nearly the same under both: it keeps one and
+passes the others on. How loads that meet add up, and when they rest, differs: compare
+`MaterialAgent` and `FaceAgent`.
 """
 
 from __future__ import annotations

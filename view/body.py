@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
 from kaju.model.scene import kinds
 
@@ -92,8 +93,9 @@ def draw_body(ax: Axes, section: Section, *, filled: bool = True) -> list[Artist
 
 def _draw_supports(ax: Axes, section: Section, tiles: Ints, kind: Ints) -> list[Artist]:
     entries: list[Artist] = []
+    idle = _beside_no_body(section, tiles, kind)
     for code, (name, hatch) in _SUPPORTS.items():
-        chosen = kind == code
+        chosen = (kind == code) & ~idle
         if not chosen.any():
             continue
         add_polygons(
@@ -108,6 +110,20 @@ def _draw_supports(ax: Axes, section: Section, tiles: Ints, kind: Ints) -> list[
         )
         entries.append(Patch(facecolor="white", edgecolor="#6b6b6b", hatch=hatch, label=name))
     return entries
+
+
+def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> NDArray[np.bool_]:
+    """Tell which tiles lie beyond a side of the array where no body touches it."""
+    first = tiles.min(axis=0) - 1
+    body = np.zeros(tiles.max(axis=0) - first + 2, dtype=np.bool_)
+    body[tuple((tiles - first)[kind >= 0].T)] = True
+    near = body.copy()
+    for axis in (0, 1):  # a tile and its eight neighbours
+        near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
+    shape = np.array(section.scene.lattice.shape)[[*section.axes]]
+    inside = np.all((tiles >= 0) & (tiles * section.block < shape), axis=1)
+    beside: NDArray[np.bool_] = ~inside & ~near[tuple((tiles - first).T)]
+    return beside
 
 
 def finish(ax: Axes, section: Section, title: str, notes: list[str], entries: list[Artist]) -> Text:

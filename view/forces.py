@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 MOST_ARROWS = 24
 """Of more loaded faces than this, so many evenly chosen ones get an arrow."""
 
+WEIGHTS_ACROSS = 3
+"""A weight is shown by so many arrows side by side along the body's longest way."""
+
 
 class Arrows(NamedTuple):
     """Where forces act (m), and how large they are (N), each of shape (n, dimension).
@@ -37,8 +40,8 @@ def force_arrows(
 ) -> Arrows:
     """Choose arrows for some of the applied forces: few enough to be seen one by one.
 
-    A force in the middle of many cells, such as a weight, becomes one arrow in the middle
-    of them all.
+    A force in the middle of many cells, such as a weight, becomes a few arrows, each in a
+    cell of the part of the body whose force it stands for.
     """
     rows = rows[np.abs(applied.force[rows]).max(axis=1, initial=0.0) > 0.0]
     weight = rows[applied.direction[rows] < 0]
@@ -58,11 +61,24 @@ def force_arrows(
     bare = (applied.direction[chosen] < 0) & (behind < 0)
     place = place - np.where(bare[:, None], 0.56 * lattice.cell_size * unit, 0.0)
     if len(weight):
-        middle = lattice.centres(applied.cells[weight]).mean(axis=0)
-        place = np.vstack([place, middle])
-        force = np.vstack([force, applied.force[weight].sum(axis=0)])
-        pulls = np.append(pulls, True)
+        some, sums = _gathered(lattice.centres(applied.cells[weight]), applied.force[weight])
+        place, force = np.vstack([place, some]), np.vstack([force, sums])
+        pulls = np.append(pulls, np.ones(len(some), dtype=np.bool_))
     return Arrows(place, force, pulls)
+
+
+def _gathered(points: Floats, force: Floats) -> tuple[Floats, Floats]:
+    """Gather forces in a few parts of a body: return a point that is in it, and their sum."""
+    lower, span = points.min(axis=0), np.ptp(points, axis=0).max() or 1.0
+    part = np.minimum((points - lower) * (WEIGHTS_ACROSS / span), WEIGHTS_ACROSS - 1)
+    number = np.unique(part.astype(np.int64), axis=0, return_inverse=True)[1].ravel()
+    places, sums = [], []
+    for one in range(int(number.max()) + 1):
+        inside = points[number == one]
+        nearest = np.linalg.norm(inside - inside.mean(axis=0), axis=1).argmin()
+        places.append(inside[nearest])
+        sums.append(force[number == one].sum(axis=0))
+    return np.array(places), np.array(sums)
 
 
 def told(applied: AppliedLoads) -> list[str]:

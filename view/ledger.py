@@ -36,7 +36,7 @@ def plot_ledger(result: TransferResult, ax: Axes | None = None) -> Axes:
     small = ledger.emitted - ledger.passed - ledger.returned
     bars = {
         "what entered": {"applied": ledger.applied, "sent out by agents": ledger.emitted},
-        "became": {
+        "what became of it": {
             "taken": ledger.taken,
             "dropped (up to γ)": ledger.dropped,
             "still on its way": ledger.pending,
@@ -46,7 +46,7 @@ def plot_ledger(result: TransferResult, ax: Axes | None = None) -> Axes:
             "returned by boundaries": ledger.returned,
             "too small": max(small, 0.0),
         },
-        "taken": {"kept as strain": ledger.kept},
+        "of it kept": {"as strain": ledger.kept},
     }
     ax = new_axes(ax, (7.6, 3.8))
     longest = max(ledger.applied + ledger.emitted, 1e-300)
@@ -61,7 +61,14 @@ def plot_ledger(result: TransferResult, ax: Axes | None = None) -> Axes:
     ax.tick_params(axis="y", length=0)
     lost = ledger.imbalance
     balance = f"to {lost:.0e} of all loads" if lost else "exactly"
-    caption(ax, "Ledger", [f"the books balance {balance}"])
+    notes = [f"the books balance {balance}"]
+    if ledger.applied > 0.0:
+        often = f"{ledger.taken / ledger.applied:.3g} times"
+        notes.append(
+            f"{quantity(ledger.applied, 'N')} applied are taken {often} over: every agent that a "
+            "load passes counts it anew"
+        )
+    caption(ax, "Ledger", notes)
     return ax
 
 

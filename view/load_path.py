@@ -18,7 +18,7 @@ from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
 from .loads import CLOSE_UP, load_norm
 from .section import Floats, Section
-from .style import INK, LOADS, add_polygons, colour_bar, new_axes
+from .style import INK, LOADS, RIM, add_polygons, colour_bar, new_axes
 from .units import counted, grouped
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def draw_edges(
         head - 0.17 * along + 0.1 * right,
         size * (0.012 + 0.085 * share),
     )
-    return add_polygons(ax, outlines, "edges", array=load, cmap=LOADS, norm=norm, zorder=6)
+    return add_polygons(ax, outlines, "edges", array=load, cmap=LOADS, norm=norm, zorder=6, **RIM)
 
 
 def draw_nodes(ax: Axes, section: Section, graph: networkx.DiGraph) -> list[Artist]:

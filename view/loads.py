@@ -15,7 +15,7 @@ from .body import draw_body, finish
 from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
 from .section import Section
-from .style import FORCE, LOADS, add_polygons, colour_bar, new_axes
+from .style import FORCE, LOADS, RIM, add_polygons, colour_bar, new_axes
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -84,7 +84,9 @@ def draw_loads(
     tail = section.centres(tiles)[row]
     head = tail + (size * (least + (most - least) * share))[:, None] * normals[direction]
     outlines = arrow_polygons(tail, head, size * (width + 0.06 * share))
-    look = {"fc": FORCE, "ec": "white", "lw": 0.6} if plain else {"array": load, "cmap": LOADS}
+    look = (
+        {"fc": FORCE, "ec": "white", "lw": 0.6} if plain else {"array": load, "cmap": LOADS, **RIM}
+    )
     drawn = add_polygons(ax, outlines, "loads taken", norm=norm, zorder=6, **look)
     return drawn, bool(across.any())
 

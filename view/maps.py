@@ -61,7 +61,7 @@ def quantity_of(
             return Quantity(size, "Displacement", "m", signed=False)
         values = result.displacement[:, names.index(chosen)]
         return Quantity(values, f"Displacement along {chosen}", "m", signed=True)
-    tensor, unit = getattr(result, what), "Pa" if what == "stress" else ""
+    tensor, unit = getattr(result, what), "Pa" if what == "stress" else "m/m"
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
     largest = max(pairs, key=lambda pair: float(np.abs(tensor[:, *pairs[pair]]).max(initial=0.0)))
     chosen = _known(component or largest, tuple(pairs))

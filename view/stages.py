@@ -80,7 +80,9 @@ def plot_stages(
         ax.plot(load, values, marker="s", ms=4, lw=1.4, color=INK, label="material agents")
         ax.plot(load, boundary, marker="o", ms=4, lw=1.2, mfc="white", color=FORCE,
                 label="boundary agents")  # fmt: skip
-    ax.axvspan(0.0, gamma, color="#e6e6e6", lw=0.0, label=f"up to γ = {quantity(gamma, 'N')}")
+    # The band alone could not be seen where γ is a hundredth of the load; its edge can.
+    ax.axvspan(0.0, gamma, color="#e6e6e6", lw=0.0)
+    ax.axvline(gamma, color=FAINT, lw=1.0, ls=":", label=f"γ = {quantity(gamma, 'N')}")
     label_axis(ax.xaxis, "sum of the applied loads", list(load), "N")
     ax.set_xlim(0.0, 1.04 * float(load.max(initial=0.0)) or 1.0)
     grown = float(values.max(initial=0.0))

@@ -51,6 +51,8 @@ SIZE = "YlGnBu"
 LOADS = ListedColormap(
     colormaps["cividis_r"](np.linspace(0.22, 1.0, 256)), "cividis_r without its palest part"
 )
+RIM: dict[str, Any] = {"edgecolors": "#3a3a3a", "linewidths": 0.25}
+"""Of small things in the colours of `LOADS`, which may lie on a body of the same shade."""
 DIVERGING = "PuOr_r"
 
 _OWN = "kaju"  # marks figures that were made here and may be resized

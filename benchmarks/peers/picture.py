@@ -56,7 +56,7 @@ def draw(found: Sequence[Measurement], path: Path) -> Path:
             if column == 0:
                 ax.set_ylabel(label, fontsize=9)
         grid[0][column].set_title(name, loc="left", fontsize=11, fontweight="bold", color=INK)
-        grid[-1][column].set_xlabel("largest error", fontsize=9)
+        grid[-1][column].set_xlabel("largest error: smaller to the right", fontsize=9)
         grid[-1][column].invert_xaxis()
     figure.legend(
         list(handles.values()),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
+from kaju.files import check_writable
 
 from .measure import Measurement, in_a_fresh_process, jobs
 from .problems import PROBLEMS
@@ -48,15 +49,13 @@ def run(
                 f"problem: there is no {name!r}{suggestion(name, PROBLEMS)}; there is "
                 f"{', '.join(PROBLEMS)}"
             )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultFileError(f"{folder}: cannot be written: {error.strerror}") from error
+    check_writable(folder, ResultFileError)
     found = []
     for job in jobs(quick, problems):
         found.append(in_a_fresh_process(*job))
         tell(_line(found[-1]))
     conditions = environment()
+    folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "work_precision.csv", found)
     (folder / "work_precision.md").write_text(markdown(found, conditions), encoding="utf-8")
     (folder / "environment.json").write_text(json.dumps(conditions, indent=2) + "\n", "utf-8")

@@ -58,6 +58,9 @@ class Body(Described):
         What is different in parts of the array; later ones cover earlier ones.
     allow_floating : bool
         Take a body that nothing holds.
+    nearest_colour : bool
+        Take every pixel of an image for the colour of the legend that is nearest to it, as
+        smoothed drawings and photographs need it.
     """
 
     size: tuple[Length, ...] | None = Field(
@@ -83,6 +86,7 @@ class Body(Described):
     )
     regions: tuple[Region, ...] = ()
     allow_floating: Flag = False
+    nearest_colour: Flag = False
 
     @property
     def picture_key(self) -> str | None:
@@ -97,6 +101,8 @@ class Body(Described):
             raise ParameterError(f"{given[1]}: {given[0]} already gives the body; leave one out")
         if given and self.cells is not None:
             raise ParameterError(f"cells: the {given[0]} has its own; leave them out")
+        if self.nearest_colour and self.image is None:
+            raise ParameterError("nearest_colour: belongs to an image; leave it out")
         if given and self.material is not None:
             raise ParameterError(
                 f"material: the legend says what the {given[0]} is of; leave it out"

@@ -95,7 +95,7 @@ def _picture(body: Body, legend: Mapping[str, str]) -> Picture | None:
     if body.drawing is not None:
         return from_drawing(body.drawing, legend)
     if body.image is not None:
-        return from_image(body.image, legend)
+        return from_image(body.image, legend, body.nearest_colour)
     assert body.array is not None
     return from_array(body.array, legend)
 

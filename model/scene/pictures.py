@@ -61,8 +61,8 @@ def from_drawing(drawing: str, legend: Mapping[str, str]) -> Picture:
     return Picture(np.array(upwards, dtype=np.int16).T, names)
 
 
-def from_image(path: str, legend: Mapping[str, str]) -> Picture:
-    """Read an image: one pixel a cell, in the legend's colours."""
+def from_image(path: str, legend: Mapping[str, str], nearest: bool = False) -> Picture:
+    """Read an image: one pixel a cell, in the legend's colours, or each in the nearest of them."""
     names, code_of = _coded(legend)
     pixels = read_pixels(path, "body.image")
     packed = np.ascontiguousarray(pixels).view(np.uint32)[:, :, 0]
@@ -73,15 +73,33 @@ def from_image(path: str, legend: Mapping[str, str]) -> Picture:
         else:
             codes[packed == np.array(_colour(colour), dtype=np.uint8).view(np.uint32)] = code
     unknown = codes < 0
-    if unknown.any():
+    if nearest and unknown.any():
+        codes[unknown] = _nearest(pixels[unknown], code_of)
+    elif unknown.any():
         row, column = (int(index) for index in np.argwhere(unknown)[0])
         raise SceneError(
             f"body.image: {np.count_nonzero(unknown)} pixels of {path} have a colour that "
             f"[legend] does not explain, first {_named(pixels[row, column])} in row {row + 1} "
             f"from the top, column {column + 1}; it explains {_listed(legend)}. Draw without "
-            "smoothing (antialiasing)"
+            "smoothing (antialiasing), or set body.nearest_colour = true"
         )
     return Picture(codes[::-1].T, names)
+
+
+def _nearest(pixels: NDArray[np.uint8], code_of: Mapping[str, int]) -> NDArray[np.int16]:
+    """Return the codes of the colours nearest to some pixels, shape (n, 4), in red, green, blue.
+
+    A pixel that lets more than half of the light through is "transparent", if that is known.
+    """
+    names = [name for name in code_of if name != "transparent"]
+    if not names:
+        raise SceneError("legend: explains no colour, so none is the nearest")
+    colours = np.array([_colour(name)[:3] for name in names], dtype=np.float32)
+    distance = np.linalg.norm(pixels[:, None, :3].astype(np.float32) - colours, axis=2)
+    codes = np.array([code_of[name] for name in names], dtype=np.int16)[distance.argmin(axis=1)]
+    if "transparent" in code_of:
+        codes[pixels[:, 3] < 128] = code_of["transparent"]
+    return np.asarray(codes)
 
 
 def from_array(array: NDArray[np.generic] | str, legend: Mapping[str, str]) -> Picture:

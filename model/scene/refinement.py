@@ -47,7 +47,9 @@ def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) 
     codes = picture.codes
     for axis in range(codes.ndim):
         codes = np.repeat(codes, k, axis=axis)
-    return Body(**(given | {"drawing": None, "image": None, "array": codes}))
+    return Body(
+        **(given | {"drawing": None, "image": None, "nearest_colour": False, "array": codes})
+    )
 
 
 def refined_loads(

@@ -104,7 +104,7 @@ def _with_picture(
 ) -> dict[str, Any]:
     """Return the table with its image or array replaced, the keys in their usual order."""
     given = {**table["body"], key: picture}
-    others = {"drawing", "image", "array"} - {key}
+    others = {"drawing", "image", "array", "nearest_colour"} - {key}
     body = {name: given[name] for name in Body.model_fields if name in given.keys() - others}
     return {"body": body, "legend": legend} | {k: v for k, v in table.items() if k not in _DRAWN}
 

@@ -56,6 +56,9 @@ Tolerance = Annotated[
 ]
 Misplaced = Annotated[str | None, typer.Option(hidden=True)]
 
+LOW = {"body.size": [0.2, 0.05], "body.cells": [20, 5], "loads.0.cell": [10, 4]}
+"""What makes the worked plate so low that its load reaches the ground and wakes agents there."""
+
 
 def demo(
     out: Out = None,
@@ -64,7 +67,11 @@ def demo(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run the worked example: a steel plate pressed at one cell of its top edge."""
+    """Run the worked example: a steel plate pressed at one cell of its top edge.
+
+    A second film shows a plate so low that the load reaches the ground, which answers.
+    """
+    from kaju.model.propagation.load_model import LoadModel
     from kaju.model.scene import Scene
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
@@ -74,6 +81,8 @@ def demo(
         from kaju.view import animate
 
         console.say(animate(result, folder / "spawning.gif"))
+        low = LoadModel(scene.with_overrides(LOW)).run()
+        console.say(animate(low, folder / "ground.gif"))
 
 
 def run(

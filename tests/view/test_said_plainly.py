@@ -1,0 +1,110 @@
+"""Pictures that say what is there: weights in the body, hatching beside it, units, the ground."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from kaju import LoadModel, Scene, load_scene, plot
+from kaju.commands_run import LOW
+from kaju.errors import SceneError
+from kaju.options import worked_plate
+
+FRAME = "#######\n" + 5 * "#.....#\n"
+
+
+def frame(**others):
+    return Scene.from_drawing(
+        FRAME,
+        legend={"#": "steel", ".": "air"},
+        cell_size=0.01,
+        sides={"bottom": "rigid"},
+        **others,
+    ).refine(4)
+
+
+def drawn(ax, name):
+    return [c for c in ax.collections if c.get_gid() == name]
+
+
+def test_a_weight_is_shown_inside_the_body():
+    scene = frame(gravity=[0.0, -9.81])
+    (arrows,) = drawn(plot(scene).axes[0], "forces")
+    tails = np.array([path.vertices[:, 1].max() for path in arrows.get_paths()])
+    middles = np.array([path.vertices[:, 0].mean() for path in arrows.get_paths()])
+    points = np.stack([middles, tails - 1e-4], axis=1)
+    assert len(points) > 3
+    assert np.all(scene.kinds(scene.lattice.locate(points)) >= 0)
+    sideways = np.sort(middles)
+    np.testing.assert_allclose(sideways + sideways[::-1], 0.07, atol=0.003)
+
+
+def test_ground_is_hatched_only_where_the_body_stands():
+    (ground,) = drawn(plot(frame()).axes[0], "support rigid")
+    reached = np.concatenate([path.vertices[:, 0] for path in ground.get_paths()])
+    assert not np.any((reached > 0.0151) & (reached < 0.0549))
+    assert reached.min() < 0.001
+    assert reached.max() > 0.069
+
+
+def test_strain_has_a_unit_and_the_ledger_counts():
+    run = LoadModel(Scene.from_toml(worked_plate())).run()
+    assert "m/m)" in plot(run, "strain").axes[1].get_ylabel()
+    ledger = plot(run, "ledger").axes[0]
+    assert [label.get_text() for label in ledger.get_yticklabels()][3] == "of it kept"
+    told = " ".join(text.get_text() for text in ledger.texts)
+    assert "taken 6.44 times over" in told.replace("\n", " ")
+
+
+def test_the_lower_plate_of_the_demo_wakes_the_ground():
+    run = LoadModel(Scene.from_toml(worked_plate()).with_overrides(LOW)).run()
+    assert run.summary()["rigid_boundary_agents"] == 3
+
+
+@pytest.fixture
+def smoothed(tmp_path):
+    """A drawing of a step, blurred, and as a JPEG."""
+    true = np.full((12, 16, 3), 255, dtype=np.uint8)
+    true[4:, 4:12] = (140, 123, 107)
+    true[10:] = 0
+    image = Image.fromarray(true)
+    big = image.resize((160, 120)).resize((16, 12), Image.Resampling.BICUBIC)
+    big.save(tmp_path / "step.jpg", quality=60)
+    return tmp_path / "step.jpg", true
+
+
+LEGEND = {"white": "air", "#8c7b6b": "granite", "black": "rigid"}
+
+
+def test_smoothed_images_take_the_nearest_colour(smoothed):
+    path, true = smoothed
+    with pytest.raises(SceneError, match="nearest_colour = true"):
+        Scene.from_image(path, legend=LEGEND, cell_size=0.01)
+    scene = Scene.from_image(path, legend=LEGEND, cell_size=0.01, nearest_colour=True)
+    colours = np.array([[255, 255, 255], [140, 123, 107], [0, 0, 0]], dtype=float)
+    pixels = np.asarray(Image.open(path).convert("RGB"), dtype=float)[::-1].transpose(1, 0, 2)
+    nearest = np.linalg.norm(pixels[:, :, None] - colours, axis=3).argmin(axis=2)
+    np.testing.assert_array_equal(scene.rasterise() >= 0, nearest == 1)
+    assert (
+        (scene.rasterise() >= 0) == (true[::-1].transpose(1, 0, 2)[:, :, 0] == 140)
+    ).mean() > 0.9
+    assert Scene.from_toml(scene.to_toml()) == scene
+    assert (scene.refine(2).rasterise() >= 0).sum() == 4 * (scene.rasterise() >= 0).sum()
+
+
+def test_nearest_colours_belong_to_images():
+    with pytest.raises(SceneError, match="nearest_colour: belongs to an image"):
+        Scene.from_drawing("#", legend={"#": "steel"}, cell_size=1.0, nearest_colour=True)
+
+
+def test_the_huge_cube_of_its_page_is_pressed_on_top():
+    from pathlib import Path
+
+    text = (Path(__file__).parents[2] / "examples" / "cube.md").read_text()
+    words = text.partition("Make the body huge:")[2].partition("How much")[0].split()
+    changes = [word.strip("`.").partition("=") for word in words if "=" in word]
+    scene = load_scene(
+        Path(__file__).parents[2] / "examples" / "cube.toml",
+        {key: value for key, _, value in changes},
+    )
+    run = LoadModel(scene).run()
+    assert len(run.last.cells) == 60

@@ -122,6 +122,12 @@ class Described:
         figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
         return f"{type(self).__name__}({figures})"
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the page, or a picture."""
+        from kaju.view.page.notebook import shown
+
+        return shown(self)
+
     @abstractmethod
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""

@@ -246,6 +246,12 @@ class LoadModel(mesa.Model):
             max_generations=self.max_generations,
         )
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the page, with what has happened so far."""
+        from kaju.view.page.notebook import shown
+
+        return shown(self)
+
     def watch(self, port: int = 8000, *, browser: bool = True) -> None:
         """Show agents like these at work in a browser; see `kaju.watch`."""
         import kaju

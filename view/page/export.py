@@ -60,6 +60,7 @@ socket.binaryType = "arraybuffer";
 const ask = (question) => socket.send(JSON.stringify(question));
 const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
 const elasticText = document.getElementById("kaju-elastic").textContent.trim() || null;
+takeWindow(main);
 socket.onopen = () => connect(main, data, ask, listen, elasticText);
 socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("gone"));
 """
@@ -209,12 +210,27 @@ onmessage = ({ data: { scene, cells, loads } }) => {
 """
 
 
+def packed_live(scene: Scene) -> bytes:
+    """Return what a page is told whose run Python computes.
+
+    Raises
+    ------
+    ParameterError
+        If the rule is not a prescribed one.
+    """
+    if not isinstance(scene.rule, PrescribedRule):
+        raise ParameterError(
+            f"rule.kind: agents of a prescribed rule can be watched, got {scene.rule.kind!r}; "
+            "kaju page shows what others have done"
+        )
+    data, columns = scene_data(scene)
+    return pack({"format": FORMAT, "kind": "live", "scene": data, "presets": []}, columns)
+
+
 def live_page(scene: Scene) -> str:
     """Return the page of a live run: it talks to the server that has sent it, to nobody else."""
-    data, columns = scene_data(scene)
-    header = {"format": FORMAT, "kind": "live", "scene": data, "presets": []}
     code = joined((*MODULES, "live.js")) + LIVE
-    return page_html(pack(header, columns), "kaju watch", code, "connect-src 'self'; ")
+    return page_html(packed_live(scene), "kaju watch", code, "connect-src 'self'; ")
 
 
 @cache

@@ -1,6 +1,6 @@
 // Python behind a channel: the page asks for generations, packed pieces come back one by one.
-import { Recorded, unpack } from "./history.js";
-import { openPage } from "./page.js";
+import { bytesOf, Recorded, unpack } from "./history.js";
+import { mount } from "./page.js";
 
 const AT_ONCE = 64, AHEAD = 8;                 // generations in one answer; ahead of what is played
 
@@ -65,8 +65,10 @@ export function complain(page, text) {
 
 /** A page whose run is computed elsewhere: `send` takes a question, `listen` a listener for answers. */
 export async function connect(element, base64, send, listen, elastic = null) {
-  const page = await openPage(element, base64, elastic);
-  page.run.atRest = false;
+  const { header, columns: { cells } } = await unpack(bytesOf(base64));
+  const run = new Recorded(header.scene, cells);
+  run.atRest = false;
+  const page = mount(element, { ...header, cells, run, presets: [], elastic });
   page.channel = new Channel(page, send);
   listen((bytes) => page.channel.heard(bytes));
   page.channel.busy = true;

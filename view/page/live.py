@@ -68,12 +68,15 @@ class LiveRun:
         assert self._model is not None
         return self._model
 
-    def answer(self, message: str) -> bytes:
-        """Return the packed answer to a message: what has happened, and what went wrong."""
+    def answer(self, message: str | dict[str, Any]) -> bytes:
+        """Return the packed answer to a message (JSON, or read already).
+
+        It says what has happened, and what went wrong.
+        """
         header: dict[str, Any] = {}
         columns: Columns = {}
         try:
-            asked = _read(message)
+            asked = _read(message) if isinstance(message, str) else _table({"": message}, "")
             if asked.get("type") == "elastic":
                 header, columns = self._elastic()
             else:

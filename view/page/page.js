@@ -288,7 +288,7 @@ export class Page {
     }
     const toggle = this.parts.header?.querySelector("button.icon");
     if (toggle) toggle.ariaPressed = String(dark);
-    if (document.body) document.documentElement.style.background = this.inks.paper;
+    if (this.root.host.whole) document.documentElement.style.background = this.inks.paper;
     this.later();
   }
   announce(text) { this.parts.cap.textContent = text; }
@@ -463,14 +463,19 @@ export function mount(element, header) {
   return new Page(element, header);
 }
 
-/** A page in a file, or in a notebook: everything is in the text. */
-export async function openPage(element, base64, elastic = null) {
+/** Give an element all of the window: its style, and the keys that nobody else takes. */
+export function takeWindow(element) {
+  element.whole = true;
   document.adoptedStyleSheets = [sheetOf("html, body { margin: 0; height: 100%; } body > main { height: 100%; }")];
+  document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
+}
+
+/** A page in a file, or in a frame of a notebook: everything is in the text. */
+export async function openPage(element, base64, elastic = null) {
+  takeWindow(element);
   const { header, columns } = await unpack(bytesOf(base64));
   const { cells } = columns;
-  const run = header.kind === "runnable" ? null : new Recorded(header.scene, cells);
-  if (columns.offset) run.append(columns);
-  document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
+  const run = columns.offset ? new Recorded(header.scene, cells).append(columns) : null;
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
   return mount(element, { ...header, cells, run, presets, elastic });
 }

@@ -14,7 +14,6 @@ import socket
 import webbrowser
 from typing import TYPE_CHECKING
 
-from kaju.agents.rules import PrescribedRule
 from kaju.errors import MissingExtraError, ParameterError
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
@@ -101,11 +100,6 @@ def watch_app(of: Scene | LoadModel, idle: float = IDLE) -> Starlette:
         raise _missing() from error
 
     scene = of if isinstance(of, Scene) else of.scene
-    if not isinstance(scene.rule, PrescribedRule):
-        raise ParameterError(
-            f"rule.kind: agents of a prescribed rule can be watched, got {scene.rule.kind!r}; "
-            "kaju page shows what others have done"
-        )
     model_of = usual_model if isinstance(of, Scene) else of.again
     html = live_page(scene)
 

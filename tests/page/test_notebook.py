@@ -1,0 +1,151 @@
+"""Models and results show themselves in notebooks, with and without a kernel."""
+
+import base64
+import json
+import re
+import sys
+from html import unescape
+from pathlib import Path
+
+import nbconvert
+import nbformat
+import pytest
+from nbconvert import HTMLExporter
+
+import kaju
+from kaju import LoadModel, MaterialAgent, Scene
+from kaju.errors import MissingExtraError, ParameterError
+from kaju.view.page import live, notebook
+from kaju.view.page.packing import unpack
+
+# Beside the packages, wherever those are: an environment may borrow them from another one.
+TEMPLATES = Path(nbconvert.__file__).parents[4] / "share/jupyter"
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+}
+
+
+class Straight(MaterialAgent):
+    def pass_on(self, load):
+        ahead = load._replace(magnitude=0.8 * load.magnitude)
+        if ahead.magnitude > self.model.threshold:
+            self.model.hand_over(self, load.direction, ahead)
+
+
+def page_in(html):
+    """The page inside a frame."""
+    assert html.startswith("<iframe ")
+    return unescape(re.search(r'srcdoc="([^"]*)"', html)[1])
+
+
+def told(page):
+    data = re.search(r'id="kaju-data">([^<]+)<', page)[1]
+    return unpack(base64.b64decode(data))
+
+
+def test_a_result_is_a_page_shut_off_from_the_notebook():
+    html = LoadModel(Scene(**PLATE)).run()._repr_html_()
+    assert 'sandbox="allow-scripts allow-downloads"' in html
+    page = page_in(html)
+    assert "default-src 'none'; script-src 'sha256-" in page
+    assert told(page)[0]["kind"] == "runnable"
+
+
+def test_a_model_shows_what_has_happened_and_is_not_run_on():
+    model = LoadModel(Scene(**PLATE), material_agent=Straight)
+    for _ in range(3):
+        model.step()
+    header, columns = told(page_in(model._repr_html_()))
+    assert header["kind"] == "recorded"
+    assert len(columns["offset"]) == 4
+    assert model.generation == 3
+
+
+def test_what_no_page_shows_is_a_picture():
+    html = kaju.solve(Scene(**PLATE))._repr_html_()
+    assert html.startswith('<img alt="')
+    assert base64.b64decode(re.search('base64,([^"]+)', html)[1]).startswith(b"\x89PNG")
+
+
+def test_the_page_stays_in_a_saved_notebook_and_its_document(tmp_path, chromium, monkeypatch):
+    """No kernel, no network: the notebook is written, read, converted, and looked at."""
+    monkeypatch.setenv("JUPYTER_PATH", str(TEMPLATES))
+    output = nbformat.v4.new_output(
+        "execute_result",
+        {"text/html": LoadModel(Scene(**PLATE)).run()._repr_html_(), "text/plain": "…"},
+        execution_count=1,
+    )
+    cell = nbformat.v4.new_code_cell("model.run()", outputs=[output], execution_count=1)
+    saved = tmp_path / "lesson.ipynb"
+    nbformat.write(nbformat.v4.new_notebook(cells=[cell]), saved)
+    document, _ = HTMLExporter().from_filename(str(saved))
+    shown = tmp_path / "lesson.html"
+    shown.write_text(document, encoding="utf-8")
+    context = chromium.new_context(offline=True)
+    tab = context.new_page()
+    tab.goto(shown.as_uri(), wait_until="domcontentloaded")
+    frame = tab.frame_locator("iframe[title=kaju]")
+    frame.locator(".count").get_by_text("Generation 8 of 8").wait_for()
+    frame.get_by_role("button", name="Back").first.click()
+    frame.locator(".count").get_by_text("Generation 7 of 8").wait_for()
+    context.close()
+
+
+def test_a_widget_answers_what_its_page_asks(monkeypatch):
+    widget = live(LoadModel(Scene(**PLATE), material_agent=Straight))
+    sent = []
+    monkeypatch.setattr(type(widget), "send", lambda self, content, buffers: sent.append(buffers))
+    widget._handle_custom_msg({"type": "hello"}, [])
+    widget._handle_custom_msg({"type": "step", "generations": 3}, [])
+    widget._handle_custom_msg("nothing", [])
+    answers = [unpack(buffers[0]) for buffers in sent]
+    assert answers[0][0]["fresh"]
+    assert answers[1][1]["load"].tolist() == pytest.approx([2.0, 1.6, 1.28], rel=1e-6)
+    assert "error" in answers[2][0]
+
+
+def test_a_widget_steps_its_run_in_a_browser(chromium):
+    """Its module in a browser, its run in Python, and between them what a notebook is."""
+    widget = live(Scene(**PLATE), height=500)
+    traits = {name: getattr(widget, name) for name in ("page", "elastic", "height")}
+    tab = chromium.new_context().new_page()
+    errors = []
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.goto("about:blank")
+    tab.expose_function(
+        "python", lambda text: base64.b64encode(widget.run.answer(json.loads(text))).decode()
+    )
+    tab.evaluate(
+        """async ([esm, traits]) => {
+          const module = new Blob([esm], { type: "text/javascript" });
+          const { default: widget } = await import(URL.createObjectURL(module));
+          let heard = null;
+          const el = document.body.appendChild(document.createElement("div"));
+          el.id = "cell";
+          const model = { get: (name) => traits[name], on: (_, f) => { heard = f; },
+            send: async (message) => {
+              const text = atob(await python(JSON.stringify(message)));
+              heard({}, [new DataView(Uint8Array.from(text, (c) => c.charCodeAt(0)).buffer)]);
+            } };
+          await widget.render({ model, el });
+        }""",
+        [widget._esm, traits],
+    )
+    tab.locator("#cell .count").get_by_text("Generation 1 of 1").wait_for()
+    tab.get_by_role("button", name="Play").click()
+    tab.locator("#cell .count").get_by_text("Generation 8 of 8").wait_for()
+    assert tab.evaluate("document.getElementById('cell').offsetHeight") == 500
+    assert tab.evaluate("document.adoptedStyleSheets.length") == 0  # the notebook keeps its style
+    assert errors == []
+    tab.context.close()
+
+
+def test_widgets_say_what_they_need(monkeypatch):
+    with pytest.raises(ParameterError, match="got 'elastic'"):
+        live(Scene(**PLATE, rule={"kind": "elastic"}))
+    notebook._widget.cache_clear()
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    with pytest.raises(MissingExtraError, match=r"kaju\[notebook\]"):
+        live(Scene(**PLATE))

@@ -1,0 +1,118 @@
+"""Pages inside notebooks: as a frame that needs no kernel, or as a widget that Python feeds.
+
+The frame is the same file that `export_page` writes, put into the notebook as text and shut
+off from it (a sandbox without a shared origin): it stays when the notebook is saved, its
+kernel has ended, or nbconvert has made a document of it.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from functools import cache
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+from kaju.errors import KajuError, MissingExtraError
+from kaju.model.propagation.load_model import LoadModel
+
+from .export import MODULES, joined, packed_live, packed_page, page_html, worker
+from .live import LiveRun, usual_model
+
+if TYPE_CHECKING:
+    from anywidget import AnyWidget
+
+    from kaju.model.scene import Scene
+
+HEIGHT = 640
+"""Of a page in a notebook (pixels)."""
+
+RENDER = """
+export default {
+  async render({ model, el }) {
+    el.style.height = `${model.get("height")}px`;
+    const ask = (question) => model.send(question);
+    const listen = (heard) => model.on("msg:custom", (_, [bytes]) =>
+      heard(new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength)));
+    await connect(el, model.get("page"), ask, listen, model.get("elastic"));
+  },
+};
+"""
+
+
+def shown(of: Any) -> str:
+    """Return what a notebook shows of a model or a result: a page, or else a picture."""
+    try:
+        result = of.result() if isinstance(of, LoadModel) and of.generation else of
+        page = page_html(packed_page(result), "kaju")
+    except KajuError:
+        return _picture(of)
+    return (
+        f'<iframe title="kaju" sandbox="allow-scripts allow-downloads" srcdoc="{escape(page)}" '
+        f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+    )
+
+
+def _picture(of: Any) -> str:
+    from kaju.view.plots import plot
+
+    try:
+        figure = plot(of)
+    except KajuError:
+        return f"<pre>{escape(repr(of))}</pre>"
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=100)
+    picture = base64.b64encode(data.getvalue()).decode()
+    return f'<img alt="{escape(repr(of))}" src="data:image/png;base64,{picture}">'
+
+
+def live(of: Scene | LoadModel, height: int = HEIGHT) -> AnyWidget:
+    """Return a widget that shows agents while Python computes them, for notebooks.
+
+    Parameters
+    ----------
+    of : Scene or LoadModel
+        With a prescribed rule; a model may have agents of your own.
+    height : int
+        Of the widget (pixels).
+
+    Raises
+    ------
+    MissingExtraError
+        If anywidget is not installed.
+    ParameterError
+        If the rule is not a prescribed one.
+    """
+    scene = of.scene if isinstance(of, LoadModel) else of
+    run = LiveRun(scene, of.again if isinstance(of, LoadModel) else usual_model)
+    page = base64.b64encode(packed_live(scene)).decode()
+    return _widget()(run, page=page, elastic=worker(), height=height)
+
+
+@cache
+def _widget() -> type[AnyWidget]:
+    try:
+        import anywidget
+        import traitlets
+    except ImportError as error:
+        raise MissingExtraError(
+            "live: a widget needs anywidget: pip install 'kaju[notebook]'"
+        ) from error
+
+    class LivePage(anywidget.AnyWidget):
+        """One page, and the run behind it."""
+
+        _esm = joined((*MODULES, "live.js")) + RENDER
+        page = traitlets.Unicode().tag(sync=True)
+        elastic = traitlets.Unicode().tag(sync=True)
+        height = traitlets.Int().tag(sync=True)
+
+        def __init__(self, run: LiveRun, **traits: Any) -> None:
+            super().__init__(**traits)
+            self.run = run
+            self.on_msg(self._asked)
+
+        def _asked(self, _widget: object, question: Any, _buffers: object) -> None:
+            self.send({}, buffers=[self.run.answer(question)])
+
+    return LivePage

@@ -108,7 +108,7 @@ def kaju(monkeypatch, capsys, tmp_path):
 def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     before = Path(PLATE).read_bytes()
     spawning_words = ("--strategy", "spawning", "--tolerance", "0.1")
-    code, out, _ = kaju("run", PLATE, "--out", "agents", *spawning_words)
+    code, out, _ = kaju("solve", PLATE, "--out", "agents", *spawning_words)
     assert code == 0
     assert "spawning" in out
     summary = json.loads(Path("agents/summary.json").read_text())
@@ -119,7 +119,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     assert spawned_agents(load_answer("agents"))
     assert Path(PLATE).read_bytes() == before
 
-    assert kaju("run", PLATE, "--out", "cells", "--no-pictures", "--strategy", "uniform")[0] == 0
+    assert kaju("solve", PLATE, "--out", "cells", "--no-pictures", "--strategy", "uniform")[0] == 0
     code, out, _ = kaju("compare", "agents", "cells", "--out", "errors")
     assert code == 0
     assert "spawned agents against elasticity, 400 points" in out
@@ -133,19 +133,19 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
 
 
 def test_tolerance_alone_asks_for_the_solver(kaju):
-    assert kaju("run", PLATE, "--no-pictures", "--tolerance", "0.1", "--out", "here")[0] == 0
+    assert kaju("solve", PLATE, "--no-pictures", "--tolerance", "0.1", "--out", "here")[0] == 0
     summary = json.loads(Path("here/summary.json").read_text())
     assert summary["error_estimate"] <= 0.1
     assert any("taken for a tolerance of 0.1" in note for note in summary["notes"])
-    code, _, err = kaju("run", PLATE, "--strategy", "clever", "--out", "there")
+    code, _, err = kaju("solve", PLATE, "--strategy", "clever", "--out", "there")
     assert (code, Path("there").exists()) == (2, False)
-    assert err.startswith("error: strategy: must be")
+    assert "clever" in err
 
 
 def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
     monkeypatch.setitem(spawning.MOST_AGENTS, 2, 300)
     words = ("--strategy", "spawning", "--tolerance", "0.01", "--out", "here")
-    code, out, err = kaju("run", PLATE, *words)
+    code, out, err = kaju("solve", PLATE, *words)
     assert code == 2
     assert "most_agents" in err
     assert str(Path("here/result.npz")) in out

@@ -1,0 +1,296 @@
+"""One answer whatever its agents: the same names, the same meaning, and files that are safe."""
+
+import json
+import zipfile
+from contextlib import suppress
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju import ElasticResult, Scene, solve
+from kaju.errors import ParameterError, ResultError, ResultFileError
+
+LOAD = {"region": {"box": [[0.1, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}
+HOWS = {
+    "cells": {},
+    "finer cells": {"resolution": 3},
+    "cells to a tolerance": {"tolerance": 0.2, "strategy": "uniform"},
+    "agents": {"tolerance": 0.2, "strategy": "spawning"},
+}
+
+
+def plate(**changes):
+    body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 2e-3, "material": "steel"}
+    return Scene(**({"body": body, "sides": {"bottom": "rigid"}, "loads": [LOAD]} | changes))
+
+
+def cube():
+    load = {"region": {"box": [[0.25, 0.25, 1.0], [0.5, 0.5, 1.0]]}, "force": [1.0, 0.0, -2.0]}
+    body = {"size": [1.0] * 3, "cells": [4] * 3, "material": "steel"}
+    return Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+
+
+@pytest.fixture(scope="module", params=HOWS)
+def answer(request):
+    return solve(plate(), **HOWS[request.param])
+
+
+def test_every_strategy_gives_one_kind_of_answer(answer):
+    assert isinstance(answer, ElasticResult)
+    assert isinstance(answer, kaju.Result)
+    n = answer.summary()["agents"]
+    assert n == answer.agents == len(answer.lower) == len(answer.size) == len(answer.material)
+    assert answer.displacement.shape == (n, 2)
+    assert answer.stress.shape == answer.strain.shape == (n, 2, 2)
+    assert answer.von_mises.shape == answer.level.shape == answer.spawn_step.shape == (n,)
+    assert (answer.size**2).sum() == pytest.approx(0.04)
+    assert answer.reactions["bottom"] == pytest.approx([0.0, 2.0], abs=1e-4)
+    assert answer.error_estimate <= (answer.tolerance or 1.0)
+
+
+def test_tables_have_the_same_columns():
+    frames = [solve(plate(), **how).to_dataframe() for how in HOWS.values()]
+    assert len({tuple(frame.columns) for frame in frames}) == 1
+    assert [*frames[0].columns[:3]] == ["x (m)", "y (m)", "size (m)"]
+
+
+def test_agents_say_what_points_in_their_middles_say(answer):
+    middle = answer.middle[:: max(1, answer.agents // 50)]
+    every = slice(None, None, max(1, answer.agents // 50))
+    size = answer.max_displacement
+    np.testing.assert_allclose(
+        answer.stress_at(middle), answer.stress[every], atol=1e-9 * answer.von_mises.max()
+    )
+    np.testing.assert_allclose(
+        answer.strain_at(middle), answer.strain[every], atol=1e-9 * np.abs(answer.strain).max()
+    )
+    moved = answer.displacement_at(middle)
+    inner = (middle[:, 1] > 0.02) & (middle[:, 1] < 0.17)
+    np.testing.assert_allclose(moved[inner], answer.displacement[every][inner], atol=0.03 * size)
+
+
+@pytest.mark.parametrize("resolution", [None, 1, 2])
+def test_arrays_hold_the_values_of_points(answer, resolution):
+    cells = answer.cells(resolution)
+    assert cells.shape == cells.body.shape == cells.von_mises.shape
+    assert cells.material.min() == cells.material.max() == 0
+    points = cells.middle[::7]
+    at = tuple(np.floor(points / cells.cell_size).astype(int).T)
+    moved = cells.displacement[at] - answer.displacement_at(points)
+    if resolution is not None and resolution != answer.subdivision:
+        assert np.abs(moved).max() == 0.0
+    np.testing.assert_allclose(
+        cells.stress[at], answer.stress_at(points), atol=1e-9 * answer.von_mises.max()
+    )
+    corner = cells.corner_displacement
+    assert corner.shape == (cells.shape[0] + 1, cells.shape[1] + 1, 2)
+    np.testing.assert_allclose(
+        corner[5, 5], answer.displacement_at(np.array([[5, 5]]) * cells.cell_size)[0]
+    )
+    assert [f.shape for f in cells.face_displacement] == [
+        (cells.shape[0] + 1, cells.shape[1]),
+        (cells.shape[0], cells.shape[1] + 1),
+    ]
+    assert cells.edge_shear[0, 1].shape == corner.shape[:2]
+
+
+def test_arrays_leave_out_what_is_no_body():
+    holed = plate().with_region(disk={"centre": [0.1, 0.1], "radius": 0.05})
+    for how in ({}, {"tolerance": 0.3, "strategy": "spawning"}):
+        cells = solve(holed, **how).cells(1)
+        assert not cells.body[10, 10]
+        assert cells.material[10, 10] == -1
+        assert np.isnan(cells.stress[10, 10]).all()
+        assert np.isfinite(cells.stress[cells.body]).all()
+        assert np.isnan(cells.corner_displacement[10, 10]).all()
+
+
+def test_equal_cells_are_the_tree_of_one_level():
+    """What only agents knew that spawn is known of equal cells, and is the same."""
+    equal = solve(plate())
+    spawned = solve(plate(), strategy="spawning", tolerance=1e-6, resolution=1)
+    assert spawned.agents == equal.agents
+    order = np.lexsort(spawned.lower.T[::-1])
+    np.testing.assert_allclose(spawned.lower[order], equal.lower, atol=1e-15)
+    for name in ("unbalanced_load", "error_share", "displacement"):
+        ours, theirs = getattr(equal, name), getattr(spawned, name)[order]
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-8 * np.abs(theirs).max())
+    top = kaju.Deflection("top", "y")
+    assert equal.value_of(top) == pytest.approx(spawned.value_of(top), rel=1e-8)
+    assert equal.displacement_error_estimate == pytest.approx(
+        spawned.displacement_error_estimate, rel=1e-4
+    )
+    assert len(equal.generations) == 1
+    assert len(equal.family) == 400
+
+
+def test_space_offers_the_same():
+    found = [solve(cube()), solve(cube(), strategy="spawning", tolerance=0.5)]
+    for answer in found:
+        assert answer.cells(2).stress.shape == (8, 8, 8, 3, 3)
+        assert answer.to_xarray(1).sizes["z"] == 4
+    assert len({tuple(answer.to_dataframe().columns) for answer in found}) == 1
+
+
+@pytest.mark.parametrize(
+    ("how", "match"),
+    [
+        ({"tolerance": "a"}, "tolerance: must be a number"),
+        ({"tolerance": float("nan")}, "tolerance"),
+        ({"tolerance": True}, "tolerance"),
+        ({"tolerance": 2.0}, "tolerance"),
+        ({"resolution": float("nan")}, "resolution: must be a whole number"),
+        ({"resolution": "2"}, "resolution"),
+        ({"resolution": 0}, "resolution"),
+        ({"stage": 1.5}, "stage"),
+        ({"most_agents": 0}, "most_agents"),
+        ({"strategy": "guess"}, "strategy"),
+        ({"previous": 3}, "previous"),
+        ({"increments": 3}, "increments: belongs to no Scene"),
+        ({"tolerance": 0.1, "tolerance_at": "top", "strategy": "uniform"}, "tolerance_at"),
+    ],
+)
+def test_what_breaks_a_rule_is_named(how, match):
+    with pytest.raises(ParameterError, match=match):
+        solve(plate(), **how)
+
+
+def test_a_misspelt_argument_is_python_s_own_error():
+    with pytest.raises(TypeError, match="tol"):
+        solve(plate(), tol=0.1)
+
+
+def test_equal_cells_that_may_not_be_smaller_say_so():
+    result = solve(plate(), strategy="uniform", tolerance=0.01, resolution=2)
+    assert result.subdivision == 2
+    assert result.error_estimate > 0.01
+    assert any("a larger resolution" in note for note in result.notes)
+
+
+def test_arrays_of_no_resolution_or_too_many_cells_are_refused(answer):
+    with pytest.raises(ParameterError, match="resolution"):
+        answer.cells(0)
+    with pytest.raises(ResultError, match="smaller resolution"):
+        answer.cells(2000)
+
+
+def test_stored_answers_are_read_as_they_were(answer, tmp_path):
+    again = kaju.load_result(answer.save(tmp_path / "answer"))
+    assert again.summary() == answer.summary()
+    np.testing.assert_array_equal(again.displacement, answer.displacement)
+    np.testing.assert_array_equal(again.stress, answer.stress)
+
+
+def rewritten(path, change, to):
+    """Write an archive again, its arrays changed by a function."""
+    with np.load(path) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    about = json.loads(arrays.pop("json").tobytes())
+    change(arrays, about)
+    arrays["json"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    np.savez_compressed(to, **arrays)
+    return to
+
+
+def set_to(name, value):
+    def change(arrays, about):
+        arrays[name] = value(arrays[name])
+
+    return change
+
+
+def told(name, value):
+    def change(arrays, about):
+        about[name] = value
+
+    return change
+
+
+def first(values, value):
+    values = values.copy()
+    values.flat[0] = value
+    return values
+
+
+TREE = {
+    "index": (set_to("lower", lambda v: first(v, 1 << 40)), "side by side"),
+    "negative": (set_to("lower", lambda v: first(v, -1)), "lower"),
+    "overlap": (set_to("lower", lambda v: np.zeros_like(v)), "side by side"),
+    "size": (set_to("size", lambda v: first(v, 3)), "side by side"),
+    "material": (set_to("kind", lambda v: first(v, 7)), "kind"),
+    "floats": (set_to("size", lambda v: v.astype(np.float64)), "size"),
+    "narrow": (set_to("displacement", lambda v: v.astype(np.float16)), "displacement"),
+    "short": (set_to("displacement", lambda v: v[:-1]), "displacement"),
+    "nan": (set_to("displacement", lambda v: first(v, np.nan)), "displacement"),
+    "history": (set_to("history.code", lambda v: first(v, -5)), "history.code"),
+    "missing": (lambda arrays, about: arrays.pop("part"), "part"),
+    "resolution": (told("resolution", "two"), "resolution"),
+    "later": (told("format", 99), "later"),
+    "stage": (told("stage", 7.5), "stage"),
+    "no energy": (lambda arrays, about: about["spawning"].pop("energy"), "damaged"),
+}
+CELLS = {
+    "shape": (set_to("face.0", lambda v: v[:, :-1]), "face.0"),
+    "infinite": (set_to("face.1", lambda v: first(v, np.inf)), "face.1"),
+    "division": (told("subdivision", -3), "subdivision"),
+    "storage": (told("storage", "heap"), "storage"),
+    "scene": (told("scene", "body = 3"), "damaged"),
+}
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stored")
+    tree = solve(plate(), tolerance=0.4, strategy="spawning").save(folder / "tree.npz")
+    return {"tree": tree, "cells": solve(plate()).save(folder / "cells.npz")}
+
+
+@pytest.mark.parametrize(
+    ("which", "name"), [("tree", name) for name in TREE] + [("cells", name) for name in CELLS]
+)
+def test_what_is_wrong_in_a_file_is_found_before_it_is_used(stored, tmp_path, which, name):
+    change, match = (TREE if which == "tree" else CELLS)[name]
+    path = rewritten(stored[which], change, tmp_path / "wrong.npz")
+    with pytest.raises(ResultFileError, match=match) as caught:
+        kaju.load_result(path)
+    assert "wrong.npz" in str(caught.value)
+
+
+def test_answers_that_an_earlier_version_has_stored_are_read(stored, tmp_path):
+    for which, kind in (("cells", "elasticity"), ("tree", "spawned")):
+
+        def aged(arrays, about, kind=kind):
+            about["kind"] = kind
+            del about["format"], about["storage"]
+
+        old = kaju.load_result(rewritten(stored[which], aged, tmp_path / f"{kind}.npz"))
+        assert old.strain_energy == kaju.load_result(stored[which]).strain_energy
+
+
+def test_checksums_are_read_to_their_end(stored, tmp_path):
+    """An array that claims to be shorter than it is would hide what follows."""
+    path = tmp_path / "flipped.npz"
+    with zipfile.ZipFile(stored["cells"]) as old, zipfile.ZipFile(path, "w") as new:
+        for entry in old.infolist():
+            data = old.read(entry)
+            if entry.filename == "face.0.npy":
+                data = data.replace(b"'<f8'", b"'<f2'")
+            new.writestr(entry, data)
+    with pytest.raises(ResultFileError, match="shorter than what is stored"):
+        kaju.load_result(path)
+    whole = stored["cells"].read_bytes()
+    for at in range(60, len(whole) - 60, len(whole) // 40):
+        (tmp_path / "bit.npz").write_bytes(whole[:at] + bytes([whole[at] ^ 16]) + whole[at + 1 :])
+        with suppress(ResultFileError):  # a bit that nothing depends on may be flipped
+            kaju.load_result(tmp_path / "bit.npz")
+
+
+def test_what_unpacks_to_far_more_than_its_file_is_not_read(tmp_path):
+    stream, path = BytesIO(), tmp_path / "bomb.npz"
+    np.save(stream, np.zeros(20_000_000))
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("json.npy", stream.getvalue())
+    with pytest.raises(ResultFileError, match="more than results do"):
+        kaju.load_result(path)

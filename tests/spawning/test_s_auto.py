@@ -171,7 +171,7 @@ def test_previous_answer_is_continued_in_its_own_way():
     assert not spawned_agents(again)
     assert again.subdivision == first.subdivision
     assert sum("equal cells were taken" in note for note in again.summary()["notes"]) == 1
-    finer = solve(moved, tolerance=0.01, previous=again)
+    finer = solve(moved, tolerance=0.004, previous=again)
     assert finer.subdivision > again.subdivision
     spawned = solve(bar(), tolerance=0.1, strategy="spawning")
     assert spawned_agents(solve(moved, tolerance=0.1, previous=spawned))

@@ -15,7 +15,7 @@ from kaju.model.elasticity.staggered import Pair
 
 from .composite import Composite, Floats
 from .ground import Ground
-from .leaves import Index
+from .leaves import Flags, Index
 from .loads import FaceLoads, face_loads
 from .rows import stiffness_of, sum_rows
 
@@ -138,15 +138,16 @@ class Balance:
         bed = float(dot(self.grid.spring, displacement**2))
         return 0.5 * (float(dot(strain, self.stress(strain))) + bed)
 
-    def reactions(self, displacement: Floats) -> dict[str, Floats]:
-        """Return the force of every support on the body."""
+    def reactions(self, displacement: Floats, own: Flags | None = None) -> dict[str, Floats]:
+        """Return the force of every support on the body: on all agents, or on some of them."""
         grid, d = self.grid, self.grid.dimension
+        own = np.ones(len(grid.leaves), dtype=np.bool_) if own is None else own
         names = [*grid.ground.scene.lattice.sides, INSIDE]
         totals = -self.wall_load
         touched = np.asarray(self.wall_load.any(axis=1))
         held = grid.state == FIXED
         hold = np.where(held, self.force(displacement) - self.load, -grid.spring * displacement)
-        some = grid.support >= 0
+        some = (grid.support >= 0) & own[grid.owner]
         np.add.at(totals, (grid.support[some], grid.axis[some]), hold[some])
         touched[grid.support[some]] = True
         stress = self.stress(self.strains @ displacement + self.offset)
@@ -154,8 +155,10 @@ class Balance:
         for pair, edges in grid.edges.items():
             shear = stress[start : start + len(edges.modulus)]
             start += len(edges.modulus)
+            counts = np.zeros(len(shear), dtype=np.bool_)
+            counts[edges.of_leaf[own]] = True
             for a, gradient in zip(pair, edges.gradients, strict=True):
-                wall = gradient.wall >= 0
+                wall = (gradient.wall >= 0) & counts
                 np.add.at(totals[:, a], gradient.wall[wall], (gradient.pull * shear)[wall])
                 touched[gradient.wall[wall]] = True
         return {name: totals[i] for i, name in enumerate(names) if touched[i]}

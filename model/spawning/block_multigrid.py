@@ -35,8 +35,7 @@ class Root:
 
     def __init__(self, balance: BlockBalance) -> None:
         forest = balance.forest
-        block = np.arange(forest.start[1])
-        window = Window(forest, block, np.ones((len(block), len(forest.corners)), dtype=np.bool_))
+        window = Window(forest, np.arange(forest.start[1]))
         self.balance = window.balance
         self.place: Index = window.place[self.balance.free]
         self.hierarchy = NestedMultigrid(self.balance, DIRECT)

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.elasticity.krylov import Iteration
-from kaju.model.elasticity.problem import ACTIVE, STIFF_PRESSURE
+from kaju.model.elasticity.problem import STIFF_PRESSURE
+from kaju.model.scene.kinds import RIGID, ROLLER
 
 from . import block_kernels as kernels
+from .agent_fields import AgentFields
 from .aims import BULK, SPARE, Aim, Aimed, choose_among
 from .balance import Balance
 from .block_multigrid import BlockMultigrid, Root
@@ -32,7 +34,7 @@ from .generations import (
 from .ground import Ground
 from .held import check_held
 from .indicator import Indicator
-from .leaves import Flags, Leaves, morton
+from .leaves import Flags, Index, Leaves, morton
 from .nested import NestedMultigrid
 from .previous import SUITS, answered
 from .settle import WORST
@@ -43,6 +45,8 @@ LAST = 1e-9
 """The last generation's forces balance to this share of the loads."""
 FEWEST = {2: 1.0, 3: 0.5}
 """Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
+AT_ONCE = 2_000
+"""Blocks of which the stresses are worked out at a time."""
 WORTHWHILE = 3_000
 """Of fewer agents each may as well stand for itself."""
 CONTRAST = 100.0
@@ -134,7 +138,7 @@ class BlockSpawning(Spawning):
         if min(self.blocks.forest.size) < ground.smallest:
             return None
         twin, last = copy(self), self._records[-1]
-        for name in ("_cells", "_window", "displacement", "indicator"):
+        for name in ("_cells", "_window", "displacement", "indicator", "fields", "stress"):
             twin.__dict__.pop(name, None)
         forest = self.blocks.forest.loaded_by(ground)
         twin.blocks = copy(self.blocks)
@@ -180,9 +184,7 @@ class BlockSpawning(Spawning):
 
     @cached_property
     def _window(self) -> Window:
-        forest = self.blocks.forest
-        every = np.ones((len(forest.leaves), len(forest.corners)), dtype=np.bool_)
-        return Window(forest, forest.leaves, every)
+        return Window(self.blocks.forest, self.blocks.forest.leaves)
 
     @property
     def generations(self) -> Records:  # type: ignore[override]
@@ -197,9 +199,51 @@ class BlockSpawning(Spawning):
     @cached_property
     def displacement(self) -> Floats:  # type: ignore[override]
         """Displacement of all its faces."""
-        grid = self.balance.grid
-        place = self._window.place
-        return np.where(grid.state == ACTIVE, self.u.ravel()[place], grid.value)
+        return self._window.displacement(self.u)
+
+    def near(self, agent: Index) -> tuple[AgentFields, Index]:
+        """Return the fields of agents and of those about them, and which of these they are."""
+        forest = self.blocks.forest
+        block = forest.leaves[np.unique(agent // len(forest.corners))]
+        around = forest.with_neighbours(block)
+        if 2 * len(around) > len(forest.leaves):
+            return self.fields, agent
+        window = Window(forest, around)
+        fields = AgentFields(window.balance, window.displacement(self.u))
+        return fields, window.leaves.find(self.leaves.lower[agent])
+
+    @property
+    def moved(self) -> Floats:
+        """Displacement of the agents' middles, shape (agents, dimension)."""
+        blocks, forest, u = self.blocks, self.blocks.forest, self.u.copy()
+        blocks.everywhere(u)
+        stride = blocks.layout.stride
+        place = (forest.corners + 1) @ stride
+        found = np.empty((len(forest.leaves), len(place), forest.dimension))
+        for a in range(forest.dimension):
+            own = u[forest.leaves, a]
+            found[:, :, a] = 0.5 * (own[:, place] + own[:, place + stride[a]])
+        return found.reshape(-1, forest.dimension)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents, shape (agents, dimension, dimension)."""
+        many, leaves = len(self.blocks.forest.corners), self.blocks.forest.leaves
+        parts = []
+        for first in range(0, len(leaves), AT_ONCE):
+            agent = np.arange(first * many, min(first + AT_ONCE, len(leaves)) * many)
+            fields, agent = self.near(agent)
+            parts.append(fields.stress[agent])
+        return np.concatenate(parts)
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body."""
+        forest, leaves = self.blocks.forest, self.blocks.forest.leaves
+        held = np.isin(forest.kinds[leaves], (RIGID, ROLLER)).any(axis=1)
+        block = leaves[held | forest.loaded]
+        window = Window(forest, forest.with_neighbours(block))
+        own = np.isin(window.block, block)
+        return window.balance.reactions(window.displacement(self.u), own)
 
     @cached_property
     def indicator(self) -> Indicator:  # type: ignore[override]

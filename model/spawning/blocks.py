@@ -186,7 +186,9 @@ class Window:
         Block of every agent, and which of `Forest.corners` it is.
     """
 
-    def __init__(self, forest: Forest, block: Index, chosen: Flags) -> None:
+    def __init__(self, forest: Forest, block: Index, chosen: Flags | None = None) -> None:
+        if chosen is None:
+            chosen = np.ones((len(block), len(forest.corners)), dtype=np.bool_)
         cells = forest.cells(block).only(chosen.ravel())
         many = len(forest.corners)
         at = np.flatnonzero(chosen.ravel())
@@ -204,6 +206,10 @@ class Window:
     def balance(self) -> Balance:
         """Its balance of forces."""
         return Balance(self.grid)
+
+    def displacement(self, u: Floats) -> Floats:
+        """Return the displacement of the grid's faces by that of all places."""
+        return np.where(self.grid.state == ACTIVE, u.ravel()[self.place], self.grid.value)
 
     @cached_property
     def place(self) -> Index:
@@ -291,12 +297,11 @@ class BlockBalance:
         forces_along[rows, np.maximum(forces.direction, 0) // 2] = 0.0
         if (forces.direction < 0).any() or forces_along.any():
             # Of what is dragged along, or pulled by its middle, the neighbours tell more.
-            block = forest.with_neighbours(block)
-            chosen = np.ones((len(block), len(forest.corners)), dtype=np.bool_)
+            window = Window(forest, forest.with_neighbours(block))
         else:
             chosen = np.zeros((len(block), len(forest.corners)), dtype=np.bool_)
             chosen.ravel()[forces.leaf] = True
-        window = Window(forest, block, chosen)
+            window = Window(forest, block, chosen)
         free = window.place >= 0
         total.ravel()[window.place[free]] = window.balance.load[free]
         return total

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from kaju.model.elasticity.krylov import Iteration
 from kaju.model.elasticity.problem import ACTIVE
 
+from .agent_fields import AgentFields
 from .aims import Aim, Aimed, EnergyAim
 from .balance import Balance
 from .composite import Composite, Floats
@@ -123,6 +125,29 @@ class Spawning:
     def ground(self) -> Ground:
         """What they stand on."""
         return self.balance.grid.ground
+
+    @cached_property
+    def fields(self) -> AgentFields:
+        """Strains, stresses and displacements of all agents."""
+        return AgentFields(self.balance, self.displacement)
+
+    def near(self, agent: Index) -> tuple[AgentFields, Index]:
+        """Return the fields of agents and of those about them, and which of these they are."""
+        return self.fields, agent
+
+    @property
+    def moved(self) -> Floats:
+        """Displacement of the agents' middles, shape (agents, dimension)."""
+        return self.fields.displacement
+
+    @property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents, shape (agents, dimension, dimension)."""
+        return self.fields.stress
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body."""
+        return self.balance.reactions(self.displacement)
 
 
 class Spawner:

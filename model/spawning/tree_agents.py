@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -136,20 +135,20 @@ class TreeAgents:
         """Index of each agent's material."""
         return self.leaves.kind
 
-    @cached_property
+    @property
     def fields(self) -> AgentFields:
         """Strains, stresses and displacements."""
-        return AgentFields(self.spawning.balance, self.spawning.displacement)
+        return self.spawning.fields
 
     @property
     def displacement(self) -> Floats:
         """Of the agents' middles."""
-        return self.fields.displacement
+        return self.spawning.moved
 
     @property
     def stress(self) -> Floats:
         """Stress tensors of the agents."""
-        return self.fields.stress
+        return self.spawning.stress
 
     @property
     def level(self) -> Index:
@@ -168,15 +167,19 @@ class TreeAgents:
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of each support on the body."""
-        return self.spawning.balance.reactions(self.spawning.displacement)
+        return self.spawning.reactions()
 
     def displacement_at(self, points: Floats, cells: Index) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
-        return sampling.displacement_at(self.fields, *self._located(points, cells))
+        place, agent = self._located(points, cells)
+        fields, agent = self.spawning.near(agent)
+        return sampling.displacement_at(fields, place, agent)
 
     def stress_at(self, points: Floats, cells: Index) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        return sampling.stress_at(self.fields, *self._located(points, cells))
+        place, agent = self._located(points, cells)
+        fields, agent = self.spawning.near(agent)
+        return sampling.stress_at(fields, place, agent)
 
     def material_at(self, points: Floats, cells: Index) -> Index:
         """Return the material of the agents in or on which points lie."""

@@ -6,6 +6,7 @@ from spawning_bodies import BRASS, STEEL, blotched, drawn, pierced, quarter, rag
 
 from kaju import Scene, solve
 from kaju.model.spawning import block_kernels as kernels
+from kaju.model.spawning.agent_fields import AgentFields
 from kaju.model.spawning.block_multigrid import BlockMultigrid
 from kaju.model.spawning.blocks import BlockBalance, Window
 from kaju.model.spawning.forest import first_forest
@@ -53,8 +54,7 @@ def random_blocks(scene, seed=0):
     steps, share = (3, 0.15) if forest.dimension == 2 else (2, 0.03)
     for step in range(steps):
         forest = forest.refined(rng.random(len(forest)) < share, step + 1)
-    every = np.ones((len(forest.leaves), len(forest.corners)), dtype=np.bool_)
-    return BlockBalance(forest), Window(forest, forest.leaves, every)
+    return BlockBalance(forest), Window(forest, forest.leaves)
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -103,6 +103,25 @@ def test_answers_are_those_of_single_agents(name):
     assert balance.energy(u) == pytest.approx(result.found.spawning.energy, rel=1e-8)
     assert result.agents == len(balance.grid.leaves) == len(result.cause)
     assert len(balance.grid.leaves.balanced(0)) == result.agents
+
+
+@pytest.mark.parametrize("name", ["dragged", "layered"])
+def test_what_is_looked_up_near_by_is_what_all_agents_say(name):
+    result = solve(BODIES[name](), tolerance=0.012, strategy="spawning")
+    spawning, scales = result.found.spawning, result.found.scales
+    every = AgentFields(spawning.balance, spawning.displacement)
+    np.testing.assert_allclose(spawning.moved, every.displacement, atol=1e-13)
+    agent = np.random.default_rng(3).integers(0, result.agents, 5)
+    fields, at = spawning.near(agent)
+    assert len(fields.stress) < 0.6 * result.agents
+    np.testing.assert_allclose(fields.stress[at], every.stress[agent], atol=1e-12)
+    for name, force in spawning.balance.reactions(spawning.displacement).items():
+        np.testing.assert_allclose(
+            result.reactions[name], scales.force * force, atol=1e-9 * scales.force
+        )
+    total = sum(result.reactions.values())
+    applied = result.scene.applied(None).force.sum(axis=0)
+    np.testing.assert_allclose(total, -applied, atol=1e-9 * np.abs(applied).max())
 
 
 def test_blocks_ask_for_no_more_than_the_tolerance():

@@ -34,6 +34,11 @@ _WITHIN = 1e-6
 """Corners are asked for this share inside the cell, where they belong to no other."""
 
 
+def corners_of(dimension: int) -> Floats:
+    """Return the corners of a unit square or cube from its lower one, shape (4 or 8, dim)."""
+    return _FORMS[dimension]
+
+
 class Frame(NamedTuple):
     """A moment: its number or time (s), displacements (m) of the points, values of the parts."""
 

@@ -28,24 +28,29 @@ export function paintCharts(canvas, curves, g, say, inks) {
   ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, w, h);
   curves.forEach(([word, unit, ...lists], n) => {
     const box = { x: (n & 1) * (w / 2 + 4), y: (n >> 1) * h / 2 + 16, w: w / 2 - 4, h: h / 2 - 22 };
-    paintChart(ctx, box, say(word), lists, g, (v) => quantity(v, unit), inks);
+    const over = lists[0].map((_, i) => i + 1);
+    paintChart(ctx, box, { word: say(word), lists, over, now: g || null, show: (v) => quantity(v, unit) }, inks);
   });
 }
 
-function paintChart(ctx, { x, y, w, h }, word, lists, g, show, inks) {
-  const values = lists.flat(), top = values.reduce((a, b) => (b > a ? b : a), 1e-300), n = lists[0].length;
-  const X = (i) => x + 2 + (w - 4) * (n > 1 ? i / (n - 1) : 0), Y = (v) => y + h - 1 - (h - 4) * v / top;
+/** One chart: lines over the same numbers, and where the page stands on them. */
+export function paintChart(ctx, { x, y, w, h }, { word, lists, over, now, show, log = false }, inks) {
+  let top = -Infinity, low = log ? Infinity : 0;
+  for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
+  const map = log ? (v) => Math.log(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
+  const first = over[0] ?? 0, reach = (over.at(-1) ?? 1) - first || 1;
+  const X = (at) => x + 2 + (w - 4) * (at - first) / reach, Y = (v) => y + h - 1 - (h - 4) * (map(v) - from) / span;
   ctx.font = "11px system-ui, DejaVu Sans, sans-serif"; ctx.textBaseline = "bottom";
   ctx.textAlign = "left"; ctx.fillStyle = inks.faint; ctx.fillText(word, x, y - 1, 0.62 * w);
-  ctx.textAlign = "right"; ctx.fillStyle = inks.ink;
-  ctx.fillText(g && n ? show(lists[0][Math.min(g, n) - 1]) : "–", x + w, y - 1);
+  const at = now === null ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach);
+  ctx.textAlign = "right"; ctx.fillStyle = inks.ink; ctx.fillText(at >= 0 ? show(lists[0][at]) : "–", x + w, y - 1);
   ctx.lineWidth = 1; ctx.strokeStyle = inks.line; ctx.strokeRect(x + 0.5, y + 0.5, w - 1, h);
   lists.forEach((list, i) => {
-    ctx.strokeStyle = i ? inks.mark : inks.accent; ctx.lineWidth = 1.6; ctx.beginPath();
-    list.forEach((v, at) => ctx.lineTo(X(at), Y(v)));
+    ctx.strokeStyle = [inks.accent, inks.mark, inks.pull, inks.faint][i % 4]; ctx.lineWidth = 1.6; ctx.beginPath();
+    list.forEach((v, n) => ctx.lineTo(X(over[n]), Y(v)));
     ctx.stroke();
   });
-  if (!g) return;
-  ctx.strokeStyle = inks.ink; ctx.lineWidth = 1; ctx.beginPath();
-  ctx.moveTo(X(g - 1), y); ctx.lineTo(X(g - 1), y + h); ctx.stroke();
+  if (now === null) return;
+  const line = Math.max(x, Math.min(x + w, X(now)));
+  ctx.strokeStyle = inks.ink; ctx.lineWidth = 1; ctx.beginPath(); ctx.moveTo(line, y); ctx.lineTo(line, y + h); ctx.stroke();
 }

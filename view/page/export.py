@@ -11,7 +11,7 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -21,15 +21,24 @@ from kaju.files import scratch_beside
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.propagation.stability import stability
 from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.result import Result
 from kaju.model.scene import Scene
+from kaju.model.settling.elastic_model import ElasticModel
 
+from .motion_data import motion_data
 from .packing import pack
 from .scene_data import history_columns, scene_data
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kaju.model.result import Result
+
+class Runs(Protocol):
+    """A model that runs to its end and tells what came of it."""
+
+    def run(self) -> Result:
+        """Return the result."""
+
 
 FORMAT = 1
 MODULES = (
@@ -45,6 +54,8 @@ MODULES = (
     "save.js",
     "panels.js",
     "page.js",
+    "motion.js",
+    "open.js",
 )
 """In the order in which they are joined: each uses only those before it at its top level."""
 START = """
@@ -67,7 +78,7 @@ socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("go
 
 
 def export_page(
-    of: Scene | LoadModel | Result,
+    of: Scene | Result | Runs,
     path: str | Path,
     *,
     title: str | None = None,
@@ -80,12 +91,14 @@ def export_page(
 
     The file needs nothing else: it opens by a double click, without network or server. Where
     the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
-    loads and the body can be changed in it. Runs of agents of one's own are recorded.
+    loads and the body can be changed in it. All else is recorded: agents of one's own, elastic
+    agents, agents that spawn, elastic answers, spring networks, creep.
 
     Parameters
     ----------
-    of : Scene, LoadModel or Result
-        What to show. A model that has not come to rest is run to its end.
+    of : Scene, Result or model
+        What to show. A model that has not come to rest is run to its end, a scene with an
+        elastic rule by `ElasticModel`.
     path : path
         The file to write, ending in ``.html``.
     title, text : str, optional
@@ -106,7 +119,7 @@ def export_page(
     Raises
     ------
     ParameterError
-        If a page cannot show it, or the file's name does not end in ``.html``.
+        If there is nothing that a page can show, or the file's name does not end in ``.html``.
     ResultFileError
         If the file cannot be written.
     """
@@ -120,7 +133,7 @@ def export_page(
 
 
 def packed_page(
-    of: Scene | LoadModel | Result,
+    of: Scene | Result | Runs,
     title: str | None = None,
     text: str = "",
     presets: Mapping[str, Scene | tuple[Scene, str]] | None = None,
@@ -128,30 +141,26 @@ def packed_page(
     exact: bool = False,
 ) -> bytes:
     """Return what the page is told, packed as README.md beside this file describes it."""
-    if isinstance(of, LoadModel):
-        of = of.run()
-    if not isinstance(of, (Scene, TransferResult)):
-        raise ParameterError(
-            f"of: a page shows a Scene, a LoadModel or what it returns, got {type(of).__name__}"
-        )
-    result = None if isinstance(of, Scene) else of
-    scene = of if isinstance(of, Scene) else of.scene
-    if not isinstance(scene.rule, PrescribedRule):
-        raise ParameterError(
-            f"rule.kind: a page runs the prescribed rule, got {scene.rule.kind!r}; "
-            'set kind = "prescribed", or show the result of a run'
-        )
-    data, columns = scene_data(scene)
-    header: dict[str, Any] = {"format": FORMAT, "scene": data, "text": text, "kind": "runnable"}
+    if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
+        of = ElasticModel(of)
+    shown = of if isinstance(of, (Scene, Result)) else of.run()
+    header: dict[str, Any] = {"format": FORMAT, "text": text}
     header |= {"title": title} if title else {}
     header |= {"language": language} if language else {}
-    if result is not None and not _by_the_rule(result):
-        header |= {"kind": "recorded", "outcome": result.last.outcome}
+    if not isinstance(shown, (Scene, TransferResult)):
+        told, columns = motion_data(shown)
+        return pack(header | told | {"kind": "pictures"}, columns)
+    scene = shown if isinstance(shown, Scene) else shown.scene
+    data, columns = scene_data(scene)
+    header |= {"scene": data, "kind": "runnable"}
+    if isinstance(shown, TransferResult) and not _by_the_rule(shown):
         header |= {
-            "verdict": result.certificate.verdict,
-            "stable": bool(result.certificate.stable),
+            "kind": "recorded",
+            "outcome": shown.last.outcome,
+            "verdict": shown.certificate.verdict,
+            "stable": bool(shown.certificate.stable),
         }
-        columns |= history_columns(scene, result.last, exact)
+        columns |= history_columns(scene, shown.last, exact)
     header["presets"] = [
         _preset(number, name, preset, columns)
         for number, (name, preset) in enumerate((presets or {}).items())

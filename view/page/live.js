@@ -1,6 +1,6 @@
 // Python behind a channel: the page asks for generations, packed pieces come back one by one.
 import { bytesOf, Recorded, unpack } from "./history.js";
-import { mount } from "./page.js";
+import { mount } from "./open.js";
 
 const AT_ONCE = 64, AHEAD = 8;                 // generations in one answer; ahead of what is played
 

@@ -2,7 +2,7 @@
 // the file, or Python behind a channel.
 import { certify, entering, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
-import { bytesOf, Recorded, Sums, unpack } from "./history.js";
+import { Recorded, Sums } from "./history.js";
 import { colourOf, COLOURS, paintCells, paintForces, paintLegend, paintLoads, paintPath, paintPick, place, View } from "./paint.js";
 import { curvesOf, paintCharts } from "./charts.js";
 import { copyOf } from "./scene.js";
@@ -15,18 +15,15 @@ const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
 const MOST_GENERATIONS = 4000, PATIENCE = 40;              // ms of computing before a first picture
 
 export class Page {
-  constructor(element, { scene, cells, run = null, kind, title = "", text = "", presets = [], verdict = "", stable = true, language, elastic = null }) {
-    Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "", given: { verdict, stable }, elasticText: elastic });
+  constructor(element, header) {
+    const { kind, title = "", text = "", verdict = "", stable = true, language } = header;
+    Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
+      given: { verdict, stable }, parts: {}, presets: [] });
     this.language = language ?? (navigator.languages ?? ["en"]).map((l) => l.slice(0, 2)).find((l) => l in LANGUAGES) ?? "en";
     this.t = say(this.language);
-    this.start = { scene: copyOf(scene), cells: cells.slice(), word: "asItWas" };
-    this.scene = copyOf(scene); this.cells = cells.slice(); this.stage = scene.stages;
     this.look = { colour: "taken", deformed: false, magnify: 0, arrows: true, path: false, beside: false, speed: 8,
       camera: { yaw: -0.6, pitch: 0.5 }, cut: { axis: -1, at: 0, only: false } };
-    this.senseful = "sense" in scene.rule && scene.rule.sense !== null;
-    this.presets = [this.start, ...(presets.length ? presets : usual(scene))];
-    this.parts = {}; this.build3d();
-    this.adopt(run ?? this.compute());
+    this.begin(header);
     this.host = make("div", { className: "all" });
     this.root = element.shadowRoot ?? element.attachShadow({ mode: "open" });
     this.root.replaceChildren(this.host);
@@ -38,16 +35,24 @@ export class Page {
     this.draw();
     element.page = this;
   }
+  /** Take what the header brings: here a scene, and a run unless the page makes it. */
+  begin({ scene, cells, run = null, presets = [], elastic = null }) {
+    this.elasticText = elastic;
+    this.start = { scene: copyOf(scene), cells: cells.slice(), word: "asItWas" };
+    this.scene = copyOf(scene); this.cells = cells.slice(); this.stage = scene.stages;
+    this.senseful = "sense" in scene.rule;
+    this.presets = [this.start, ...(presets.length ? presets : usual(scene))];
+    const { shape } = scene.lattice, load = scene.loads[0];    // cut cubes where the first load presses
+    if (shape.length === 3) this.look.cut = { axis: 1, at: load ? load.cell[1] : shape[1] >> 1, only: false };
+    this.adopt(run ?? this.compute());
+  }
   get touchable() { return this.kind === "runnable" || (this.kind === "live" && this.scene.rule.kind === "prescribed"); }
+  get solid() { return this.run.lattice.dimension === 3; }
+  word(key) { return this.t(key); }
   get stages() { return this.touchable ? this.scene.stages : 1; }
   get deformable() { return this.run.keeps !== false && this.scene.rule.kind === "prescribed"; }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : [])]; }
   get solvable() { return Boolean(this.elasticText) && this.scene.lattice.kind === "square"; }
-
-  build3d() {                                  // cut cubes where the first load presses
-    const { shape } = this.scene.lattice, load = this.scene.loads[0];
-    if (shape.length === 3) this.look.cut = { axis: 1, at: load ? load.cell[1] : shape[1] >> 1, only: false };
-  }
 
   // ----------------------------------------------------------------------------- the run
   compute() {
@@ -228,14 +233,17 @@ export class Page {
     const { run, t, parts, g } = this, done = run.atRest || run.grown || run.generation >= MOST_GENERATIONS;
     parts.count.textContent = t(done ? "generation" : "running", { g, n: run.generation });
     parts.time.max = run.generation; parts.time.value = g; parts.time.ariaValueText = parts.count.textContent;
-    if (parts.shows !== Boolean(this.playing)) {
-      parts.shows = Boolean(this.playing);
-      parts.play.replaceChildren(icon(this.playing ? "pause" : "play"), ` ${t(this.playing ? "pause" : "play")}`);
-    }
+    this.tellPlaying();
     this.canvas.ariaLabel = t("picture", { g: parts.count.textContent, a: run.alive[g - 1] ?? 0 });
     if (!this.playing || this.picked >= 0) tellStory(this, parts.story, make);
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
     paintCharts(parts.charts, this.curves.list, g, t, this.inks);
+  }
+  tellPlaying() {
+    const { parts, t } = this, on = Boolean(this.playing);
+    if (parts.shows === on) return;
+    parts.shows = on;
+    parts.play.replaceChildren(icon(on ? "pause" : "play"), ` ${t(on ? "pause" : "play")}`);
   }
   /** The cells as polygons with their colours, for files; null when they are many or deformed. */
   polygons() {
@@ -447,35 +455,4 @@ function usual(scene) {
     { word: "tryAdd", scene: other((r) => { r.accumulate = true; r.alpha = [alpha[0], 0.9 * alpha[1], 0.6 * alpha[2]]; r.beta = 0.7; }) },
     { word: "tryBlow", scene: other((r) => { r.accumulate = true; r.alpha = [alpha[0], Math.max(alpha[1], 0.5), Math.max(alpha[2], 0.25)]; }) },
   ];
-}
-
-
-function sheetOf(text) {                       // made by script, so that the content policy needs no styles
-  const sheet = new CSSStyleSheet();
-  sheet.replaceSync(text);
-  return sheet;
-}
-
-/** Draw a page into an element; a header as README.md describes it. */
-export function mount(element, header) {
-  const root = element.shadowRoot ?? element.attachShadow({ mode: "open" });
-  root.adoptedStyleSheets = [sheetOf(STYLE)];
-  return new Page(element, header);
-}
-
-/** Give an element all of the window: its style, and the keys that nobody else takes. */
-export function takeWindow(element) {
-  element.whole = true;
-  document.adoptedStyleSheets = [sheetOf("html, body { margin: 0; height: 100%; } body > main { height: 100%; }")];
-  document.addEventListener("keydown", (event) => { if (event.target === document.body) element.page?.key(event); });
-}
-
-/** A page in a file, or in a frame of a notebook: everything is in the text. */
-export async function openPage(element, base64, elastic = null) {
-  takeWindow(element);
-  const { header, columns } = await unpack(bytesOf(base64));
-  const { cells } = columns;
-  const run = columns.offset ? new Recorded(header.scene, cells).append(columns) : null;
-  const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
-  return mount(element, { ...header, cells, run, presets, elastic });
 }

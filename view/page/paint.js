@@ -105,7 +105,8 @@ class Sheet {
     }
   }
 }
-const SHEET = new Sheet(), PX = new Float64Array(8), PY = new Float64Array(8);
+export const SHEET = new Sheet();
+const PX = new Float64Array(8), PY = new Float64Array(8);
 let small = null;
 
 /** Colour every cell by its value (NaN: asleep); `moved`: {displacement, corners}, in metres. */

@@ -177,21 +177,22 @@ function rulePanel(page) {
 }
 
 function lookPanel(page) {
-  const { t, look } = page, flat = page.run.lattice?.dimension !== 3;
+  const { t, look } = page, solid = page.run.lattice?.dimension === 3;
   const set = (key) => (value) => { look[key] = value; page.later(); };
   const list = [];
-  if (page.colours.length > 1) list.push(choice(t("colour"), look.colour, page.colours.map((key) => [key, t(key)]), (v) => { look.colour = v; page.later(); }));
+  if (page.colours.length > 1) list.push(choice(t("colour"), look.colour, page.colours.map((key) => [key, page.word(key)]), (v) => { look.colour = v; page.later(); }));
   if (page.deformable) list.push(tick(t("deformed"), look.deformed, (on) => { look.deformed = on; page.later(); }),
     slider(t("magnify"), { value: look.magnify, min: -1, max: 1, step: 0.05, show: (v) => `× ${two(10 ** v)}` }, set("magnify")));
   if (page.run.taken) list.push(tick(t("arrows"), look.arrows, set("arrows")));
   if (page.run.passed) list.push(tick(t("path"), look.path, set("path")));
   if (page.solvable) list.push(tick(t("beside"), look.beside, (on) => page.showElastic(on)));
-  if (!flat) {
+  if (solid) {
     const axes = ["none", "x", "y", "z"], shape = page.run.lattice.shape;
     list.push(choice(t("cut"), axes[look.cut.axis + 1], axes.map((a) => [a, a === "none" ? t("none") : a]), (v) => { look.cut.axis = axes.indexOf(v) - 1; page.later(); }),
       slider(t("cutAt"), { value: look.cut.at, min: 0, max: Math.max(...shape) - 1, step: 1, show: String }, (v) => { look.cut.at = v; page.later(); }),
-      tick(t("only"), look.cut.only, (on) => { look.cut.only = on; page.later(); }), make("p", { className: "hint", textContent: t("turn") }));
+      tick(t("only"), look.cut.only, (on) => { look.cut.only = on; page.later(); }));
   }
+  if (page.solid) list.push(make("p", { className: "hint", textContent: t("turn") }));
   list.push(make("p", { className: "hint", textContent: t("keys") }));
   return list;
 }

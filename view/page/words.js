@@ -33,7 +33,10 @@ const WORDS = {
     grow: "loads grow by {p} % a generation", mayGrow: "loads may grow by up to {p} % a generation in '{m}'",
     lower: "{a}: lower {r}, or judge each load by itself (accumulate = false)", or: " or ", forwardBelow: "forward (α₂) below {x}", frictionBelow: "friction (α₃) below {x}", allShares: "all shares of it",
     grown: "The loads have grown beyond all bounds; the run was stopped.", network: "network", points: "points", picture: "Picture of the body. {g}. {a} agents awake.",
-    failed: "This page could not be drawn: {why}", lost: "Python does not answer any more.", time: "Time", moment: "{g} of {n}", noCell: "Nothing is selected.", curve: "Curve", notNow: "does not apply here",
+    failed: "This page could not be drawn: {why}", lost: "Python does not answer any more.", time: "Time", moment: "{g} of {n}", 
+    pictures: "a recorded run", pickPart: "Click a part to read its numbers.", part: "Part {n}", along_step: "Step", along_generation: "Generation",
+    along_stage: "Stage of loading", along_share: "Share of the load", value_tension: "pull (+) or push (−)", value_von_mises: "equivalent stress",
+    value_load_taken: "load taken", value_load_left: "load left unbalanced", value_level: "level: how often halved", value_unbalanced_load: "load left unbalanced", value_spawn_step: "generation of spawning",
   },
   de: {
     play: "Abspielen", pause: "Pause", back: "Eine Generation zurück", step: "Eine Generation weiter", first: "Zum Anfang",
@@ -65,7 +68,10 @@ const WORDS = {
     grow: "Lasten wachsen um {p} % je Generation", mayGrow: "Lasten wachsen in '{m}' um bis zu {p} % je Generation",
     lower: "{a}: {r} senken oder jede Last einzeln beurteilen", or: " oder ", forwardBelow: "α₂ (nach vorn) unter {x}", frictionBelow: "α₃ (je Seite) unter {x}", allShares: "alle Anteile",
     grown: "Die Lasten sind über alle Grenzen gewachsen; der Lauf wurde angehalten.", network: "Netzwerk", points: "Punkte", picture: "Bild des Körpers. {g}. {a} wache Agenten.",
-    failed: "Diese Seite konnte nicht gezeichnet werden: {why}", lost: "Python antwortet nicht mehr.", time: "Zeit", moment: "{g} von {n}", noCell: "Nichts ist gewählt.", curve: "Kurve", notNow: "gilt hier nicht",
+    failed: "Diese Seite konnte nicht gezeichnet werden: {why}", lost: "Python antwortet nicht mehr.", time: "Zeit", moment: "{g} von {n}", 
+    pictures: "ein aufgezeichneter Lauf", pickPart: "Ein Teil anklicken, um seine Zahlen zu lesen.", part: "Teil {n}", along_step: "Schritt", along_generation: "Generation",
+    along_stage: "Laststufe", along_share: "Anteil der Last", value_tension: "Zug (+) oder Druck (−)", value_von_mises: "Vergleichsspannung",
+    value_load_taken: "aufgenommene Last", value_load_left: "nicht ausgeglichene Last", value_level: "Stufe: wie oft halbiert", value_unbalanced_load: "nicht ausgeglichene Last", value_spawn_step: "Generation der Entstehung",
   },
   ja: {
     play: "再生", pause: "一時停止", back: "一世代もどる", step: "一世代すすむ", first: "はじめへ",
@@ -97,7 +103,10 @@ const WORDS = {
     grow: "荷重は一世代ごとに {p} % 増えます", mayGrow: "「{m}」で荷重は一世代ごとに最大 {p} % 増えます",
     lower: "{a}：{r}にするか、荷重を一つずつ判定してください", or: "、または ", forwardBelow: "前へ (α₂) を {x} 未満", frictionBelow: "横へ (α₃) を {x} 未満", allShares: "すべての割合を小さく",
     grown: "荷重が際限なく増えたため、計算を止めました。", network: "ネットワーク", points: "点", picture: "物体の図。{g}。目覚めたエージェント {a}。",
-    failed: "このページを描けませんでした：{why}", lost: "Python からの応答がありません。", time: "時間", moment: "{g} / {n}", noCell: "何も選ばれていません。", curve: "曲線", notNow: "ここでは使いません",
+    failed: "このページを描けませんでした：{why}", lost: "Python からの応答がありません。", time: "時間", moment: "{g} / {n}", 
+    pictures: "記録された計算", pickPart: "部分をクリックすると数値が読めます。", part: "部分 {n}", along_step: "ステップ", along_generation: "世代",
+    along_stage: "載荷段階", along_share: "荷重の割合", value_tension: "引き (+)・押し (−)", value_von_mises: "相当応力",
+    value_load_taken: "受けた荷重", value_load_left: "残りの不釣合い荷重", value_level: "階層：半分にした回数", value_unbalanced_load: "残りの不釣合い荷重", value_spawn_step: "生まれた世代",
   },
 };
 

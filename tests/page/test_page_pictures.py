@@ -1,0 +1,125 @@
+"""Runs that are replayed as pictures: what is shown is what was computed."""
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju import (
+    ElasticModel,
+    History,
+    LoadModel,
+    Scene,
+    SpawningModel,
+    ThreeElement,
+    creep,
+    solve,
+)
+from kaju.model.network import triangular
+from kaju.view.page.motion_data import motion_data
+
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [10, 10], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [5, 9], "force": [0.0, -2.0]}],
+}
+
+
+def elastic_agents():
+    rule = {"kind": "elastic", "order": "wave", "threshold": 0.02}
+    return ElasticModel(Scene(**PLATE, rule=rule)).run()
+
+
+def spawned():
+    return SpawningModel(Scene(**PLATE), tolerance=0.1).run()
+
+
+def network():
+    return triangular(5, force=0.2).load_in_increments(10)
+
+
+def noodle():
+    history = History().ramp(1.0, 1.0).hold(2.0).release().hold(20.0)
+    law = ThreeElement(K_f=1.0, D_f=1.0, D_d=20.0)
+    return creep(triangular(5), history, times=np.linspace(0.5, 23.0, 20), rheology=law)
+
+
+def answer():
+    return solve(Scene(**PLATE))
+
+
+def test_springs_stand_where_the_network_put_them():
+    result = network()
+    header, columns = motion_data(result)
+    np.testing.assert_allclose(columns["moved"], result.displacement, rtol=1e-6)
+    np.testing.assert_allclose(columns["value tension"], result.tension, rtol=1e-6, atol=1e-9)
+    assert columns["held"].tolist() == np.flatnonzero(result.network.held.any(axis=1)).tolist()
+    assert len(header["forces"]) == 2
+    assert header["at"] == result.stage.tolist()
+
+
+def test_agents_of_every_generation_fill_the_plate():
+    result = spawned()
+    header, columns = motion_data(result)
+    corners = columns["points"][columns["parts"].reshape(-1, 4)]
+    area = (corners[:, 2] - corners[:, 0]).prod(axis=1)
+    for frame, generation in enumerate(result.generations):
+        there = (columns["born"] <= frame) & (frame < columns["gone"])
+        assert there.sum() == generation.agents
+        assert area[there].sum() == pytest.approx(0.04, rel=1e-6)
+    assert header["curves"][0]["lines"]["agents"][-1] == result.agents
+
+
+def test_elastic_agents_wake_and_keep_what_is_left():
+    run = elastic_agents()
+    header, columns = motion_data(run)
+    own = run.agents.level == 0
+    left = columns["value load_left"].reshape(len(header["at"]), -1)
+    assert left.shape[1] == own.sum()
+    np.testing.assert_allclose(left[-1], abs(run.agents.left[own]), rtol=1e-5, atol=1e-9)
+    born = np.asarray(header["at"])[columns["born"]]
+    assert (born >= run.agents.spawn_step[own]).all()
+
+
+def test_creep_is_shown_at_its_times():
+    course = noodle()
+    header, columns = motion_data(course)
+    assert header["at"] == course.times.tolist()
+    np.testing.assert_allclose(columns["moved"], course.displacement, rtol=1e-6, atol=1e-12)
+    assert [curve["title"] for curve in header["curves"]][:2] == ["Displacement", "Tension"]
+
+
+@pytest.mark.parametrize("make", [elastic_agents, spawned, network, noodle, answer])
+def test_every_kind_plays_without_a_word_to_the_console(opened, tmp_path, make):
+    path = kaju.export_page(make(), tmp_path / "run.html", title=make.__name__)
+    page = opened(path)
+    assert page.tab.locator(".mode").inner_text() == "a recorded run"
+    last = page.js("page.run.generation")
+    picture = "(page.draw(), page.canvas.toDataURL())"
+    page.js("page.seek(0)")
+    first = page.js(picture)
+    page.tab.keyboard.press("End")
+    assert page.js(f"page.g === {last} && {picture}") != first
+    box = page.tab.locator("canvas").first.bounding_box()
+    x, y = page.js("page.view.point(page.middle(0))")
+    if page.js("page.there(0)"):
+        page.tab.mouse.click(box["x"] + x, box["y"] + y)
+        page.js("page.draw()")
+        told = page.tab.locator(".story data").first.get_attribute("value")
+        assert float(told) == page.js("page.value(0, page.colours[0])")
+    assert page.requests == [path.as_uri()]
+    assert page.messages == []
+
+
+def test_sixty_generations_of_2500_cells_stay_below_a_megabyte_and_a_half(tmp_path):
+    scene = Scene(
+        body={"size": [0.2, 0.2], "cells": [50, 50], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid", "left": "rigid"},
+        loads=[{"side": "top", "force": [0.0, -2.0]}],
+        rule={"kind": "prescribed", "threshold": 1e-9, "accumulate": True},
+    )
+    options = {"allow_unstable": True, "engine": "arrays", "max_generations": 60}
+    model = LoadModel(scene, **options)
+    result = model.run()
+    assert result.last.generations == 60
+    path = kaju.export_page(result, tmp_path / "run.html")
+    assert 300_000 < path.stat().st_size < 1_500_000

@@ -1,0 +1,229 @@
+// Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
+// sizes). The page is the same; what is drawn is not a rule's history but frames.
+import { arrow, colourOf, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
+import { paintChart } from "./charts.js";
+import { quantity } from "./words.js";
+import { make } from "./panels.js";
+import { Page } from "./page.js";
+
+const FACES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [2, 3, 7, 6], [1, 2, 6, 5], [0, 3, 7, 4]];
+const LIGHT = [0.75, 1, 0.85, 0.85, 0.7, 0.7], SHOWN = 0.066;
+
+export class MotionPage extends Page {
+  begin({ dimension, corners, at, along, colours, curves, forces, outcome, columns }) {
+    const { points, parts, held, moved = null, born = null, gone = null } = columns;
+    Object.assign(this, { dimension, corners, at, along, units: colours, forces, outcome, points, parts, held, moved, born, gone });
+    this.count = parts.length / corners;
+    this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, columns[`value ${name}`]]));
+    this.look.colour = Object.keys(colours)[0] ?? "";
+    this.curveList = curves;
+    this.run = { generation: at.length - 1, atRest: true };
+    this.sums = {}; this.scales = new Map();
+    this.frame();
+  }
+  /** A box round everything, in whose hundredths points are drawn, and the usual magnification. */
+  frame() {
+    const { dimension: d, points, moved } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
+    for (let i = 0; i < points.length; i++) { const a = i % d; low[a] = Math.min(low[a], points[i]); high[a] = Math.max(high[a], points[i]); }
+    const extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
+    let far = 0;
+    if (moved) for (let i = 0; i < moved.length; i += d) {
+      let sum = 0;
+      for (let a = 0; a < d; a++) sum += moved[i + a] ** 2;
+      far = Math.max(far, sum);
+    }
+    far = Math.sqrt(far);
+    this.usual = far > 0.01 * extent || !far ? 1 : SHOWN * extent / far;
+    this.unit = extent / 100; this.low = low;
+    const room = this.usual * far;                // so that what moves stays in the picture
+    this.low = low.map((x) => x - 0.5 * room);
+    this.run.lattice = { shape: high.map((h, a) => (h - low[a] + room) / this.unit), dimension: d, hexagon: false };
+    this.look.deformed = Boolean(moved);
+  }
+  get touchable() { return false; }
+  get stages() { return 1; }
+  get deformable() { return Boolean(this.moved); }
+  get colours() { return Object.keys(this.units); }
+  get solvable() { return false; }
+  get solid() { return this.dimension === 3; }
+  word(key) { return this.t(`value_${key}`); }
+  certify() { const { verdict } = this.parts; verdict.textContent = this.outcome; verdict.hidden = !this.outcome; }
+  goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
+  magnification() { return this.usual * 10 ** this.look.magnify; }
+  polygons() { return null; }
+
+  /** Where a point is in a frame, in hundredths of the body. */
+  where(i, g = this.g, factor = this.look.deformed ? this.magnification() : 0) {
+    const { dimension: d, points, moved, low, unit } = this, p = new Array(d), from = g * points.length;
+    for (let a = 0; a < d; a++) p[a] = (points[i * d + a] - low[a] + (moved && factor ? factor * moved[from + i * d + a] : 0)) / unit;
+    return p;
+  }
+  there(part) { return !this.born || (this.born[part] <= this.g && this.g < this.gone[part]); }
+  value(part, name = this.look.colour, g = this.g) {
+    const field = this.fields[name];
+    return field ? field[field.length > this.count ? g * this.count + part : part] : NaN;
+  }
+  scale(name = this.look.colour) {
+    if (!this.scales.has(name)) {
+      let high = 0, low = 0;
+      for (const v of this.fields[name] ?? []) { if (v > high) high = v; if (v < low) low = v; }
+      const log = low === 0 && high > 0 && /load|mises/.test(name) && !this.moved;
+      if (low < 0) { high = Math.max(high, -low); low = -high; }
+      this.scales.set(name, { low: log ? high * 1e-4 : low, high: high || 1, log });
+    }
+    return this.scales.get(name);
+  }
+
+  draw() {
+    if (!this.canvas?.clientWidth) return;
+    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera), { ctx, r } = view;
+    ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
+    const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));
+    const ink = (part) => (scale ? colourOf(this.value(part), scale) : plain);
+    if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
+    this.drawForces(view);
+    if (this.picked >= 0 && this.there(this.picked)) {
+      const [x, y] = view.point(this.middle(this.picked));
+      ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
+      ctx.strokeStyle = inks.ink; ctx.lineWidth = 2; ctx.stroke();
+    }
+    if (scale) paintLegend(view, scale, this.word(look.colour), (v) => quantity(v, this.units[look.colour]), inks);
+    this.parts.cap.textContent = look.deformed && this.moved ? t("magnified", { n: quantity(this.magnification(), "") }) : "";
+    this.words();
+    this.drawn = (this.drawn ?? 0) + 1;
+  }
+  middle(part) {
+    const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));
+    return list[0].map((_, a) => list.reduce((sum, p) => sum + p[a], 0) / list.length);
+  }
+  drawParts(view, ink) {
+    const { corners, parts, count } = this, { ctx, r } = view, px = new Float64Array(8), py = new Float64Array(8), solid = corners === 8;
+    SHEET.start(ctx, view.W, view.H);
+    const order = Array.from({ length: count }, (_, i) => i).filter((i) => this.there(i));
+    if (solid) {
+      const far = new Float64Array(count);
+      for (const i of order) far[i] = this.middle(i).reduce((sum, x, a) => sum + x * view.depth[a], 0);
+      order.sort((a, b) => far[b] - far[a]);
+    }
+    for (const part of order) {
+      const places = Array.from({ length: corners }, (_, i) => view.point(this.where(parts[part * corners + i])));
+      const colour = ink(part);
+      for (const [n, face] of (solid ? FACES : [places.map((_, i) => i)]).entries()) {
+        let turn = 0;
+        face.forEach((c, i) => { px[i] = places[c][0] * r; py[i] = places[c][1] * r; });
+        for (let i = 0, j = face.length - 1; i < face.length; j = i++) turn += px[j] * py[i] - px[i] * py[j];
+        if (solid && (n === 0 || n === 3 || n === 4 ? turn < 0 : turn > 0)) continue;
+        this.fillRimmed(px, py, face.length, colour, solid ? LIGHT[n] : 1, view);
+      }
+    }
+    ctx.putImageData(SHEET.image, 0, 0);
+  }
+  fillRimmed(px, py, n, colour, light, view) {  // with a thin rim, so that single parts can be told
+    const shade = (c, f) => (0xff000000 | Math.round((c >> 16 & 255) * f) << 16 | Math.round((c >> 8 & 255) * f) << 8 | Math.round((c & 255) * f)) >>> 0;
+    let wide = 0, mx = 0, my = 0;
+    for (let i = 0; i < n; i++) { mx += px[i] / n; my += py[i] / n; wide = Math.max(wide, Math.hypot(px[i] - px[0], py[i] - py[0])); }
+    SHEET.fill(px, py, n, shade(colour, wide > 9 ? 0.72 * light : light));
+    if (wide <= 9) return;
+    const s = 1 - 1.8 * view.r / wide, qx = Float64Array.from(px, (x) => mx + s * (x - mx)), qy = Float64Array.from(py, (y) => my + s * (y - my));
+    SHEET.fill(qx, qy, n, shade(colour, light));
+  }
+  drawSprings(view, ink) {
+    const { parts, count, held, points, dimension, inks } = this, { ctx } = view, nodes = points.length / dimension;
+    const width = Math.max(1, Math.min(5, 260 / Math.sqrt(count))), lists = new Map();
+    for (let s = 0; s < count; s++) { const c = ink(s); if (!lists.has(c)) lists.set(c, []); lists.get(c).push(s); }
+    ctx.lineCap = "round"; ctx.lineWidth = width;
+    for (const [c, list] of lists) {
+      ctx.strokeStyle = `rgb(${c & 255},${c >> 8 & 255},${c >> 16 & 255})`; ctx.beginPath();
+      for (const s of list) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
+      ctx.stroke();
+    }
+    const fixed = new Set(held), radius = Math.max(1.5, 0.9 * width);
+    for (let i = 0; i < nodes; i++) {
+      const [x, y] = view.point(this.where(i));
+      ctx.fillStyle = fixed.has(i) ? inks.mark : inks.ink; ctx.beginPath();
+      if (fixed.has(i)) ctx.rect(x - radius - 2, y - radius - 2, 2 * radius + 4, 2 * radius + 4); else ctx.arc(x, y, radius, 0, 7);
+      ctx.fill();
+    }
+  }
+  drawForces(view) {
+    const { ctx } = view, { inks, low, unit, forces } = this, strongest = Math.max(1e-300, ...forces.map((f) => Math.hypot(...f.force)));
+    const every = Math.max(1, Math.ceil(forces.length / 60));
+    for (const [colour, width] of [[inks.paper, 6], [inks.force, 3]]) {
+      ctx.strokeStyle = colour; ctx.lineWidth = width; ctx.lineCap = "round"; ctx.beginPath();
+      for (let n = every >> 1; n < forces.length; n += every) {
+        const { place, force } = forces[n], size = Math.hypot(...force), u = force.map((f) => f / size), length = 14 + 20 * size / strongest;
+        const [dx, dy] = u.length === 2 ? [u[0], -u[1]] : [0, 1].map((i) => u.reduce((sum, x, a) => sum + x * view.axes[a][i], 0) * (i ? -1 : 1));
+        const [x, y] = view.point(place.map((p, a) => (p - low[a]) / unit));
+        arrow(ctx, x - dx * (length + 5), y - dy * (length + 5), dx * length, dy * length, 9);
+      }
+      ctx.stroke();
+    }
+  }
+  moment() {
+    const { along, at, g, t } = this, value = at[g];
+    if (along === "s") return `${t("time")} ${quantity(value, "s")}`;
+    return `${t(`along_${along}`)} ${quantity(value, "")}`;
+  }
+  words() {
+    const { t, parts, g, run } = this, text = `${this.moment()} · ${t("moment", { g, n: run.generation })}`;
+    parts.count.textContent = text;
+    parts.time.max = run.generation; parts.time.value = g; parts.time.ariaValueText = text;
+    this.tellPlaying();
+    this.canvas.ariaLabel = `${this.title || "kaju"}. ${text}`;
+    this.tell();
+    this.drawCurves();
+  }
+  tell() {
+    const { picked, parts, t } = this;
+    if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t("pickPart") })); return; }
+    const rows = this.colours.flatMap((name) => [make("dt", { textContent: this.word(name) }),
+      make("dd", {}, make("data", { value: String(this.value(picked, name)), textContent: quantity(this.value(picked, name), this.units[name]) }))]);
+    parts.story.replaceChildren(make("b", { textContent: t("part", { n: picked }) }), make("dl", {}, ...rows));
+  }
+  drawCurves() {
+    const { parts: { charts: canvas }, curveList, inks, at, g } = this, r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
+    if (!w || !curveList.length) { canvas.hidden = !curveList.length; return; }
+    if (canvas.width !== Math.round(w * r) || canvas.height !== Math.round(h * r)) { canvas.width = Math.round(w * r); canvas.height = Math.round(h * r); }
+    const ctx = canvas.getContext("2d");
+    ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, w, h);
+    const lists = curveList.slice(0, 4), columns = lists.length > 1 ? 2 : 1, rows = Math.ceil(lists.length / columns);
+    lists.forEach(({ title, unit, at: over, lines, logarithmic }, n) => {
+      const box = { x: (n % columns) * (w / columns + 4), y: Math.floor(n / columns) * h / rows + 16, w: w / columns - 4, h: h / rows - 22 };
+      paintChart(ctx, box, { word: title, lists: Object.values(lines), over, now: at[g], show: (v) => quantity(v, unit), log: logarithmic }, inks);
+    });
+  }
+  seekChart(x) {
+    const { curveList, parts: { charts }, at } = this;
+    if (!curveList.length) return;
+    const half = curveList.length > 1 ? charts.clientWidth / 2 : charts.clientWidth, { at: over } = curveList[0];
+    const wanted = over[0] + (x % half) / (half - 4) * (over.at(-1) - over[0]);
+    this.seek(at.reduce((best, v, i) => (Math.abs(v - wanted) < Math.abs(at[best] - wanted) ? i : best), 0));
+  }
+  press(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera };
+    let best = Infinity;
+    for (let i = 0; i < this.count; i++) {
+      if (!this.there(i)) continue;
+      const [x, y] = this.view.point(this.middle(i)), far = Math.hypot(x - event.offsetX, y - event.offsetY);
+      if (far < best) { best = far; this.picked = i; }
+    }
+    this.later();
+  }
+  move(event) {
+    if (!this.solid || !this.hold || !event.buttons) return;
+    const { hold } = this;
+    this.look.camera = { yaw: hold.yaw - (event.clientX - hold.x) / 150, pitch: Math.max(0.05, Math.min(1.5, hold.pitch + (event.clientY - hold.y) / 150)) };
+    this.later();
+  }
+  walk(event) {                                // arrows go from part to part
+    const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[event.key];
+    if (!way) return false;
+    for (let n = 0, i = this.picked; n < this.count; n++) {
+      i = (i + way + this.count) % this.count;
+      if (this.there(i)) { this.picked = i; break; }
+    }
+    this.later();
+    return true;
+  }
+}

@@ -1,0 +1,279 @@
+"""What the page is told of runs that it replays as pictures: parts that move and change.
+
+Spring networks, creep, elastic agents, agents of many sizes and elastic answers are all parts
+(springs, squares, hexagons, cubes) at points, with values and displacements a frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ParameterError
+from kaju.model.curves import Curves
+from kaju.view import motion
+
+from .scene_data import Columns
+
+if TYPE_CHECKING:
+    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.network import SpringNetwork
+    from kaju.model.result import Result
+    from kaju.model.scene import Scene
+    from kaju.model.settling.run import ElasticRun
+    from kaju.view.motion import Motion
+
+Floats = NDArray[np.float64]
+
+MOST_FRAMES = 120
+"""Longer runs are shown at so many of their moments."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """Parts at points, and what becomes of them.
+
+    Attributes
+    ----------
+    points : array, shape (n, dimension)
+        Places at rest (m).
+    parts : array of int, shape (parts, corners)
+        2 corners: a spring; 4: a square or a face's diamond; 6: a hexagon; 8: a cube.
+    at, along : array, shape (frames,), and str
+        What each frame stands at, and what that is: "s", "step", "generation", "stage".
+    moved : array, shape (frames, n, dimension), optional
+        Displacements (m).
+    values : mapping of str to (unit, array)
+        What parts can be coloured by: one number each, or one each a frame.
+    born, gone : arrays of int, shape (parts,), optional
+        First frame in which a part is there, and the first in which it is no more.
+    curves : sequence of Curves
+        What is drawn beside it.
+    held : array of int
+        Points that something holds.
+    forces : list of (place, force)
+        Loads (m, N).
+    words : str
+        How the run ended.
+    """
+
+    points: Floats
+    parts: NDArray[np.integer]
+    at: Sequence[float] | Floats
+    along: str
+    values: dict[str, tuple[str, Floats]]
+    moved: Floats | None = None
+    born: NDArray[np.integer] | None = None
+    gone: NDArray[np.integer] | None = None
+    curves: Sequence[Curves] = ()
+    held: NDArray[np.integer] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    forces: Sequence[tuple[list[float], list[float]]] = ()
+    words: str = ""
+
+
+def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
+    """Return the header and the columns of a page that replays a result.
+
+    Raises
+    ------
+    ParameterError
+        If there is nothing to see in it.
+    """
+    told = _pictures(result)
+    single = np.float32
+    columns: Columns = {
+        "points": told.points.astype(single),
+        "parts": told.parts.astype(np.uint32),
+        "held": told.held.astype(np.uint32),
+    }
+    if told.moved is not None:
+        columns["moved"] = told.moved.astype(single)
+    if told.born is not None and told.gone is not None:
+        columns["born"] = told.born.astype(np.uint32)
+        columns["gone"] = told.gone.astype(np.uint32)
+    for name, (_, values) in told.values.items():
+        columns[f"value {name}"] = values.astype(single)
+    header = {
+        "dimension": told.points.shape[1],
+        "corners": told.parts.shape[1],
+        "at": np.asarray(told.at, dtype=float).tolist(),
+        "along": told.along,
+        "colours": {name: unit for name, (unit, _) in told.values.items()},
+        "curves": [_curve(curves) for curves in told.curves],
+        "forces": [{"place": place, "force": force} for place, force in told.forces],
+        "outcome": told.words,
+    }
+    return header, columns
+
+
+def _curve(curves: Curves) -> dict[str, Any]:
+    return {
+        "title": curves.title,
+        "unit": curves.unit,
+        "at": curves.at.tolist(),
+        "lines": {name: line.tolist() for name, line in curves.lines.items()},
+        "logarithmic": curves.logarithmic,
+    }
+
+
+def _pictures(result: Result) -> Pictures:
+
+    from kaju.model.creep.body import TransferCreepResult
+    from kaju.model.creep.elastic_result import ElasticCreepResult
+    from kaju.model.creep.network_result import NetworkCreepResult
+    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.network.network_result import NetworkResult
+    from kaju.model.settling.run import ElasticRun
+
+    if isinstance(result, NetworkResult):
+        over, moved = ("stage", "", result.stage), _largest(result.displacement)
+        stages = Curves("Displacement", *over, moved, "m")
+        pull = {"pull": result.tension.max(axis=1), "push": result.tension.min(axis=1)}
+        springs = Curves("Largest forces", *over, pull, "N")
+        return _network(motion.increments(result), result.network, "stage", [stages, springs])
+    if isinstance(result, NetworkCreepResult):
+        return _network(motion.network_times(result), result.network, "s", result.curves())
+    if isinstance(result, (TransferCreepResult, ElasticCreepResult)):
+        moving = motion.times(result)
+        return _moving(moving, "s", result.curves(), _applied(result.static.scene))
+    if isinstance(result, ElasticRun):
+        return _elastic_agents(result)
+    if isinstance(result, ElasticResult) and result.spawned:
+        return _spawned(result)
+    if isinstance(result, ElasticResult):
+        return _moving(motion.loaded(result), "share", [], _applied(result.scene), 21)
+    raise ParameterError(
+        f"of: {type(result).__name__} has nothing that a page can show; it shows scenes, models "
+        "and their results"
+    )
+
+
+def _largest(displacement: Floats) -> dict[str, Floats]:
+    return {"largest displacement": np.linalg.norm(displacement, axis=2).max(axis=1)}
+
+
+def _chosen(count: int) -> NDArray[np.int64]:
+    """Return the moments that are shown: all, or so many, evenly, with both ends."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(np.int64))
+
+
+def _network(
+    moving: Motion, network: SpringNetwork, along: str, curves: Sequence[Curves]
+) -> Pictures:
+    force = network.forces[-1]
+    acting = np.flatnonzero(force.any(axis=1))
+    return _moving(
+        moving,
+        along,
+        curves,
+        [(network.positions[node].tolist(), force[node].tolist()) for node in acting],
+        held=np.flatnonzero(network.held.any(axis=1)),
+    )
+
+
+def _moving(
+    moving: Motion,
+    along: str,
+    curves: Sequence[Curves],
+    forces: Sequence[tuple[list[float], list[float]]],
+    steps: int = 0,
+    held: NDArray[np.integer] | None = None,
+) -> Pictures:
+    """Tell of points that move; `steps`: shares of the last frame, for an answer at rest."""
+    units = {"tension": "N", "von_mises": "Pa", "load_taken": "N", "level": ""}
+    frames = [moving.frames[k] for k in _chosen(len(moving.frames))]
+    moved = np.array([frame.moved for frame in frames])
+    values = {
+        name: (units.get(name, ""), np.array([frame.values[name] for frame in frames]))
+        for name in frames[-1].values
+    }
+    at = np.array([frame.time for frame in frames])
+    if steps:
+        at = np.linspace(0.0, 1.0, steps)
+        moved = at[:, None, None] * moved[-1]
+        values = {name: (u, at[:, None] * v[-1]) for name, (u, v) in values.items()}
+    none = np.empty(0, dtype=np.int64)
+    return Pictures(
+        points=moving.points,
+        parts=moving.parts,
+        at=at,
+        along=along,
+        values=values,
+        moved=moved,
+        curves=curves,
+        forces=forces,
+        held=none if held is None else held,
+    )
+
+
+def _applied(scene: Scene) -> list[tuple[list[float], list[float]]]:
+    applied = scene.applied()
+    places = scene.lattice.centres(applied.cells)
+    return [(p.tolist(), f.tolist()) for p, f in zip(places, applied.force, strict=True)]
+
+
+def _spawned(result: ElasticResult) -> Pictures:
+    """Agents of every generation, each from when it spawned to when it retired."""
+    family, generations = result.family, result.generations
+    rows, dimension = family.rows, result.lower.shape[1]
+    corners = motion.corners_of(dimension)
+    places = family.lower[:, None] + family.size[:, None, None] * corners
+    count = np.arange(1.0, len(generations) + 1.0)
+    over = ("generation", "", count)
+    curves = [
+        Curves("Agents", *over, {"agents": np.array([float(g.agents) for g in generations])}, ""),
+        Curves("Error", *over, {"error": np.array([g.error for g in generations])}, "", True),
+        Curves("Strain energy", *over, {"energy": np.array([g.energy for g in generations])}, "J"),
+    ]
+    retired = rows["retired_step"].astype(np.int64)
+    return Pictures(
+        points=places.reshape(-1, dimension),
+        parts=np.arange(len(rows) * len(corners)).reshape(len(rows), -1),
+        at=np.arange(float(len(generations))),
+        along="generation",
+        values={
+            "level": ("", family.level.astype(float)),
+            "unbalanced_load": ("N", np.nan_to_num(rows["unbalanced_load"])),
+            "spawn_step": ("", rows["spawn_step"].astype(float)),
+        },
+        born=rows["spawn_step"].astype(np.int64),
+        gone=np.where(retired < 0, len(generations), retired),
+        curves=curves,
+        forces=_applied(result.scene),
+        words=f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %",
+    )
+
+
+def _elastic_agents(run: ElasticRun) -> Pictures:
+    """Agents on the faces of the cells: each a diamond, half in either cell."""
+    agents, moments = run.agents, run.moments
+    scene, own = run.grid, agents.level == 0
+    dimension, h = scene.lattice.dimension, scene.lattice.cell_size
+    if dimension == 3:
+        corners = 0.5 * (motion.corners_of(3) - 0.5)
+    else:
+        corners = 0.5 * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
+    places = agents.position[own][:, None] + h * corners
+    # Most happens in the first steps, so the moments shown lie ever farther apart.
+    last = len(moments.step)
+    chosen = np.unique(np.geomspace(1, last, min(last, MOST_FRAMES)).round().astype(np.int64)) - 1
+    step = moments.step[chosen].astype(float)
+    return Pictures(
+        points=places.reshape(-1, dimension),
+        parts=np.arange(own.sum() * len(corners)).reshape(own.sum(), -1),
+        at=step,
+        along="step",
+        values={
+            "load_left": ("N", np.abs(moments.left[chosen][:, own]).astype(float)),
+            "load_taken": ("N", moments.taken[chosen][:, own].astype(float)),
+        },
+        born=np.searchsorted(step, agents.spawn_step[own]),
+        gone=np.full(own.sum(), len(chosen)),
+        curves=run.curves(),
+        forces=_applied(run.scene),
+        words=run.outcome,
+    )

@@ -128,7 +128,7 @@ def plot_agents(
     result: TransferResult,
     ax: Axes | None = None,
     *,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw the body with its agents, coloured by the generation in which they spawned.
@@ -140,7 +140,7 @@ def plot_agents(
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     cut : dict, optional
-        The layer of a three-dimensional body to show, such as ``{"y": 5}``.
+        A place (m) in the layer of a three-dimensional body to show, such as ``{"y": 0.05}``.
     crop : bool, optional
         Whether to show only the surroundings of the agents; by itself for large bodies.
 

@@ -39,7 +39,7 @@ def plot_maps(
     *,
     believed: str = "reference",
     symbol: str = "",
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
 ) -> Figure:
     """Draw a component over the cells, every answer in the same colours.
 
@@ -135,7 +135,7 @@ def plot_error(
     quantity: str = "displacement",
     ax: Axes | None = None,
     *,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
 ) -> Axes:
     """Draw where the error is, as a share of the reference's largest value."""
     pair = comparison.displacement if quantity == "displacement" else comparison.stress
@@ -145,7 +145,7 @@ def plot_error(
     cells = scene.lattice.locate(comparison.points)
     worst = cells[int(np.argmax(pair.error))]
     if scene.lattice.dimension == 3 and cut is None:
-        cut = {"y": int(worst[1])}
+        cut = {"y": (float(worst[1]) + 0.5) * scene.lattice.cell_size}
     section = section_of(scene, None, cut, False)
     ax = new_axes(ax, (5.6, 4.8))
     draw_body(ax, section)

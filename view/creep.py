@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from kaju.model.creep.network_result import NetworkCreepResult
     from kaju.model.creep.state import BodyCourse, Course
 
-Cut = Mapping[str, int]
+Cut = Mapping[str, float]
 
 
 def plot_body_at(

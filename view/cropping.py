@@ -24,7 +24,7 @@ WHOLE_UP_TO = 64
 def section_of(
     scene: Scene,
     cells: Ints | None = None,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
     most_across: int = MOST_ACROSS,
     whole_up_to: int = WHOLE_UP_TO,
@@ -38,8 +38,8 @@ def section_of(
     cells : array of int, shape (n, dimension), optional
         What the picture is about; the whole body unless given. Of a three-dimensional body
         the layer that holds most of them is shown unless `cut` is given.
-    cut : dict of one axis to an index, optional
-        The layer of a three-dimensional body to show, such as ``{"y": 5}``.
+    cut : dict of one axis to a place (m), optional
+        Shows the layer of a three-dimensional body there, such as ``{"y": 0.05}``.
     crop : bool, optional
         Whether to leave out the body far from the cells; unless given, bodies of more than
         `whole_up_to` cells across are cropped.
@@ -89,7 +89,7 @@ def _saves(part: Ints, whole: Ints) -> bool:
     return bool(np.prod(part / whole) <= 0.6)
 
 
-def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, int] | None) -> tuple[int, int] | None:
+def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, float] | None) -> tuple[int, int] | None:
     shape = scene.lattice.shape
     if len(shape) == 2:
         if cut is not None:
@@ -99,17 +99,28 @@ def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, int] | None) -> tuple[i
         return _fullest_layer(scene, cells)
     if len(cut) != 1 or next(iter(cut)) not in ("x", "y", "z"):
         raise ParameterError(
-            f"cut: one of the axes 'x', 'y' and 'z' with an index, such as {{'y': 5}}, "
+            f"cut: one of the axes 'x', 'y' and 'z' with a place in m, such as {{'y': 0.05}}, "
             f"got {dict(cut)!r}"
         )
-    name, index = next(iter(cut.items()))
+    ((name, place),) = cut.items()
     axis = "xyz".index(name)
-    whole = isinstance(index, (int, np.integer)) and not isinstance(index, bool)
-    if not (whole and 0 <= index < shape[axis]):
-        raise ParameterError(
-            f"cut: cells count from 0 to {shape[axis] - 1} along {name}, got {index!r}"
-        )
-    return axis, int(index)
+    return axis, layer_at(scene, axis, place)
+
+
+def layer_at(scene: Scene, axis: int, place: float) -> int:
+    """Return the layer of cells that a plane through a body lies in.
+
+    Raises
+    ------
+    ParameterError
+        If the place (m) along the axis lies outside of the array of cells.
+    """
+    edge, count = scene.lattice.cell_size, scene.lattice.shape[axis]
+    number = isinstance(place, (int, float, np.number)) and not isinstance(place, bool)
+    if not (number and 0.0 <= place <= edge * count):
+        raise ParameterError(f"cut: {'xyz'[axis]} runs from 0 to {edge * count:g} m, got {place!r}")
+    # On a plane between two layers rounding must not decide which of them is shown.
+    return min(int(place / edge + 1e-9), count - 1)
 
 
 def _fullest_layer(scene: Scene, cells: Ints) -> tuple[int, int]:

@@ -139,7 +139,7 @@ def plot_deformed(
     ax: Axes | None = None,
     *,
     magnification: float | None = None,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw the deformed grid over the outline of the body at rest.

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
     from .section import Floats, Ints, Section
 
-Cut = Mapping[str, int]
+Cut = Mapping[str, float]
 
 DECADES = 4.0
 """Loads below the largest by more decades than this are all drawn as the least."""

@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from kaju.errors import ParameterError
 
 from .body import draw_body
-from .cropping import section_of
+from .cropping import layer_at, section_of
 from .section import Floats, Ints, Section
 from .style import INK, add_polygons
 from .units import grouped, quantity
@@ -99,11 +99,11 @@ def layer_of(
     """
     scene = result.grid
     axis, place = _plane(result, cut)
-    within = {} if axis is None else {"xyz"[axis]: _cell(result, axis, place)}
+    within = {} if axis is None else {"xyz"[axis]: place}
     small = small_agents(result)
     cells = scene.lattice.locate(small.middle)
     if axis is not None:
-        cells[:, axis] = within["xyz"[axis]]
+        cells[:, axis] = layer_at(scene, axis, place)
     found = section_of(scene, cells, within or None, small.hidden if crop is None else crop)
     return Layer(
         *(found.scene, found.lower, found.upper, found.axes),
@@ -147,11 +147,6 @@ def _plane(result: ElasticResult, cut: Mapping[str, float] | None) -> tuple[int 
     if not np.any((low <= place) & (place < low + result.size)):
         raise ParameterError(f"cut: no agent stands at {name} = {place:g} m")
     return axis, place
-
-
-def _cell(result: ElasticResult, axis: int, place: float) -> int:
-    lattice = result.grid.lattice
-    return min(int(place / lattice.cell_size), lattice.shape[axis] - 1)
 
 
 class Squares(NamedTuple):

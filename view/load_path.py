@@ -113,7 +113,7 @@ def plot_load_path(
     result: TransferResult,
     ax: Axes | None = None,
     *,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw who passed how much to whom: the graph of `TransferResult.load_path`.

@@ -96,7 +96,7 @@ def plot_loads(
     ax: Axes | None = None,
     *,
     generation: int | None = None,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw the applied forces, and the loads that each agent took, by direction.

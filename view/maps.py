@@ -128,7 +128,7 @@ def plot_map(
     ax: Axes | None = None,
     *,
     component: str | None = None,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
     """Draw a field as colours; cells that have none stay light.

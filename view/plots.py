@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 Picture = Callable[..., "Axes | Figure"]
 
 
-Cut = Mapping[str, int]
+Cut = Mapping[str, float]
 
 
 def plot_scene(
@@ -187,8 +187,8 @@ def plot(
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     **options
-        As the picture's own function takes them: ``cut={"y": 5}`` for a layer of a body of
-        cubes (of agents of many sizes ``cut={"y": 0.05}``, a place in m), ``crop=False`` for
+        As the picture's own function takes them: ``cut={"y": 0.05}`` for the plane through a
+        body of cubes there (m), ``crop=False`` for
         the whole of a large body, ``magnification=1e5``, ``colour="spawn_step"``, ...
 
     Returns

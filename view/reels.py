@@ -113,7 +113,7 @@ class Reel:
 
 
 def spawning(
-    result: TransferResult, cut: Mapping[str, int] | None = None, crop: bool | None = None
+    result: TransferResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
 ) -> Reel:
     """Return the generations of a run's last stage: agents spawn, loads are taken."""
     if result.scene.lattice.dimension == 3 and cut is None:
@@ -179,7 +179,7 @@ def _generation(stage: Stage, generation: int, told: str) -> str:
 
 
 def loading(
-    result: TransferResult, cut: Mapping[str, int] | None = None, crop: bool | None = None
+    result: TransferResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
 ) -> Reel:
     """Return the stages of loading: the body deforms as the load grows."""
     section = section_of(result.scene, result.focus, cut, crop)
@@ -200,7 +200,9 @@ GROWING = 24
 """Frames in which an elastic body takes its load."""
 
 
-def growing(result: Field, cut: Mapping[str, int] | None = None, crop: bool | None = None) -> Reel:
+def growing(
+    result: Field, cut: Mapping[str, float] | None = None, crop: bool | None = None
+) -> Reel:
     """Return an elastic body whose load grows evenly, and its displacements with it."""
     section = section_of(result.grid, result.focus, cut, crop)
     full = _move(result, section)
@@ -211,7 +213,7 @@ def growing(result: Field, cut: Mapping[str, int] | None = None, crop: bool | No
 
 def creeping(
     result: TransferCreepResult | ElasticCreepResult,
-    cut: Mapping[str, int] | None = None,
+    cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Reel:
     """Return a body in time, at the moments asked for."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .units import grouped
+from .units import grouped, quantity
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -205,7 +205,8 @@ class Section:
         shape = np.array(self.scene.lattice.shape)
         if self.cut is not None:
             axis, index = self.cut
-            told.append(f"section through the cells {'xyz'[axis]} = {index}")
+            place = (index + 0.5) * self.scene.lattice.cell_size
+            told.append(f"section at {'xyz'[axis]} = {quantity(place, 'm')}")
         if self.cropped:
             seen = np.minimum(self.upper, shape[[*self.axes]]) - np.maximum(self.lower, 0)
             part = " × ".join(grouped(n) for n in seen)

@@ -118,7 +118,7 @@ def test_agents_in_space_are_shown_in_a_layer():
         rule=ElasticRule(order="multilevel", tolerance=1e-2),
     )
     run = ElasticModel(scene).run()
-    ax = plot(run, "agents", cut={"y": 1}).axes[0]
+    ax = plot(run, "agents", cut={"y": 0.15}).axes[0]
     (agents,) = [drawn for drawn in ax.collections if drawn.get_gid() == "face agents"]
     layer = np.isclose(run.agents.position[:, 1], 0.15) & (run.agents.axis != 1)
     assert len(agents.get_paths()) == np.sum(layer & (run.agents.level == 0)) > 0

@@ -261,13 +261,18 @@ def test_cubes_show_only_faces_that_nothing_hides() -> None:
 
 
 def test_a_cut_shows_one_layer_and_says_which() -> None:
-    ax = plot(run(CUBE), "agents", cut={"y": 5}).axes[0]
+    ax = plot(run(CUBE), "agents", cut={"y": 0.55}).axes[0]
     assert len(drawn(ax, "material agents")) == (run(CUBE).last.cells[:, 1] == 5).sum()
-    assert "section through the cells y = 5" in notes(ax)
+    assert "section at y = 550 mm" in notes(ax)
     assert ax.get_ylabel() == "z (m)"
 
 
-@pytest.mark.parametrize("cut", [{"y": 10}, {"y": -1}, {"w": 1}, {"y": 1.5}, {"x": 1, "y": 1}])
+def test_a_plane_between_two_layers_shows_the_one_above() -> None:
+    for place, layer in ((0.5, 5), (0.3, 3), (0.0, 0), (1.0, 9)):
+        assert section_of(Scene.from_toml(CUBE), cut={"y": place}).cut == (1, layer)
+
+
+@pytest.mark.parametrize("cut", [{"y": 1.01}, {"y": -0.1}, {"w": 1}, {"y": "a"}, {"x": 1, "y": 1}])
 def test_a_cut_must_lie_in_the_body(cut: dict[str, int]) -> None:
     with pytest.raises(ParameterError, match="cut"):
         plot(run(CUBE), "agents", cut=cut)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from mesa.discrete_space import Cell
+from kaju._mesa import Cell
 
 from .load import Load
 from .placed import PlacedAgent

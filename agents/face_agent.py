@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from mesa.discrete_space import Cell, FixedAgent
+from kaju._mesa import Cell, FixedAgent
 from numpy.typing import NDArray
 
 from .boundary_agent import BoundaryAgent, FreeBoundaryAgent

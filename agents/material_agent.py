@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Protocol
 
-from mesa.discrete_space import Cell
+from kaju._mesa import Cell
 
 from .load import Load
 from .placed import PlacedAgent

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from mesa.discrete_space import FixedAgent
+from kaju._mesa import FixedAgent
 from numpy.typing import NDArray
 
 

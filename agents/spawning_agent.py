@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import mesa
+from kaju._mesa import Agent
 
 if TYPE_CHECKING:
     from .materials import Material
@@ -23,7 +23,7 @@ class Birth(NamedTuple):
     cause: float
 
 
-class SpawningAgent(mesa.Agent):
+class SpawningAgent(Agent):
     """One of the agents of a `SpawningModel`.
 
     It retires when it spawns children, which then do its work, but it stays their parent.

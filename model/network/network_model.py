@@ -11,8 +11,7 @@ from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
-from mesa import DataCollector, Model
-from mesa.discrete_space import FixedAgent, Network
+from kaju._mesa import DataCollector, FixedAgent, Model, Network
 
 from kaju.errors import ParameterError, TangentError
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from mesa.discrete_space import Cell, HexGrid, OrthogonalVonNeumannGrid
+from kaju._mesa import Cell, HexGrid, OrthogonalVonNeumannGrid
 
 from kaju.agents.boundary_agent import (
     BoundaryAgent,

@@ -22,24 +22,46 @@ class BoundaryAgent(PlacedAgent):
     """A cell beside the body that a load has woken.
 
     Subclass one of the three kinds to try a boundary of your own: `give_back` says what
-    becomes of a load, `turn` where it goes. What is not given back counts as absorbed.
+    becomes of a load, `turn` where it goes. What is not given back counts as absorbed. A model
+    takes your classes as ``boundary_agents={"free": ..., "rigid": ..., "roller": ...}``.
 
     Attributes
     ----------
+    name : str
+        "free", "rigid" or "roller".
     spawn_step : int
         Generation in which the first load was given back, counted from 1.
+    taken : dict of int to float
+        Loads that reached it (N), by the direction their force points along.
     returned : float
         Sum of the loads given back (N).
-    absorbed : float
-        Sum of what was not given back (N): 0 unless a boundary of your own keeps some.
+    kept : float
+        Sum of what was not given back (N): 0 unless a boundary of your own absorbs some.
+    passed : dict of int to float
+        Loads given back (N), by the arm to the agent that takes them.
     """
+
+    name = ""
 
     def __init__(self, model: Clock, cell: Cell) -> None:
         super().__init__(model)
         self.cell = cell
         self.spawn_step = model.generation + 1
+        self.taken: dict[int, float] = {}
         self.returned = 0.0
-        self.absorbed = 0.0
+        self.kept = 0.0
+        self.passed: dict[int, float] = {}
+
+    def answer(self, load: Load, arm: int) -> Load | None:
+        """Take a load that came over `arm`, give back what is to be given back, and book it."""
+        back = self.give_back(load, arm)
+        given = 0.0 if back is None else back.total
+        home = int(self.model.lattice.opposite[arm])
+        self.taken[load.direction] = self.taken.get(load.direction, 0.0) + load.total
+        self.passed[home] = self.passed.get(home, 0.0) + given
+        self.returned += given
+        self.kept += load.total - given
+        return back
 
     def give_back(self, load: Load, arm: int) -> Load | None:
         """Return the load as the sender takes it again, or None; it came over `arm`."""
@@ -49,6 +71,12 @@ class BoundaryAgent(PlacedAgent):
         """Return the load on its way back."""
         raise NotImplementedError
 
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} at {self.index}: gave back {self.returned:g} N, "
+            f"since generation {self.spawn_step}>"
+        )
+
 
 class FreeBoundaryAgent(BoundaryAgent):
     """Air, water, gas or vacuum: nothing is ahead, so the load comes back with its force.
@@ -56,6 +84,8 @@ class FreeBoundaryAgent(BoundaryAgent):
     Where loads have a sense, what arrives straight travels back: a push comes back as a pull,
     a pull as a push, as a wave does at a free end.
     """
+
+    name = "free"
 
     def turn(self, load: Load, arm: int) -> Load:
         """Keep the force; turn round what arrives along the normal."""
@@ -66,6 +96,8 @@ class FreeBoundaryAgent(BoundaryAgent):
 class RigidBoundaryAgent(BoundaryAgent):
     """Ground, a wall or a punch: it pushes or pulls back, so the load comes back reversed."""
 
+    name = "rigid"
+
     def turn(self, load: Load, arm: int) -> Load:
         """Reverse the force and keep the sense."""
         return load._replace(direction=int(self.model.lattice.opposite[load.direction]))
@@ -73,6 +105,8 @@ class RigidBoundaryAgent(BoundaryAgent):
 
 class RollerBoundaryAgent(BoundaryAgent):
     """A smooth wall: it reverses what presses on it and lets slide what runs along it."""
+
+    name = "roller"
 
     def turn(self, load: Load, arm: int) -> Load:
         """Mirror the force at the wall, whose normal is the arm, and keep the sense."""

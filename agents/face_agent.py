@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from kaju._mesa import Cell, FixedAgent
 from numpy.typing import NDArray
+
+from kaju._mesa import Cell, FixedAgent
 
 from .boundary_agent import BoundaryAgent, FreeBoundaryAgent
 

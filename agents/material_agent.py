@@ -101,6 +101,13 @@ class MaterialAgent(PlacedAgent):
         self.pulls: dict[tuple[int, float], float] = {}
         self.parity = model.parity(self.index)
 
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} at {self.index}: {self.material.name}, "
+            f"took {sum(self.taken.values()):g} N, kept {self.kept:g} N, "
+            f"since generation {self.spawn_step}>"
+        )
+
     def receive(self, load: Load, senders: Iterable[MaterialAgent] = ()) -> None:
         """Put a load into the inbox; equal loads are merged and counted."""
         inbox = self.inbox if load.sense == "push" else self.pulls
@@ -118,6 +125,8 @@ class MaterialAgent(PlacedAgent):
 
     def step(self) -> None:
         """Take every load that has arrived, and pass each on."""
+        if not (self.inbox or self.pulls):
+            return
         loads = self.waiting()
         self.inbox, self.pulls = {}, {}
         for load in loads:

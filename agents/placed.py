@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from kaju._mesa import FixedAgent
 from numpy.typing import NDArray
+
+from kaju._mesa import FixedAgent
 
 
 class PlacedAgent(FixedAgent):

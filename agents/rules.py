@@ -1,10 +1,12 @@
 """By which rule an agent passes load on.
 
 A rule answers one question: of a load that an agent takes, *what shares does it keep and
-pass on?* `PrescribedRule` takes them from the user, `ElasticRule` derives them from the
-material. What an agent does with its shares is nearly the same under both: it keeps one and
-passes the others on. How loads that meet add up, and when they rest, differs: compare
-`MaterialAgent` and `FaceAgent`.
+pass on?* `PrescribedRule` takes the numbers from the user, `ElasticRule` derives them from
+the material. Two kinds of agent work by them. A `MaterialAgent` stands on a cell and
+passes loads on that end below the threshold (`LoadModel`); it takes a `PrescribedRule`, or
+any other `ShareRule`. A `FaceAgent` stands on a face, adds up what reaches it with its sign,
+and what is below the threshold rests (`ElasticModel`); its shares are those of the
+`ElasticRule`, worked out face by face where materials meet and at surfaces.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Protocol
 
 from kaju.agents.materials import Material
 from kaju.errors import ParameterError
@@ -20,7 +22,44 @@ from kaju.errors import ParameterError
 from .elastic_rule import DerivedShares, ElasticRule
 from .shares import Emission, Shares
 
-__all__ = ["Coefficients", "DerivedShares", "ElasticRule", "Emission", "PrescribedRule", "Shares"]
+__all__ = [
+    "Coefficients",
+    "DerivedShares",
+    "ElasticRule",
+    "Emission",
+    "PrescribedRule",
+    "ShareRule",
+    "Shares",
+]
+
+
+class ShareRule(Protocol):
+    """What `LoadModel` asks of a rule; any object that answers will do.
+
+    Attributes
+    ----------
+    threshold : float
+        γ (N): loads up to it end.
+    accumulate : bool
+        Whether loads that meet are added up before they are judged.
+    sense : bool
+        Whether loads push or pull, or all squeeze.
+    """
+
+    @property
+    def threshold(self) -> float:
+        """γ (N)."""
+
+    @property
+    def accumulate(self) -> bool:
+        """Whether loads that meet are added up."""
+
+    @property
+    def sense(self) -> bool:
+        """Whether loads push or pull."""
+
+    def shares(self, material: Material, dimension: int) -> Shares:
+        """Return what an agent of a material keeps and passes on."""
 
 
 @dataclass(frozen=True)

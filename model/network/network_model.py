@@ -11,8 +11,8 @@ from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
-from kaju._mesa import DataCollector, FixedAgent, Model, Network
 
+from kaju._mesa import DataCollector, FixedAgent, Model, Network
 from kaju.errors import ParameterError, TangentError
 
 from .increments import IncrementalLoading

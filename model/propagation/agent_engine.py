@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from kaju._mesa import Cell, HexGrid, OrthogonalVonNeumannGrid
 
+from kaju._mesa import Cell, HexGrid, OrthogonalVonNeumannGrid
 from kaju.agents.boundary_agent import (
     BoundaryAgent,
     FreeBoundaryAgent,
@@ -16,6 +16,8 @@ from kaju.agents.boundary_agent import (
 )
 from kaju.agents.load import Load, Sense
 from kaju.agents.material_agent import MaterialAgent
+from kaju.agents.materials import suggestion
+from kaju.errors import ParameterError
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 from .stage import FloatArray, History, IntArray, Ledger, News, Stage, collect_history
@@ -28,11 +30,39 @@ if TYPE_CHECKING:
 
 A = TypeVar("A", MaterialAgent, BoundaryAgent)
 
+Order = Callable[[list[MaterialAgent]], Iterable[MaterialAgent]]
+"""Of the agents for which loads wait, those that act in this step, one after another."""
+
 BOUNDARY_AGENTS: dict[int, type[BoundaryAgent]] = {
     AIR: FreeBoundaryAgent,
     RIGID: RigidBoundaryAgent,
     ROLLER: RollerBoundaryAgent,
 }
+
+
+def boundary_classes(own: Mapping[str, type[BoundaryAgent]]) -> dict[int, type[BoundaryAgent]]:
+    """Return the class for each kind of boundary, those of one's own put in.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such boundary, or a class is no boundary agent.
+    """
+    classes = dict(BOUNDARY_AGENTS)
+    kinds = {usual.name: kind for kind, usual in BOUNDARY_AGENTS.items()}
+    for name, agent in own.items():
+        if name not in kinds:
+            raise ParameterError(
+                f"boundary_agents: there is no boundary {name!r}{suggestion(str(name), kinds)}; "
+                f"there is {', '.join(kinds)}"
+            )
+        if not (isinstance(agent, type) and issubclass(agent, BoundaryAgent)):
+            raise ParameterError(
+                f"boundary_agents: {name!r} needs a subclass of "
+                f"{classes[kinds[name]].__name__}, got {agent!r}"
+            )
+        classes[kinds[name]] = agent
+    return classes
 
 
 class AgentEngine:
@@ -49,6 +79,10 @@ class AgentEngine:
         What is loaded, and its rule.
     material_agent : type
         Class of the material agents.
+    boundary_agents : dict of int to type
+        Class of the boundary agents, by kind.
+    order : callable, optional
+        Who acts in a step; None: all at once.
     """
 
     def __init__(
@@ -56,10 +90,14 @@ class AgentEngine:
         model: LoadModel,
         scene: Scene,
         transfer: Transfer,
-        material_agent: type[MaterialAgent] = MaterialAgent,
+        material_agent: type[MaterialAgent],
+        boundary_agents: dict[int, type[BoundaryAgent]],
+        order: Order | None,
     ) -> None:
         self.model = model
         self.scene = scene
+        self.boundary_agents = boundary_agents
+        self.order = order
         self.transfer = transfer
         self.lattice = transfer.lattice
         self.material_agent = material_agent
@@ -86,7 +124,7 @@ class AgentEngine:
         self.post: list[tuple[MaterialAgent, int, Load]] = []
         self.record: list[list[tuple[MaterialAgent, int, float]]] = []
         self.applied = float(magnitude.sum())
-        self.passed = self.returned = self.dropped = 0.0
+        self.taken = self.passed = self.returned = self.dropped = 0.0
         arriving: list[tuple[Cell, Load, MaterialAgent | None]] = []
         applied = zip((cells + 1).tolist(), state.tolist(), magnitude.tolist(), strict=True)
         for cell, number, size in applied:
@@ -107,16 +145,39 @@ class AgentEngine:
 
     def step(self) -> None:
         """Let every agent take the loads that reached it and pass them on."""
-        self.record.append(self._arrived())
+        acting = self._acting()
+        taken = self._arrived(acting)
+        self.taken += sum(load for _, _, load in taken)
+        self.record.append(taken)
         self.generation += 1
-        self.model.agents_by_type[self.material_agent].do("step")
+        for agent in acting:
+            agent.step()
         self._deliver()
 
-    def _arrived(self) -> list[tuple[MaterialAgent, int, float]]:
-        """Return what waits to be taken, added up by agent and state, ordered by place."""
+    @property
+    def awake(self) -> int:
+        """Number of material agents."""
+        return len(self.agents)
+
+    def _acting(self) -> list[MaterialAgent]:
+        """Return who acts in this step: all agents, unless an order chooses."""
+        everybody = list(self.agents.values())
+        if self.order is None:
+            return everybody
+        waiting = [agent for agent in everybody if agent.inbox or agent.pulls]
+        acting = list(dict.fromkeys(self.order(list(waiting))))
+        if not acting or not set(acting) <= set(waiting):
+            raise ParameterError(
+                f"order: must choose at least one of the {len(waiting)} agents that it is given, "
+                f"and no others; it chose {len(acting)}"
+            )
+        return acting
+
+    def _arrived(self, acting: list[MaterialAgent]) -> list[tuple[MaterialAgent, int, float]]:
+        """Return what these agents will take, added up by agent and state, ordered by place."""
         sums: dict[tuple[MaterialAgent, int], float] = {}
         pulls = self.lattice.directions
-        awake = [agent for agent in self.agents.values() if agent.inbox or agent.pulls]
+        awake = [agent for agent in acting if agent.inbox or agent.pulls]
         for agent in sorted(awake, key=lambda agent: agent.cell.coordinate):
             for first, waiting in ((0, agent.inbox), (pulls, agent.pulls)):
                 for direction, magnitude in sorted(waiting):
@@ -154,12 +215,10 @@ class AgentEngine:
         self.post = []
         for sender, arm, load in self._add_up(leaving) if self.accumulate else leaving:
             boundary = self._boundary_agent(self.neighbour(sender.cell, arm))
-            back = boundary.give_back(load, arm)
-            given = back.total if back is not None else 0.0
+            back = boundary.answer(load, arm)
+            given = 0.0 if back is None else back.total
             if back is not None:
                 arriving.append((sender.cell, back, None))
-            boundary.returned += given
-            boundary.absorbed += load.total - given
             self.returned += given
             self.passed -= given
         self.passed += self._arrive(arriving)
@@ -208,7 +267,7 @@ class AgentEngine:
 
     def _boundary_agent(self, cell: Cell) -> BoundaryAgent:
         if cell not in self.boundaries:
-            kind = BOUNDARY_AGENTS[int(self.kinds[cell.coordinate])]
+            kind = self.boundary_agents[int(self.kinds[cell.coordinate])]
             self.boundaries[cell] = kind(self.model, cell)
         return self.boundaries[cell]
 
@@ -268,7 +327,7 @@ class AgentEngine:
                 returned=self.returned,
                 dropped=self.dropped + float(dropped.sum()),
                 pending=self.pending,
-                absorbed=sum((boundary.absorbed for boundary in boundaries), start=0.0),
+                absorbed=sum((boundary.kept for boundary in boundaries), start=0.0),
             ),
         )
 

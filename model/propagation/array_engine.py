@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.agents.load import Load
+
 from .agent_table import AgentTable
 from .stage import FloatArray, IntArray, Ledger, News, Stage, collect_boundary, collect_history
 
@@ -49,6 +51,25 @@ class Rows(NamedTuple):
         return Rows(*(column[chosen] for column in columns))
 
 
+class BoundaryRows(NamedTuple):
+    """Loads that boundary agents gave back in a generation.
+
+    Attributes
+    ----------
+    key : array of int
+        The boundary agents' cells.
+    load : array of float
+        What they gave back (N).
+    state, arm : arrays of int
+        In which state it came, and over which arm of the sender.
+    """
+
+    key: IntArray
+    load: FloatArray
+    state: NDArray[np.int8]
+    arm: IntArray
+
+
 class ArrayEngine:
     """One stage of load transfer at a time, on arrays.
 
@@ -72,13 +93,18 @@ class ArrayEngine:
         self.generation = 0
         self.agents = AgentTable(self.scene, self.transfer.states)
         self.record: list[tuple[IntArray, IntArray, FloatArray]] = []
-        self.boundary: list[tuple[IntArray, FloatArray]] = []
+        self.boundary: list[BoundaryRows] = []
         self.applied = float(magnitude.sum())
-        self.passed = self.returned = self.dropped = 0.0
+        self.taken = self.passed = self.returned = self.dropped = 0.0
         self.values, number = np.unique(magnitude, return_inverse=True)
         place = self.lattice.key(cells)
         outside = np.zeros(len(cells), dtype=np.uint8)
         self._arrive(_rows(place, state, number, np.ones(len(cells)), outside))
+
+    @property
+    def awake(self) -> int:
+        """Number of material agents."""
+        return len(self.agents)
 
     @property
     def load(self) -> FloatArray:
@@ -108,6 +134,7 @@ class ArrayEngine:
         )
         agent, state = agent[first], state[first]
         load = np.add.reduceat(self.load, first)
+        self.taken += float(load.sum())
         self.agents.taken[agent, state] += load
         self.record.append((agent, state.astype(np.int64), load))
 
@@ -185,7 +212,8 @@ class ArrayEngine:
         agent, arm = np.divmod(rows.place, self.lattice.directions)
         kind = self.agents.beyond(agent, arm)
         load = self.values[rows.magnitude] * rows.copies
-        self.boundary.append((self.agents.neighbour(agent, arm), load))
+        beyond = self.agents.neighbour(agent, arm)
+        self.boundary.append(BoundaryRows(beyond, load, rows.state.copy(), arm))
         self.returned += float(load.sum())
         state = rows.state.copy()
         for boundary, turned in self.transfer.turned.items():
@@ -255,10 +283,35 @@ class ArrayEngine:
             table.woken_by[agents:],
         )
 
+    def waiting_for(self, agent: int) -> list[Load]:
+        """Return the loads that an agent takes in the next step."""
+        here = np.flatnonzero(self.waiting.place == self.agents.key[agent])
+        rows = self.waiting.where(here)
+        pull, direction = np.divmod(rows.state.astype(np.int64), self.lattice.directions)
+        columns = (direction, self.values[rows.magnitude], rows.copies, pull)
+        return [
+            Load(d, magnitude, copies, "pull" if pulls else "push")
+            for d, magnitude, copies, pulls in zip(*(c.tolist() for c in columns), strict=True)
+        ]
+
+    def at_boundary(self) -> tuple[FloatArray, FloatArray]:
+        """Return what boundary agents took by direction, and gave back by arm (N)."""
+        key, _, _ = collect_boundary([rows[:2] for rows in self.boundary])
+        order = np.argsort(key)
+        taken: FloatArray = np.zeros((len(key), self.lattice.directions))
+        passed = np.zeros_like(taken)
+        for rows in self.boundary:
+            agent = order[np.searchsorted(key[order], rows.key)]
+            np.add.at(taken, (agent, rows.state % self.lattice.directions), rows.load)
+            np.add.at(passed, (agent, self.lattice.opposite[rows.arm]), rows.load)
+        return taken, passed
+
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""
         table, kinds = self.agents, self.scene.kinds
-        boundary_key, boundary_step, returned = collect_boundary(self.boundary)
+        boundary_key, boundary_step, returned = collect_boundary(
+            [rows[:2] for rows in self.boundary]
+        )
         boundary_cells = self.lattice.cells(boundary_key)
         taken = table.taken.sum(axis=1)
         pulled = table.taken[:, self.lattice.directions :]

@@ -11,7 +11,7 @@ power iteration narrows it down (bounds of Collatz and Wielandt).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import floor, log
+from math import floor, inf, log
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +47,8 @@ class Certificate:
         Whether the run is sure to end.
     verdict : str
         The same in words, with a remedy if the run is unstable.
+    known : bool
+        Whether anything is known: of agents of one's own nothing is.
     """
 
     lower: float
@@ -56,6 +58,16 @@ class Certificate:
     generations: int | None
     stable: bool
     verdict: str
+    known: bool = True
+
+
+def not_known(agents: list[str]) -> Certificate:
+    """Return the certificate of agents of one's own, which pass on what they like."""
+    verdict = (
+        f"not known: agents of your own ({', '.join(agents)}) decide what they pass on; the run is "
+        "watched and stopped if the loads grow to 1000 times the applied ones"
+    )
+    return Certificate(0.0, inf, None, inf, None, stable=False, verdict=verdict, known=False)
 
 
 def stability(scene: Scene) -> Certificate:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from functools import cached_property
+from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.load import Sense
-from kaju.agents.rules import Emission, PrescribedRule, Shares
-from kaju.errors import SceneError
+from kaju.agents.rules import Emission, PrescribedRule, ShareRule, Shares
+from kaju.errors import ParameterError, SceneError
 from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 if TYPE_CHECKING:
+    from kaju.agents.materials import Material
     from kaju.model.scene import Scene
     from kaju.model.scene.applied import AppliedLoads
     from kaju.model.scene.lattice import Cells, Lattice
@@ -32,25 +34,33 @@ class Transfer:
     ----------
     scene : Scene
         A scene whose rule is a `PrescribedRule`.
+    rule : ShareRule, optional
+        Another rule, instead of the scene's.
 
     Raises
     ------
     SceneError
         If a side of the scene asks for something that only the elastic rule can do.
+    ParameterError
+        If another rule lacks something, or its answer is none.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        if not isinstance(scene.rule, PrescribedRule):
+    def __init__(self, scene: Scene, rule: ShareRule | None = None) -> None:
+        if rule is not None:
+            _check_rule(rule)
+        elif isinstance(scene.rule, PrescribedRule):
+            rule = scene.rule
+        else:
             raise SceneError(
                 "rule.kind: LoadModel passes loads on by a prescribed rule, "
                 f'got {scene.rule.kind!r}; set kind = "prescribed", or take ElasticModel'
             )
         self.lattice: Lattice = scene.lattice
-        self.rule = scene.rule
+        self.rule: ShareRule = rule
         self.materials = scene.cell_materials
         _refuse_elastic_sides(scene)
         self.shares: tuple[Shares, ...] = tuple(
-            self.rule.shares(material, self.lattice.dimension) for material in self.materials
+            _answer(self.rule, material, self.lattice.dimension) for material in self.materials
         )
         self.cross_section = self.lattice.cell_volume(scene.thickness) / self.lattice.cell_size
         self._opposite: list[int] = self.lattice.opposite.tolist()
@@ -134,12 +144,43 @@ class Transfer:
         return along * self.own[material, None]
 
 
-def states_of(scene: Scene, stage: int) -> tuple[Cells, NDArray[np.int64], NDArray[np.float64]]:
+def _check_rule(rule: ShareRule) -> None:
+    for name in ("shares", "threshold", "accumulate", "sense"):
+        if not hasattr(rule, name):
+            raise ParameterError(
+                f"rule: {type(rule).__name__} has no {name!r}; a rule has shares(material, "
+                "dimension), threshold, accumulate and sense"
+            )
+    if not (isfinite(rule.threshold) and rule.threshold > 0.0):
+        raise ParameterError(f"rule.threshold: must be a load above 0 N, got {rule.threshold}")
+
+
+def _answer(rule: ShareRule, material: Material, dimension: int) -> Shares:
+    """Ask a rule for the shares of a material; refuse what is no answer."""
+    shares = rule.shares(material, dimension)
+    if not isinstance(shares, Shares):
+        raise ParameterError(
+            f"rule: shares of {material.name!r} must be kaju.Shares, got {shares!r}"
+        )
+    for name in ("own", "forward", "backward", "friction", "poisson"):
+        share = getattr(shares, name)
+        least = -inf if name == "poisson" and rule.sense else 0.0
+        if not (isfinite(share) and share >= least):
+            raise ParameterError(
+                f"rule: share {name!r} of {material.name!r} must be a number from 0 upwards, "
+                f"got {share}"
+            )
+    return shares
+
+
+def states_of(
+    scene: Scene, stage: int, sense: bool
+) -> tuple[Cells, NDArray[np.int64], NDArray[np.float64]]:
     """Return the loads applied at a stage: cells, states and magnitudes (N)."""
     applied = scene.applied(stage)
     row, direction, magnitude = split_force(scene.lattice, applied.force)
     state = direction
-    if isinstance(scene.rule, PrescribedRule) and scene.rule.sense:
+    if sense:
         state = direction + scene.lattice.directions * pulls(scene, applied, row, direction)
     return applied.cells[row], state, magnitude
 

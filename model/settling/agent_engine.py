@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import networkx
 import numpy as np
-from kaju._mesa import Cell, FixedAgent, Network
 
+from kaju._mesa import Cell, FixedAgent, Network
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.model.scene.kinds import AIR

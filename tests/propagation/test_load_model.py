@@ -72,7 +72,7 @@ def test_reset_starts_again(engine):
     assert (model.stage, model.generation, model.running) == (1, 0, True)
     second = model.run()
     assert first.summary() | {"seconds": 0} == second.summary() | {"seconds": 0}
-    assert len(model.agents) == (38 if engine == "agents" else 0)
+    assert len(model.agents) == 38
 
 
 @ENGINES

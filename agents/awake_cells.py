@@ -1,0 +1,178 @@
+"""Agents that are rows of arrays, shown as objects.
+
+On large bodies what agents do is computed on arrays. These objects are made when somebody
+looks: they tell the same as `MaterialAgent` and `BoundaryAgent`, and cannot be told anything.
+"""
+
+# Mesa's bookkeeping is all that these objects hold; everything else is asked of the arrays.
+# mypy: disable-error-code="override"
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju._mesa import Agent
+
+from .boundary_agent import BoundaryAgent
+from .material_agent import MaterialAgent
+
+if TYPE_CHECKING:
+    from .load import Load
+    from .materials import Material
+    from .shares import Shares
+
+
+class AwakeCell(MaterialAgent):
+    """A material agent that is a row of the model's arrays."""
+
+    def __init__(self, model: Any, row: int) -> None:
+        Agent.__init__(self, model)
+        self.row = row
+
+    @property
+    def _stage(self) -> Any:
+        return self.model.looked_at
+
+    @property
+    def index(self) -> tuple[int, ...]:
+        """The scene's cell."""
+        cell: list[int] = self._stage.cells[self.row].tolist()
+        return tuple(cell)
+
+    @property
+    def material(self) -> Material:
+        """What the cell is made of."""
+        material: Material = self.model.transfer.materials[self._stage.material[self.row]]
+        return material
+
+    @property
+    def shares(self) -> Shares:
+        """What the agent keeps and passes on of each newton."""
+        shares: Shares = self.model.transfer.shares[self._stage.material[self.row]]
+        return shares
+
+    @property
+    def spawn_step(self) -> int:
+        """Generation in which the first load was taken, counted from 1."""
+        return int(self._stage.spawn_step[self.row])
+
+    @property
+    def woken_by(self) -> list[AwakeCell]:
+        """The agents whose loads arrived in that generation."""
+        return [self.model.agent_at(cell) for cell in self.model.wakers(self.row)]
+
+    @property
+    def taken(self) -> dict[int, float]:
+        """Loads taken (N), by the direction their force points along."""
+        return _filled(self._stage.taken[self.row])
+
+    @property
+    def pulled(self) -> dict[int, float]:
+        """The pulls among them (N)."""
+        return _filled(self._stage.pulled[self.row])
+
+    @property
+    def kept(self) -> float:
+        """Sum of the own shares (N)."""
+        return self.shares.own * float(self._stage.taken[self.row].sum())
+
+    @property
+    def squeezed(self) -> dict[int, float]:
+        """What is kept along each axis (N), pushes less pulls."""
+        return _filled(self._stage.kept[self.row])
+
+    @property
+    def passed(self) -> dict[int, float]:
+        """Loads handed over (N), by arm."""
+        return _filled(self._stage.passed[self.row])
+
+    @property
+    def dropped(self) -> float:
+        """Emissions up to the threshold (N)."""
+        return float(self._stage.dropped[self.row])
+
+    @property
+    def parity(self) -> int:
+        """Which of the lattice's two forms of cells it has."""
+        parity: int = self.model.parity(self.index)
+        return parity
+
+    @property
+    def inbox(self) -> dict[tuple[int, float], float]:
+        """Pushes to take in the next step: (direction, magnitude) → copies."""
+        return {load[:2]: load.copies for load in self.waiting() if load.sense == "push"}
+
+    @property
+    def pulls(self) -> dict[tuple[int, float], float]:
+        """Pulls to take in the next step: (direction, magnitude) → copies."""
+        return {load[:2]: load.copies for load in self.waiting() if load.sense == "pull"}
+
+    def waiting(self) -> list[Load]:
+        """Return the loads to take in the next step."""
+        loads: list[Load] = self.model.engine.waiting_for(self.row)
+        return loads
+
+    def remove(self) -> None:
+        """Forget the object; the row stays."""
+        Agent.remove(self)
+
+
+class AwakeBoundary(BoundaryAgent):
+    """A boundary agent that is a row of the model's arrays."""
+
+    def __init__(self, model: Any, row: int) -> None:
+        Agent.__init__(self, model)
+        self.row = row
+
+    @property
+    def _stage(self) -> Any:
+        return self.model.looked_at
+
+    @property
+    def index(self) -> tuple[int, ...]:
+        """The scene's cell; -1 is beside the first."""
+        cell: list[int] = self._stage.boundary_cells[self.row].tolist()
+        return tuple(cell)
+
+    @property
+    def name(self) -> str:
+        """Whether it is "free", "rigid" or "roller"."""
+        name: str = self.model.boundary_name(int(self._stage.boundary_kind[self.row]))
+        return name
+
+    @property
+    def spawn_step(self) -> int:
+        """Generation in which the first load was given back, counted from 1."""
+        return int(self._stage.boundary_spawn_step[self.row])
+
+    @property
+    def returned(self) -> float:
+        """Sum of the loads given back (N)."""
+        return float(self._stage.returned[self.row])
+
+    @property
+    def kept(self) -> float:
+        """Nothing: it gives back all it takes."""
+        return 0.0
+
+    @property
+    def taken(self) -> dict[int, float]:
+        """Loads that reached it (N), by the direction their force points along."""
+        return _filled(self.model.engine.at_boundary()[0][self.row])
+
+    @property
+    def passed(self) -> dict[int, float]:
+        """Loads given back (N), by the arm to the agent that takes them."""
+        return _filled(self.model.engine.at_boundary()[1][self.row])
+
+    def remove(self) -> None:
+        """Forget the object; the row stays."""
+        Agent.remove(self)
+
+
+def _filled(row: NDArray[np.float64]) -> dict[int, float]:
+    """Return the entries of a row that are not 0."""
+    return {column: value for column, value in enumerate(row.tolist()) if value}

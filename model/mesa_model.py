@@ -1,0 +1,107 @@
+"""What all of kaju's Mesa models have in common: seeds, steps that end, and data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+from kaju._mesa import DataCollector, Model
+from kaju.errors import ParameterError
+
+Until = Callable[[Any], bool]
+"""A question about the model, asked before every step: whether to stop."""
+
+
+class SteppedModel(Model):
+    """A Mesa model that can be run to its end, stopped on the way, and started again.
+
+    Parameters
+    ----------
+    rng, seed : int, optional
+        Seed of `rng` and `random`; give one of them. kaju's own agents draw no random numbers.
+
+    Attributes
+    ----------
+    running : bool
+        False at the end; `step` then does nothing and counts nothing.
+    steps : int
+        Steps taken since the start or the last `reset`.
+    datacollector : mesa.DataCollector
+        The model's `figures` after every step. Set another one to collect what you like.
+
+    Raises
+    ------
+    ParameterError
+        If both seeds are given.
+    """
+
+    step: Callable[[], None]
+    _collector: DataCollector | None
+    _noted: list[tuple[int, dict[str, float]]]
+    _own_collector: bool
+
+    def __init__(self, rng: Any = None, seed: int | None = None) -> None:
+        if rng is not None and seed is not None:
+            raise ParameterError("seed: is another word for rng; give one of them")
+        super().__init__(rng=rng if seed is None else seed)
+        self._first_draws = deepcopy(self.rng.bit_generator.state), self.random.getstate()
+        # Mesa counts every call of step; at the end there is nothing to count.
+        self._counted_step: Callable[[], None] = self.step
+        self.step = self._step_while_running
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step."""
+        raise NotImplementedError
+
+    @property
+    def datacollector(self) -> DataCollector:
+        """The figures after every step, as Mesa keeps them."""
+        if self._collector is None:
+            names = list(self.figures())
+            self._collector = DataCollector({name: _Figure(name) for name in names})
+        noted, self._noted = self._noted, []
+        for step, figures in noted:
+            for name, value in figures.items():
+                self._collector.model_vars[name].append(value)
+            if hasattr(self._collector, "_collection_steps"):  # Mesa from 3.4 on
+                self._collector._collection_steps.append(step)
+        return self._collector
+
+    @datacollector.setter
+    def datacollector(self, collector: DataCollector) -> None:
+        self._collector, self._noted, self._own_collector = collector, [], True
+
+    def _step_while_running(self) -> None:
+        if not self.running:
+            return
+        self._counted_step()
+        if self._own_collector:
+            self.datacollector.collect(self)
+        else:
+            # Mesa copies every figure deeply, which would cost as much as a small step.
+            self._noted.append((self.steps, self.figures()))
+
+    def _start_again(self) -> None:
+        """Go back to no steps, the first random numbers and no data."""
+        self.steps = 0
+        self.running = True
+        state, drawn = self._first_draws
+        self.rng.bit_generator.state = deepcopy(state)
+        self.random.setstate(drawn)
+        self._collector, self._noted, self._own_collector = None, [], False
+
+    def _step_until(self, until: Until | None) -> None:
+        """Step until the end, or until a question about the model is answered with yes."""
+        while self.running and not (until is not None and until(self)):
+            self.step()
+
+
+class _Figure:
+    """Reports one of a model's figures to Mesa; unlike a lambda it can be sent to a process."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __call__(self, model: SteppedModel) -> float:
+        return model.figures()[self.name]

@@ -76,6 +76,9 @@ class SteppedModel(Model):
         if not self.running:
             return
         self._counted_step()
+        self._note()
+
+    def _note(self) -> None:
         if self._own_collector:
             self.datacollector.collect(self)
         else:

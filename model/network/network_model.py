@@ -12,8 +12,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from kaju._mesa import DataCollector, FixedAgent, Model, Network
+from kaju._mesa import FixedAgent, Model, Network
 from kaju.errors import ParameterError, TangentError
+from kaju.model.mesa_model import SteppedModel, Until
 
 from .increments import IncrementalLoading
 from .linear import Method
@@ -71,7 +72,7 @@ class NodeAgent(FixedAgent):
         return force
 
 
-class NetworkModel(Model):
+class NetworkModel(SteppedModel):
     """A spring network that is loaded one increment per step.
 
     Parameters
@@ -116,8 +117,9 @@ class NetworkModel(Model):
         method: Method = "auto",
         agents: bool | Literal["auto"] = "auto",
         rng: Any = None,
+        seed: int | None = None,
     ) -> None:
-        super().__init__(rng=rng)
+        super().__init__(rng, seed)
         if agents not in (True, False, "auto"):
             raise ParameterError(f"agents: must be True, False or 'auto', got {agents!r}")
         self.running: bool = True
@@ -143,38 +145,39 @@ class NetworkModel(Model):
         ConvergenceError
             If the increment is too large.
         """
-        if not self.running:
-            return
         try:
             self.loading.step()
         except TangentError:
             self.running = False
             self._observe()
+            self._note()
             raise
         self.running = not self.loading.finished
         self._observe()
 
-    def run(self) -> NetworkResult:
-        """Take all the steps that are left and return the result."""
-        while self.running:
-            self.step()
+    def run(self, until: Until | None = None) -> NetworkResult:
+        """Take the steps that are left, or those before `until` is true; return the result."""
+        self._step_until(until)
         return self.result
 
     def reset(self) -> None:
         """Take all loads off and start again."""
+        self._start_again()
         self.loading = IncrementalLoading(
             self.network, self.increments, scheme=self.scheme, method=self.method
         )
         self.running = not self.loading.finished
-        self.datacollector = DataCollector(
-            model_reporters={
-                "stage": lambda model: model.stage,
-                "largest_displacement": lambda model: model.largest_displacement,
-                "strain_energy": lambda model: model.strain_energy,
-                "residual": lambda model: model.loading.records[-1].residual,
-            }
-        )
         self._observe()
+        self._note()
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step: lengths (m), energy (J)."""
+        return {
+            "stage": self.stage,
+            "largest_displacement": self.largest_displacement,
+            "strain_energy": self.strain_energy,
+            "residual": self.loading.records[-1].residual,
+        }
 
     @property
     def increment(self) -> int:
@@ -227,7 +230,6 @@ class NetworkModel(Model):
     def _observe(self) -> None:
         if self.node_agents:
             self.agents.do("move")
-        self.datacollector.collect(self)
 
 
 def _network_space(network: SpringNetwork, model: Model) -> Network:

@@ -366,7 +366,7 @@ class LoadModel(SteppedModel):
         It runs loads that grow, too, until they threaten to overflow.
         """
         options: dict[str, Any] = self._own | {"allow_unstable": True}
-        engine = "agents" if isinstance(self.engine, AgentEngine) else "arrays"
+        engine: EngineName = "agents" if isinstance(self.engine, AgentEngine) else "arrays"
         return type(self)(scene, engine=engine, max_generations=self.max_generations, **options)
 
     def _repr_html_(self) -> str:

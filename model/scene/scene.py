@@ -228,7 +228,8 @@ class Scene(Description):
 
     def replace(self, **changes: Any) -> Scene:
         """Return the scene with some of its parts (`loads`, `rule`, ...) replaced."""
-        return Scene(**(dict(self) | changes))
+        parts = {name: getattr(self, name) for name in type(self).model_fields}
+        return Scene(**(parts | changes))
 
     def with_region(self, material: str = "air", **shape: Any) -> Scene:
         """Return the scene with a part of the array filled anew: by default a hole.
@@ -304,6 +305,7 @@ class Scene(Description):
         return self._in_words() == other._in_words() and np.array_equal(ours, theirs)
 
     __hash__ = None  # type: ignore[assignment]
+    __iter__ = None  # type: ignore[assignment]  # one value, for Mesa's batch_run too
 
     def __str__(self) -> str:
         cells = " x ".join(map(str, self.lattice.shape))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal
-
-import mesa
+from typing import TYPE_CHECKING, Any, Literal
 
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
 from kaju.model.engine_choice import takes_objects
+from kaju.model.mesa_model import SteppedModel, Until
 
 from .agent_engine import AgentPushEngine
 from .array_engine import ArrayPushEngine
@@ -35,7 +34,7 @@ MOST_GROWTH = 1e12
 """A run whose largest load exceeds that of the start by this factor is stopped."""
 
 
-class ElasticModel(mesa.Model):
+class ElasticModel(SteppedModel):
     """Load transfer by shares that follow from the materials, step by step.
 
     An agent spawns on a face when the load left there exceeds the threshold γ. It yields,
@@ -72,8 +71,8 @@ class ElasticModel(mesa.Model):
         The run is stopped after this many steps.
     stage : int, optional
         Stage of loading; the last one by default.
-    rng : int, optional
-        Seed for Mesa; the rule itself draws no random numbers.
+    rng, seed : int, optional
+        Seed of the model's random numbers; the rule itself draws none.
 
     Attributes
     ----------
@@ -107,9 +106,10 @@ class ElasticModel(mesa.Model):
         pushes_per_step: int = 1,
         max_steps: int = 1_000_000,
         stage: int | None = None,
-        rng: int | None = None,
+        rng: Any = None,
+        seed: int | None = None,
     ) -> None:
-        super().__init__(rng=rng)
+        super().__init__(rng, seed)
         if pushes_per_step < 1:
             raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
         self.scene = scene
@@ -139,6 +139,7 @@ class ElasticModel(mesa.Model):
 
     def reset(self) -> None:
         """Go back to the start, before any agent has yielded."""
+        self._start_again()
         self.engine.reset()
         self.seconds = 0.0
         self.visit = Visit()
@@ -183,8 +184,6 @@ class ElasticModel(mesa.Model):
 
     def step(self) -> None:
         """Let a wave pass, an agent act, or the agents of a level take turns."""
-        if not self.running:
-            return
         began = perf_counter()
         self.visit = next(self._order)
         self.state.generation += 1
@@ -240,10 +239,24 @@ class ElasticModel(mesa.Model):
             return f"stopped after max_steps = {self.max_steps} with loads above the threshold"
         return ""
 
-    def run(self) -> ElasticRun:
-        """Step until all agents rest, and return what they did."""
-        while self.running:
-            self.step()
+    @property
+    def space(self) -> Any:
+        """The agents' network of cells; None where they are rows of arrays."""
+        return self.engine.space if isinstance(self.engine, AgentPushEngine) else None
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step: energies (J), loads (N)."""
+        return {
+            "level": self.visit.level,
+            "energy": self.state.energy,
+            "pushes": self.state.pushes,
+            "largest_load": self._loudest,
+            "error_estimate": self._meter,
+        }
+
+    def run(self, until: Until | None = None) -> ElasticRun:
+        """Step until all agents rest, or `until` is true of the model; return what they did."""
+        self._step_until(until)
         return self.result()
 
     def result(self) -> ElasticRun:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-import mesa
-
 from kaju.agents.spawning_agent import Birth, SpawningAgent
 from kaju.errors import ResultError
 from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.mesa_model import SteppedModel, Until
 from kaju.model.solving import check_numbers
 
 from .block_spawner import BlockSpawner, spawner_of
@@ -29,7 +28,7 @@ MOST_OBJECTS = 10_000
 """Up to this many agents, retired ones included, are objects without being asked for."""
 
 
-class SpawningModel(mesa.Model):
+class SpawningModel(SteppedModel):
     """Agents that settle and spawn, one generation a step.
 
     The first agents are as large as the body, its materials, supports and loads let them be.
@@ -78,9 +77,10 @@ class SpawningModel(mesa.Model):
         stage: int | None = None,
         most_agents: int | None = None,
         tolerance_at: ToleranceAt | None = None,
-        rng: int | None = None,
+        rng: Any = None,
+        seed: int | None = None,
     ) -> None:
-        super().__init__(rng=rng)
+        super().__init__(rng, seed)
         check_numbers(tolerance, resolution, stage, most_agents)
         self.scene, self.stage = scene, stage
         self.tolerance, self.resolution = tolerance, resolution
@@ -93,6 +93,7 @@ class SpawningModel(mesa.Model):
     def reset(self) -> None:
         """Go back to the first agents, before they have settled."""
         began = perf_counter()
+        self._start_again()
         for agent in self._objects:
             agent.remove()
         self._objects = []
@@ -109,8 +110,6 @@ class SpawningModel(mesa.Model):
 
     def step(self) -> None:
         """Let agents spawn, but for the first time, and all of them settle."""
-        if not self.running:
-            return
         began = perf_counter()
         self.spawner.step()
         last = self.history[-1]
@@ -196,10 +195,17 @@ class SpawningModel(mesa.Model):
         rest = rest_of(spawning, self.tolerance, self.resolution)
         return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or rest[0]}"
 
-    def run(self) -> ElasticResult:
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step."""
+        return {
+            "generation": self.generation,
+            "agents": len(self.family),
+            "error_estimate": self.error_estimate,
+        }
+
+    def run(self, until: Until | None = None) -> ElasticResult:
         """Step until the error is within the tolerance, or the run was stopped."""
-        while self.running:
-            self.step()
+        self._step_until(until)
         return self.result()
 
     def result(self) -> ElasticResult:

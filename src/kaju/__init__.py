@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from kaju.agents.boundary_agent import FreeBoundaryAgent as FreeBoundaryAgent
+    from kaju.agents.boundary_agent import RigidBoundaryAgent as RigidBoundaryAgent
+    from kaju.agents.boundary_agent import RollerBoundaryAgent as RollerBoundaryAgent
     from kaju.agents.elastic_rule import ElasticRule as ElasticRule
+    from kaju.agents.face_agent import FaceAgent as FaceAgent
     from kaju.agents.history import History as History
     from kaju.agents.material_agent import MaterialAgent as MaterialAgent
     from kaju.agents.materials import Material as Material
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     from kaju.agents.rheology import ThreeElement as ThreeElement
     from kaju.agents.rules import Coefficients as Coefficients
     from kaju.agents.rules import PrescribedRule as PrescribedRule
+    from kaju.agents.shares import Shares as Shares
     from kaju.errors import KajuError as KajuError
     from kaju.model.compare import compare as compare
     from kaju.model.creep import creep as creep
@@ -56,6 +61,8 @@ _HOME = {
     "ElasticModel": "kaju.model.settling.elastic_model",
     "ElasticResult": "kaju.model.elasticity.elastic_result",
     "ElasticRule": "kaju.agents.elastic_rule",
+    "FaceAgent": "kaju.agents.face_agent",
+    "FreeBoundaryAgent": "kaju.agents.boundary_agent",
     "History": "kaju.agents.history",
     "KajuError": "kaju.errors",
     "LoadModel": "kaju.model.propagation.load_model",
@@ -67,7 +74,10 @@ _HOME = {
     "Reaction": "kaju.model.spawning.quantities",
     "Reference": "kaju.model.reference",
     "Result": "kaju.model.result",
+    "RigidBoundaryAgent": "kaju.agents.boundary_agent",
+    "RollerBoundaryAgent": "kaju.agents.boundary_agent",
     "Scene": "kaju.model.scene",
+    "Shares": "kaju.agents.shares",
     "SpawningModel": "kaju.model.spawning.spawning_model",
     "SpringNetwork": "kaju.model.network",
     "ThreeElement": "kaju.agents.rheology",

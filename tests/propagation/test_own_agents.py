@@ -1,0 +1,202 @@
+"""Agents, boundaries, orders and rules of one's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kaju import (
+    ElasticRule,
+    FreeBoundaryAgent,
+    LoadModel,
+    MaterialAgent,
+    PrescribedRule,
+    Scene,
+    Shares,
+    compare,
+    solve,
+)
+from kaju.errors import ParameterError
+
+DOWN = 2
+
+
+def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):
+    return Scene(
+        body={"cell_size": 0.01, "cells": [1, cells], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, force]}],
+        rule=PrescribedRule(alpha=alpha, beta=1.0, threshold=threshold, **rule),
+    )
+
+
+class Twice(MaterialAgent):
+    """Keeps twice its share."""
+
+    def take(self, load):
+        super().take(load)
+        self.kept += self.shares.own * load.total
+
+
+@pytest.mark.parametrize("sense", [False, True])
+def test_what_an_agent_keeps_is_what_deforms_its_cell(sense):
+    usual = LoadModel(column(1.0, sense=sense)).run()
+    twice = LoadModel(column(1.0, sense=sense), material_agent=Twice).run()
+    for name in ("strain", "stress", "displacement"):
+        np.testing.assert_allclose(
+            getattr(twice, name), 2.0 * getattr(usual, name), rtol=1e-12, atol=1e-30
+        )
+    assert twice.last.ledger.kept == pytest.approx(2.0 * usual.last.ledger.kept)
+    assert twice.last.ledger.imbalance < 1e-12
+
+
+class Soft(MaterialAgent):
+    """Yields three times as far as its material."""
+
+    def shortening(self, axis):
+        return 3.0 * super().shortening(axis)
+
+
+def test_an_agent_may_have_a_law_of_its_own():
+    usual, soft = (LoadModel(column(), material_agent=a).run() for a in (MaterialAgent, Soft))
+    np.testing.assert_allclose(soft.displacement, 3.0 * usual.displacement, rtol=1e-12)
+    np.testing.assert_array_equal(soft.stress, usual.stress)
+
+
+class Growing(MaterialAgent):
+    """Passes on 1.3 times what it takes, to and fro."""
+
+    def emissions(self, load):
+        return [e._replace(share=1.3) for e in super().emissions(load)]
+
+
+def test_of_own_agents_nothing_is_known_and_growth_is_watched():
+    model = LoadModel(column(), material_agent=Growing)
+    assert not model.certificate.known
+    assert model.certificate.verdict.startswith("not known: agents of your own (Growing)")
+    stage = model.run().last
+    assert "the loads have grown to" in stage.outcome
+    assert "allow_unstable=True" in stage.outcome
+    assert 1e3 < stage.ledger.pending < 2e3
+    assert stage.ledger.imbalance < 1e-12
+    further = LoadModel(column(), material_agent=Growing, allow_unstable=True).run()
+    assert further.last.ledger.pending > 1e12
+
+
+class Felt(FreeBoundaryAgent):
+    """Gives back half, and nothing of what is small."""
+
+    def give_back(self, load, arm):
+        back = self.turn(load, arm)
+        return back._replace(magnitude=0.5 * back.magnitude) if load.magnitude > 0.2 else None
+
+
+@pytest.mark.parametrize("accumulate", [False, True])
+def test_a_boundary_that_absorbs(accumulate):
+    scene = column(alpha=(0.5, 0.6, 0.1), accumulate=accumulate)
+    model = LoadModel(scene, boundary_agents={"free": Felt})
+    stage = model.run().last
+    assert stage.ledger.absorbed > 0.0
+    assert stage.ledger.imbalance < 1e-12
+    felt = [agent for agent in model.agents if isinstance(agent, Felt)]
+    assert stage.ledger.absorbed == pytest.approx(sum(agent.kept for agent in felt))
+    for agent in felt:
+        assert sum(agent.taken.values()) == pytest.approx(agent.returned + agent.kept)
+    assert not model.certificate.known
+
+
+def test_wrong_boundaries_are_named():
+    with pytest.raises(ParameterError, match=r"no boundary 'fre'.*free"):
+        LoadModel(column(), boundary_agents={"fre": Felt})
+    with pytest.raises(ParameterError, match="needs a subclass of FreeBoundaryAgent"):
+        LoadModel(column(), boundary_agents={"free": MaterialAgent})
+
+
+def heaviest(agents):
+    return [max(agents, key=lambda agent: sum(load.total for load in agent.waiting()))]
+
+
+def test_an_order_of_ones_own():
+    """One agent a step, the one with most to take; what is taken in the end is the same."""
+    scene = column(sense=True).replace(
+        body={"cell_size": 0.01, "cells": [4, 4], "material": "steel"},
+        loads=[{"cell": [1, 3], "force": [0.3, -1.0]}],
+        rule=PrescribedRule(threshold=0.05, sense=True),
+    )
+    together = LoadModel(scene, engine="agents").run().last
+    model = LoadModel(scene, order=heaviest)
+    alone = model.run().last
+    assert model.certificate.known
+    assert alone.generations > together.generations
+    assert np.bincount(alone.history.generation)[1:].max() == 1
+    by_place = [stage.taken[np.lexsort(stage.cells.T)] for stage in (alone, together)]
+    np.testing.assert_allclose(*by_place, rtol=1e-12)
+    assert alone.ledger.imbalance < 1e-12
+    with pytest.raises(ParameterError, match="order: must choose at least one of the 1 agents"):
+        LoadModel(scene, order=lambda agents: []).step()
+
+
+class AsElastic:
+    """Answers with the shares that follow from the material."""
+
+    threshold, accumulate, sense = 0.01, False, True
+
+    def shares(self, material, dimension):
+        derived = ElasticRule.shares(material, dimension)
+        return Shares(*(0.9 * s for s in (derived.own, derived.forward, 0.2, derived.friction, 0)))
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_a_rule_of_ones_own(engine):
+    scene = column(cells=3)
+    model = LoadModel(scene, engine=engine, rule=AsElastic())
+    assert model.certificate.known
+    assert model.certificate.stable
+    stage = model.run().last
+    assert stage.ledger.imbalance < 1e-12
+    assert stage.pulled.sum() > 0.0, "the load pulls at what it leaves"
+    own = ElasticRule.shares(scene.cell_materials[0]).own
+    np.testing.assert_allclose(
+        stage.kept[:, 1], 0.9 * own * (stage.taken - 2 * stage.pulled)[:, 2:].sum(axis=1)
+    )
+
+
+def test_a_rule_that_does_not_answer_is_named():
+    class Mute:
+        threshold, accumulate, sense = 0.01, False, False
+
+        def shares(self, material, dimension):
+            return 0.5
+
+    with pytest.raises(ParameterError, match=r"shares of 'steel' must be kaju\.Shares, got 0\.5"):
+        LoadModel(column(), rule=Mute())
+    with pytest.raises(ParameterError, match="rule: object has no 'shares'"):
+        LoadModel(column(), rule=object())
+
+
+class Scattered(MaterialAgent):
+    """Every agent draws its own forward share."""
+
+    def __init__(self, model, cell, material, shares):
+        drawn = float(model.rng.uniform(0.6, 0.9))
+        super().__init__(model, cell, material, replace(shares, forward=drawn))
+
+
+def test_random_shares_come_from_the_seed():
+    def run(**seed):
+        return LoadModel(column(), material_agent=Scattered, **seed).run().last.taken
+
+    np.testing.assert_array_equal(run(seed=3), run(rng=3))
+    assert not np.array_equal(run(seed=3), run(seed=4))
+    with pytest.raises(ParameterError, match="seed: is another word for rng"):
+        LoadModel(column(), seed=1, rng=1)
+    model = LoadModel(column(), material_agent=Scattered, seed=3)
+    first = model.run().last.taken
+    model.reset()
+    np.testing.assert_array_equal(model.run().last.taken, first)
+
+
+def test_own_agents_can_be_compared_with_elasticity():
+    scene = column(-2.0, alpha=(0.5, 0.98, 0.0), threshold=1e-3)
+    misfit = compare(LoadModel(scene, material_agent=Soft).run(), solve(scene))
+    assert np.isfinite(misfit.displacement.misfit)

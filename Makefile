@@ -14,6 +14,24 @@ test: $(VENV)/.test
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -m slow -n 2
 
+# PETSc and mpi4py come from the system, for the system's Python, built for NumPy 1: an
+# environment of its own sees them. `make scale` installs nothing and says what is missing.
+SCALE ?= .venv-scale
+PETSC_DIR ?= $(firstword $(wildcard /usr/lib/petscdir/petsc*/*-real))
+export PETSC_DIR
+
+scale:
+	@if [ -x $(SCALE)/bin/python ]; then $(SCALE)/bin/python benchmarks/scale.py; \
+	else python3 benchmarks/scale.py; fi
+
+test-scale: $(SCALE)/.scale
+	KAJU_NEEDS_PETSC=1 $(SCALE)/bin/python -m pytest tests/scale
+
+$(SCALE)/.scale: pyproject.toml
+	/usr/bin/python3 -m venv --system-site-packages $(SCALE)
+	$(SCALE)/bin/pip install --quiet --editable . 'numpy>=1.26,<2' pytest hypothesis
+	touch $@
+
 check: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .

@@ -13,6 +13,7 @@ from kaju.model.scene import Scene
 if TYPE_CHECKING:
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.network import NetworkResult, SpringNetwork
+    from kaju.model.scale.pieces import PiecedResult
     from kaju.model.spawning.quantities import ToleranceAt
 
 Strategy = Literal["auto", "uniform", "spawning"]
@@ -31,7 +32,18 @@ def solve(
     stage: int | None = None,
     *,
     most_agents: int | None = None,
+    engine: None = None,
 ) -> ElasticResult: ...
+@overload
+def solve(
+    subject: Scene,
+    tolerance: float | None = None,
+    resolution: int | None = None,
+    strategy: Strategy = "auto",
+    *,
+    stage: int | None = None,
+    engine: Literal["petsc"],
+) -> ElasticResult | PiecedResult: ...
 @overload
 def solve(
     subject: SpringNetwork,
@@ -50,9 +62,10 @@ def solve(
     stage: int | None = None,
     *,
     most_agents: int | None = None,
+    engine: Literal["petsc"] | None = None,
     increments: int | None = None,
     method: str | None = None,
-) -> ElasticResult | NetworkResult:
+) -> ElasticResult | PiecedResult | NetworkResult:
     """Return how a body or a network of springs answers its loads.
 
     Parameters
@@ -87,6 +100,9 @@ def solve(
         Stage of loading; by default the last.
     most_agents : int, optional
         Give up before there are more; by default 4 million, 400,000 in three dimensions.
+    engine : {None, "petsc"}
+        "petsc" solves equal cells by PETSc, under ``mpirun`` on many processes, and the
+        tolerance is that of their equations: see `kaju.model.scale.solve`.
     increments : int, optional
         Steps in which a network is loaded; 10 unless given.
     method : str, optional
@@ -110,6 +126,13 @@ def solve(
     """
     if isinstance(subject, Scene):
         _refuse(subject, increments=increments, method=method)
+        if engine is not None:
+            _refuse_beside_petsc(
+                engine, strategy, previous=previous, tolerance_at=tolerance_at, agents=most_agents
+            )
+            from kaju.model.scale.solve import solve_petsc
+
+            return solve_petsc(subject, tolerance, resolution, stage=stage)
         return _solve_scene(
             subject, tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents
         )
@@ -128,10 +151,23 @@ def solve(
         previous=previous,
         stage=stage,
         most_agents=most_agents,
+        engine=engine,
     )
     how = {"tolerance": tolerance, "increments": increments, "method": method}
     given: dict[str, Any] = {name: value for name, value in how.items() if value is not None}
     return solve_network(subject, **given)
+
+
+def _refuse_beside_petsc(engine: str, strategy: str, **given: object) -> None:
+    if engine != "petsc":
+        raise ParameterError(f"engine: None (kaju's own) or 'petsc', got {engine!r}")
+    names = [name for name, value in given.items() if value is not None]
+    names += [strategy] if strategy == "spawning" else []
+    if names:
+        raise ParameterError(
+            f"engine: 'petsc' solves equal cells, by tolerance (of the equations), resolution and "
+            f"stage; it knows no {names[0]}"
+        )
 
 
 def _refuse(subject: object, **given: object) -> None:

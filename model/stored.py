@@ -28,7 +28,8 @@ def load_result(path: str | Path) -> Result:
     Parameters
     ----------
     path : path
-        An ``.npz`` file, or the folder of a run with ``result.npz`` in it.
+        An ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces with
+        ``result.pvti``.
 
     Raises
     ------
@@ -36,6 +37,10 @@ def load_result(path: str | Path) -> Result:
         If the file is missing, or is no result of kaju's.
     """
     file = Path(path)
+    if file.suffix == ".pvti" or (file / "result.pvti").exists():
+        from kaju.model.scale.pieces import PiecedResult
+
+        return PiecedResult.load(file)
     if file.is_dir():
         file = file / "result.npz"
     kind = open_archive(file).about["kind"]

@@ -218,8 +218,11 @@ def problem_of(
     thickness: float,
     sides: Mapping[str, Side],
     loads: CellLoads | None,
+    scales: Scales | None = None,
 ) -> ElasticProblem:
     """Build a problem from cells whose rim is already laid; see `make_problem`.
+
+    With `scales` given the cells may be a part of a body, even without material.
 
     Raises
     ------
@@ -228,10 +231,11 @@ def problem_of(
     """
     from .loads import face_forces
 
-    if not np.any(rim >= 0):
-        raise SceneError("body: no cell is of a material, so there is nothing to solve")
     table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
-    scales = _scales(rim, table, cell_size, thickness, sides, loads)
+    if scales is None:
+        if not np.any(rim >= 0):
+            raise SceneError("body: no cell is of a material, so there is nothing to solve")
+        scales = _scales(rim, table, cell_size, thickness, sides, loads)
     fixed, spring = _side_fields(rim, sides, scales)
     problem = ElasticProblem(
         kinds=rim,

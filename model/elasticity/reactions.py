@@ -14,7 +14,12 @@ INSIDE = "rigid"
 """Name of the support that rigid cells inside the array give."""
 
 
-def reactions(problem: ElasticProblem, u: FaceFields, names: tuple[str, ...]) -> dict[str, Floats]:
+def reactions(
+    problem: ElasticProblem,
+    u: FaceFields,
+    names: tuple[str, ...],
+    counted: tuple[NDArray[np.bool_], ...] | None = None,
+) -> dict[str, Floats]:
     """Return the force (scaled) of every support on the body.
 
     Parameters
@@ -23,6 +28,8 @@ def reactions(problem: ElasticProblem, u: FaceFields, names: tuple[str, ...]) ->
         What was solved, and its displacements.
     names : tuple of str
         Names of the sides, lower before upper, axis by axis.
+    counted : tuple of arrays, optional
+        Per axis the faces that count, if the cells are a part of a body; else all.
 
     Returns
     -------
@@ -35,6 +42,8 @@ def reactions(problem: ElasticProblem, u: FaceFields, names: tuple[str, ...]) ->
         held = problem.face_states()[axis] == FIXED
         # The load on a fixed face goes straight into the support.
         pull = np.where(held, force - problem.force[axis], -problem.spring[axis] * u[axis])
+        if counted is not None:
+            pull = np.where(counted[axis], pull, 0.0)
         owner = _owners(problem, axis, names)
         for index in np.unique(owner[pull != 0.0]):
             name = INSIDE if index < 0 else names[index]

@@ -103,6 +103,8 @@ class Own:
         self._forks = sys.platform == "linux"
         self._job: Job | bytes = job if self._forks else packed(job)
         self._came_back = False
+        if self._forks:
+            job.prepare()
         self._open()
 
     def _open(self) -> None:

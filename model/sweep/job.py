@@ -47,6 +47,12 @@ class Job:
     measure: Measure
     seed: int
 
+    def prepare(self) -> None:
+        """Import what the runs need, so that processes that are forked have it already."""
+        if self.run is by_its_kind and isinstance(self.subject, Scene):
+            import kaju.model.propagation.load_model
+            import kaju.model.solving  # noqa: F401
+
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""
         row = begun(number, point)

@@ -40,6 +40,13 @@ class StrategyName(Enum):
     SPAWNING = "spawning"
 
 
+class EngineName(Enum):
+    """Whose machinery solves equal cells, for the shell to complete."""
+
+    KAJU = "kaju"
+    PETSC = "petsc"
+
+
 AllowUnstable = Annotated[
     bool, typer.Option("--allow-unstable", help="Run although the loads will grow.")
 ]
@@ -48,6 +55,12 @@ Strategy = Annotated[
     typer.Option(
         help="Equal cells, agents that are small where the error asks for it, or (auto) "
         "whichever is cheaper.",
+    ),
+]
+Engine = Annotated[
+    EngineName,
+    typer.Option(
+        help="kaju's own, or PETSc for equal cells, on many processes under mpirun (docs/scale.md)."
     ),
 ]
 Tolerance = Annotated[
@@ -130,6 +143,7 @@ def solve(
     resolution: Resolution = None,
     strategy: Strategy = StrategyName.AUTO,
     tolerance: Tolerance = None,
+    engine: Engine = EngineName.KAJU,
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -139,17 +153,26 @@ def solve(
     without one the scene's own cells are solved.
     """
     console, described = Console(as_json, quiet), scene_of(scene, settings)
+    folder = out or Path(f"{scene.stem}-solved")
+    if engine is EngineName.PETSC:
+        from .on_processes import solve_on_processes
+
+        how = {"tolerance": tolerance, "resolution": resolution}
+        if solve_on_processes(described, folder, console, **how):
+            return
 
     def answer() -> tuple[Result, bool]:
         from kaju.model.solving import solve as solve_scene
 
-        found = solve_scene(
-            described, strategy=strategy.value, tolerance=tolerance, resolution=resolution
-        )
+        found: Result
+        if engine is EngineName.PETSC:
+            found = solve_scene(described, tolerance, resolution, strategy.value, engine="petsc")
+        else:
+            found = solve_scene(described, tolerance, resolution, strategy.value)
         console.say("solved as linear elasticity")
         return found, False
 
-    into_folder(out or Path(f"{scene.stem}-solved"), console, answer, pictures, force)
+    into_folder(folder, console, answer, pictures, force)
 
 
 def into_folder(

@@ -1,0 +1,1 @@
+"""Bodies on many processes: the uniform elastic operator on PETSc, and its results in pieces."""

@@ -1,0 +1,376 @@
+"""`kaju.solve(scene, engine="petsc")`: linear elasticity on as many processes as there are.
+
+Every process calls it alike, under ``mpirun``, and has its own part of the body afterwards. With
+one process the answer is an ordinary `ElasticResult`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import sqrt
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import (
+    ConvergenceError,
+    KajuError,
+    MissingExtraError,
+    ParameterError,
+    ResultFileError,
+    SceneError,
+    SupportError,
+    WorkerError,
+)
+from kaju.model.elasticity import fields
+from kaju.model.elasticity.cell_agents import CellAgents
+from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elasticity.engine import Solution
+from kaju.model.elasticity.grid import grid_of
+from kaju.model.elasticity.problem import ACTIVE, ElasticProblem, FaceFields, Floats
+from kaju.model.elasticity.reactions import INSIDE, reactions
+from kaju.model.elasticity.staggered import internal_force
+from kaju.model.elasticity.supports import check_supports
+from kaju.model.scene import Scene
+
+from .multigrid import Hierarchy, assembled, rows_on
+from .partition import HALO, Box, Index, Level, levels_of
+from .windows import Body, body_of, materials_in, scaled
+
+if TYPE_CHECKING:
+    from .pieces import Piece, PiecedResult
+
+Answer = TypeVar("Answer")
+
+TOLERANCE = 1e-11
+MOST_ITERATIONS = 500
+MOST_EXAMINED = 1_000_000
+"""Up to so many cells one process looks whether the body is held and wide enough."""
+_START = 1e-2
+
+
+def solve_petsc(
+    scene: Scene,
+    tolerance: float | None = None,
+    resolution: int | None = None,
+    *,
+    stage: int | None = None,
+) -> ElasticResult | PiecedResult:
+    """Solve a scene as linear elasticity on PETSc.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of squares or cubes. Bodies that regions describe are never held as a whole by anybody.
+    tolerance : float, optional
+        Relative error, in the energy norm, to which the equations are solved; 1e-11.
+    resolution : int, optional
+        Cells per cell of the scene along every axis; 1, or 2 where a member is one cell wide.
+    stage : int, optional
+        Stage of loading; by default the last.
+
+    Returns
+    -------
+    ElasticResult or PiecedResult
+        The second on more processes than one; each has its own piece.
+
+    Raises
+    ------
+    MissingExtraError
+        If petsc4py or mpi4py is not installed.
+    SupportError
+        If a part of the body could move (looked for up to 1,000,000 cells).
+    ConvergenceError
+        If the iteration ends above the tolerance.
+    WorkerError
+        On all processes, if another one of them failed.
+    ParameterError, SceneError
+        If an argument or the scene breaks a rule.
+    """
+    comm = communicator()
+    began = perf_counter()
+    rtol = _checked(tolerance, resolution)
+    first = comm.Get_rank() == 0
+    division, notes = comm.bcast(together(comm, lambda: _examined(scene, stage, resolution, first)))
+    grid = scene if division == 1 else scene.refine(division)
+    from petsc4py import PETSc
+
+    body = together(comm, lambda: body_of(grid, stage))
+    levels = levels_of(body.shape, PETSc.COMM_WORLD)
+    present = together(comm, lambda: materials_in(body, levels[0].own))
+    body = scaled(body, np.any(comm.allgather(present), axis=0))
+    rows = together(comm, lambda: rows_on(body, levels[0]))
+    matrix, right, moves = assembled(levels[0], rows)
+    hierarchy = Hierarchy(levels, matrix, moves)
+    solved = _solved(hierarchy, right, rtol)
+    local = levels[0].dm.createLocalVec()
+    levels[0].dm.globalToLocal(solved[0], local)
+    window = together(comm, lambda: window_of(body, levels[0], local))
+    energy = float(comm.allreduce(window.energy()))
+    solution = Solution(
+        window.faces,
+        energy,
+        "PETSc multigrid",
+        _missed(hierarchy, right, solved, energy),
+        solved[1][-1],
+        len(levels),
+        solved[1],
+        solved[2],
+        notes,
+    )
+    result = _result(scene, stage, division, window, solution, comm, perf_counter() - began)
+    if not solution.converged:
+        raise ConvergenceError(
+            f"solve: after {solution.iterations} iterations of PETSc's multigrid the relative "
+            f"residual is {solution.residuals[-1]:.2g}, short of {rtol:g}; take a larger "
+            "tolerance, a smaller contrast of the materials, or wider members",
+            tuple(solution.residuals),
+            result,
+        )
+    return result
+
+
+@dataclass(frozen=True)
+class Window:
+    """A process's own cells and those around them, with their displacements.
+
+    Attributes
+    ----------
+    body : Body
+    problem : ElasticProblem
+    origin : array
+        Cell of the body at which the problem's rim begins.
+    cells : Box
+        The process's own cells, without the rim.
+    faces : tuple of arrays
+        Scaled displacements.
+    owned : tuple of arrays
+        Which faces belong to the process.
+    """
+
+    body: Body
+    problem: ElasticProblem
+    origin: Index
+    cells: Box
+    faces: FaceFields
+    owned: tuple[NDArray[np.bool_], ...]
+
+    def energy(self) -> float:
+        """Return what this process's faces contribute to the energy (scaled)."""
+        force = internal_force(self.problem, self.faces)
+        terms = zip(force, self.faces, self.owned, strict=True)
+        return 0.5 * sum(float(np.vdot(f[mine], u[mine])) for f, u, mine in terms)
+
+    def piece(self) -> Piece:
+        """Return the answer on the process's own cells, in SI units."""
+        from .pieces import Piece
+
+        problem, unit = self.problem, self.problem.scales
+        first = self.cells[0] - self.origin - 1
+        last = self.cells[1] - self.origin - 1
+        own = tuple(slice(int(a), int(b)) for a, b in zip(first, last, strict=True))
+        corners = tuple(slice(part.start, part.stop + 1) for part in own)
+        stress = fields.cell_tensor(problem, fields.stress_parts(problem, self.faces))
+        pressure = unit.modulus * unit.displacement / unit.length
+        nodes = fields.node_displacement(problem, self.faces)[corners]
+        return Piece(
+            tuple(int(i) for i in self.cells[0] + self.body.lower),
+            tuple(int(i) for i in self.cells[1] + self.body.lower),
+            {"displacement": unit.displacement * nodes},
+            {
+                "kind": problem.kinds[problem.inner][own],
+                "displacement": unit.displacement * fields.cell_means(problem, self.faces)[own],
+                "stress": pressure * stress[own],
+            },
+        )
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return what the supports bear by this process's faces (N)."""
+        lattice, names = self.body.scene.lattice, []
+        shape = np.array(self.problem.shape)
+        for index, name in enumerate(lattice.sides):
+            axis, upper = divmod(index, 2)
+            first = (self.body.lower + self.origin + 1)[axis]
+            reached = first + shape[axis] == lattice.shape[axis] if upper else first == 0
+            names.append(name if reached else INSIDE)
+        found = reactions(self.problem, self.faces, tuple(names), self.owned)
+        return {name: self.problem.scales.force * force for name, force in found.items()}
+
+
+def window_of(body: Body, level: Level, local: Any) -> Window:
+    """Return a process's part of the answer, from PETSc's local vector with its ghosts."""
+    shape = np.array(body.shape)
+    cells = np.maximum(level.own[0], 0), np.minimum(level.own[1], shape)
+    problem, origin = body.window(cells, halo=HALO - 1)
+    values = local.getArray(readonly=True).reshape(
+        *(level.ghosts[1] - level.ghosts[0])[::-1], level.dm.getEntriesPerElement()
+    )
+    d = problem.dimension
+    slots = [level.dm.getLocationSlot(name, 0) for name in ("left", "down", "back")[:d]]
+    faces, owned = [], []
+    for axis, state in enumerate(problem.face_states()):
+        field = problem.fixed[axis].copy()
+        place = np.argwhere(state == ACTIVE)
+        at = place + origin
+        known = np.all((at >= level.ghosts[0]) & (at < level.ghosts[1]), axis=1)
+        place, at = place[known], at[known] - level.ghosts[0]
+        field[tuple(place.T)] = values[..., slots[axis]].T[tuple(at.T)]
+        faces.append(field)
+        mine = np.zeros(field.shape, dtype=bool)
+        own = level.owned(axis) - origin
+        inside = np.all((own >= 0) & (own < np.array(field.shape)), axis=1)
+        mine[tuple(own[inside].T)] = True
+        owned.append(mine)
+    return Window(body, problem, origin, cells, tuple(faces), tuple(owned))
+
+
+def communicator() -> Any:
+    """Return all processes, as mpi4py has them.
+
+    Raises
+    ------
+    MissingExtraError
+        If petsc4py or mpi4py is not installed.
+    """
+    try:
+        import petsc4py
+
+        petsc4py.init(["kaju"])
+        from mpi4py import MPI
+        from petsc4py import PETSc  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError(
+            "engine='petsc' needs petsc4py and mpi4py: apt-get install python3-petsc4py-real "
+            "python3-mpi4py (Debian, for the system's Python; see docs/scale.md), or "
+            f"pip install 'kaju[petsc]', which builds PETSc ({error})"
+        ) from error
+    return MPI.COMM_WORLD
+
+
+def together(comm: Any, step: Callable[[], Answer]) -> Answer:
+    """Take a step without messages on all processes; if it fails on any, fail on all.
+
+    Raises
+    ------
+    KajuError
+        What the first of them raised; WorkerError if that is none of kaju's.
+    """
+    failure: Exception | None = None
+    answer: Answer | None = None
+    try:
+        answer = step()
+    except Exception as error:  # told to the others, and raised below
+        failure = error
+    failures = comm.allgather(_portable(failure))
+    first = next((rank for rank, error in enumerate(failures) if error is not None), None)
+    if first is None:
+        return answer  # type: ignore[return-value]
+    told = failures[first]
+    if isinstance(told, KajuError):
+        raise told
+    raise WorkerError(f"process {first} of {len(failures)} failed: {told}") from failure
+
+
+def _portable(error: Exception | None) -> KajuError | str | None:
+    """Return an error as it can be told to other processes."""
+    if error is None or type(error) in (SupportError, SceneError, ParameterError, ResultFileError):
+        return error  # type: ignore[return-value]
+    return f"{type(error).__name__}: {error}"
+
+
+def _checked(tolerance: float | None, resolution: int | None) -> float:
+    if tolerance is not None and not 1e-14 <= tolerance < 1.0:
+        raise ParameterError(f"tolerance: must lie between 1e-14 and 1, got {tolerance!r}")
+    if resolution is not None and (resolution != int(resolution) or resolution < 1):
+        raise ParameterError(f"resolution: must be a whole number, 1 or more, got {resolution!r}")
+    return TOLERANCE if tolerance is None else tolerance
+
+
+def _examined(
+    scene: Scene, stage: int | None, resolution: int | None, first: bool
+) -> tuple[int, list[str]]:
+    """Let the first process look whether a small body is held and wide enough."""
+    if scene.lattice.size > MOST_EXAMINED:
+        note = f"more than {MOST_EXAMINED:,} cells: not examined for loose or slender parts"
+        return resolution or 1, [note]
+    if not first:
+        return 1, []
+    grid = grid_of(scene, stage, resolution or 1)
+    check_supports(grid.problem, grid.origin, grid.division)
+    return grid.division, list(grid.notes)
+
+
+Solved = tuple[Any, list[float], bool, float]
+
+
+def _solved(hierarchy: Hierarchy, right: Any, rtol: float) -> Solved:
+    """Return displacements, residuals, whether they suffice, and the coarser level's potential."""
+    start = right.duplicate()
+    start.set(0.0)
+    coarser = np.nan
+    if len(hierarchy.matrices) > 1:
+        restrict = hierarchy.interpolations[0]
+        parents, load = hierarchy.matrices[1].createVecs()
+        restrict.multTranspose(right, load)
+        hierarchy.solver(1, _START, MOST_ITERATIONS).solve(load, parents)
+        coarser = _potential(hierarchy.matrices[1], parents, load)
+        restrict.mult(parents, start)
+    solver = hierarchy.solver(0, rtol, MOST_ITERATIONS)
+    solver.setInitialGuessNonzero(True)
+    solver.solve(right, start)
+    whole = right.duplicate()
+    solver.getPC().apply(right, whole)
+    size = sqrt(max(float(right.dot(whole)), np.finfo(float).tiny))
+    residuals = [float(value) / size for value in solver.getConvergenceHistory()]
+    return start, residuals, solver.getConvergedReason() > 0, coarser
+
+
+def _potential(matrix: Any, x: Any, right: Any) -> float:
+    force = matrix.createVecLeft()
+    matrix.mult(x, force)
+    return 0.5 * float(x.dot(force)) - float(x.dot(right))
+
+
+def _missed(hierarchy: Hierarchy, right: Any, solved: Solved, energy: float) -> float:
+    """Return the relative error of the parents' answer, by its potential energy."""
+    x, _, _, coarser = solved
+    missed = 2.0 * (coarser - _potential(hierarchy.matrices[0], x, right))
+    known = np.isfinite(missed) and energy > 0.0
+    return sqrt(max(missed / (2.0 * energy), 0.0)) if known else 0.0
+
+
+def _result(
+    scene: Scene,
+    stage: int | None,
+    division: int,
+    window: Window,
+    solution: Solution,
+    comm: Any,
+    seconds: float,
+) -> ElasticResult | PiecedResult:
+    body, unit = window.body, window.problem.scales
+    figures = {
+        "rule": "elastic",
+        "plane": scene.plane,
+        "strain_energy": solution.energy * unit.force * unit.displacement,
+        "error_estimate": solution.error_estimate,
+        "iterations": solution.iterations,
+        "residual": solution.residuals[-1],
+        "levels": solution.levels,
+        "method": solution.method,
+        "subdivision": division,
+        "notes": list(solution.notes),
+        "seconds": seconds,
+    }
+    if comm.Get_size() == 1:
+        origin = tuple(int(i) for i in body.lower + window.origin + 1)
+        found = CellAgents(body.scene, stage, window.problem, origin, solution)
+        return ElasticResult(scene, stage, found, seconds, resolution=division)
+    from .pieces import PiecedResult
+
+    return PiecedResult.of_processes(
+        scene, body.scene, stage, window.piece(), window.reactions(), figures, comm
+    )

@@ -167,11 +167,19 @@ def densities(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
     """Return forces per facet of the boundary and per element, each for unit area or volume.
 
     Forces in the middle of cells are spread over these.
+
+    Raises
+    ------
+    ParameterError
+        If a force enters by a face between two cells of the body.
     """
     d, shape = scene.lattice.dimension, scene.lattice.shape
     applied = scene.applied()
     on_faces, within = np.zeros((d, 2 * d, *shape)), np.zeros((d, *shape))
     surface = applied.direction >= 0
+    beyond = applied.cells[surface] + scene.lattice.normals[applied.direction[surface]].astype(int)
+    if (scene.kinds(beyond) >= 0).any():
+        raise ParameterError("scene: a force enters by a face inside the body, not by its surface")
     for axis in range(d):
         force = applied.force[:, axis]
         place = (applied.direction[surface], *applied.cells[surface].T)

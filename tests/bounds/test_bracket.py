@@ -1,0 +1,247 @@
+"""The true energy lies between two that can be computed, whatever the body."""
+
+import numpy as np
+import pytest
+
+from kaju import Scene, solve
+from kaju.errors import KajuError
+from kaju.model.validation.graded_elements import solve_graded
+
+STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
+PRECISE = 2e-6
+"""Share of its energy that a truth by graded elements may be off."""
+
+
+def plate(n, **changes):
+    described = {
+        "body": {"size": [0.2, 0.2], "cells": [n, n], "thickness": 0.002, "material": "a"},
+        "materials": {"a": STEEL},
+        "sides": {"bottom": "rigid"},
+        "loads": [{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}],
+    }
+    return Scene(**(described | changes))
+
+
+def pixels(codes, materials, loads, sides=None, **body):
+    names = "abc"[: len(materials)]
+    legend = {0: "air", -1: "rigid", **dict(enumerate(names, start=1))}
+    return Scene.from_array(
+        codes,
+        legend={int(code): legend[int(code)] for code in np.unique(codes)},
+        cell_size=0.01,
+        materials=dict(zip(names, materials, strict=True)),
+        sides={"bottom": "rigid"} if sides is None else sides,
+        loads=loads,
+        **body,
+    )
+
+
+def random_body(seed):
+    """Pixels of up to three materials with re-entrant corners, pressed on across its surface."""
+    rng = np.random.default_rng([9, seed])
+    shape = rng.integers(3, 8, 2)
+    codes = rng.integers(1, 4, shape) * (rng.random(shape) < 0.8)
+    codes[:, 0] = np.maximum(codes[:, 0], 1)
+    contrast = 10 ** rng.uniform(0, rng.choice([0, 1, 3, 6]))
+    materials = [
+        {"youngs_modulus": 1e9 * e, "poissons_ratio": float(rng.uniform(-0.5, 0.47))}
+        for e in (1.0, contrast, contrast**0.5)
+    ]
+    solid = np.argwhere(codes > 0)
+    loads = []
+    for _ in range(int(rng.integers(1, 4))):
+        column = int(rng.choice(solid[:, 0]))
+        top = int(np.flatnonzero(codes[column]).max())
+        force = [0.0, float(rng.normal())]
+        loads.append({"cell": [column, top], "side": "top", "force": force})
+    if rng.random() < 0.3:
+        loads.append({"cell": [int(i) for i in solid[0]], "force": [1.0, 0.5]})
+    names = sorted(set(codes[codes > 0].tolist()))
+    codes = np.searchsorted([0, *names], codes)
+    used = [materials[n - 1] for n in names]
+    sides = {"bottom": "rigid", "left": str(rng.choice(["free", "roller"]))}
+    return pixels(codes, used, loads, sides, plane=str(rng.choice(["stress", "strain"])))
+
+
+def holds(scene, truth, **how):
+    """Solve, and tell whether the truth is inside the bounds; return the result."""
+    result = solve(scene, strategy="uniform", **how)
+    lower, upper = result.energy_bounds
+    assert lower * (1 - PRECISE) <= truth <= upper * (1 + PRECISE), (lower, truth, upper)
+    return result
+
+
+@pytest.fixture(scope="module")
+def plate_energy():
+    return solve_graded(plate(10), 14).energy
+
+
+def test_bounds_close_in_on_the_truth(plate_energy):
+    gaps, bounds = [], []
+    for n in (20, 40, 80, 160):
+        result = holds(plate(n), plate_energy)
+        lower, upper = result.energy_bounds
+        gaps.append((upper - lower) / upper)
+        bounds.append(result.error_bound)
+        # The bound of the mean stress is half the distance of two answers on a circle.
+        assert result.error_bound == pytest.approx(0.5 * np.sqrt(upper / lower - 1), rel=1e-9)
+    orders = np.log2(np.array(gaps[:-1]) / gaps[1:])
+    assert (orders > 1.4).all(), orders
+    assert gaps[-1] < 0.003
+    assert bounds[-1] < 0.03
+
+
+def test_a_re_entrant_corner_lies_within():
+    def corner(n):
+        codes = np.ones((n, n), dtype=int)
+        codes[n // 2 :, n // 2 :] = 0
+        return Scene.from_array(
+            codes,
+            legend={0: "air", 1: "a"},
+            cell_size=0.2 / n,
+            materials={"a": STEEL},
+            sides={"bottom": "rigid"},
+            loads=[{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}],
+            plane="strain",
+        )
+
+    truth = solve_graded(corner(4), 16).energy
+    bounds = [holds(corner(n), truth).error_bound for n in (4, 8, 16, 64)]
+    assert bounds == sorted(bounds, reverse=True)
+    assert bounds[-1] < 0.025
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_bodies_lie_within(seed):
+    try:
+        scene = random_body(seed)
+        truth = solve_graded(scene, 10).energy
+    except KajuError:
+        pytest.skip("not held, or a load inside")
+    for resolution in (2, 4):
+        result = solve(scene, strategy="uniform", resolution=resolution, tolerance=1e-10)
+        if result.no_bound:
+            assert result.energy_bounds is None
+            assert result.error_bound is None
+            continue
+        holds(scene, truth, resolution=resolution, tolerance=1e-10)
+
+
+def test_a_cube_lies_within():
+    def cube(n):
+        return Scene(
+            body={"cell_size": 1.0 / n, "cells": [n] * 3, "material": "a"},
+            materials={"a": {"youngs_modulus": 1.0, "poissons_ratio": 0.3}},
+            sides={"bottom": "rigid"},
+            loads=[
+                {"region": {"box": [[0.375, 0.375, 1], [0.625, 0.625, 1]]}, "force": [0, 0, -1.0]}
+            ],
+        )
+
+    gaps = []
+    for n in (8, 16):
+        # Quadratic elements on 24³ give 1.67885 from below, bilinear ones 1.65296.
+        lower, upper = solve(cube(n), strategy="uniform").energy_bounds
+        assert lower < 1.6789 < upper
+        gaps.append((upper - lower) / upper)
+    assert gaps[1] < 0.55 * gaps[0]
+
+
+def bar(**changes):
+    """A bar of 4 × 12 cells in uniform tension: everything is known of it."""
+    described = {
+        "body": {"cell_size": 0.01, "cells": [4, 12], "thickness": 0.01, "material": "a"},
+        "materials": {"a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3}},
+        "sides": {"bottom": "roller", "left": "roller"},
+        "loads": [{"side": "top", "force": [0.0, 8.0]}],
+    }
+    return Scene(**(described | changes))
+
+
+def test_an_exact_answer_has_no_gap():
+    result = solve(bar(), strategy="uniform")
+    exact = 0.5 * 8.0**2 * 0.12 / (1e9 * 0.04 * 0.01)
+    assert result.energy_bounds == pytest.approx((exact, exact), rel=1e-9)
+    assert result.error_bound < 1e-5
+
+
+def test_weight_lies_within():
+    # A column under its own weight: σ = ρg(L − y), energy ∫σ²/2E.
+    force = 1.0
+    scene = bar(loads=[{"region": {"box": [[0, 0], [0.04, 0.12]]}, "force": [0.0, -force]}])
+    exact = force**2 * 0.12 / (6 * 1e9 * 0.04 * 0.01)
+    lower, upper = solve(scene, strategy="uniform").energy_bounds
+    assert lower < exact * (1 + 1e-12)
+    assert upper == pytest.approx(exact, rel=1e-9), "the balanced stress is exact here"
+    assert lower > 0.99 * exact
+
+
+def test_a_bed_counts_with_its_own_energy():
+    sides = {"bottom": {"stiffness": 1e10}, "left": "roller"}
+    scene = bar(sides=sides)
+    exact = 0.5 * 8.0**2 * (0.12 / 1e9 + 1 / 1e10) / (0.04 * 0.01)
+    result = solve(scene, strategy="uniform")
+    assert result.energy_bounds == pytest.approx((exact, exact), rel=1e-9)
+
+
+def test_a_side_that_is_moved_lies_within():
+    scene = bar(loads=[], sides={"bottom": "roller", "left": "roller", "top": "roller"})
+    moved = {"displacement": [0.0, 1e-5]}
+    scene = bar(loads=[], sides={"bottom": "rigid", "top": moved})
+    bounds = []
+    finest = solve(scene, strategy="uniform", resolution=16).strain_energy
+    for resolution in (1, 2, 4):
+        result = solve(scene, strategy="uniform", resolution=resolution)
+        lower, upper = result.energy_bounds
+        assert lower < finest < upper
+        bounds.append(result.error_bound)
+    assert bounds[2] < 0.6 * bounds[0]
+
+
+@pytest.mark.parametrize(
+    ("scene", "why"),
+    [
+        (plate(8, loads=[{"cell": [4, 7], "side": "top", "force": [1.0, -1.0]}]), "along the"),
+        (
+            pixels(
+                np.pad(np.ones((2, 2, 3), dtype=int), ((0, 2), (0, 0), (0, 0)))
+                + np.pad(np.ones((2, 2, 1), dtype=int), ((2, 0), (0, 0), (0, 2))),
+                [STEEL],
+                [{"cell": [0, 0, 2], "side": "top", "force": [0, 0, -1.0]}],
+            ),
+            "re-entrant edges",
+        ),
+    ],
+)
+def test_where_the_theorem_does_not_reach_there_is_no_bound_and_it_says_why(scene, why):
+    result = solve(scene, strategy="uniform")
+    assert result.error_bound is None
+    assert result.energy_bounds is None
+    assert why in result.no_bound
+
+
+def test_an_answer_that_does_not_balance_has_no_bound(monkeypatch):
+    from kaju.model.elasticity import bracket
+
+    monkeypatch.setattr(bracket, "BALANCED", 0.0)
+    result = solve(plate(8), strategy="uniform")
+    assert result.error_bound is None
+    assert "does not balance" in result.no_bound
+
+
+def test_the_mean_stress_is_better_than_either(plate_energy):
+    # Against the stress of a grid four times as fine, averaged over the cells.
+    coarse = solve(plate(20), strategy="uniform")
+    fine = solve(plate(20), strategy="uniform", resolution=8)
+    truth = fine.cells().stress.reshape(20, 8, 20, 8, 2, 2).mean(axis=(1, 3)).reshape(-1, 2, 2)
+    off = np.linalg.norm(coarse.mean_stress - truth) / np.linalg.norm(truth)
+    plain = np.linalg.norm(coarse.stress - truth) / np.linalg.norm(truth)
+    assert off < 1.1 * plain
+    assert off < coarse.error_bound
+
+
+def test_bounds_are_the_same_for_a_mirrored_body():
+    scene = plate(16, loads=[{"region": {"box": [[0.02, 0.2], [0.06, 0.2]]}, "force": [0.0, -2.0]}])
+    other = plate(16, loads=[{"region": {"box": [[0.14, 0.2], [0.18, 0.2]]}, "force": [0.0, -2.0]}])
+    bounds = [solve(s, strategy="uniform").energy_bounds for s in (scene, other)]
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-9)

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +39,7 @@ Index = NDArray[np.int64]
 LEFT, RIGHT, BOTTOM, TOP = range(4)
 
 
-@dataclass(frozen=True)
-class Law:
+class Law(NamedTuple):
     """C₁₁, C₁₂ and μ of cells, each an array of as many entries."""
 
     stretch: Floats
@@ -85,7 +85,7 @@ class Polynomials:
     def high(self, axis: int) -> Floats:
         """Return the normal traction on the upper faces along an axis."""
         b, c = self.slopes(axis)
-        return self.low[axis] + b + c
+        return np.asarray(self.low[axis] + b + c)
 
     def energy(self, law: Law) -> Floats:
         """Return the complementary energy of every box."""
@@ -185,10 +185,16 @@ class BalancedStress:
             i, j = 1 - np.argwhere(around < 0)[0]  # of the cell opposite to the air
             own, along_y, along_x = around[i, j], around[i, 1 - j], around[1 - i, j]
             low_x, low_y = i == 0, j == 0
-            for cell, side in ((own, TOP if low_y else BOTTOM), (along_y, BOTTOM if low_y else TOP)):
+            for cell, side in (
+                (own, TOP if low_y else BOTTOM),
+                (along_y, BOTTOM if low_y else TOP),
+            ):
                 sides[cell, side, int(low_x)] += 2 * t
                 slope[cell, side] -= 4 * t * (1 if low_y else -1)
-            for cell, side in ((own, RIGHT if low_x else LEFT), (along_x, LEFT if low_x else RIGHT)):
+            for cell, side in (
+                (own, RIGHT if low_x else LEFT),
+                (along_x, LEFT if low_x else RIGHT),
+            ):
                 sides[cell, side, int(low_y)] += 2 * t
                 slope[cell, side] -= 4 * t * (1 if low_x else -1)
         ragged = np.flatnonzero(np.abs(slope).max(axis=1, initial=0.0) + np.abs(sides).sum((1, 2)))
@@ -240,8 +246,8 @@ class BalancedStress:
         """Return the complementary energy of every cell, scaled."""
         energy = self.plain.energy(self.law)
         if len(self.ragged):
-            law = Law(*(np.tile(getattr(self.law, m)[self.ragged], 4) for m in ("stretch", "lateral", "shear")))  # fmt: skip
-            energy[self.ragged] = self.parts.energy(law).reshape(4, -1).sum(axis=0) / 4
+            quarters = Law(*(np.tile(modulus[self.ragged], 4) for modulus in self.law))
+            energy[self.ragged] = self.parts.energy(quarters).reshape(4, -1).sum(axis=0) / 4
         return energy
 
     def means(self) -> tuple[Floats, dict[Pair, Floats]]:
@@ -288,7 +294,7 @@ def reentrant_edges(problem: ElasticProblem, pair: Pair) -> NDArray[np.bool_]:
         for second in (slice(None, -1), slice(1, None)):
             count += air[cut(kinds.ndim, pair[0], first)][cut(kinds.ndim, pair[1], second)]
             walls += rigid[cut(kinds.ndim, pair[0], first)][cut(kinds.ndim, pair[1], second)]
-    return (count == 1) & (walls == 0) & (edge_modulus(problem, pair) > 0)
+    return np.asarray((count == 1) & (walls == 0) & (edge_modulus(problem, pair) > 0))
 
 
 def reentrant_corners(problem: ElasticProblem) -> Index:

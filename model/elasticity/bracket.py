@@ -17,105 +17,120 @@ from dataclasses import dataclass
 from math import inf, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import RIGID
 
 from .balanced import BalancedStress, reentrant_edges
 from .compatible import CompatibleField
-from .problem import ElasticProblem, FaceFields, Floats
+from .engine import Answered, Solution, solve_problem
+from .problem import ACTIVE, ElasticProblem, FaceFields, Floats
 from .staggered import axis_pairs, internal_force
 
+Index = NDArray[np.int64]
+
 BALANCED = 1e-6
-"""Share of the loads that an answer may leave unbalanced, to be called balanced."""
+"""Share of the largest stress that an answer may leave on a face, to be called balanced."""
+SETTLED = 1e-11
+"""Algebraic error that is no part of the bounds any more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """What is certain about an answer.
+    """What is certain about an answer, scaled.
 
     Attributes
     ----------
     lower, upper : float
-        Bounds of the true energy, scaled.
-    distance : float
-        ‖σ − Cε(v)‖: twice the error of the mean stress in the energy norm.
+        Bounds of the true energy.
     error : float
-        That error, relative to the true stress, at most.
-    balance : float
-        What the answer leaves unbalanced, relative to the forces that act.
+        Error of the mean stress in the energy norm, relative to the true stress, at most.
     shares : array, shape (cells,)
         Every cell's part of the squared distance: where smaller cells would serve.
-    normal, shear : arrays
-        The mean stress: normal stresses, shape (d, cells), and shear stresses by pair of axes.
+    stress : array, shape (cells, dimension, dimension)
+        The mean stress.
     """
 
     lower: float
     upper: float
-    distance: float
     error: float
-    balance: float
     shares: Floats
-    normal: Floats
-    shear: dict[tuple[int, int], Floats]
+    stress: Floats
 
 
-def refusal(problem: ElasticProblem) -> str:
-    """Return why an answer has no bracket yet, in words; empty if it has one."""
-    if any(np.any(shear) for shear in problem.surface_shear.values()):
-        return "a load acts along the surface"
-    if problem.dimension == 3:
-        pairs = axis_pairs(3)
-        if any(reentrant_edges(problem, pair).any() for pair in pairs):
-            return "the solid has re-entrant edges"
-    return ""
-
-
-def bracket(problem: ElasticProblem, u: FaceFields, grid: Scene, stage: int | None) -> Bracket:
+def bracket_of(
+    problem: ElasticProblem, solution: Solution, grid: Scene, stage: int | None
+) -> Bracket | str:
     """Hold the true energy between two that can be computed.
 
     Parameters
     ----------
     problem : ElasticProblem
-        One without a `refusal`.
-    u : tuple of arrays
-        Face displacements that solve its equations, scaled.
+    solution : Solution
+        Its answer; what the iteration left is settled first.
     grid : Scene
         The scene on the problem's cells.
     stage : int or None
         Stage of loading.
+
+    Returns
+    -------
+    Bracket or str
+        In words why there is none, where the theorem does not reach.
     """
+    out_of_reach = _out_of_reach(problem)
+    if out_of_reach:
+        return out_of_reach
+    u = solution.displacement
+    if solution.algebraic > SETTLED:
+        u = solve_problem(problem, SETTLED, Answered(problem, solution)).displacement
     body, side, traction = _loads(problem, grid, stage)
     stress = BalancedStress(problem, u, body)
+    left = _unbalanced(problem, u, stress.tractions())
+    if not left <= BALANCED:
+        return f"the answer does not balance: {left:.1e} of the largest stress is left on a face"
     field = CompatibleField(problem, u, stress.cells, stress.law, side, traction, body)
+    if field.jumps:
+        return "the supports give a corner two displacements at once"
     field.settle()
-    tractions = stress.tractions()
-    bed, wall_work = _at_supports(stress, field, tractions)
+    return _between(stress, field)
+
+
+def _out_of_reach(problem: ElasticProblem) -> str:
+    """Return what the balanced stress does not know yet, in words; empty if it knows all."""
+    if any(np.any(shear) for shear in problem.surface_shear.values()):
+        return "a load acts along the surface"
+    solid = problem.dimension == 3
+    if solid and any(reentrant_edges(problem, pair).any() for pair in axis_pairs(3)):
+        return "the solid has re-entrant edges"
+    return ""
+
+
+def _between(stress: BalancedStress, field: CompatibleField) -> Bracket:
+    """Compare the two stresses: the hypercircle."""
+    bed, wall_work = _at_supports(stress, field)
     complementary = float(stress.energies().sum()) + bed
-    upper = complementary - wall_work
-    moved = wall_work != 0.0 or any(np.any(fixed) for fixed in problem.fixed)
+    moved = any(bool(np.any(fixed)) for fixed in field.problem.fixed)
     if not moved:
         field.displacement *= _best_share(field)
-    lower = field.work() - field.whole_energy()
-    distance = sqrt(max(2.0 * (upper - lower), 0.0))
-    # ‖(σ + Cε(v))/2‖, the mixed product being the work of loads and walls.
-    mixed = field.work() + wall_work
-    size = sqrt(max(0.5 * (complementary + mixed + field.whole_energy()), 0.0))
-    true_size = sqrt(2.0 * lower) if not moved and lower > 0.0 else size - 0.5 * distance
-    error = 0.5 * distance / true_size if true_size > 0.0 else inf
+    upper, lower = complementary - wall_work, field.work() - field.whole_energy()
+    radius = 0.5 * sqrt(max(2.0 * (upper - lower), 0.0))
     if moved:
-        lower = 0.5 * max(size - 0.5 * distance, 0.0) ** 2
-        upper = 0.5 * (size + 0.5 * distance) ** 2
-    normal, shear = _mean_stress(stress, field)
-    return Bracket(
-        lower, upper, distance, error, _unbalanced(problem, u, stress, tractions),
-        _shares(stress, field), normal, shear,
-    )  # fmt: skip
+        # ‖(σ + Cε(v))/2‖, the product of the two being the work of loads and walls.
+        both = complementary + field.whole_energy() + field.work() + wall_work
+        middle = sqrt(max(0.5 * both, 0.0))
+        smallest = max(middle - radius, 0.0)
+        lower, upper = 0.5 * smallest**2, 0.5 * (middle + radius) ** 2
+    else:
+        smallest = sqrt(2.0 * max(lower, 0.0))
+    error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
+    return Bracket(lower, upper, error, _shares(stress, field), _mean_stress(stress, field))
 
 
 def _loads(
     problem: ElasticProblem, grid: Scene, stage: int | None
-) -> tuple[Floats, tuple[np.ndarray, np.ndarray], Floats]:
+) -> tuple[Floats, tuple[Index, Index], Floats]:
     """Return forces within the cells, and those by their sides: which, and the vectors."""
     applied = grid.applied(stage)
     lower = np.asarray(grid.bounds()[0], dtype=np.int64)
@@ -136,10 +151,9 @@ def _best_share(field: CompatibleField) -> float:
     return field.work() / whole if whole > 0.0 else 1.0
 
 
-def _at_supports(
-    stress: BalancedStress, field: CompatibleField, tractions: Floats
-) -> tuple[float, float]:
+def _at_supports(stress: BalancedStress, field: CompatibleField) -> tuple[float, float]:
     """Return the complementary energy of the beds, and the work of the tractions at moved walls."""
+    tractions = stress.tractions()
     bed = work = 0.0
     for cell, direction, stiffness in field.beds:
         bed += float((0.5 * tractions[direction, cell] ** 2 / stiffness).sum())
@@ -162,20 +176,18 @@ def _at_supports(
     return bed, work
 
 
-def _mean_stress(
-    stress: BalancedStress, field: CompatibleField
-) -> tuple[Floats, dict[tuple[int, int], Floats]]:
+def _mean_stress(stress: BalancedStress, field: CompatibleField) -> Floats:
     """Return the mean of the balanced and the compatible stress in every cell."""
     normal, shear = stress.means()
     strain, law = field.mean_strains(), stress.law
     volume = np.trace(strain, axis1=1, axis2=2)
-    d = len(normal)
-    for axis in range(d):
+    found = np.empty_like(strain)
+    for axis, own in enumerate(normal):
         along = law.lateral * volume + (law.stretch - law.lateral) * strain[:, axis, axis]
-        normal[axis] = 0.5 * (normal[axis] + along)
-    return normal, {
-        (a, b): 0.5 * (tau + 2.0 * law.shear * strain[:, a, b]) for (a, b), tau in shear.items()
-    }
+        found[:, axis, axis] = 0.5 * (own + along)
+    for (a, b), tau in shear.items():
+        found[:, a, b] = found[:, b, a] = 0.5 * (tau + 2.0 * law.shear * strain[:, a, b])
+    return found
 
 
 def _shares(stress: BalancedStress, field: CompatibleField) -> Floats:
@@ -188,17 +200,16 @@ def _shares(stress: BalancedStress, field: CompatibleField) -> Floats:
     normal, shear = stress.means()
     product = sum(normal[a] * strain[:, a, a] for a in range(len(normal)))
     product = product + sum(2.0 * tau * strain[:, a, b] for (a, b), tau in shear.items())
-    return np.maximum(2.0 * (stress.energies() + field.energies() - product), 0.0)
+    return np.asarray(np.maximum(2.0 * (stress.energies() + field.energies() - product), 0.0))
 
 
-def _unbalanced(
-    problem: ElasticProblem, u: FaceFields, stress: BalancedStress, tractions: Floats
-) -> float:
-    """Return the largest load left on a face, relative to the largest stress."""
-    left = 0.0
-    for force, load, state in zip(
-        internal_force(problem, u), problem.force, problem.face_states(), strict=True
-    ):
-        left = max(left, float(np.abs(force - load)[state == 2].max(initial=0.0)))
+def _unbalanced(problem: ElasticProblem, u: FaceFields, tractions: Floats) -> float:
+    """Return the largest load left on a face, relative to the largest traction."""
+    held = internal_force(problem, u)
+    states = problem.face_states()
+    left = max(
+        float(np.abs(force - load)[state == ACTIVE].max(initial=0.0))
+        for force, load, state in zip(held, problem.force, states, strict=True)
+    )
     largest = float(np.abs(tractions).max(initial=0.0))
     return left / largest if largest > 0.0 else 0.0

@@ -24,6 +24,8 @@ from .staggered import Strains
 if TYPE_CHECKING:
     from kaju.model.spawning.tree_agents import TreeAgents
 
+    from .bracket import Bracket
+
 Index = NDArray[np.int64]
 
 
@@ -152,6 +154,13 @@ class CellAgents:
                 self.solution.displacement, self.problem.face_states(), strict=True
             )
         )
+
+    @cached_property
+    def bracket(self) -> Bracket | str:
+        """What is certain about the answer; in words why nothing is, where nothing is."""
+        from .bracket import bracket_of
+
+        return bracket_of(self.problem, self.solution, self.grid, self.stage)
 
     @cached_property
     def corners(self) -> Floats:

@@ -225,7 +225,7 @@ class CompatibleField:
         """Return the mean strain tensors of the cells, shape (cells, d, d)."""
         moved = self.displacement[self._corner]  # ends, cells, component
         gradient = np.einsum("kb,kna->nab", self._strain, moved)
-        return 0.5 * (gradient + gradient.transpose(0, 2, 1))
+        return np.asarray(0.5 * (gradient + gradient.transpose(0, 2, 1)))
 
 
 def _element(ends: Index) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
@@ -270,7 +270,10 @@ def _corner_means(problem: ElasticProblem, u: FaceFields) -> Floats:
         width = [(1, 1) if a == axis else (0, 0) for a in range(d)]
         beside = np.pad(stiffness, width)
         weight = beside[cut(d, axis, slice(None, -1))] + beside[cut(d, axis, slice(1, None))]
-        values, weight = np.where(state == ABSENT, 0.0, u[axis]), np.where(state == ABSENT, 0.0, weight)
+        values, weight = (
+            np.where(state == ABSENT, 0.0, u[axis]),
+            np.where(state == ABSENT, 0.0, weight),
+        )
         for across in range(d):
             if across != axis:
                 values, weight = _between(values, weight, across)

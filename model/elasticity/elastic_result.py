@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, ResultError
 from kaju.model.archive import Archive
 from kaju.model.result import BodyResult, Tiles, cells_of_points
 from kaju.model.scene import Scene
@@ -189,6 +189,49 @@ class ElasticResult(BodyResult):
         difference to the answer of cells twice as large, with what the iteration left.
         """
         return self.found.error
+
+    @property
+    def energy_bounds(self) -> tuple[float, float] | None:
+        """Energies (J) below and above the true one; None where there are none (`no_bound`).
+
+        Worked out when first asked for, from a stress that balances and a displacement without
+        gaps (Prager and Synge 1947).
+        """
+        found = self.found.bracket
+        if isinstance(found, str):
+            return None
+        return found.lower * self._energy_unit, found.upper * self._energy_unit
+
+    @property
+    def error_bound(self) -> float | None:
+        """Largest error that `mean_stress` can have: in the energy norm, relative to the truth.
+
+        A theorem where `error_estimate` is an opinion; None where there is none (`no_bound`).
+        """
+        found = self.found.bracket
+        return None if isinstance(found, str) else found.error
+
+    @property
+    def no_bound(self) -> str:
+        """Why there are no bounds, in words; empty if there are."""
+        found = self.found.bracket
+        return found if isinstance(found, str) else ""
+
+    @property
+    def mean_stress(self) -> Floats:
+        """Mean (Pa) of the stress that balances and that of a displacement without gaps.
+
+        Shape (agents, dimension, dimension); `error_bound` is about this stress.
+
+        Raises
+        ------
+        ResultError
+            If there are no bounds.
+        """
+        found = self.found.bracket
+        if isinstance(found, str):
+            raise ResultError(f"mean_stress: there are no bounds, since {found}")
+        return np.asarray(self._stress_unit * found.stress)
 
     @cached_property
     def displacement_error_estimate(self) -> float:

@@ -48,6 +48,7 @@ class TreeAgents:
     """
 
     storage: ClassVar[str] = "tree"
+    bracket: ClassVar[str] = "the agents are of many sizes"
     spawning: Spawning
     stage: int | None
 

@@ -111,7 +111,9 @@ def test_a_re_entrant_corner_lies_within():
     assert bounds[-1] < 0.025
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize(
+    "seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(8, 60))]
+)
 def test_random_bodies_lie_within(seed):
     try:
         scene = random_body(seed)
@@ -166,9 +168,12 @@ def test_an_exact_answer_has_no_gap():
 
 
 def test_weight_lies_within():
-    # A column under its own weight: σ = ρg(L − y), energy ∫σ²/2E.
+    # A column that does not widen, under its own weight: σ = ρg(L − y), energy ∫σ²/2E.
     force = 1.0
-    scene = bar(loads=[{"region": {"box": [[0, 0], [0.04, 0.12]]}, "force": [0.0, -force]}])
+    scene = bar(
+        loads=[{"region": {"box": [[0, 0], [0.04, 0.12]]}, "force": [0.0, -force]}],
+        materials={"a": {"youngs_modulus": 1e9, "poissons_ratio": 0.0}},
+    )
     exact = force**2 * 0.12 / (6 * 1e9 * 0.04 * 0.01)
     lower, upper = solve(scene, strategy="uniform").energy_bounds
     assert lower < exact * (1 + 1e-12)

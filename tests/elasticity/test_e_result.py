@@ -294,3 +294,31 @@ def test_what_unpacks_to_far_more_than_its_file_is_not_read(tmp_path):
         archive.writestr("json.npy", stream.getvalue())
     with pytest.raises(ResultFileError, match="more than results do"):
         kaju.load_result(path)
+
+
+CORNER, FREE = [0.1, 0.2], [0.05, 0.2]
+"""Where the load ends, and on the free surface beside it."""
+
+
+@pytest.mark.parametrize(
+    "how", [{}, {"strategy": "spawning", "tolerance": 1e-6, "resolution": 1}], ids=["cells", "tree"]
+)
+def test_displacement_on_a_surface_lies_between_its_own_slope_and_the_line_below(how):
+    moved = solve(plate(), **how).displacement_at(np.array([CORNER, FREE]))
+    expected = [[2.77325960e-9, -1.202949010e-8], [1.53547726e-9, -3.39617154e-9]]
+    np.testing.assert_allclose(moved, expected, rtol=1e-7)
+
+
+def test_others_make_up_for_agents_that_may_not_be_smaller():
+    """All that the smallest leave counts, and the tolerance is kept all the same."""
+    least = solve(plate(), strategy="spawning", tolerance=1e-3, resolution=4).error_estimate
+    found = solve(plate(), strategy="spawning", tolerance=1.5 * least, resolution=4)
+    assert found.error_estimate <= 1.5 * least
+    assert found.size.min() == pytest.approx(0.01 / 4)
+
+
+def test_the_meter_of_agents_with_parents_is_no_smaller_than_their_error():
+    scene = plate(rule=kaju.ElasticRule(order="multilevel", threshold=0.02))
+    run = kaju.ElasticModel(scene).run()
+    true = np.sqrt(1.0 + run.energy[-1] / solve(plate()).strain_energy)
+    assert 0.01 < true <= run.summary()["error_estimate"] < 2.0 * true

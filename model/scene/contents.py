@@ -136,6 +136,14 @@ def _check_sides(sides: Mapping[str, SideCondition], known: tuple[str, ...]) -> 
                 f"sides.{name}.displacement: {len(known) // 2} numbers are needed, one for each "
                 f"axis, got {list(side.displacement)}"
             )
+        across = known.index(name) // 2
+        along = tuple(axis for axis in range(len(known) // 2) if axis != across)
+        if side.free_axes not in ((), along):
+            raise SceneError(
+                f"sides.{name}.displacement: a side is moved along all axes, or across itself "
+                f'alone: {"xyz"[across]} is a number then, and "free" stands for '
+                f"{' and '.join('xyz'[axis] for axis in along)}"
+            )
 
 
 def _check_regions(filling: Filling) -> None:

@@ -4,28 +4,100 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Coordinate, Count, Described, Index, Number, Text
+from .described import Coordinate, Count, Described, Index, Length, Number, Text
+from .regions import Round
+from .shapes import Ball, Polygon, Ring, Shape
 
 MOST_STEPS = 100_000
+_LOADS = ("force", "pressure", "couple")
+_SHAPES = ("box", "disk", "ball", "ring", "polygon")
+
+
+class RingTable(Described):
+    """What lies between two circles: centre (m), and both radii (m)."""
+
+    centre: tuple[Coordinate, ...] = Field(description="the middle (m), such as [0.1, 0.1]")
+    inner: Length = Field(description="the smaller radius (m)")
+    outer: Length = Field(description="the larger radius (m)")
 
 
 class LoadRegion(Described):
-    """A box that selects what a load acts on.
+    """A shape that selects what a load acts on; exactly one.
+
+    A box without thickness along one axis selects the surface of the body on that plane. Of
+    all other shapes a pressure, or a couple, takes the free faces whose middles lie inside, such
+    as the edge of a hole; a force takes the cells inside.
 
     Parameters
     ----------
-    box : tuple of two points
-        Lower and upper corner (m). Without thickness along one axis it selects the surface
-        of the body on that plane, otherwise the cells inside.
+    box : tuple of two points, optional
+        Lower and upper corner (m).
+    disk, ball : Round, optional
+        Centre and radius (m), in two and in three dimensions.
+    ring : RingTable, optional
+        Centre and both radii (m), in two dimensions.
+    polygon : tuple of points, optional
+        Corners (m), in two dimensions.
     """
 
-    box: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] = Field(
-        description="the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]"
+    box: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = Field(
+        default=None,
+        description="the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]",
     )
+    disk: Round | None = None
+    ball: Round | None = None
+    ring: RingTable | None = None
+    polygon: tuple[tuple[Coordinate, ...], ...] | None = Field(
+        default=None, min_length=3, description="the corners (m), three or more"
+    )
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> LoadRegion:
+        shapes = [name for name in _SHAPES if getattr(self, name) is not None]
+        if len(shapes) != 1:
+            raise ParameterError(
+                f"box: a region has exactly one shape of {', '.join(_SHAPES)}; "
+                f"got {', '.join(shapes) or 'none'}"
+            )
+        if self.ring is not None and not self.ring.inner < self.ring.outer:
+            raise ParameterError(
+                f"ring: its inner radius, {self.ring.inner:g} m, must be below its outer one, "
+                f"{self.ring.outer:g} m"
+            )
+        return self
+
+    def shape_in(self, dimension: int, where: str) -> Shape:
+        """Return a shape other than a box.
+
+        Raises
+        ------
+        SceneError
+            If it belongs to another dimension.
+        """
+        name = next(name for name in _SHAPES if getattr(self, name) is not None)
+        if (name == "ball") != (dimension == 3):
+            raise SceneError(
+                f"{where}.{name}: belongs to {'three' if name == 'ball' else 'two'} dimensions; "
+                f"use {'box or ball' if dimension == 3 else 'box, disk, ring or polygon'}"
+            )
+        points = self.polygon or (getattr(self, name).centre,)
+        for point in points:
+            if len(point) != dimension:
+                raise SceneError(
+                    f"{where}.{name}: {list(point)} should have {dimension} coordinates"
+                )
+        if self.polygon is not None:
+            return Polygon(self.polygon)
+        if self.ring is not None:
+            return Ring(self.ring.centre, self.ring.inner, self.ring.outer)
+        circle = self.disk or self.ball
+        assert circle is not None
+        return Ball(circle.centre, circle.radius)
 
     def flat_axis(self, cell_size: float, where: str) -> int | None:
         """Return the axis along which the box has no thickness, None if it has volume.
@@ -35,6 +107,7 @@ class LoadRegion(Described):
         SceneError
             If a corner is on the wrong side, or the box is thin along several axes.
         """
+        assert self.box is not None
         spans = [high - low for low, high in zip(*self.box, strict=True)]
         if min(spans) < 0.0:
             raise SceneError(
@@ -53,8 +126,8 @@ class LoadRegion(Described):
 class Load(Described):
     """A force or a pressure, and where it acts.
 
-    Exactly one place: `cell`, `point` or `region`, or `side` alone. Exactly one of `force`
-    and `pressure`.
+    Exactly one place: `cell`, `point` or `region`, or `side` alone. Exactly one of `force`,
+    `pressure` and `couple`.
 
     Parameters
     ----------
@@ -72,6 +145,12 @@ class Load(Described):
         Total force (N), spread evenly.
     pressure : float, optional
         Pressure (Pa) against the outward normal of each face.
+    pressure_slope : tuple of float, optional
+        By how much the pressure grows along each axis (Pa/m), from `pressure` at the origin on;
+        taken in the middle of each face. Where it falls below 0 it pulls.
+    couple : float or tuple of three floats, optional
+        Moment (N m), counter-clockwise in the plane, without any force: shares that turn round
+        the middle of a side or a region, the larger the farther from it.
     steps : int
         The load is applied in this many equal steps.
     sense : {"push", "pull"}, optional
@@ -93,6 +172,12 @@ class Load(Described):
     pressure: Number | None = Field(
         default=None, description="a pressure against the surface (Pa), such as 1e5"
     )
+    pressure_slope: tuple[Number, ...] | None = Field(
+        default=None, description="the growth of the pressure along each axis (Pa/m)"
+    )
+    couple: Number | tuple[Number, ...] | None = Field(
+        default=None, description="a moment (N m): a number, in three dimensions three"
+    )
     steps: Count = Field(
         default=1, le=MOST_STEPS, description="the number of equal steps of loading"
     )
@@ -109,10 +194,21 @@ class Load(Described):
             )
         if self.region is not None and self.side is not None:
             raise ParameterError("side: a region selects its own faces; leave side out")
-        if (self.force is None) == (self.pressure is None):
-            raise ParameterError("force: give either force (N) or pressure (Pa), and not both")
+        given = [name for name in _LOADS if getattr(self, name) is not None]
+        if self.pressure_slope is not None and given != ["pressure"]:
+            raise ParameterError("pressure_slope: belongs to a pressure, that at the origin (Pa)")
+        if len(given) != 1:
+            raise ParameterError(
+                "force: give either force (N) or pressure (Pa) or couple (N m), and not both"
+            )
+        if self.couple is not None and (self.cell is not None or self.point is not None):
+            raise ParameterError(
+                "couple: a single cell has no lever; let it act on a side or a region"
+            )
         if self.force is not None and not any(self.force):
             raise ParameterError("force: is zero along every axis; leave the load out")
-        if self.pressure == 0.0:
+        if self.couple is not None and not np.any(self.couple):
+            raise ParameterError("couple: is zero; leave the load out")
+        if self.pressure == 0.0 and not any(self.pressure_slope or ()):
             raise ParameterError("pressure: is zero; leave the load out")
         return self

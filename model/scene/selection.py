@@ -17,8 +17,16 @@ from kaju.errors import SceneError
 from . import kinds
 from .filling import Filling
 from .lattice import Cells, Lattice
-from .loads import Load, LoadRegion
-from .surfaces import Selection, cells_in_box, faces_on_plane, faces_on_side
+from .loads import Load
+from .surfaces import (
+    Corners,
+    Selection,
+    cells_in_box,
+    cells_in_shape,
+    faces_in_shape,
+    faces_on_plane,
+    faces_on_side,
+)
 
 _HEXAGON_ARMS = {"left": [3], "right": [0], "bottom": [4, 5], "top": [1, 2]}
 _NUDGE = 1e-6  # of a cell: a point this near to a neighbour belongs to both
@@ -44,6 +52,11 @@ def select(filling: Filling, load: Load, where: str) -> Selection:
     lattice = filling.lattice
     if load.force is not None:
         _check_axes(load.force, lattice, f"{where}.force")
+    if load.pressure_slope is not None:
+        _check_axes(load.pressure_slope, lattice, f"{where}.pressure_slope")
+    if load.couple is not None and np.size(load.couple) != 2 * lattice.dimension - 3:
+        needed = "three numbers" if lattice.dimension == 3 else "one number"
+        raise SceneError(f"{where}.couple: {needed} (N m) are needed, got {load.couple}")
     if load.side is not None and load.side not in lattice.sides:
         raise SceneError(
             f"{where}.side: there is no side {load.side!r}{suggestion(load.side, lattice.sides)}; "
@@ -56,20 +69,29 @@ def select(filling: Filling, load: Load, where: str) -> Selection:
     if load.region is None:
         assert load.side is not None
         return faces_on_side(filling, load.side, f"{where}.side")
-    return _in_region(filling, load, load.region, f"{where}.region.box")
+    if load.region.box is None:
+        shape = load.region.shape_in(lattice.dimension, f"{where}.region")
+        if load.force is None:
+            return faces_in_shape(filling, shape, f"{where}.region")
+        return cells_in_shape(filling, shape, f"{where}.region")
+    return _in_region(filling, load, load.region.box, f"{where}.region.box")
 
 
-def _in_region(filling: Filling, load: Load, region: LoadRegion, where: str) -> Selection:
-    for corner in region.box:
+def _in_region(filling: Filling, load: Load, box: Corners, where: str) -> Selection:
+    assert load.region is not None
+    region = load.region
+    for corner in box:
         _check_axes(corner, filling.lattice, where)
     flat = region.flat_axis(filling.lattice.cell_size, where)
     if flat is not None:
-        return faces_on_plane(filling, region.box, flat, where)
-    if load.pressure is not None:
+        return faces_on_plane(filling, box, flat, where)
+    if load.force is None:
+        what = "couple" if load.pressure is None else "pressure"
         raise SceneError(
-            f"{where}: a pressure acts on a surface; give the box no thickness along one axis"
+            f"{where}: a {what} acts on a surface; give the box no thickness along one axis, or "
+            "take another shape"
         )
-    return cells_in_box(filling, region.box, where)
+    return cells_in_box(filling, box, where)
 
 
 def _check_axes(numbers: tuple[float, ...], lattice: Lattice, where: str) -> None:

@@ -71,6 +71,27 @@ class Ball:
 
 
 @dataclass(frozen=True)
+class Ring:
+    """All points between two circles round a centre."""
+
+    centre: tuple[float, ...]
+    inner: float
+    outer: float
+
+    @property
+    def extent(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box (m)."""
+        return Ball(self.centre, self.outer).extent
+
+    def contains(self, points: Points) -> NDArray[np.bool_]:
+        """Tell which points lie inside or on the edge."""
+        away = np.linalg.norm(points - np.asarray(self.centre), axis=1)
+        low, high = self.inner * (1.0 - _CLOSE), self.outer * (1.0 + _CLOSE)
+        inside: NDArray[np.bool_] = (away >= low) & (away <= high)
+        return inside
+
+
+@dataclass(frozen=True)
 class Polygon:
     """The inside of a closed line through corners (even-odd rule)."""
 

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from kaju.agents.materials import suggestion
 
 from . import kinds
-from .described import Described, Number, Positive
+from .described import Described, Index, Number, Positive
 
 _KINDS = {
     "free": kinds.AIR,
@@ -21,6 +21,20 @@ _KINDS = {
 }
 _WORDS = ("free", "rigid", "roller")
 _FORMS = 'a side is "free", "rigid", "roller", {stiffness = N/m³} or {displacement = [m, m]}'
+
+
+FREELY = "free"
+
+
+def _sliding(displacement: Any) -> dict[str, Any]:
+    """Return a displacement in numbers, and the axes whose number is the word "free"."""
+    if not isinstance(displacement, (list, tuple)):
+        return {}
+    free = [axis for axis, value in enumerate(displacement) if value == FREELY]
+    return {
+        "displacement": [0.0 if value == FREELY else value for value in displacement],
+        **({"free_axes": free} if free else {}),
+    }
 
 
 class SideCondition(Described):
@@ -37,6 +51,9 @@ class SideCondition(Described):
         Pressure per displacement of a foundation (N/m³).
     displacement : tuple of float, optional
         Displacement (m) that a displaced side imposes.
+    free_axes : tuple of int
+        Axes along which it imposes none, as a roller: all of the side's own. A scene writes
+        "free" in place of their numbers, ``{displacement = ["free", -1e-4]}``.
     """
 
     kind: Literal["free", "rigid", "roller", "foundation", "displaced"] = Field(
@@ -47,6 +64,9 @@ class SideCondition(Described):
     )
     displacement: tuple[Number, ...] | None = Field(
         default=None, description="what the side is moved by (m), one number per axis"
+    )
+    free_axes: tuple[Index, ...] = Field(
+        default=(), description="the axes along which a moved side lets the body slide"
     )
 
     @model_validator(mode="before")
@@ -60,7 +80,7 @@ class SideCondition(Described):
             if "stiffness" in value:
                 return {"kind": "foundation", **value}
             if "displacement" in value:
-                return {"kind": "displaced", **value}
+                return {"kind": "displaced", **value, **_sliding(value["displacement"])}
         if not isinstance(value, (Mapping, SideCondition)):
             raise ValueError(f"must be a word or a table, got {value!r}; {_FORMS}")
         return value
@@ -76,7 +96,7 @@ class SideCondition(Described):
     @property
     def code(self) -> int:
         """The kind of the cells beyond this side, from `kaju.model.scene.kinds`."""
-        return _KINDS[self.kind]
+        return kinds.ROLLER if self.free_axes else _KINDS[self.kind]
 
     @property
     def supports(self) -> bool:
@@ -88,7 +108,10 @@ class SideCondition(Described):
         if self.stiffness is not None:
             return {"stiffness": self.stiffness}
         if self.displacement is not None:
-            return {"displacement": list(self.displacement)}
+            moved: list[float | str] = list(self.displacement)
+            for axis in self.free_axes:
+                moved[axis] = FREELY
+            return {"displacement": moved}
         return self.kind
 
 

@@ -13,6 +13,7 @@ from . import kinds
 from .filling import CellBox, Filling, count, grid, slabs
 from .lattice import Cells, Lattice
 from .loads import Load
+from .shapes import Shape
 
 MOST_FACES = 50_000_000
 """A load acts on at most this many faces or cells."""
@@ -43,9 +44,35 @@ class Selection:
         """Return the force (N) on each face or cell, shape (n, dimension)."""
         if load.force is not None:
             return np.outer(self.share / self.share.sum(), np.asarray(load.force))
+        if load.couple is not None:
+            return self._couple(np.atleast_1d(load.couple), lattice)
         assert load.pressure is not None
         area = self.share * lattice.face_area(thickness)
-        return -load.pressure * area[:, None] * lattice.normals[self.direction]
+        pressure = np.full(len(area), load.pressure)
+        if load.pressure_slope is not None:
+            pressure = pressure + self._middles(lattice) @ np.asarray(load.pressure_slope)
+        return -(pressure * area)[:, None] * lattice.normals[self.direction]
+
+    def _middles(self, lattice: Lattice) -> NDArray[np.float64]:
+        """Return the middles of the faces, or cells (m)."""
+        outwards = lattice.normals[self.direction] * (self.direction >= 0)[:, None]
+        return lattice.centres(self.cells) + 0.5 * lattice.cell_size * outwards
+
+    def _couple(self, moment: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64]:
+        """Return forces a × r, r from their middle, without a sum, whose moment (N m) is given."""
+        arm = self._middles(lattice)
+        arm = np.pad(arm - self.share @ arm / self.share.sum(), ((0, 0), (0, 3 - arm.shape[1])))
+        square = np.einsum("n,ni,nj->ij", self.share, arm, arm)
+        inertia = np.trace(square) * np.eye(3) - square
+        wanted = np.pad(moment, (3 - len(moment), 0))
+        turn = np.linalg.lstsq(inertia, wanted, rcond=1e-9)[0]
+        if np.abs(inertia @ turn - wanted).max() > 1e-6 * np.abs(wanted).max():
+            raise SceneError(
+                "couple: the faces it acts on lie on one line along it, or are only one, and so "
+                "have no lever; take a larger side or region"
+            )
+        forces: NDArray[np.float64] = self.share[:, None] * np.cross(turn, arm)
+        return forces[:, : lattice.dimension]
 
 
 def faces_on_side(filling: Filling, side: str, where: str) -> Selection:
@@ -154,6 +181,40 @@ def cells_in_box(filling: Filling, corners: Corners, where: str) -> Selection:
     if lattice.kind != "hexagon":
         share = _share(lattice, cells, corners)
     return Selection(cells, np.full(len(cells), -1, dtype=np.int64), share)
+
+
+def cells_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
+    """Return the body's cells whose middles lie in a shape."""
+    cells = _body_cells(filling, filling.cells_of(shape), where)
+    cells = cells[shape.contains(filling.lattice.centres(cells))]
+    if len(cells) == 0:
+        raise SceneError(f"{where}: there is no middle of a cell of the body in this shape")
+    return Selection(cells, np.full(len(cells), -1, dtype=np.int64), np.ones(len(cells)))
+
+
+def faces_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
+    """Return the body's free faces whose middles lie in a shape, such as the edge of a hole.
+
+    Faces that anything supports are left out.
+    """
+    lattice = filling.lattice
+    lower, upper = filling.cells_of(shape)
+    box = (np.maximum(lower - 1, 0), np.minimum(upper + 1, np.asarray(lattice.shape)))
+    body = _body_cells(filling, box, where)
+    found, arms = [body[:0]], [np.empty(0, dtype=np.int64)]
+    for arm, normal in enumerate(lattice.normals):
+        middles = lattice.centres(body) + 0.5 * lattice.cell_size * normal
+        beyond = filling.kinds(lattice.neighbours(body, arm))
+        chosen = body[(beyond == kinds.AIR) & shape.contains(middles)]
+        found.append(chosen)
+        arms.append(np.full(len(chosen), arm, dtype=np.int64))
+    cells = np.concatenate(found)
+    if len(cells) == 0:
+        raise SceneError(
+            f"{where}: no middle of a free face of the body lies in this shape; round a hole "
+            "take one that is larger by a cell"
+        )
+    return Selection(cells, np.concatenate(arms), np.ones(len(cells)))
 
 
 def _covered(lattice: Lattice, corners: Corners) -> CellBox:

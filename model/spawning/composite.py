@@ -117,7 +117,8 @@ class Composite:
             outside = self.outside(point, side)
             held = np.isin(kind, (RIGID, DISPLACED, ROLLER))
             self.state[bare[held]] = FIXED
-            self.value[bare[kind == DISPLACED]] = self.ground.given(side)[side // 2]
+            moved = np.isin(kind, (DISPLACED, ROLLER))
+            self.value[bare[moved]] = self.ground.given(side)[side // 2]
             bed = bare[kind == FOUNDATION]
             self.spring[bed] = self.ground.bed(side) * self.area[bed]
             some = held | (kind == FOUNDATION)

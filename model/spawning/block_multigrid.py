@@ -23,7 +23,7 @@ from .pages import rims
 
 Floats = NDArray[np.float64]
 
-STEPS = 2
+STEPS = 3
 """Chebyshev steps within a block."""
 STIFF = 1.5
 """Forces of rows are frozen while a block is smoothed; so many times their diagonal stands in."""

@@ -35,6 +35,7 @@ from .ground import Ground
 from .held import check_held
 from .indicator import Indicator
 from .leaves import Flags, Index, Leaves, morton
+from .mirror import mirrors, symmetrise
 from .nested import NestedMultigrid
 from .previous import SUITS, answered
 from .settle import WORST
@@ -326,6 +327,7 @@ class BlockSpawner:
         self.blocks = BlockBalance(forest)
         self.root = Root(self.blocks)
         check_held(self.root.balance)
+        self._mirrors = mirrors(self.blocks)
         self.displacement = self.blocks.zeros()
         self.multigrid = BlockMultigrid(self.blocks, self.root)
         self.records: list[Record] = []
@@ -368,7 +370,9 @@ class BlockSpawner:
         self.records.append(record)
 
     def _settle(self, done: Any) -> Iteration:
-        return self.multigrid.solve(self.blocks.load, self.displacement, done)
+        run = self.multigrid.solve(self.blocks.load, self.displacement, done)
+        symmetrise(self.blocks, self.displacement, self._mirrors)
+        return run
 
     def _look(self, algebraic: float) -> tuple[Floats, NDArray[np.float32]]:
         """See what is left unbalanced; return the blocks' squares and the agents' loads."""

@@ -142,3 +142,14 @@ def test_family_of_blocks_is_a_family():
                                   np.sort(result.found.spawning.leaves.code))  # fmt: skip
     np.testing.assert_array_equal(family.rows["cause"][family.working], result.cause)
     assert np.nanmax(result.cause) > 0.0
+
+
+def test_a_mirror_image_has_the_image_of_the_answer():
+    load = {"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}
+    result = solve(plate(loads=[load]), tolerance=0.006, strategy="spawning")
+    image = result.middle * [-1.0, 1.0] + [0.2, 0.0]
+    order = np.lexsort(np.rint(result.middle.T * 1e9))
+    turned = np.lexsort(np.rint(image.T * 1e9))
+    np.testing.assert_allclose(result.middle[order], image[turned], atol=1e-15)
+    u = result.displacement
+    np.testing.assert_array_equal(u[order], u[turned] * [-1.0, 1.0])

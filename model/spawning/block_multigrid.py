@@ -2,7 +2,7 @@
 
 Every level of blocks is smoothed with the larger agents at rest (Brandt 1977); a block takes its
 neighbours' latest displacements and goes two Chebyshev steps within itself, which keeps its
-places in the fastest memory. The first level is solved by `NestedMultigrid`.
+places in the fastest memory. The first level is one of equal cells, with the hierarchy of these.
 """
 
 from __future__ import annotations
@@ -13,13 +13,18 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.elasticity.hierarchy import Hierarchy
 from kaju.model.elasticity.krylov import Iteration
+from kaju.model.elasticity.problem import ElasticProblem
+from kaju.model.elasticity.supports import check_supports
+from kaju.model.scene.kinds import AIR
 
 from . import block_kernels as kernels
 from .blocks import BlockBalance, Window
+from .forest import ACROSS, ways
+from .held import check_held
 from .leaves import Index
-from .nested import NestedMultigrid
-from .pages import rims
+from .pages import PLACES, rims
 
 Floats = NDArray[np.float64]
 
@@ -31,22 +36,66 @@ SAFETY = 1.03
 
 
 class Root:
-    """The first level: agents of one size, as matrices."""
+    """The first level: equal cells, and their hierarchy.
+
+    Attributes
+    ----------
+    problem : ElasticProblem
+        The first blocks' agents as cells, without loads.
+    """
 
     def __init__(self, balance: BlockBalance) -> None:
-        forest = balance.forest
-        window = Window(forest, np.arange(forest.start[1]))
-        self.balance = window.balance
-        self.place: Index = window.place[self.balance.free]
-        self.hierarchy = NestedMultigrid(self.balance, DIRECT)
+        forest, ground = balance.forest, balance.forest.ground
+        d, last = forest.dimension, int(forest.start[1])
+        block: Index = (forest.lower[:last] - forest.lower[:last].min(axis=0)) // forest.edge
+        kinds: Index = np.full(block.max(axis=0) + 3, AIR)
+        for way, step in enumerate(ways(d)):
+            kinds[tuple((block + 1 + step).T)] = forest.kinds[:last, way]
+        for axis in range(d):
+            kinds = kinds.repeat(ACROSS, axis=axis)
+        rim = kinds[(slice(ACROSS - 1, 1 - ACROSS),) * d]
+        shapes = [[n + (a == b) for b, n in enumerate(rim.shape)] for a in range(d)]
+        nothing = tuple(np.zeros(shape) for shape in shapes)
+        self.problem = ElasticProblem(
+            np.ascontiguousarray(rim, dtype=np.int32), ground.moduli, nothing, nothing, nothing, {},
+            ground.scales, ground.scene.plane,
+        )  # fmt: skip
+        self._hierarchy = Hierarchy(self.problem)
+        self._scale = float(balance.scale[0])
+        # Where every unknown place is in the hierarchy's vectors.
+        at = np.argwhere(balance.pages.mask[balance.page[0, :last]] > 0)
+        number: Index = np.asarray(np.ravel_multi_index(tuple(at.T), balance.shape))
+        place: Index = np.stack(np.unravel_index(at[:, 2], (PLACES,) * d), axis=1)
+        cell: Index = block[at[:, 0]] * ACROSS + place
+        fields = [np.zeros(shape) for shape in shapes]
+        for axis in range(d):
+            own = at[:, 1] == axis
+            fields[axis][tuple(cell[own].T)] = number[own] + 1.0
+        vector = self._hierarchy.gather(tuple(fields))
+        self._index = np.flatnonzero(vector)
+        self._place = vector[self._index].astype(np.int64) - 1
+        self._load = np.zeros_like(vector)
 
     def solve(self, load: Floats, u: Floats) -> None:
         """Write the answer to a load, both over places."""
-        u[self.place] = self.hierarchy.precondition(load[self.place])
+        self._load[self._index] = load[self._place]
+        u[self._place] = self._hierarchy.precondition(self._load)[self._index] / self._scale
 
+    def check_held(self, balance: BlockBalance) -> None:
+        """Refuse a body of which a part could move without straining.
 
-DIRECT = 15_000
-"""Up to so many faces the first level is factorised."""
+        Raises
+        ------
+        SupportError
+            Naming a cell of the part and how it could move.
+        """
+        forest, cell = balance.forest, balance.forest.ground.cell
+        size = int(forest.size[0])
+        if size <= cell:
+            origin = forest.lower[: forest.start[1]].min(axis=0) // cell
+            check_supports(self.problem, tuple(int(i) for i in origin), cell // size)
+        else:
+            check_held(Window(forest, np.arange(forest.start[1])).balance)
 
 
 class BlockMultigrid:

@@ -32,7 +32,6 @@ from .generations import (
     Spawning,
 )
 from .ground import Ground
-from .held import check_held
 from .indicator import Indicator
 from .leaves import Flags, Index, Leaves, morton
 from .mirror import mirrors, symmetrise
@@ -46,6 +45,8 @@ LAST = 1e-9
 """The last generation's forces balance to this share of the loads."""
 FEWEST = {2: 1.0, 3: 0.5}
 """Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
+SPREAD = 3.0
+"""Agents, of which fewer are expected at least, are about this many times more."""
 AT_ONCE = 2_000
 """Blocks of which the stresses are worked out at a time."""
 WORTHWHILE = 3_000
@@ -71,7 +72,7 @@ def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
     if rubber or unusual or contrast > CONTRAST or expected < WORTHWHILE:
         return None
     forest = first_forest(ground)
-    return forest if forest is not None and forest.agents <= expected else None
+    return forest if forest is not None and forest.agents <= SPREAD * expected else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,7 +327,7 @@ class BlockSpawner:
         self.ground, self.tolerance, self.most_agents = forest.ground, tolerance, most_agents
         self.blocks = BlockBalance(forest)
         self.root = Root(self.blocks)
-        check_held(self.root.balance)
+        self.root.check_held(self.blocks)
         self._mirrors = mirrors(self.blocks)
         self.displacement = self.blocks.zeros()
         self.multigrid = BlockMultigrid(self.blocks, self.root)

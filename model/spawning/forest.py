@@ -25,7 +25,7 @@ from .leaves import Flags, Index, Leaves, morton
 
 ACROSS = 8
 """Agents along the edge of a block, B."""
-MOST_ROOT = 40_000
+MOST_ROOT = 1_000_000
 """So many agents may stand in the blocks of the coarsest level."""
 
 REGULAR, COARSE, REFINED, NOTHING = 0, 1, 2, 3

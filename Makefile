@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow check format pictures clean
+.PHONY: demo test test-slow check format pictures pages clean
 
 demo: $(VENV)/.kaju
 	$(BIN)/kaju demo --out demo --force
@@ -58,6 +58,9 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/pip
 
 pictures: $(VENV)/.test
 	for script in docs/draw_*.py; do $(BIN)/python $$script || exit 1; done
+
+pages: $(VENV)/.test
+	$(BIN)/python docs/make_pages.py
 
 clean:
 	rm -rf $(VENV) demo build dist *.egg-info src/*.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -222,7 +222,7 @@ def _spawned(result: ElasticResult) -> Pictures:
     rows, dimension = family.rows, result.lower.shape[1]
     corners = motion.corners_of(dimension)
     places = family.lower[:, None] + family.size[:, None, None] * corners
-    count = np.arange(1.0, len(generations) + 1.0)
+    count = np.arange(float(len(generations)))
     over = ("generation", "", count)
     curves = [
         Curves("Agents", *over, {"agents": np.array([float(g.agents) for g in generations])}, ""),

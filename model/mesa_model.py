@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import deepcopy
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError
+
+from . import checkpoint
 
 Until = Callable[[Any], bool]
 """A question about the model, asked before every step: whether to stop."""
@@ -45,7 +48,7 @@ class SteppedModel(Model):
         if rng is not None and seed is not None:
             raise ParameterError("seed: is another word for rng; give one of them")
         super().__init__(rng=rng if seed is None else seed)
-        self._first_draws = deepcopy(self.rng.bit_generator.state), self.random.getstate()
+        self.first_draws = deepcopy(self.rng.bit_generator.state), self.random.getstate()
         # Mesa counts every call of step; at the end there is nothing to count.
         self._counted_step: Callable[[], None] = self.step
         self.step = self._step_while_running
@@ -89,10 +92,63 @@ class SteppedModel(Model):
         """Go back to no steps, the first random numbers and no data."""
         self.steps = 0
         self.running = True
-        state, drawn = self._first_draws
+        state, drawn = self.first_draws
         self.rng.bit_generator.state = deepcopy(state)
         self.random.setstate(drawn)
         self._collector, self._noted, self._own_collector = None, [], False
+
+    def reset(self) -> None:
+        """Go back to the start."""
+        raise NotImplementedError
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        raise NotImplementedError
+
+    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's scene as arrays and plain values."""
+        text, arrays = self.scene.to_archive()
+        return arrays, {"scene": text}
+
+    @staticmethod
+    def checkpoint_subject(arrays: dict[str, Any], about: dict[str, Any]) -> Any:
+        """Return the scene that `checkpoint_parts` took apart."""
+        from kaju.model.scene import Scene
+
+        return Scene.from_archive(about["scene"], arrays)
+
+    def save_checkpoint(self, path: str | Path) -> Path:
+        """Write what it takes to go on from here later: continuing is as never having stopped.
+
+        The file holds what was asked, the seed and the number of steps.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        return checkpoint.save(self, path, self.checkpoint_parts(), *self.checkpoint_options())
+
+    @classmethod
+    def load_checkpoint(cls, path: str | Path, **own: Any) -> Self:
+        """Return the model of a checkpoint, as it was; its steps are taken again.
+
+        Parameters
+        ----------
+        path : path
+            What `save_checkpoint` wrote.
+        **own
+            Classes, orders and rules of your own that the model was made with.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is none of this model, or its steps now lead elsewhere.
+        ParameterError
+            If something of your own is missing or another.
+        """
+        model: Self = checkpoint.load(cls, path, own)
+        return model
 
     def _step_until(self, until: Until | None) -> None:
         """Step until the end, or until a question about the model is answered with yes."""

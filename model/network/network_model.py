@@ -18,7 +18,7 @@ from kaju.model.mesa_model import SteppedModel, Until
 
 from .increments import IncrementalLoading
 from .linear import Method
-from .network_result import NetworkResult, Scheme
+from .network_result import NetworkResult, Scheme, network_archive, network_from
 from .springs import Floats, SpringNetwork
 
 _AGENTS_UP_TO = 10_000
@@ -169,6 +169,25 @@ class NetworkModel(SteppedModel):
         self.running = not self.loading.finished
         self._observe()
         self._note()
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        options = {
+            "increments": self.increments,
+            "scheme": self.scheme,
+            "method": self.method,
+            "agents": bool(self.node_agents),
+        }
+        return options, {}
+
+    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the network as arrays and plain values."""
+        return network_archive(self.network)
+
+    @staticmethod
+    def checkpoint_subject(arrays: dict[str, Any], about: dict[str, Any]) -> Any:
+        """Return the network that `checkpoint_parts` took apart."""
+        return network_from(arrays, about)
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: lengths (m), energy (J)."""

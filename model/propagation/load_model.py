@@ -172,6 +172,17 @@ class LoadModel(SteppedModel):
         self.seconds = 0.0
         self._begin_stage(1)
 
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        objects = isinstance(self.engine, AgentEngine)
+        options = {
+            "engine": "agents" if objects else "arrays",
+            "allow_unstable": self.allow_unstable,
+            "max_generations": self.max_generations,
+        }
+        usual = self._own["material_agent"] is MaterialAgent
+        return options, self._own | ({"material_agent": None} if usual else {})
+
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step; loads (N) are those of the current stage."""
         engine = self.engine

@@ -125,6 +125,7 @@ class ElasticModel(SteppedModel):
                     f"{self.certificate.verdict}; to watch it grow all the same, "
                     "set allow_unstable=True"
                 )
+        self.allow_unstable = allow_unstable
         self.pushes_per_step, self.max_steps = pushes_per_step, max_steps
         self.engine = self._choose_engine(engine, face_agent)
         self.reset()
@@ -243,6 +244,20 @@ class ElasticModel(SteppedModel):
     def space(self) -> Any:
         """The agents' network of cells; None where they are rows of arrays."""
         return self.engine.space if isinstance(self.engine, AgentPushEngine) else None
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        engine = self.engine
+        objects = isinstance(engine, AgentPushEngine)
+        own = engine.face_agent if isinstance(engine, AgentPushEngine) else FaceAgent
+        options = {
+            "engine": "agents" if objects else "arrays",
+            "allow_unstable": self.allow_unstable,
+            "pushes_per_step": self.pushes_per_step,
+            "max_steps": self.max_steps,
+            "stage": self.stage,
+        }
+        return options, {"face_agent": None if own is FaceAgent else own}
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: energies (J), loads (N)."""

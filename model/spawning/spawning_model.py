@@ -86,7 +86,7 @@ class SpawningModel(SteppedModel):
         self.tolerance, self.resolution = tolerance, resolution
         self.ground = ground_of(scene, stage, resolution)
         self.most_agents = most_agents or MOST_AGENTS[self.ground.dimension]
-        self.tolerance_at = asked(tolerance_at)
+        self._tolerance_at, self.tolerance_at = tolerance_at, asked(tolerance_at)
         self._objects: list[SpawningAgent] = []
         self.reset()
 
@@ -194,6 +194,12 @@ class SpawningModel(SteppedModel):
         }
         rest = rest_of(spawning, self.tolerance, self.resolution)
         return f"stopped after {self.generation} steps: {reasons.get(spawning.stopped) or rest[0]}"
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        names = ("tolerance", "resolution", "stage", "most_agents")
+        options = {name: getattr(self, name) for name in names}
+        return options, {"tolerance_at": self._tolerance_at}
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step."""

@@ -6,7 +6,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,7 +98,7 @@ class Field(Protocol):
         """Return the key figures as plain numbers and strings."""
 
 
-class Tiles:
+class Tiles(NamedTuple):
     """Squares or cubes with a value each: what maps, sections and solids are drawn of.
 
     Attributes
@@ -110,9 +110,9 @@ class Tiles:
     value : array, shape (n,)
     """
 
-    def __init__(self, lower: Floats, size: Floats, value: Floats) -> None:
-        self.lower, self.size = lower, size
-        self.value = np.asarray(value, dtype=np.float64)
+    lower: Floats
+    size: Floats
+    value: Floats
 
 
 class Described:

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 
 from kaju.errors import ParameterError
+from kaju.model.result import Tiles
 
 from .body import draw_body
 from .cropping import layer_at, section_of
@@ -163,35 +164,31 @@ class Squares(NamedTuple):
         return np.asarray(self.lower[:, None] + _RING * self.size[:, None, None])
 
 
-def squares_of(layer: Layer, lower: Floats, size: Floats, value: Floats) -> Squares:
+def squares_of(layer: Layer, tiles: Tiles) -> Squares:
     """Return the squares in which a layer meets agents, those too small to be seen together."""
-    rows = layer.meets(lower, size)
+    rows = layer.meets(tiles.lower, tiles.size)
     low, high = layer.box
-    finest = float((high - low).max()) / FINEST
-    flat, edge, shown, chosen = together(
-        lower[rows][:, layer.axes], size[rows], value[rows], finest
-    )
-    return Squares(flat, edge, shown, rows[chosen])
+    met = Tiles(tiles.lower[rows][:, layer.axes], tiles.size[rows], tiles.value[rows])
+    drawn, chosen = together(met, float((high - low).max()) / FINEST)
+    return Squares(*drawn, rows[chosen])
 
 
-def together(
-    lower: Floats, size: Floats, value: Floats, finest: float
-) -> tuple[Floats, Floats, Floats, Ints]:
-    """Draw agents smaller than `finest` together: the value farthest from 0 stands for all.
+def together(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
+    """Draw tiles smaller than `finest` together: the value farthest from 0 stands for all.
 
     Returns
     -------
-    lower, size, value : arrays
-        Of the squares or cubes to draw.
+    drawn : Tiles
     row : int array
-        The agent that each value is of.
+        The tile that each value is of.
     """
+    lower, size, value = tiles
     everybody = np.arange(len(size))
     step = float(size.min(initial=finest))
     step *= 2.0 ** max(0, ceil(log2(finest / step)))
     tiny = np.flatnonzero(size < 0.75 * step)
     if not len(tiny):
-        return lower, size, value, everybody
+        return tiles, everybody
     place = np.floor((lower[tiny] + 0.5 * size[tiny, None]) / step).astype(np.int64)
     order = np.lexsort((np.abs(value[tiny]), *place.T))
     place = place[order]
@@ -200,7 +197,7 @@ def together(
     row = np.concatenate([everybody[seen], tiny[order[last]]])
     lower = np.concatenate([lower[seen], place[last] * step])
     size = np.concatenate([size[seen], np.full(np.count_nonzero(last), step)])
-    return lower, size, value[row], row
+    return Tiles(lower, size, value[row]), row
 
 
 def draw_squares(

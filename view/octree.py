@@ -128,7 +128,7 @@ def draw_cubes(
 ) -> Poly3DCollection:
     """Draw the faces of agents that can be seen, coloured by their values."""
     finest = 2.0 * float((view.upper - view.lower).max()) / FINEST
-    lower, size, value, _ = together(agents.lower, agents.size, agents.value, finest)
+    (lower, size, value), _ = together(agents.tiles, finest)
     faces, owner, light = seen_faces(scene, view, lower, lower + size[:, None])
     colours = colormaps[look["cmap"]](look["norm"](value[owner]))
     colours[:, :3] *= light[:, None]

@@ -10,6 +10,7 @@ from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError
+from kaju.model.result import Tiles
 
 from .body import finish
 from .forces import draw_forces
@@ -45,12 +46,15 @@ DECADES = 6
 
 
 class Standing(NamedTuple):
-    """The agents of a generation: lower corners and edges (m), spawn steps and values."""
+    """The agents of a generation with what their colours show, and when they spawned."""
 
-    lower: Floats
-    size: Floats
+    tiles: Tiles
     spawn_step: Ints
-    value: Floats
+
+    @property
+    def value(self) -> Floats:
+        """What their colours show."""
+        return self.tiles.value
 
 
 def plot_quadtree(
@@ -99,7 +103,7 @@ def plot_quadtree(
     ax = new_axes(ax)
     entries = draw_surroundings(ax, layer)
     notes = draw_forces(ax, layer, result.stage)
-    shown = squares_of(layer, agents.lower, agents.size, agents.value)
+    shown = squares_of(layer, agents.tiles)
     look = look_of(colour, agents.value)
     drawn = draw_squares(ax, layer, shown, "agents", array=shown.value, **look)
     if step is not None:
@@ -129,7 +133,7 @@ def standing(result: ElasticResult, colour: str, generation: int | None = None) 
     last = len(result.generations) - 1
     if generation is None or generation == last:
         value = np.asarray(getattr(result, colour), dtype=np.float64)
-        return Standing(result.lower, result.size, result.spawn_step, value)
+        return Standing(result.tiles(value), result.spawn_step)
     if not 0 <= generation <= last:
         raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
     if colour not in OF_EVERY_GENERATION:
@@ -145,7 +149,8 @@ def standing(result: ElasticResult, colour: str, generation: int | None = None) 
         "unbalanced_load": result.generations[generation].load,
     }
     value = np.asarray(values[colour], dtype=np.float64)
-    return Standing(family.lower[rows], family.size[rows], values["spawn_step"], value)
+    tiles = Tiles(family.lower[rows], family.size[rows], value)
+    return Standing(tiles, values["spawn_step"])
 
 
 def look_of(colour: str, values: Floats) -> dict[str, Any]:

@@ -49,7 +49,7 @@ def generations(
 
     def draw(number: int) -> list[Artist]:
         agents = standing(result, colour, number)
-        shown = squares_of(layer, agents.lower, agents.size, agents.value)
+        shown = squares_of(layer, agents.tiles)
         return [draw_squares(ax, layer, shown, "agents", array=shown.value, **look)]
 
     words = _words(result, "; ".join(layer.notes))

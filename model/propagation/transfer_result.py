@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
-from kaju.model.result import BodyResult, Tiles, cells_of_points
+from kaju.model.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID
 
@@ -85,12 +85,6 @@ class TransferResult(BodyResult):
     def stage(self) -> int:
         """The stage of loading at which it stands, counted from 1."""
         return len(self.stages)
-
-    def tiles(self, value: FloatArray) -> Tiles:
-        """Return the agents with a value each, as they are drawn."""
-        size = self.scene.lattice.cell_size
-        lower = np.asarray(size * self.last.cells, dtype=np.float64)
-        return Tiles(lower, np.full(len(lower), size), np.asarray(value, dtype=np.float64))
 
     @property
     def taken(self) -> FloatArray:

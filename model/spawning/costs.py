@@ -32,14 +32,14 @@ class Cost(NamedTuple):
 CELLS: dict[tuple[Method, int], Cost] = {
     ("box", 2): Cost(0.03, 0.35e-6),
     ("box", 3): Cost(0.08, 1.6e-6),
-    ("matrices", 2): Cost(0.02, 6.5e-6),
-    ("matrices", 3): Cost(0.02, 25e-6),
+    ("matrices", 2): Cost(0.015, 1.3e-6),
+    ("matrices", 3): Cost(0.05, 8e-6),
     ("pressures", 2): Cost(0.02, 100e-6),
     ("pressures", 3): Cost(0.02, 450e-6),
 }
 MOST_CELLS: dict[Method, int] = {
     "box": 40_000_000,
-    "matrices": 3_000_000,
+    "matrices": 8_000_000,
     "pressures": 1_000_000,
 }
 """More equal cells do not fit in some 10 GB, and are not considered."""

@@ -6,6 +6,7 @@ from PIL import Image
 
 from kaju import Scene, animate, plot, solve
 from kaju.errors import ParameterError
+from kaju.model.result import Tiles
 from kaju.view.layers import layer_of, squares_of, together
 from kaju.view.octree import seen_faces, view_of
 from kaju.view.plots import plot_all, plot_scene
@@ -148,8 +149,8 @@ def test_agents_too_small_to_be_seen_are_drawn_together():
     size = np.array([1.0, 0.5, 0.5, 0.5, 0.5])
     value = np.array([1.0, 2.0, -7.0, 3.0, 4.0])
     for finest in (0.1, 0.5):
-        assert len(together(lower, size, value, finest)[1]) == 5
-    place, edge, seen, row = together(lower, size, value, 0.6)
+        assert len(together(Tiles(lower, size, value), finest)[1]) == 5
+    (place, edge, seen), row = together(Tiles(lower, size, value), 0.6)
     np.testing.assert_array_equal(place, [[0.0, 0.0], [1.0, 0.0]])
     assert (edge.tolist(), seen.tolist(), row.tolist()) == ([1.0, 1.0], [1.0, -7.0], [0, 2])
 
@@ -165,7 +166,7 @@ def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
     assert np.all(layer.box[0] < [50.0, 99.9])
     assert np.all(layer.box[1] > [50.1, 99.9])
     assert np.ptp(layer.box, axis=0).max() < 30.0
-    whole = squares_of(layer_of(result, crop=False), result.lower, result.size, result.von_mises)
+    whole = squares_of(layer_of(result, crop=False), result.tiles(result.von_mises))
     assert len(whole.size) < result.agents
     assert (whole.size**2).sum() == pytest.approx(1e4)
     assert whole.value.max() == result.von_mises.max()

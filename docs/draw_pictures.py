@@ -7,7 +7,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from kaju import ElasticResult, LoadModel, Scene, animate, creep, load_scene, plot, solve
+from kaju import (
+    ElasticModel,
+    ElasticResult,
+    ElasticRule,
+    LoadModel,
+    Scene,
+    animate,
+    creep,
+    load_scene,
+    plot,
+    solve,
+)
+from kaju.view.face_agents import waves
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
@@ -19,6 +31,10 @@ def main() -> None:
     folder.mkdir(exist_ok=True)
     plate = LoadModel(load_scene(EXAMPLES / "plate.toml", {"rule.threshold": 1e-3})).run()
     animate(plate, folder / "spawning.gif")
+    rule = ElasticRule(threshold=0.02, order="multilevel")
+    reel = waves(ElasticModel(load_scene(EXAMPLES / "plate.toml").replace(rule=rule)).run())
+    reel.show(8)
+    reel.figure.savefig(folder / "elastic_agents.png", dpi=80)
     jelly = creep(load_scene(EXAMPLES / "jelly.toml"))
     plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
     animate(_spawned(_square(), 0.03), folder / "agents_spawn.gif", fps=1.5)

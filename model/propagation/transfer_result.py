@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -196,6 +197,22 @@ class TransferResult(BodyResult):
             awake = agents[place] == key
             tensors[awake] = self.stress[place[awake]]
         return tensors
+
+    def to_vtk(self, path: str | Path) -> Path:
+        """Write all cells of the body as an unstructured grid that ParaView reads (.vtu or .vtk).
+
+        Cells that no load reached have taken nothing.
+
+        Raises
+        ------
+        MissingExtraError
+            If meshio is not installed.
+        ResultError
+            If the cells are hexagons, or more than five million.
+        """
+        from .export import write_mesh
+
+        return write_mesh(self, path)
 
     def load_path(self) -> networkx.DiGraph:
         """Return who loaded whom, with the loads as edge weights (N)."""

@@ -9,7 +9,7 @@ from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 from kaju.model.solving import TOLERANCE, check_numbers
 
-from .block_spawner import spawn
+from .block_spawner import blocks_for, spawn
 from .generations import Spawning
 from .goals import Asked, aim_of, asked
 from .ground import ground_of
@@ -19,6 +19,8 @@ from .tree_agents import TreeAgents
 
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
+IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
+"""The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
 CONTRAST = 1e4
 """Of materials, from which on estimates of what a tolerance is about were seen to fail."""
 
@@ -61,7 +63,8 @@ def solve_spawning(
     stage : int, optional
         Stage of loading; by default the last.
     most_agents : int, optional
-        Give up before there are more; by default 4 million, 400,000 in three dimensions.
+        Give up before there are more; by default 4 million, 400,000 in three dimensions, of
+        agents in blocks 20 and 4 million.
     previous : ElasticResult, optional
         The answer to a scene on the same cells, of which something was changed. Its agents
         are those to begin with; where the body is the same they keep their matrices, where
@@ -89,7 +92,9 @@ def solve_spawning(
     goals = asked(tolerance_at)
     check_numbers(tolerance, resolution, stage, most_agents)
     ground = ground_of(scene, stage, resolution)
-    limit = most_agents or MOST_AGENTS[ground.dimension]
+    in_blocks = goals is None and blocks_for(ground, tolerance) is not None
+    most = IN_BLOCKS if in_blocks else MOST_AGENTS
+    limit = most_agents or most[ground.dimension]
     if before is not None:
         check_previous(before.ground, ground)
     spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), before)

@@ -108,5 +108,10 @@ def make(folder: Path) -> list[Path]:
 
 
 if __name__ == "__main__":
-    for page in make(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "pages"):
+    import runnable_lessons
+
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "pages"
+    for page in make(folder):
         print(page)
+    for lesson in runnable_lessons.lessons():
+        print(runnable_lessons.build(lesson, folder))

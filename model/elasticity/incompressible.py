@@ -31,7 +31,7 @@ STIFF = 1.0
 class MixedForm:
     """Displacements and pressures of a nearly incompressible body."""
 
-    def __init__(self, problem: ElasticProblem, numbering: Numbering, sweeps: int = 2) -> None:
+    def __init__(self, problem: ElasticProblem, numbering: Numbering) -> None:
         moduli = problem.moduli
         pressed = moduli.lateral > STIFF * moduli.shear
         kinds = problem.kinds[problem.kinds >= 0]
@@ -48,7 +48,7 @@ class MixedForm:
             np.where(pressed, 0.0, moduli.lateral),
             moduli.shear,
         )
-        self.block = Hierarchy(problem, without, sweeps)
+        self.block = Hierarchy(problem, without)
         place = np.flatnonzero(self.block.moving)
         self._size = self.block.moving.size
         self.divergence = sp.csr_array(

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -106,6 +107,10 @@ class ElasticProblem:
 
     def face_states(self) -> tuple[NDArray[np.int8], ...]:
         """Return per axis which faces are ABSENT, FIXED or ACTIVE."""
+        return self._face_states
+
+    @cached_property
+    def _face_states(self) -> tuple[NDArray[np.int8], ...]:
         return tuple(_states(self.kinds, axis) for axis in range(self.dimension))
 
     @property

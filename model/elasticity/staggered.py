@@ -77,6 +77,17 @@ def edge_modulus(
         return np.where(corner, reentrant * 3.0 / np.where(corner, total, 1.0), modulus)
 
 
+def stiff_edges(problem: ElasticProblem, pair: Pair) -> NDArray[np.bool_]:
+    """Return where `edge_modulus` is above zero: between four cells, or round a corner of air."""
+    width = [(1, 1) if axis in pair else (0, 0) for axis in range(problem.dimension)]
+    kinds = np.pad(problem.kinds, width, constant_values=AIR)
+    body, rigid, air = (
+        np.add.reduce(_four(is_it.view(np.int8), pair))
+        for is_it in (kinds >= 0, kinds == RIGID, kinds == AIR)
+    )
+    return np.asarray(((body + rigid == 4) & (body > 0)) | ((body == 3) & (air == 1)))
+
+
 def _four(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:
     """Return the four cells round every edge."""
     low, high = slice(None, -1), slice(1, None)

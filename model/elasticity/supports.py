@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import SupportError
-from kaju.model.scene.kinds import RIGID
+from kaju.model.scene.kinds import FOUNDATION, RIGID
 
 from .box_multigrid import is_box
 from .problem import ACTIVE, FIXED, ElasticProblem, Floats
-from .staggered import cut, edge_modulus
+from .staggered import axis_pairs, cut, stiff_edges
 
 Index = NDArray[np.int64]
 
@@ -98,8 +98,11 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Index, Fl
     states = problem.face_states()
     owners: list[Index] = []
     rows: list[Floats] = []
+    bedded = bool(np.any(problem.kinds == FOUNDATION))
     for axis in range(d):
-        stopped = (states[axis] == FIXED) | (problem.spring[axis] > 0)
+        stopped = states[axis] == FIXED
+        if bedded:
+            stopped |= problem.spring[axis] > 0
         for face in (slice(1, None), slice(None, -1)):
             cell = np.argwhere(stopped[cut(d, axis, face)] & (parts > 0))
             owners.append(parts[tuple(cell.T)].astype(np.int64))
@@ -130,7 +133,12 @@ def _gripped(
 ) -> tuple[Index, Floats]:
     """Return the edges that shear because held faces round them stay where they are."""
     d = problem.dimension
-    edge = np.argwhere(edge_modulus(problem, pair) > 0)
+    near = np.zeros([n + (a in pair) for a, n in enumerate(problem.kinds.shape)], dtype=np.bool_)
+    for axis, across in (pair, pair[::-1]):
+        held = states[axis] == FIXED
+        near[cut(d, across, slice(None, -1))] |= held
+        near[cut(d, across, slice(1, None))] |= held
+    edge = np.argwhere(near & stiff_edges(problem, pair))
     rows = np.zeros((len(edge), d + d * (d - 1) // 2))
     owner = np.zeros(len(edge), dtype=np.int32)
     for axis, across in (pair, pair[::-1]):
@@ -158,6 +166,7 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
     d = problem.dimension
     states = problem.face_states()
     solid = problem.kinds >= 0
+    edges = {pair: stiff_edges(problem, pair) for pair in axis_pairs(d)}
     for axis in range(d):
         low, high = cut(d, axis, slice(None, -1)), cut(d, axis, slice(1, None))
         both = (solid[low] & (solid | (problem.kinds == RIGID))[high]) | (
@@ -166,8 +175,7 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
         for across in range(d):
             if across == axis:
                 continue
-            stiff = edge_modulus(problem, (min(axis, across), max(axis, across))) > 0
-            stiff = stiff[cut(d, axis, slice(1, -1))]
+            stiff = edges[min(axis, across), max(axis, across)][cut(d, axis, slice(1, -1))]
             carries = stiff[cut(d, across, slice(None, -1))] | stiff[cut(d, across, slice(1, None))]
             pinned = _pinned(states[across], across) | (problem.kinds == RIGID)
             loose = both & ~carries & ~(pinned[low] & pinned[high])

@@ -298,21 +298,22 @@ def prolong(u, g, level, coarse):
 @njit(cache=True, fastmath=True)
 def combine(out, source, where, place, weight, lo, hi):
     """Add up weighted rows of a source: see `stencils.Terms`."""
-    last = -1
+    last, n = -1, hi - lo
     for k in range(0, len(weight), 4):
-        to, w0, w1, w2, w3 = place[k, 0], weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
+        to, i, e, shift = place[k]
+        a = source[where[i], e, lo + shift : hi + shift]
+        _, i, e, shift = place[k + 1]
+        b = source[where[i], e, lo + shift : hi + shift]
+        _, i, e, shift = place[k + 2]
+        c = source[where[i], e, lo + shift : hi + shift]
+        _, i, e, shift = place[k + 3]
+        d = source[where[i], e, lo + shift : hi + shift]
         o = out[to, lo:hi]
-        a = source[where[place[k, 1]], place[k, 2], lo + place[k, 3] : hi + place[k, 3]]
-        k1, k2, k3 = k + 1, k + 2, k + 3
-        b = source[where[place[k1, 1]], place[k1, 2], lo + place[k1, 3] : hi + place[k1, 3]]
-        c = source[where[place[k2, 1]], place[k2, 2], lo + place[k2, 3] : hi + place[k2, 3]]
-        d = source[where[place[k3, 1]], place[k3, 2], lo + place[k3, 3] : hi + place[k3, 3]]
-        if to == last:
-            for j in range(hi - lo):
-                o[j] += w0 * a[j] + w1 * b[j] + w2 * c[j] + w3 * d[j]
-        else:
-            for j in range(hi - lo):
-                o[j] = w0 * a[j] + w1 * b[j] + w2 * c[j] + w3 * d[j]
+        w0, w1, w2, w3 = weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
+        if to != last:
+            o[:] = 0.0
+        for j in range(n):
+            o[j] += w0 * a[j] + w1 * b[j] + w2 * c[j] + w3 * d[j]
         last = to
 
 

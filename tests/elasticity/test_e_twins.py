@@ -7,7 +7,14 @@ from kaju.model.elasticity import sweeps
 from kaju.model.elasticity.box_multigrid import BoxMultigrid, face_count
 from kaju.model.elasticity.hierarchy import Hierarchy
 from kaju.model.elasticity.problem import ACTIVE, make_problem
-from kaju.model.elasticity.staggered import Numbering, internal_force, stiffness_matrix
+from kaju.model.elasticity.staggered import (
+    Numbering,
+    axis_pairs,
+    edge_modulus,
+    internal_force,
+    stiff_edges,
+    stiffness_matrix,
+)
 
 CASES = [
     ((32, 16), {"bottom": "rigid"}),
@@ -232,3 +239,12 @@ def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
     matrix = np.stack(columns, axis=1)
     best = np.linalg.lstsq(matrix, modes, rcond=None)[0]
     assert np.abs(matrix @ best - modes).max() < 1e-10
+
+
+@pytest.mark.parametrize("name", RAGGED)
+def test_edges_are_stiff_where_they_have_a_modulus(name):
+    problem = RAGGED[name]
+    for pair in axis_pairs(problem.dimension):
+        stiff = edge_modulus(problem, pair) > 0
+        assert stiff.any() and not stiff.all()
+        np.testing.assert_array_equal(stiff_edges(problem, pair), stiff)

@@ -130,6 +130,12 @@ class BoxMultigrid:
         self.clear_fixed(0, vector)
         return vector > 0.0
 
+    @property
+    def stiffness(self) -> float:
+        """A face's own stiffness, inside."""
+        stretch, _, shear = self.levels[0].law
+        return float(2.0 * stretch + 2.0 * (len(self.levels[0].shape) - 1) * shear)
+
     def gather(self, fields: FaceFields) -> Vector:
         """Return the faces' values as a vector; 0 where they cannot move."""
         shape = self.levels[0].shape

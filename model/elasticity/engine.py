@@ -10,10 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.errors import SceneError
+
 from .fallback import DIRECT_LIMIT, solve_direct
 from .krylov import Iteration, conjugate_gradients, dot
 from .prepared import Prepared, same_body
 from .problem import ElasticProblem, FaceFields
+from .staggered import internal_force
 from .system import System, likeness
 
 Vector = NDArray[np.float64]
@@ -22,6 +25,9 @@ ROUNDING = 1e-14
 """Loads that differ by less, of their largest, are the same."""
 ALIKE = 1e-2
 """Loads that differ by less, in the mean, from a multiple of others are nearly proportional."""
+UNBALANCED, NOTEWORTHY = 0.1, 1e-5
+"""Shares of the loads that rounding leaves unbalanced: refused above the first, noted above the
+second."""
 ALGEBRAIC_SHARE = 0.15
 """Unless told otherwise, iterate until the algebraic error is this share of the grid's.
 
@@ -124,8 +130,41 @@ def solve_problem(
 
 def _prepared_solve(system: System, tolerance: float | None, guess: Vector | None) -> Solution:
     solution = _solve(system, tolerance, guess)
+    _judge_rounding(system, solution)
     solution.prepared = system.prepared if system.prepared.worth_keeping else None
     return solution
+
+
+def _judge_rounding(system: System, solution: Solution) -> None:
+    """Say, or refuse, where so many digits are lost that forces do not balance.
+
+    A face's force is the difference of far larger ones where the body hardly resists (a soft bed,
+    a hinge) or hardly shrinks (a pressure λ div u).
+    """
+    prepared, problem = system.prepared, system.problem
+    right = float(np.sqrt(dot(system.right, system.right)))
+    if not right > 0.0:
+        return
+    if problem.needs_mixed_form:
+        pull = system.load - system.gather(internal_force(problem, solution.displacement))
+        lost = float(np.sqrt(dot(pull, pull))) / right
+    else:
+        x = system.gather(solution.displacement)
+        lost = (
+            np.finfo(np.float64).eps
+            * float(np.linalg.norm(x * prepared.hierarchy.stiffness))
+            / right
+        )
+        if solution.method == "direct" and len(x) <= SMALL:
+            lost = max(lost, float(np.finfo(np.float64).eps / prepared.smallest_pivot))
+    if lost > UNBALANCED:
+        raise SceneError(
+            f"body: it resists its loads so little that rounding leaves about {lost:.1g} of them "
+            "unbalanced: stiffen the support, bed or hinge that yields, or bring the stiffnesses "
+            "of materials and supports nearer to each other"
+        )
+    if lost > NOTEWORTHY:
+        solution.notes.append(f"rounding leaves about {lost:.1g} of the loads unbalanced")
 
 
 def _default_target(discretisation: float) -> float:
@@ -187,10 +226,10 @@ def _solve_multigrid(
     system: System, start: Vector, coarser: float, tolerance: float | None
 ) -> Solution:
     hierarchy = system.prepared.hierarchy
-    potential = _potential(system, start)
 
     def discretisation(run: Iteration) -> float:
         whole = system.energy(run.solution)
+        potential = -0.5 * (float(dot(run.solution, system.right)) + run.held_back)
         return _missed(coarser, potential - 0.5 * run.errors[0] ** 2 * whole, whole)
 
     watch = _Watch(tolerance, discretisation)

@@ -82,6 +82,12 @@ class Hierarchy:
         """Which entries of a vector are faces that can move."""
         return np.asarray(self.levels[0].arrays[2] > 0.0)
 
+    @property
+    def stiffness(self) -> Vector:
+        """A face's own stiffness; 0 where it cannot move."""
+        inverse: Vector = self.levels[0].arrays[2]
+        return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=self.moving)
+
     def gather(self, fields: FaceFields) -> Vector:
         """Return the values of the faces that can move; all else is 0."""
         level = self.levels[0]
@@ -238,9 +244,9 @@ def _finest(problem: ElasticProblem, moduli: Moduli) -> Level:
     law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
     sweeps.lay_moduli(kinds.ravel(), _table(moduli), REENTRANT_WEIGHT, law, steps)
     _lay_beds(problem, law[0].reshape(shape)[body])
-    held = np.zeros(5, dtype=np.bool_)
-    held[[RIGID, ROLLER]] = True
-    sweeps.lay_faces(kinds.ravel(), law, steps, held, inverse)
+    holds = (kinds == RIGID) | (kinds == ROLLER)
+    code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
+    sweeps.lay_faces(code.ravel(), law, steps, inverse)
     arrays = (law, np.zeros((0, 0, 0)), inverse, _NO_COUPLINGS, *[_NO_INTEGERS] * 3, box, steps)
     return Level(problem.shape, arrays, None, np.zeros(0), np.zeros(0))
 

@@ -15,7 +15,8 @@ one after the other. Within a row, even faces yield before odd ones.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from kaju.model.compiling import njit
 
 from .kernels_rows import (
     add_row,

@@ -9,7 +9,8 @@ goes plane by plane along x, each sweep two planes behind the one before.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from kaju.model.compiling import njit
 
 from .kernels_3d_transfer import prolong, prolong_plane, restrict, restrict_row
 from .kernels_rows import finish_row, relax_row

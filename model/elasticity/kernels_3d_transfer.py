@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from kaju.model.compiling import njit
 
 from .kernels_rows import (
     add_row,

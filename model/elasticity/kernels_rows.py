@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from numba import njit
+from kaju.model.compiling import njit
 
 
 @njit(cache=True, fastmath=True)

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from kaju.model.compiling import njit
 
 Vector = NDArray[np.float64]
 Operator = Callable[[Vector], Vector]
@@ -70,12 +71,15 @@ class Iteration:
     errors : list of float
         Estimated energy norm of the error that is left, relative to the solution's.
     converged : bool
+    held_back : float
+        Work that the residual at the start would do on the start.
     """
 
     solution: Vector
     residuals: list[float] = field(default_factory=list)
     errors: list[float] = field(default_factory=list)
     converged: bool = False
+    held_back: float = 0.0
 
     @property
     def iterations(self) -> int:
@@ -109,7 +113,7 @@ def conjugate_gradients(
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
-    run = Iteration(x)
+    run = Iteration(x, held_back=float(dot(x, r)))
     p = np.zeros_like(load)
     square, previous = float(dot(r, r)), 1.0
     for step in range(most + 1):

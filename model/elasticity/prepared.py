@@ -36,6 +36,10 @@ class Multigrid(Protocol):
     def moving(self) -> NDArray[np.bool_]:
         """Which entries of its vectors are faces that can move."""
 
+    @property
+    def stiffness(self) -> Vector | float:
+        """A face's own stiffness."""
+
     def gather(self, fields: FaceFields) -> Vector:
         """Return the values of the faces that can move; all else is 0."""
 
@@ -111,6 +115,12 @@ class Prepared:
     def factor(self) -> SuperLU:
         """The factors of the stiffness."""
         return factorise(self.matrix)
+
+    @cached_property
+    def smallest_pivot(self) -> float:
+        """The least that elimination leaves of a face's stiffness, as a share of it."""
+        own = self.matrix.diagonal()[np.argsort(self.factor.perm_c)]
+        return float(np.min(np.abs(self.factor.U.diagonal()) / own))
 
     def spread(self, values: Vector) -> Vector:
         """Return a vector of the free faces alone as one of the hierarchy's."""

@@ -21,7 +21,8 @@ Within a row, even faces yield before odd ones; going back everything is reverse
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from kaju.model.compiling import njit
 
 
 @njit(cache=True, fastmath=True)
@@ -92,46 +93,43 @@ def unbalanced(u, f, level, a, row, r):
 
 
 @njit(cache=True, fastmath=True)
-def relax(u, f, level, a, row, turn, r, first):
-    """Let a row of component a yield: `turn` says (1 or 0) which of its faces come first."""
-    law, stencil, inverse, _couplings, _starts, _own, after, box, steps = level
-    unbalanced(u, f, level, a, row, r)
-    n = box[0] * box[1] * box[2]
+def relax(u, f, level, a, row, later, r):
+    """Let a row of component a yield: `later` says (1 or 0) which of its faces come second."""
+    law, stencil, inverse, _, _, _, after, box, steps = level
     lo, w = box[7], box[8] - box[7]
+    unbalanced(u, f, level, a, row, r[lo : lo + w])
     s = row * box[2] + lo
-    at = a * n + s
+    at = a * box[0] * box[1] * box[2] + s
     x, v = u[at : at + w], inverse[at : at + w]
-    now = first[1 : w + 1]
-    for j in range(w):
-        now[j] = r[j] * v[j] * turn[j]
-    left, right = first[:w], first[2 : w + 2]
+    v_left, v_right = inverse[at - 1 : at - 1 + w], inverse[at + 1 : at + 1 + w]
+    left, here, right = r[lo - 1 : lo - 1 + w], r[lo : lo + w], r[lo + 1 : lo + 1 + w]
     if len(law):
         # Neighbours in a row share a cell (along the row) or an edge (across it).
         k, low, high = (0, s - 1, s) if a == len(steps) - 1 else (len(steps) + a, s, s + 1)
         before, behind = law[k, low : low + w], law[k, high : high + w]
         for j in range(w):
-            pull = before[j] * left[j] + behind[j] * right[j]
-            x[j] += now[j] + (r[j] + pull) * v[j] * (1.0 - turn[j])
+            pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
+            x[j] += v[j] * (here[j] + later[j] * pull)
     else:
         before = stencil[row, after[a], lo - 1 : lo - 1 + w]
         behind = stencil[row, after[a], lo : lo + w]
         for j in range(w):
-            pull = before[j] * left[j] + behind[j] * right[j]
-            x[j] += now[j] + (r[j] - pull) * v[j] * (1.0 - turn[j])
+            pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
+            x[j] += v[j] * (here[j] - later[j] * pull)
 
 
 @njit(cache=True, fastmath=True)
-def relax_plane(u, f, level, p, parity, backward, r, first):
+def relax_plane(u, f, level, p, parity, backward, r):
     """Let the faces of a plane yield, component after component."""
     box, count = level[7], len(level[8])
-    # Even faces yield first going forward, odd ones going back.
-    start = (box[7] + backward) % 2
-    turn = parity[start : start + box[8] - box[7]]
+    # Odd faces yield second going forward, even ones going back.
+    start = (box[7] + 1 - backward) % 2
+    later = parity[start : start + box[8] - box[7]]
     for k in range(count):
         a = count - 1 - k if backward else k
         for i in range(box[5], box[6]):
             row = p * box[1] + (box[5] + box[6] - 1 - i if backward else i)
-            relax(u, f, level, a, row, turn, r, first)
+            relax(u, f, level, a, row, later, r)
 
 
 @njit(cache=True, fastmath=True)
@@ -219,14 +217,14 @@ def descend(u, f, g, level, coarse, parity, sweeps):
     """Sweep from zero and hand what is left unbalanced to the parents, in one pass."""
     inverse, box, count = level[2], level[7], len(level[8])
     n, lo, w, reach = box[0] * box[1] * box[2], box[7], box[8] - box[7], box[9]
-    r, first, t = np.zeros(box[2]), np.zeros(box[2] + 2), np.zeros(coarse[2])
+    r, t = np.zeros(box[2]), np.zeros(coarse[2])
     u[:] = 0.0
     g[:] = 0.0
     for front in range(box[3], box[4] + reach * sweeps):
         for sweep in range(sweeps):
             p = front - reach * sweep
             if box[3] <= p < box[4]:
-                relax_plane(u, f, level, p, parity, 0, r[lo : lo + w], first)
+                relax_plane(u, f, level, p, parity, 0, r)
         p = front - reach * sweeps
         if p < box[3]:
             continue
@@ -245,15 +243,15 @@ def descend(u, f, g, level, coarse, parity, sweeps):
 def ascend(u, f, g, level, coarse, parity, sweeps):
     """Add the parents' displacement and sweep in the opposite order, in one pass."""
     box = level[7]
-    lo, w, reach = box[7], box[8] - box[7], box[9]
-    r, first, t = np.zeros(box[2]), np.zeros(box[2] + 2), np.zeros(coarse[2])
+    reach = box[9]
+    r, t = np.zeros(box[2]), np.zeros(coarse[2])
     for front in range(box[4] - 1 + reach, box[3] - 1 - reach * sweeps, -1):
         if box[3] <= front - reach < box[4]:
             prolong_plane(u, g, level, coarse, front - reach, t)
         for sweep in range(sweeps):
             p = front + reach * sweep
             if box[3] <= p < box[4]:
-                relax_plane(u, f, level, p, parity, 1, r[lo : lo + w], first)
+                relax_plane(u, f, level, p, parity, 1, r)
 
 
 @njit(cache=True, fastmath=True)
@@ -440,22 +438,29 @@ def lay_moduli(kinds, table, share, law, steps):
 
 
 @njit(cache=True)
-def lay_faces(kinds, law, steps, held, inverse):
+def lay_faces(code, law, steps, inverse):
     """Write the inverse of every face's own stiffness; 0 where it cannot move.
 
-    `held` tells of every kind that is no material, counted from the last, whether it holds.
+    `code` of a place is 1 if there is body, 2 if what is there holds.
     """
-    count, n = len(steps), len(kinds)
+    count, n = len(steps), len(code)
     start = steps.sum()
     for a in range(count):
-        for q in range(start, n - start):
-            low, high = kinds[q - steps[a]], kinds[q]
-            if low < 0 and high < 0:
-                continue
-            if (low < 0 and held[low]) or (high < 0 and held[high]):
-                continue
-            own = law[0, q] + law[0, q - steps[a]]
-            for b in range(count):
-                if b != a:
-                    own += law[1 + a + b, q] + law[1 + a + b, q + steps[b]]
-            inverse[a * n + q] = 1.0 / own if own > 0.0 else 0.0
+        ea, w = steps[a], n - 2 * start
+        high, low = code[start : start + w], code[start - ea : start - ea + w]
+        c, before = law[0, start : start + w], law[0, start - ea : start - ea + w]
+        out = inverse[a * n + start : a * n + start + w]
+        for j in range(w):
+            out[j] = c[j] + before[j]
+        for b in range(count):
+            if b != a:
+                eb = steps[b]
+                k, other = (
+                    law[1 + a + b, start : start + w],
+                    law[1 + a + b, start + eb : start + eb + w],
+                )
+                for j in range(w):
+                    out[j] += k[j] + other[j]
+        for j in range(w):
+            moves = ((high[j] | low[j]) == 1) & (out[j] > 0.0)
+            out[j] = 1.0 / out[j] if moves else 0.0

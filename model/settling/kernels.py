@@ -8,7 +8,8 @@ The plain twin of these functions is the agent itself: `FaceAgent.act`.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from kaju.model.compiling import njit
 
 
 @njit(cache=True)

@@ -14,9 +14,9 @@ from copy import copy
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 from scipy.sparse.linalg import SuperLU, splu
 
+from kaju.model.compiling import njit
 from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
 
 from .balance import Balance

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
+
+from kaju.model.compiling import njit
 
 if TYPE_CHECKING:
     from .composite import Floats

@@ -5,7 +5,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from kaju.model.compiling import njit
 
 BITS = {2: 30, 3: 20}
 """Binary digits of a coordinate in units; the code needs as many for every axis."""

@@ -1,0 +1,67 @@
+"""Compiled loops: where they are kept, and a word when they are made.
+
+Numba compiles a loop when it is first called and keeps it on disk, beside the source or in the
+user's cache; after installation the first answer therefore takes some seconds longer.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from numba import config as _config
+from numba import njit
+from numba.core import event
+
+__all__ = ["njit"]
+
+log = logging.getLogger("kaju")
+config: Any = _config
+
+
+def writable(folder: Path) -> bool:
+    """Tell whether files can be written into a folder (made if need be)."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def keep_loops_somewhere() -> None:
+    """Keep compiled loops in a folder of this session's own where no other can be written.
+
+    Numba refuses to keep them where neither the installation nor the home can be written.
+    """
+    home = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
+    beside = Path(__file__).parent / "__pycache__"
+    if config.CACHE_DIR or writable(beside) or writable(Path(home) / "numba"):
+        return
+    config.CACHE_DIR = tempfile.mkdtemp(prefix="kaju-loops-")
+    atexit.register(shutil.rmtree, config.CACHE_DIR, ignore_errors=True)
+
+
+class _Teller(event.Listener):
+    """Say once that loops are compiled."""
+
+    def __init__(self) -> None:
+        self.told = False
+
+    def on_start(self, compiling: event.Event) -> None:
+        name = compiling.data["dispatcher"].py_func.__module__
+        if not self.told and name.startswith("kaju."):
+            self.told = True
+            log.warning("kaju compiles its loops for this machine: once, some ten seconds")
+
+    def on_end(self, compiling: event.Event) -> None:
+        """Nothing is to be said."""
+
+
+keep_loops_somewhere()
+event.register("numba:compile", _Teller())  # type: ignore[no-untyped-call]

@@ -1,0 +1,87 @@
+"""What rounding eats is said or refused, and so is the time that compiling takes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju.model import compiling
+
+
+def block(side, material=None, plane="stress", **sides):
+    return kaju.Scene(
+        body={"size": [1.0, 1.0], "cells": [8, 8], "material": "a", "plane": plane},
+        materials={"a": material or {"youngs_modulus": 1e9, "poissons_ratio": 0.3}},
+        sides={"bottom": side, **sides},
+        loads=[{"side": "top", "force": [0.0, -1.0]}],
+    )
+
+
+@pytest.mark.parametrize("bed", [1.0, 1e3])
+def test_a_soft_bed_is_right_to_the_digits_that_are_left(bed):
+    result = kaju.solve(block({"stiffness": bed}, left="roller"), strategy="uniform")
+    assert result.reactions["bottom"][1] == pytest.approx(1.0, rel=1e-2)
+    assert result.strain_energy == pytest.approx(0.5 / bed, rel=1e-2)
+    lost = [note for note in result.summary()["notes"] if "rounding leaves" in note]
+    assert bool(lost) == (bed == 1.0)
+
+
+def test_a_bed_too_soft_for_the_digits_there_are_is_refused():
+    with pytest.raises(kaju.KajuError, match=r"rounding leaves about .* unbalanced: stiffen"):
+        kaju.solve(block({"stiffness": 1e-6}, left="roller"), strategy="uniform")
+
+
+@pytest.mark.parametrize(("ratio", "said"), [(0.4999, False), (0.499999999, True)])
+def test_a_pressure_that_eats_digits_is_noted(ratio, said):
+    gum = {"youngs_modulus": 1e9, "poissons_ratio": ratio}
+    result = kaju.solve(block("rigid", gum, "strain"), strategy="uniform")
+    assert result.reactions["bottom"][1] == pytest.approx(1.0, abs=1e-2)
+    assert any("rounding leaves" in note for note in result.summary()["notes"]) == said
+
+
+def test_a_hinge_that_hardly_resists_is_refused():
+    scene = kaju.Scene(
+        body={"cell_size": 2e-4, "drawing": "ooo.#o\n#o#.#.\no####o\no.###o\n#.oooo\n"},
+        legend={".": "air", "#": "soft", "o": "stiff"},
+        materials={
+            "soft": {"youngs_modulus": 2.86e7, "poissons_ratio": 0.3},
+            "stiff": {"youngs_modulus": 2.86e13, "poissons_ratio": -0.5},
+        },
+        sides={"bottom": {"stiffness": 1.567e11}, "left": "roller"},
+        loads=[{"cell": [5, 1], "force": [-1.0, 0.0]}],
+    )
+    with pytest.raises(kaju.KajuError, match="resists its loads so little"):
+        kaju.solve(scene, strategy="uniform")
+
+
+def test_compiling_is_said_once(tmp_path):
+    script = (
+        "import numpy as np; from kaju.model.elasticity.krylov import dot, _turn;"
+        "print(dot(np.ones(3), np.ones(3))); _turn(np.ones(3), np.ones(3), 1.0)"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    for expected in (1, 0):
+        run = subprocess.run(
+            [sys.executable, "-c", script], env=environment, capture_output=True, text=True
+        )
+        assert run.stdout == "3.0\n"
+        assert run.stderr.count("kaju compiles its loops") == expected
+
+
+def test_without_a_place_for_compiled_loops_they_last_for_the_session(monkeypatch):
+    monkeypatch.setattr(compiling, "writable", lambda folder: False)
+    monkeypatch.setattr(compiling.config, "CACHE_DIR", "")
+    compiling.keep_loops_somewhere()
+    assert Path(compiling.config.CACHE_DIR).is_dir()
+    assert not any(Path(compiling.config.CACHE_DIR).iterdir())
+
+
+def test_a_folder_that_cannot_be_made_is_not_writable(tmp_path):
+    (tmp_path / "file").write_text("")
+    assert compiling.writable(tmp_path / "new")
+    assert not compiling.writable(tmp_path / "file" / "below")
+    assert np.isfinite(kaju.solve(block("rigid")).strain_energy)

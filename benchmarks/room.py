@@ -1,0 +1,95 @@
+"""What a body of equal cells costs beside a plain plate or cube: `python benchmarks/room.py`.
+
+Processor time of `kaju.solve` a cell, the least of several runs that take turns, so that a busy
+machine slows all alike. Give another checkout's `src` folder by PYTHONPATH to see its figures;
+the ratios to the plain body of the same run are what can be compared.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import time
+
+import numpy as np
+
+import kaju
+
+MATERIALS = {
+    "plain": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
+    "stiff": {"youngs_modulus": 1e15, "poissons_ratio": 0.3},
+    "soft": {"youngs_modulus": 1e3, "poissons_ratio": 0.3},
+    "mild": {"youngs_modulus": 1e11, "poissons_ratio": 0.3},
+}
+LEGEND = {0: "plain", 1: "air", 2: "stiff", 3: "soft", 4: "mild"}
+BODIES = ("plain", "hole", "L", "stiff", "soft", "pores", "random")
+
+
+def kinds_of(name: str, cells: int, dimension: int) -> np.ndarray:
+    """Return the kinds of cells of a body."""
+    axes = [np.arange(cells) + 0.5 - cells / 2] * dimension
+    place = np.stack(np.meshgrid(*axes, indexing="ij"))
+    ball = (place**2).sum(axis=0) < (cells / (5 if dimension == 2 else 4)) ** 2
+    kinds = np.zeros((cells,) * dimension, int)
+    if name in ("hole", "stiff", "soft"):
+        kinds[ball] = {"hole": 1, "stiff": 2, "soft": 3}[name]
+    elif name == "L":
+        kinds[cells // 2 :, cells // 2 :] = 1
+    elif name == "random":
+        kinds[np.random.default_rng(1).random(kinds.shape) < 0.5] = 4
+    elif name == "pores":
+        from scipy import ndimage
+
+        empty = np.random.default_rng(1).random(kinds.shape) < 0.3
+        empty[..., :2] = empty[..., -2:] = False
+        empty = ndimage.binary_opening(empty, np.ones((2,) * dimension))
+        parts, _ = ndimage.label(~empty)
+        kinds[parts != parts[(0,) * dimension]] = 1
+    return kinds
+
+
+def scene(name: str, cells: int, dimension: int) -> kaju.Scene:
+    """Return a body, clamped below and pressed on in the middle of its top."""
+    patch = [[0.04, 0.2], [0.06, 0.2]]
+    if dimension == 3:
+        patch = [[0.075, 0.075, 0.2], [0.125, 0.125, 0.2]]
+    return kaju.Scene.from_array(
+        kinds_of(name, cells, dimension),
+        legend=LEGEND,
+        cell_size=0.2 / cells,
+        materials=MATERIALS,
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": patch}, "force": [0.0] * (dimension - 1) + [-2.0]}],
+    )
+
+
+def main() -> None:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cells", type=int, default=512, help="cells along every axis")
+    parser.add_argument("--dimension", type=int, choices=(2, 3), default=2)
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--bodies", nargs="+", default=list(BODIES), choices=BODIES)
+    asked = parser.parse_args()
+    names = list(dict.fromkeys(["plain", *asked.bodies]))
+    scenes = {name: scene(name, asked.cells, asked.dimension) for name in names}
+    kaju.solve(scene("hole", 16, asked.dimension), strategy="uniform")  # Compiles.
+    least = dict.fromkeys(names, np.inf)
+    method = {}
+    for _ in range(asked.runs):
+        for name, body in scenes.items():
+            start = time.process_time()
+            result = kaju.solve(body, strategy="uniform")
+            least[name] = min(least[name], time.process_time() - start)
+            method[name] = result.summary()["method"]
+    print(f"{'body':8} {'µs a cell':>9} {'ratio':>6}  method")
+    for name in names:
+        price = 1e6 * least[name] / asked.cells**asked.dimension
+        print(f"{name:8} {price:9.3f} {least[name] / least['plain']:6.2f}  {method[name]}")
+
+
+if __name__ == "__main__":
+    main()

@@ -179,7 +179,7 @@ def _scales(scene: Scene, used: list[Any], loads: CellLoads, gravity: Any) -> Sc
     return Scales(modulus, force, lattice.cell_size, force / stiffness)
 
 
-MOST_CELLS = 200_000
+MOST_CELLS = 40_000
 """Rows are assembled for so many cells at a time, which bounds what that needs."""
 
 

@@ -104,17 +104,14 @@ def by_its_kind(subject: Any, rng: int | None = None) -> Any:
 
     Anything else, such as a number that a function of the point returned, is itself the answer.
     """
-    from kaju.model.network import SpringNetwork
-
     if isinstance(subject, Scene) and subject.rule.kind == "prescribed":
         from kaju.model.propagation.load_model import LoadModel
 
         return LoadModel(subject, rng=rng).run()
-    if isinstance(subject, (Scene, SpringNetwork)):
-        from kaju.model.solving import solve
+    from kaju.model.network import SpringNetwork
+    from kaju.model.solving import solve
 
-        return solve(subject)
-    return subject
+    return solve(subject) if isinstance(subject, (Scene, SpringNetwork)) else subject
 
 
 def run_batch(job: Job, batch: Sequence[tuple[int, Mapping[str, Any]]]) -> tuple[float, list[Row]]:

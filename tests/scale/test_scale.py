@@ -32,7 +32,7 @@ def _petsc():
         pytest.skip(why)
 
 
-def mpirun(processes, *arguments, check=True, timeout=280):
+def mpirun(processes, *arguments, check=True, timeout=560):
     environment = os.environ | {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",

@@ -129,7 +129,17 @@ def so_far(result: TransferResult, generation: int) -> TransferResult:
     then = history.generation <= generation
     taken = np.zeros_like(stage.taken)
     np.add.at(taken, (history.agent[then], history.direction[then]), history.load[then])
-    return replace(result, stages=(*result.stages[:-1], replace(stage, taken=taken)))
+    # What deforms a cell grows with the loads along each axis, pulls counted against pushes.
+    axes = stage.kept.shape[1]
+    hexagonal = result.scene.lattice.kind == "hexagon"
+    axis = history.direction % axes if hexagonal else history.direction // 2
+    load = np.where(history.pull, -history.load, history.load)
+    grown, whole = np.zeros_like(stage.kept), np.zeros_like(stage.kept)
+    np.add.at(whole, (history.agent, axis), load)
+    np.add.at(grown, (history.agent[then], axis[then]), load[then])
+    share = np.divide(grown, whole, out=np.zeros_like(grown), where=whole != 0.0)
+    deforming = {n: share * getattr(stage, n) for n in ("kept", "shortened", "widened")}
+    return replace(result, stages=(*result.stages[:-1], replace(stage, taken=taken, **deforming)))
 
 
 def generations(result: TransferResult) -> Motion:

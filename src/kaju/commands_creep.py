@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Hold = Annotated[
     float | None,
     typer.Option(
-        metavar="SECONDS", help="For a scene without [history]: apply its loads and hold them."
+        metavar="SECONDS", help="For a scene without a history: apply its loads and hold them."
     ),
 ]
 Duration = Annotated[
@@ -44,7 +44,7 @@ def creep(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Let a scene creep under its [history]: its materials give, flow, and recover.
+    """Let a scene creep under its history: its materials give, flow, and recover.
 
     Writes summary.json, result.npz and pictures: displacement, stress and energies over time,
     and the body at the end. `kaju animate` makes a film of the folder.

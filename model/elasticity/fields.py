@@ -172,11 +172,6 @@ def _mean_along(values: Floats, axis: int) -> Floats:
     return np.asarray(0.5 * (values[low] + values[high]))
 
 
-def strain_tensor(problem: ElasticProblem, stress: Floats) -> Floats:
-    """Return the strain tensors that belong to stress tensors (both scaled) of the cells."""
-    return strain_of(stress, problem.moduli, np.maximum(problem.kinds[problem.inner], 0))
-
-
 def strain_of(stress: Floats, moduli: Moduli, kinds: NDArray[np.int64]) -> Floats:
     """Return the strain tensors that belong to stress tensors (scaled) in materials."""
     d = stress.shape[-1]

@@ -295,8 +295,13 @@ class AgentEngine:
         passed = _table([agent.passed for agent in agents], directions)
         dropped = np.array([agent.dropped for agent in agents])
         taken = _table([agent.taken for agent in agents], directions)
-        shortened = np.array([[a.shortening(axis) for axis in range(axes)] for a in agents])
-        shortened = shortened.reshape(-1, axes)
+        kept = _table([agent.squeezed for agent in agents], axes)
+        if self.material_agent.shortening is MaterialAgent.shortening:  # asked of all at once
+            modulus = np.array([agent.material.youngs_modulus for agent in agents])
+            shortened = kept / (self.transfer.cross_section * modulus[:, None])
+        else:
+            laws = [[agent.shortening(axis) for axis in range(axes)] for agent in agents]
+            shortened = np.array(laws).reshape(-1, axes)
         widening = np.array([agent.shares.widening for agent in agents])
         return Stage(
             factor=factor,
@@ -308,7 +313,7 @@ class AgentEngine:
             woken_by=np.array([self._arms_to_wakers(a) for a in agents], dtype=np.int64),
             taken=taken,
             pulled=_table([agent.pulled for agent in agents], directions),
-            kept=_table([agent.squeezed for agent in agents], axes),
+            kept=kept,
             shortened=shortened,
             widened=shortened * widening[:, None],
             passed=passed,

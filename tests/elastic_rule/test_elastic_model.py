@@ -161,7 +161,7 @@ def test_parents_cope_with_steel_on_rubber_and_rubber_on_steel(rows):
     drawing = "\n".join(12 * letter for letter in rows for _ in range(4))
     scene = drawn(drawing, loads, sides={"bottom": "rigid"}, tolerance=1e-4)
     soft = {"youngs_modulus": 206e3, "poissons_ratio": 0.45}
-    scene = Scene(**{**dict(scene), "materials": {"soft": soft}})
+    scene = scene.replace(materials={"soft": soft})
     model, result = run(scene, max_steps=1000)
     assert result.outcome.startswith("at rest")
     truth = direct_solution(model)

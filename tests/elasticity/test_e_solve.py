@@ -268,7 +268,7 @@ def test_tables_and_files_for_others(tmp_path):
     result = solve(Scene(**PLATE))
     frame = result.to_dataframe()
     assert len(frame) == 400
-    row = frame[(frame["x (m)"] == 0.105) & np.isclose(frame["y (m)"], 0.195)].iloc[0]
+    row = frame[np.isclose(frame["x (m)"], 0.105) & np.isclose(frame["y (m)"], 0.195)].iloc[0]
     assert row["stress_yy (Pa)"] == result.cells().stress[10, 19, 1, 1]
     dataset = result.to_xarray()
     assert dataset.stress.attrs["units"] == "Pa"

@@ -143,7 +143,8 @@ def test_tolerance_alone_asks_for_the_solver(kaju):
 
 
 def test_what_was_computed_short_of_the_tolerance_is_kept(kaju, monkeypatch):
-    monkeypatch.setitem(spawning.MOST_AGENTS, 2, 300)
+    for most in (spawning.MOST_AGENTS, spawning.IN_BLOCKS):
+        monkeypatch.setitem(most, 2, 300)
     words = ("--strategy", "spawning", "--tolerance", "0.01", "--out", "here")
     code, out, err = kaju("solve", PLATE, *words)
     assert code == 2

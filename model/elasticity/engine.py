@@ -193,7 +193,7 @@ class _Watch:
     ) -> None:
         self._tolerance = tolerance
         self._estimate = discretisation
-        self.discretisation = inf
+        self.discretisation = 0.0  # of no load at all, which needs no look
         self.slow = False
 
     def __call__(self, run: Iteration) -> bool:

@@ -22,9 +22,14 @@ if TYPE_CHECKING:
 ANSWERED, REFUSED, FAILED = "answered", "refused", "failed"
 
 BALANCE = 1e-6
-"""Share of the forces by which supports may miss the loads."""
+"""Share of the forces by which supports may miss the loads without a word in the notes."""
+BALANCE_OF_ERROR = 1e-2
+"""The same, as a share of the error that the answer states."""
+MOST_AGENTS = 10_000
+"""What asks for more is given up, by a named error."""
 BOOKS = 1e-12
 """Share of the loads by which the ledger may be off."""
+FEW_CELLS, MOST_GENERATIONS = 20, 3000
 TRUTH_EVERY = 4
 """Finite elements of high order check every so many plane bodies."""
 LEVELS = 8
@@ -105,13 +110,16 @@ def _line(error: Exception) -> str:
 
 def _transfer(rng: Generator, family: str, number: int) -> dict[str, Any]:
     """Pass loads on by chosen shares: they end as the certificate says, and the books balance."""
-    from kaju.model.propagation.load_model import LoadModel
+    from kaju.model.propagation.load_model import EngineName, LoadModel
 
     scene = transfer_scene(rng)
-    model = LoadModel(scene, allow_unstable=True, max_generations=3000)
+    # Objects are slow where loads are many: they are tried on the smallest bodies.
+    engine: EngineName = "agents" if scene.lattice.size <= FEW_CELLS else "arrays"
+    model = LoadModel(scene, engine, allow_unstable=True, max_generations=MOST_GENERATIONS)
     certificate = model.certificate
-    if model.accumulate and certificate.stable and certificate.spectral_radius is not None:
-        _demand(certificate.spectral_radius < 1.0, "stable, and a spectral radius of 1 or more")
+    radius = certificate.spectral_radius
+    if model.accumulate and certificate.generations and radius is not None:
+        _demand(radius < 1.0, "stable, and a spectral radius of 1 or more")
     result = model.run(progress=False)
     taken = 0.0
     for stage in result.stages:
@@ -130,7 +138,8 @@ def _transfer(rng: Generator, family: str, number: int) -> dict[str, Any]:
                 f"{certificate.generations}",
             )
     outcome = result.last.outcome
-    _demand(not (certificate.stable and "stopped" in outcome), f"stable, but {outcome}")
+    ends = certificate.generations is not None and certificate.generations <= MOST_GENERATIONS
+    _demand(not (ends and "stopped" in outcome), f"stable, but {outcome}")
     promise = "stable" if certificate.stable else "may grow"
     return {
         "family": f"{scene.lattice.kind}, {promise}",
@@ -154,7 +163,7 @@ def _within(rng: Generator, family: str, number: int) -> dict[str, Any]:
 
     scene = elastic_scene(rng, family)
     tolerance = float(rng.choice([0.2, 0.1]))
-    return _judged(scene, solve(scene, tolerance=tolerance), number)
+    return _judged(scene, solve(scene, tolerance=tolerance, most_agents=MOST_AGENTS), number)
 
 
 def _agents(rng: Generator, family: str, number: int) -> dict[str, Any]:
@@ -244,7 +253,9 @@ def _judged(scene: Scene, result: Any, number: int) -> dict[str, Any]:
     missing = sum(result.reactions.values(), applied.sum(axis=0))
     forces = np.abs(applied).sum() + sum(np.abs(r).sum() for r in result.reactions.values())
     off = float(np.abs(missing).max() / forces) if forces > 0.0 else 0.0
-    _demand(off < BALANCE, f"supports and loads differ by {off:.1e} of the forces")
+    said = any("unbalanced" in note for note in result.notes)
+    allowed = max(BALANCE, BALANCE_OF_ERROR * result.error_estimate)
+    _demand(said or off <= allowed, f"supports and loads differ by {off:.1e} of the forces")
     true_error = nan
     if number % TRUTH_EVERY == 0:
         true_error = _true_error(scene, energy)

@@ -48,6 +48,7 @@ def test_raw_errors_and_warnings_fail_and_named_ones_do_not(monkeypatch, broken,
 
 def test_forces_that_do_not_balance_fail(monkeypatch):
     monkeypatch.setattr(trial, "BALANCE", 0.0)
+    monkeypatch.setattr(trial, "BALANCE_OF_ERROR", 0.0)
     outcomes = [attempt(n) for n in range(30) if ENGINES[n % len(ENGINES)] == "equal cells"]
     assert any("supports and loads differ" in o.what for o in outcomes if o.verdict == FAILED)
 

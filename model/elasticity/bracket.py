@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import RIGID
+from kaju.model.scene.kinds import RIGID, ROLLER
 
 from .balanced import BalancedStress, reentrant_edges
 from .compatible import CompatibleField
@@ -162,9 +162,13 @@ def _at_supports(stress: BalancedStress, field: CompatibleField) -> tuple[float,
         axis, upper = divmod(direction, 2)
         beyond = stress.cells.copy()
         beyond[:, axis] += 2 * upper - 1
-        at = np.flatnonzero(kinds[tuple(beyond.T)] == RIGID)
+        kind = kinds[tuple(beyond.T)]
         outward = 2.0 * upper - 1.0
-        for component, given in enumerate(field.side_displacement(at, direction)):
+        for component in range(stress.problem.dimension):
+            # A side that slides is moved across itself alone.
+            holds = (kind == RIGID) | ((kind == ROLLER) & (component == axis))
+            at = np.flatnonzero(holds)
+            given = field.side_displacement(at, direction)[component]
             if component == axis:
                 traction = tractions[direction, at]
             else:

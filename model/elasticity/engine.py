@@ -124,7 +124,7 @@ def solve_problem(
         return replace(solution, notes=list(solution.notes), residuals=residuals)
     system = System(problem, solution.prepared or Prepared(problem))
     # Unless loads are nearly in proportion the parents' answer is the better start.
-    guess = system.gather(solution.displacement) if rest <= ALIKE else None
+    guess = system.unknown(solution.displacement) if rest <= ALIKE else None
     return _prepared_solve(system, tolerance, guess)
 
 
@@ -181,7 +181,7 @@ def _solve(system: System, tolerance: float | None, guess: Vector | None) -> Sol
         if solution.converged or prepared.box is not None:
             return solution
         prepared.slow = f"geometric multigrid was slow after {solution.iterations} iterations"
-        start = system.gather(solution.displacement)
+        start = system.unknown(solution.displacement)
     return _change_method(system, start, coarser, tolerance)
 
 
@@ -265,7 +265,7 @@ def _solution(
     system: System, run: Iteration, method: str, discretisation: float, levels: int
 ) -> Solution:
     return Solution(
-        displacement=system.scatter(run.solution),
+        displacement=system.displacement(run.solution),
         energy=0.5 * system.energy(run.solution),
         method=method,
         discretisation=discretisation,

@@ -9,7 +9,7 @@ from kaju.model.compiling import njit
 
 from .krylov import dot
 from .prepared import Prepared
-from .problem import ElasticProblem, FaceFields
+from .problem import ACTIVE, ElasticProblem, FaceFields
 from .staggered import internal_force
 
 Vector = NDArray[np.float64]
@@ -49,28 +49,38 @@ class System:
         What solves it.
     load, right : arrays
         External forces, and these without what the given displacements take.
+
+    The unknown is what is missing to a displacement that leads smoothly from moved sides to those
+    opposite. Were it the displacement itself, it would jump at a moved side, and the parents'
+    answer with it, by more the finer the grid.
     """
 
     def __init__(self, problem: ElasticProblem, prepared: Prepared) -> None:
         self.problem, self.prepared = problem, prepared
         self.load = self.gather(problem.force)
         self.right = self.load
-        self._given = 0.0
+        self._given, self._lead = 0.0, problem.fixed
         if any(values.any() for values in problem.fixed):
-            pull = internal_force(problem, problem.fixed)
-            self._given = sum(
-                float(np.vdot(a, b)) for a, b in zip(pull, problem.fixed, strict=True)
-            )
+            self._lead = _lead(problem)
+            pull = internal_force(problem, self._lead)
+            self._given = sum(float(np.vdot(a, b)) for a, b in zip(pull, self._lead, strict=True))
             self.right = self.load - self.gather(pull)
 
     def gather(self, fields: FaceFields) -> Vector:
         """Return the free faces' values as a vector of the hierarchy."""
         return self.prepared.hierarchy.gather(fields)
 
-    def scatter(self, vector: Vector) -> FaceFields:
+    def unknown(self, displacement: FaceFields) -> Vector:
+        """Return the vector that `displacement` takes back."""
+        found = self.gather(displacement)
+        return found if self.right is self.load else found - self.gather(self._lead)
+
+    def displacement(self, unknown: Vector) -> FaceFields:
         """Return displacements of all faces, the given ones included."""
+        if self.right is not self.load:
+            unknown = unknown + self.gather(self._lead)
         fields = tuple(values.copy() for values in self.problem.fixed)
-        self.prepared.hierarchy.scatter(vector, fields)
+        self.prepared.hierarchy.scatter(unknown, fields)
         return fields
 
     def energy(self, x: Vector) -> float:
@@ -78,3 +88,30 @@ class System:
         if self.right is self.load:
             return float(dot(x, self.load))
         return 2 * float(dot(x, self.load)) - float(dot(x, self.right)) + self._given
+
+
+def _lead(problem: ElasticProblem) -> FaceFields:
+    """Return displacements that fall linearly from those of moved sides to the sides opposite."""
+    d = problem.dimension
+    fields = []
+    for component, fixed in enumerate(problem.fixed):
+        field = np.zeros_like(fixed)
+        for axis in range(d):
+            lines = np.moveaxis(fixed, axis, 0)
+            # The wall's own faces along the axis, ghosts beyond it across.
+            first, last = (1, -2) if axis == component else (0, -1)
+            # The rim's corners, and the walls at both ends of a side, belong to other sides.
+            beside = tuple(
+                slice(2, -2) if a == component else slice(1, -1) for a in range(d) if a != axis
+            )
+            ends = [_largest(lines[layer][beside]) for layer in (first, last)]
+            share = np.concatenate([[0.0], np.linspace(0.0, 1.0, len(lines) - 2), [1.0]])
+            along = ends[0] * (1.0 - share) + ends[1] * share
+            field += along.reshape([-1 if a == axis else 1 for a in range(d)])
+        fields.append(np.where(problem.face_states()[component] == ACTIVE, field, fixed))
+    return tuple(fields)
+
+
+def _largest(values: Vector) -> float:
+    """Return the value of largest size: what a side is moved by where nothing else holds it."""
+    return float(values.flat[np.abs(values).argmax()])

@@ -203,6 +203,27 @@ def test_a_side_that_is_moved_lies_within():
     assert bounds[2] < 0.6 * bounds[0]
 
 
+@pytest.mark.parametrize("hole", [False, True])
+@pytest.mark.parametrize(
+    "sides",
+    [
+        {"left": "rigid", "right": {"displacement": [1e-4, 0.0]}},
+        {"bottom": "rigid", "top": {"displacement": [1e-4, -1e-4]}},
+        {"bottom": {"displacement": [0.0, 1e-5]}, "top": {"displacement": [1e-4, 0.0]}},
+        {"bottom": "rigid", "top": {"displacement": ["free", -1e-4]}},
+    ],
+)
+def test_the_estimate_of_a_moved_side_falls_with_its_bound(sides, hole):
+    regions = [{"material": "air", "box": [[0.06, 0.06], [0.1, 0.12]]}] if hole else []
+    body = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "a"}
+    scene = plate(20, body={**body, "regions": regions}, sides=sides, loads=[])
+    coarse, fine = (solve(scene, strategy="uniform", resolution=k) for k in (1, 4))
+    for result in (coarse, fine):
+        assert result.error_bound < result.error_estimate < 8 * result.error_bound
+    assert fine.error_estimate < 0.55 * coarse.error_estimate
+    assert fine.error_bound < 0.5 * coarse.error_bound
+
+
 @pytest.mark.parametrize(
     ("scene", "why"),
     [

@@ -114,4 +114,4 @@ def _lead(problem: ElasticProblem) -> FaceFields:
 
 def _largest(values: Vector) -> float:
     """Return the value of largest size: what a side is moved by where nothing else holds it."""
-    return float(values.flat[np.abs(values).argmax()])
+    return float(values.flat[np.abs(values).argmax()]) if values.size else 0.0

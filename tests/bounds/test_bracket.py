@@ -224,6 +224,18 @@ def test_the_estimate_of_a_moved_side_falls_with_its_bound(sides, hole):
     assert fine.error_bound < 0.5 * coarse.error_bound
 
 
+def test_a_row_of_cells_between_two_moved_sides_is_solved():
+    # One cell across, held along both long sides: the strain is that of the sides.
+    moved = {"displacement": [0.0, -2e-6]}
+    body = {"cell_size": 0.01, "cells": [6, 1], "thickness": 0.01, "material": "a"}
+    sides = {"bottom": "rigid", "top": moved, "left": "roller", "right": "roller"}
+    result = solve(bar(body=body, loads=[], sides=sides), strategy="uniform")
+    stiff = 1e9 / (1 - 0.3**2)
+    assert result.strain_energy == pytest.approx(0.5 * stiff * (2e-4) ** 2 * 0.06 * 0.01 * 0.01)
+    lower, upper = result.energy_bounds
+    assert lower == pytest.approx(upper)
+
+
 @pytest.mark.parametrize(
     ("scene", "why"),
     [

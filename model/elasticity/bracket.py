@@ -22,13 +22,15 @@ from numpy.typing import NDArray
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import RIGID, ROLLER
 
-from .balanced import BalancedStress, reentrant_edges
+from .balanced import BalancedStress, Law, reentrant_edges
 from .compatible import CompatibleField
 from .engine import Answered, Solution, solve_problem
 from .problem import ACTIVE, ElasticProblem, FaceFields, Floats
 from .staggered import axis_pairs, internal_force
 
 Index = NDArray[np.int64]
+Means = tuple[Floats, dict[tuple[int, int], Floats]]
+"""Normal stresses along every axis, and shear stresses by pair of axes."""
 
 BALANCED = 1e-6
 """Share of the largest stress that an answer may leave on a face, to be called balanced."""
@@ -87,14 +89,15 @@ def bracket_of(
         u = solve_problem(problem, SETTLED, Answered(problem, solution)).displacement
     body, side, traction = _loads(problem, grid, stage)
     stress = BalancedStress(problem, u, body)
-    left = _unbalanced(problem, u, stress.tractions())
+    tractions = stress.tractions()
+    left = _unbalanced(problem, u, tractions)
     if not left <= BALANCED:
         return f"the answer does not balance: {left:.1e} of the largest stress is left on a face"
     field = CompatibleField(problem, u, stress.cells, stress.law, side, traction, body)
     if field.jumps:
         return "the supports give a corner two displacements at once"
     field.settle()
-    return _between(stress, field)
+    return _between(stress, field, tractions)
 
 
 def _out_of_reach(problem: ElasticProblem) -> str:
@@ -107,10 +110,11 @@ def _out_of_reach(problem: ElasticProblem) -> str:
     return ""
 
 
-def _between(stress: BalancedStress, field: CompatibleField) -> Bracket:
+def _between(stress: BalancedStress, field: CompatibleField, tractions: Floats) -> Bracket:
     """Compare the two stresses: the hypercircle."""
-    bed, wall_work = _at_supports(stress, field)
-    complementary = float(stress.energies().sum()) + bed
+    bed, wall_work = _at_supports(stress, field, tractions)
+    own = stress.energies()
+    complementary = float(own.sum()) + bed
     moved = any(bool(np.any(fixed)) for fixed in field.problem.fixed)
     if not moved:
         field.displacement *= _best_share(field)
@@ -125,7 +129,9 @@ def _between(stress: BalancedStress, field: CompatibleField) -> Bracket:
     else:
         smallest = sqrt(2.0 * max(lower, 0.0))
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
-    return Bracket(lower, upper, error, _shares(stress, field), _mean_stress(stress, field))
+    means, strain = stress.means(), field.mean_strains()
+    shares = _shares(own + field.energies(), means, strain)
+    return Bracket(lower, upper, error, shares, _mean_stress(stress.law, means, strain))
 
 
 def _loads(
@@ -151,9 +157,10 @@ def _best_share(field: CompatibleField) -> float:
     return field.work() / whole if whole > 0.0 else 1.0
 
 
-def _at_supports(stress: BalancedStress, field: CompatibleField) -> tuple[float, float]:
+def _at_supports(
+    stress: BalancedStress, field: CompatibleField, tractions: Floats
+) -> tuple[float, float]:
     """Return the complementary energy of the beds, and the work of the tractions at moved walls."""
-    tractions = stress.tractions()
     bed = work = 0.0
     for cell, direction, stiffness in field.beds:
         bed += float((0.5 * tractions[direction, cell] ** 2 / stiffness).sum())
@@ -180,10 +187,9 @@ def _at_supports(stress: BalancedStress, field: CompatibleField) -> tuple[float,
     return bed, work
 
 
-def _mean_stress(stress: BalancedStress, field: CompatibleField) -> Floats:
+def _mean_stress(law: Law, means: Means, strain: Floats) -> Floats:
     """Return the mean of the balanced and the compatible stress in every cell."""
-    normal, shear = stress.means()
-    strain, law = field.mean_strains(), stress.law
+    normal, shear = means
     volume = np.trace(strain, axis1=1, axis2=2)
     found = np.empty_like(strain)
     for axis, own in enumerate(normal):
@@ -194,17 +200,16 @@ def _mean_stress(stress: BalancedStress, field: CompatibleField) -> Floats:
     return found
 
 
-def _shares(stress: BalancedStress, field: CompatibleField) -> Floats:
+def _shares(energies: Floats, means: Means, strain: Floats) -> Floats:
     """Return every cell's part of the squared distance, but for what balances out between cells.
 
     In a cell the product of the two stresses is by their means but for terms that are small where
     the cell is small.
     """
-    strain = field.mean_strains()
-    normal, shear = stress.means()
-    product = sum(normal[a] * strain[:, a, a] for a in range(len(normal)))
+    normal, shear = means
+    product = sum(own * strain[:, a, a] for a, own in enumerate(normal))
     product = product + sum(2.0 * tau * strain[:, a, b] for (a, b), tau in shear.items())
-    return np.asarray(np.maximum(2.0 * (stress.energies() + field.energies() - product), 0.0))
+    return np.asarray(np.maximum(2.0 * (energies - product), 0.0))
 
 
 def _unbalanced(problem: ElasticProblem, u: FaceFields, tractions: Floats) -> float:

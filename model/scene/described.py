@@ -56,22 +56,30 @@ _PHRASES = {
 }
 
 
-class Described(BaseModel):
+if TYPE_CHECKING:  # the metaclass of pydantic's models has no public name
+    _Told = BaseModel
+else:
+
+    class _Telling(type(BaseModel)):
+        """Tells in kaju's words why a description could not be made.
+
+        Parts within parts are validated without coming by here: the outermost tells of them all.
+        """
+
+        def __call__(cls, **values: Any) -> Any:
+            try:
+                return super().__call__(**values)
+            except ValidationError as error:
+                raise translated(cls, error) from None
+
+    class _Told(BaseModel, metaclass=_Telling):
+        """A description whose errors are told so."""
+
+
+class Described(_Told):
     """Base of every part of a scene's description: frozen, strict, with kaju's errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
-
-    if not TYPE_CHECKING:  # type checkers shall see the fields, not **values
-
-        def __init__(self, **values: Any) -> None:
-            try:
-                super().__init__(**values)
-            except ValidationError as error:
-                raise translated(type(self), error) from None
-
-        # pydantic's own mark: parts within parts are validated in one go, and the outermost
-        # tells what was wrong with all of them.
-        __init__.__pydantic_base_init__ = True
 
     @model_validator(mode="before")
     @classmethod

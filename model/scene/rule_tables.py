@@ -22,7 +22,9 @@ class CoefficientsTable(Described):
     alpha: tuple[Number, ...] | None = Field(
         default=None, description="the shares kept, passed ahead and passed beside"
     )
-    beta: Number = Field(default=0.5, description="the free part of the Poisson expansion")
+    beta: Number = Field(
+        default=Coefficients.beta, description="the free part of the Poisson expansion"
+    )
 
     @model_validator(mode="after")
     def _in_range(self) -> CoefficientsTable:
@@ -38,18 +40,17 @@ class PrescribedTable(CoefficientsTable):
     """``[rule]`` with the coefficients that the user chooses."""
 
     kind: Literal["prescribed"] = "prescribed"
-    threshold: Number = Field(default=0.01, description="γ, below which loads end (N)")
-    accumulate: Flag = False
+    threshold: Number = Field(
+        default=PrescribedRule.threshold, description="γ, below which loads end (N)"
+    )
+    accumulate: Flag = PrescribedRule.accumulate
     materials: dict[Text, CoefficientsTable] = Field(default_factory=dict)
-    sense: Flag = Field(default=False, description="whether loads push or pull")
+    sense: Flag = Field(default=PrescribedRule.sense, description="whether loads push or pull")
 
     def build(self) -> PrescribedRule:
         """Return the rule."""
-        shared = self.coefficients()
         own = {name: table.coefficients() for name, table in self.materials.items()}
-        return PrescribedRule(
-            *(shared.alpha, shared.beta, self.threshold, self.accumulate, own, self.sense)
-        )
+        return PrescribedRule(**self.model_dump(exclude={"kind", "materials"}), materials=own)
 
 
 class ElasticTable(Described):
@@ -59,16 +60,17 @@ class ElasticTable(Described):
     threshold: Number | None = Field(
         default=None, description="γ, up to which loads rest (N); left out: from the tolerance"
     )
-    order: Text = Field(default="multilevel", description="who acts when")
+    order: Text = Field(default=ElasticRule.order, description="who acts when")
     share: Number | None = Field(
         default=None, description="the share by which all yield in a wave; left out: a stable one"
     )
-    tolerance: Number = Field(default=1e-4, description="the error in energy aimed at, as a share")
+    tolerance: Number = Field(
+        default=ElasticRule.tolerance, description="the error in energy aimed at, as a share"
+    )
 
     def build(self) -> ElasticRule:
         """Return the rule, which refuses what is out of its range."""
-        order = cast(Literal["wave", "largest first", "multilevel"], self.order)
-        return ElasticRule(self.threshold, order, self.share, self.tolerance)
+        return ElasticRule(**self.model_dump(exclude={"kind"}))
 
 
 TABLES: dict[str, type[PrescribedTable | ElasticTable]] = {

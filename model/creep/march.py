@@ -32,6 +32,9 @@ from .state import CreepState
 Floats = NDArray[np.float64]
 Fields = tuple[Floats, ...]
 
+_SAME_MOMENT = 1e-12
+"""Share of a time by which two may differ and still be one (0.1 + 0.2 and 0.3)."""
+
 
 class Push(NamedTuple):
     """One implicit step of a scheme, as the body is asked about it."""
@@ -129,7 +132,9 @@ def march(
     if state.time in wanted:
         log.note(system, state)
     for node in nodes.tolist():
-        if pace.step is None:
+        if node - state.time <= _SAME_MOMENT * node:
+            state = replace(state, time=node)
+        elif pace.step is None:
             corner = float(corners[corners <= state.time].max(initial=0.0))
             if state.scale == 0.0:
                 later = corners[corners > state.time]

@@ -88,6 +88,7 @@ class CreepingNetwork:
         self.network = network
         self.laws = spring_laws(network, rheology)
         self.inertia = None if mass is None else HeavyAssembler(network, mass)
+        self._load = float(np.max(np.abs(network.forces[-1]), initial=0.0))
         self.assembler = self.inertia or Assembler(network)
         self.solver = tangent_solver(self.assembler, method)
         self._grip = np.zeros_like(network.positions)
@@ -151,12 +152,13 @@ class CreepingNetwork:
         """Return the force (N) of which 1e-12 is what rounding leaves unbalanced.
 
         In a very short step dampers and inertia are stiff, and the digits of stretches and
-        displacements times this stiffness are all that a balance can reach.
+        displacements times this stiffness are all that a balance can reach. A network that
+        is let go need come no nearer to nothing than the digits of its full load.
         """
         force = np.max(stiffness, initial=0.0) * np.max(np.abs(rest), initial=0.0)
         if self.inertia is not None:
             force += np.max(self.inertia.pull) * np.max(np.abs(displacement))
-        return 1e-2 * float(force)
+        return max(1e-2 * float(force), self._load)
 
     def _led(
         self,

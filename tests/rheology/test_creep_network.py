@@ -7,6 +7,7 @@ from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.errors import BucklingError, ParameterError
 from kaju.model.creep import creep
+from kaju.model.network import solve, triangular
 from kaju.model.network.springs import SpringNetwork
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
@@ -157,6 +158,31 @@ def test_a_bent_truss_stays_bent_by_what_flowed():
 def test_a_truss_that_snaps_through_is_reported():
     with pytest.raises(BucklingError, match="buckles"):
         creep(truss(force=(0.0, -3.0)), BITE, times=TIMES, step=0.05, rheology=ELEMENT)
+
+
+@pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
+def test_springs_that_are_let_go_come_to_rest(scheme):
+    history = History().ramp(1.0, 1.0).hold(5.0).release(1.0).hold(20.0)
+    times = [0.5, 1.0, 6.0, 7.0, 27.0]
+    result = creep(
+        triangular(5, force=0.05), history, times=times, step=0.25, scheme=scheme,
+        rheology=ThreeElement.spring(1.0),
+    )  # fmt: skip
+    static = solve(triangular(5, force=0.05))
+    np.testing.assert_allclose(result.displacement[2], static.displacement[-1], atol=1e-12)
+    np.testing.assert_allclose(result.displacement[3:], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("apart", [3e-17, 1e-14, 1e-10])
+@pytest.mark.parametrize("pace", [{"tolerance": 1e-3}, {"step": 0.1}])
+def test_times_that_differ_by_rounding_are_one(apart, pace):
+    history = History().ramp(1.0, duration=0.2).hold(5.0)
+    times = [0.2 - apart, 0.2, 5.2]
+    result = creep(truss(), history, times=times, rheology=ELEMENT, **pace)
+    np.testing.assert_allclose(result.displacement[0], result.displacement[1], atol=1e-9)
+    plain = creep(truss(), history, times=[0.2, 5.2], rheology=ELEMENT, **pace)
+    np.testing.assert_allclose(result.displacement[1:], plain.displacement, atol=1e-5)
+    np.testing.assert_array_equal(result.times, times)
 
 
 def test_networks_need_a_rheology_that_fits():

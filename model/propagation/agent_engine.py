@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copyreg
+import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
@@ -106,6 +108,8 @@ class AgentEngine:
         shape = tuple(count + 2 for count in self.lattice.shape)
         grid = HexGrid if self.lattice.kind == "hexagon" else OrthogonalVonNeumannGrid
         self.space = grid(shape, torus=False, random=model.random)
+        # Mesa enters the class of the cells there for ever, and with it a layer of the grid.
+        weakref.finalize(self.space, copyreg.dispatch_table.pop, self.space.cell_klass, None)
         self.kinds: IntArray = scene.kinds(np.indices(shape).reshape(len(shape), -1).T - 1)
         self.kinds = self.kinds.reshape(shape)
         self.steps = self.lattice.steps.tolist()

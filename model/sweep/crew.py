@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import multiprocessing
 import os
 import pickle
@@ -305,6 +306,7 @@ def _begin_work(job: Job | bytes, leash: Connection, held: Connection, parent: i
             os._exit(1)
     Thread(target=_end_with, args=(leash,), daemon=True).start()
     _held_job = job if isinstance(job, Job) else pickle.loads(job)  # noqa: S301 (our own)
+    gc.freeze()  # what is loaded stays: the runs' garbage is looked for without it
 
 
 def _end_with(leash: Connection) -> None:

@@ -1,26 +1,56 @@
-"""Mesa's names, imported without the side effect of importing Mesa.
+"""Mesa's names, without two things that come with them.
 
 Mesa's batch runner sets multiprocessing's start method to "spawn" for the whole process when
 it is imported. Whoever imports kaju has not asked for that, so it is put back as it was.
+
+Mesa's agents are numbered from a table that keeps every model for ever: many runs in one process
+grow slower and larger with each. The agents here are numbered from one that does not.
 """
 
 from __future__ import annotations
 
 import multiprocessing
+from itertools import count
+from typing import Any
+from weakref import WeakKeyDictionary
 
 _before = multiprocessing.get_start_method(allow_none=True)
 
-from mesa import Agent, DataCollector, Model  # noqa: E402
+import mesa  # noqa: E402
+from mesa import DataCollector, Model  # noqa: E402
 from mesa.agent import AgentSet  # noqa: E402
 from mesa.discrete_space import (  # noqa: E402
     Cell,
-    FixedAgent,
     HexGrid,
     Network,
     OrthogonalVonNeumannGrid,
 )
 
 multiprocessing.set_start_method(_before, force=True)
+
+
+class _Numbers(WeakKeyDictionary[Model, "count[int]"]):
+    """The numbers that are left for each living model's agents."""
+
+    def __getitem__(self, model: Model) -> count[int]:
+        return self.setdefault(model, count(1))
+
+
+_numbers = _Numbers()
+
+
+class Agent(mesa.Agent):
+    """Mesa's agent."""
+
+    __init__: Any
+    _ids: Any = _numbers
+
+
+class FixedAgent(mesa.discrete_space.FixedAgent):
+    """Mesa's agent of one cell."""
+
+    _ids: Any = _numbers
+
 
 __all__ = [
     "Agent",

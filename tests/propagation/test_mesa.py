@@ -1,7 +1,9 @@
 """The models as Mesa's own tools see them."""
 
+import gc
 import subprocess
 import sys
+import weakref
 
 import mesa
 import numpy as np
@@ -147,6 +149,21 @@ def test_the_sister_models_are_alike(number):
     assert model.steps == 0
     model.run()
     assert model.steps == steps
+
+
+def test_runs_leave_nothing_behind():
+    """Mesa keeps the models of its own agents, and the class of every grid's cells, for ever."""
+    left = []
+    for make in (lambda: LoadModel(plate()), *sisters()):
+        model = make()
+        model.run()
+        left.append(weakref.ref(model))
+        if isinstance(model, LoadModel):
+            left.append(weakref.ref(model.space.cell_klass))
+    del model
+    gc.collect()
+    gc.collect()  # the class goes after its grid
+    assert [ref() for ref in left] == [None] * 5
 
 
 def test_importing_leaves_multiprocessing_as_it_was():

@@ -22,11 +22,12 @@ from .aims import BULK, SPARE, Aim, Aimed, choose_among
 from .balance import Balance
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
-from .forest import ACROSS, Forest, first_forest
+from .forest import ACROSS, Forest, evenly_loaded, first_forest
 from .generations import (
     ALGEBRAIC_SHARE,
     FIRST_GUESS,
     MOST_GENERATIONS,
+    ROUGH,
     Generation,
     Spawner,
     Spawning,
@@ -36,7 +37,8 @@ from .indicator import Indicator
 from .leaves import Flags, Index, Leaves, morton
 from .mirror import mirrors, symmetrise
 from .nested import NestedMultigrid
-from .previous import SUITS, answered
+from .previous import LEAST, SUITS, WORTHWHILE, answered
+from .retire import RETURN, share_of
 from .settle import WORST
 
 Floats = NDArray[np.float64]
@@ -49,7 +51,7 @@ SPREAD = 3.0
 """Agents, of which fewer are expected at least, are about this many times more."""
 AT_ONCE = 2_000
 """Blocks of which the stresses are worked out at a time."""
-WORTHWHILE = 3_000
+MANY = 3_000
 """Of fewer agents each may as well stand for itself."""
 CONTRAST = 100.0
 """Of materials, up to which the parents' own stiffness serves as a coarse level."""
@@ -69,7 +71,7 @@ def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
     rubber = scene.plane != "stress" and (ratio > STIFF_PRESSURE).any()
     contrast = moduli.shear.max() / moduli.shear.min()
     expected = FEWEST[ground.dimension] / tolerance**ground.dimension
-    if rubber or unusual or contrast > CONTRAST or expected < WORTHWHILE:
+    if rubber or unusual or contrast > CONTRAST or expected < MANY:
         return None
     forest = first_forest(ground)
     return forest if forest is not None and forest.agents <= SPREAD * expected else None
@@ -123,21 +125,19 @@ class BlockSpawning(Spawning):
 
     def __init__(self, spawner: BlockSpawner) -> None:
         self.blocks, self.u = spawner.blocks, spawner.displacement
+        self.root = spawner.root
         self.energy, self.error = spawner.energy, spawner.error
         self.residuals, self.levels = spawner.residuals, spawner.blocks.forest.depth
         self.reached = spawner.error <= spawner.tolerance and spawner.stopped != "iteration"
         self.stopped = "" if self.reached else spawner.stopped
         self.notes, self.retired = list(spawner.notes), 0
-        self._allowed = 2 * spawner.energy * (SPARE * spawner.tolerance) ** 2
+        self._allowed = spawner.allowed
         self._records = list(spawner.records)
 
     def under(self, ground: Ground, tolerance: float) -> BlockSpawning | None:
         """Return this answer on ground that differs by the unit of its loads; else None."""
-        old = self.ground
         suits = self.reached and SUITS * tolerance <= self.error <= tolerance
-        if not (suits and ground.loaded_like(old) and ground.scene.same_body(old.scene)):
-            return None
-        if min(self.blocks.forest.size) < ground.smallest:
+        if not (suits and ground.loaded_like(self.ground) and self.stands_on(ground)):
             return None
         twin, last = copy(self), self._records[-1]
         for name in ("_cells", "_window", "displacement", "indicator", "fields", "stress"):
@@ -149,6 +149,21 @@ class BlockSpawning(Spawning):
         twin._records = [replace(last, iterations=0, forest=forest)]
         twin.residuals, twin.retired = self.residuals[-1:], 0
         return twin
+
+    def stands_on(self, ground: Ground) -> bool:
+        """Tell whether the agents may stay as they are, whatever their loads."""
+        large = int(self.blocks.forest.size.min()) >= ground.smallest
+        return large and ground.scene.same_body(self.ground.scene)
+
+    def instead_of(self, previous: Spawning) -> int:
+        """Return for how many of the previous agents a larger one stands now."""
+        forest = self.blocks.forest
+        leaf, code = forest.leaves, morton(forest.lower[forest.leaves])
+        before = previous.leaves
+        at = leaf[np.maximum(np.searchsorted(code, before.code, side="right") - 1, 0)]
+        inside = before.lower - forest.lower[at]
+        here = np.all((inside >= 0) & (inside < ACROSS * forest.size[at, None]), axis=1)
+        return int(np.count_nonzero(here & (forest.size[at] > before.size)))
 
     @property
     def leaves(self) -> Leaves:
@@ -287,7 +302,10 @@ def spawner_of(
     """Return agents that will spawn: in blocks, where these can do what is asked."""
     forest = blocks_for(ground, tolerance) if aim is None else None
     if forest is not None and forest.agents <= most_agents:
-        return BlockSpawner(forest, tolerance, most_agents)
+        before = previous if isinstance(previous, BlockSpawning) else None
+        if before is not None and not before.stands_on(ground):
+            before = None
+        return BlockSpawner(forest, tolerance, most_agents, before)
     return Spawner(ground, tolerance, most_agents, aim, previous)
 
 
@@ -311,9 +329,7 @@ def spawn(
         spawner.step()
     spawning = spawner.outcome()
     if previous is not None and isinstance(spawning, BlockSpawning):
-        before, now = previous.leaves, spawning.leaves
-        at = now.find(before.lower)
-        spawning.retired = int(np.count_nonzero((at >= 0) & (now.size[at] > before.size)))
+        spawning.retired = spawning.instead_of(previous)
     return spawning
 
 
@@ -323,20 +339,82 @@ class BlockSpawner:
     See `generations.Spawner`, whose steps and attributes these are.
     """
 
-    def __init__(self, forest: Forest, tolerance: float, most_agents: int) -> None:
+    def __init__(
+        self,
+        forest: Forest,
+        tolerance: float,
+        most_agents: int,
+        previous: BlockSpawning | None = None,
+    ) -> None:
         self.ground, self.tolerance, self.most_agents = forest.ground, tolerance, most_agents
-        self.blocks = BlockBalance(forest)
-        self.root = Root(self.blocks)
-        self.root.check_held(self.blocks)
-        self._mirrors = mirrors(self.blocks)
-        self.displacement = self.blocks.zeros()
-        self.multigrid = BlockMultigrid(self.blocks, self.root)
         self.records: list[Record] = []
         self.notes: list[str] = []
         self.error, self.energy = FIRST_GUESS, 0.0
         self.finished, self.stopped = False, ""
         self._chosen: Flags | None = None
+        self._mirrors: tuple[int, ...] = ()
         self.residuals: list[float] = []
+        if previous is None:
+            blocks = BlockBalance(forest)
+            self.root = Root(blocks)
+            self.root.check_held(blocks)
+            self._stand(blocks)
+        else:
+            self.root = previous.root
+            self._take_up(previous)
+        self._mirrors = mirrors(self.blocks)
+
+    def _stand(self, blocks: BlockBalance, old: Floats | None = None) -> None:
+        """Take blocks for the agents of this generation, `old` being how those before moved."""
+        self.blocks = blocks
+        self.multigrid = BlockMultigrid(blocks, self.root)
+        self.displacement = (
+            blocks.zeros() if old is None else blocks.follow(old, self.multigrid.rim)
+        )
+
+    def _take_up(self, previous: BlockSpawning) -> None:
+        """Begin with the agents of a previous answer, without those that may as well retire."""
+        unit = previous.ground.scales.displacement / self.ground.scales.displacement
+        old = unit * previous.u
+        previous.blocks.everywhere(old)
+        forest = evenly_loaded(previous.blocks.forest.loaded_by(self.ground)).as_first()
+        self._stand(BlockBalance(forest), old)
+        run = self._settle(lambda run: run.errors[-1] <= ROUGH)
+        part, _ = self._look(run.errors[-1])
+        fewer = self._regrouped(part)
+        if fewer is not None:
+            self._stand(BlockBalance(fewer), self.displacement)
+
+    def _regrouped(self, part: Floats) -> Forest | None:
+        """Return the forest in which agents that leave little retire, and those with much spawn.
+
+        None if those that stand may as well stay.
+        """
+        forest, smallest = self.blocks.forest, self.ground.smallest
+        parts = np.zeros(len(forest))
+        parts[forest.leaves] = part
+        for level in range(forest.depth - 2, -1, -1):
+            block = np.arange(forest.start[level], forest.start[level + 1])
+            block = block[~forest.leaf[block]]
+            parts[block] = RETURN * parts[forest.child[block]].sum(axis=1)
+        stuck = forest.leaf & (forest.size <= smallest)
+        spread = float(parts[forest.leaf & ~stuck].sum())
+        allowed = max(self.allowed, LEAST * float(part.sum()))
+        share = share_of(parts[~stuck], spread / RETURN + float(parts[stuck].sum()), allowed)
+        pruned = evenly_loaded(forest.pruned(parts <= share))
+        much = parts[pruned.origin] > share
+        fewer = pruned.refined(much & (pruned.origin >= 0) & (pruned.size > smallest), 0)
+        chosen = choose_among(part, self.allowed, stuck[forest.leaves], BULK[forest.dimension])
+        many = (1 << forest.dimension) - 1
+        otherwise = len(part) + many * np.count_nonzero(chosen)
+        if len(fewer.leaves) > WORTHWHILE * otherwise:
+            return None
+        return fewer.after(pruned).as_first()
+
+    @property
+    def allowed(self) -> float:
+        """What all agents may leave together."""
+        return 2 * self.energy * (SPARE * self.tolerance) ** 2
 
     @property
     def leaves(self) -> Leaves:
@@ -393,8 +471,7 @@ class BlockSpawner:
     def _ends(self, part: Floats) -> None:
         forest = self.blocks.forest
         smallest = forest.size[forest.leaves] <= forest.ground.smallest
-        allowed = 2 * self.energy * (SPARE * self.tolerance) ** 2
-        chosen = choose_among(part, allowed, smallest, BULK[forest.dimension])
+        chosen = choose_among(part, self.allowed, smallest, BULK[forest.dimension])
         many = (1 << forest.dimension) - 1
         agents = forest.agents + many * np.count_nonzero(chosen) * len(forest.corners)
         self.stopped = "" if chosen.any() else "depth"
@@ -413,13 +490,10 @@ class BlockSpawner:
         self.finished, self._chosen = True, None
 
     def _spawn(self, chosen: Flags) -> None:
-        before, old = self.blocks.forest, self.displacement
+        before = self.blocks.forest
         marked = np.zeros(len(before), dtype=np.bool_)
         marked[before.leaves[chosen]] = True
-        forest = before.refined(marked, len(self.records))
-        self.blocks = BlockBalance(forest)
-        self.multigrid = BlockMultigrid(self.blocks, self.root)
-        self.displacement = self.blocks.follow(old, before, self.multigrid.rim)
+        self._stand(BlockBalance(before.refined(marked, len(self.records))), self.displacement)
 
     def outcome(self) -> BlockSpawning:
         """Return the agents as they are."""

@@ -332,7 +332,7 @@ class BlockBalance:
         found = kernels.curvature(u, forest.leaves, *law, self.layout.stride, squares, loads)
         return np.asarray(found)
 
-    def follow(self, old: Floats, before: Forest, rim: Index) -> Floats:
+    def follow(self, old: Floats, rim: Index) -> Floats:
         """Return the displacement interpolated to this forest from what it has grown from.
 
         `old` is known everywhere; `rim` belongs to this forest.

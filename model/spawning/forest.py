@@ -136,10 +136,13 @@ class Forest:
         """Number of agents."""
         return int(len(self.leaves) * ACROSS**self.dimension)
 
+    def as_first(self) -> Forest:
+        """Return the same blocks as if they had been there from the start."""
+        return replace(self, step=np.zeros_like(self.step), cause=np.zeros_like(self.cause))
+
     def loaded_by(self, ground: Ground) -> Forest:
         """Return the same blocks, as the first ones, on other ground of the same body."""
-        nothing = np.zeros(len(self))
-        return replace(self, ground=ground, step=nothing.astype(np.int64), cause=nothing)
+        return replace(self.as_first(), ground=ground, origin=np.arange(len(self)))
 
     def states(self, composite: bool) -> Index:
         """Tell what every block has beside it, shape (blocks, 3^d).
@@ -164,13 +167,28 @@ class Forest:
             alone = (self.beside[block] < 0) & (self.kinds[block] >= 0)
             row, m = np.nonzero(alone)
             marked[self.beside[self.parent[block[row]], way[octant[block[row]], m]]] = True
-        forest = self._grown(marked, chosen, step)
+        forest = self._grown(marked | ~self.leaf, chosen, step)
         unlike = forest._beside_other_material()
         if not unlike.any():
             return forest
-        finer = forest.refined(unlike, step)
-        origin = np.where(finer.origin >= 0, forest.origin[finer.origin], -1)
-        return replace(finer, origin=origin)
+        return forest.refined(unlike, step).after(forest)
+
+    def pruned(self, retiring: Flags) -> Forest:
+        """Return the forest without the descendants of blocks, as far as others can do without.
+
+        The neighbours of a block with children stay, so that no two leaves are too unlike.
+        """
+        split = ~self.leaf & ~retiring
+        for level in range(self.depth - 1, 0, -1):
+            block = np.arange(self.start[level], self.start[level + 1])
+            beside = self.beside[block[split[block]]]
+            split[self.parent[beside[beside >= 0]]] = True
+        return self._grown(split, np.zeros(len(self), dtype=np.bool_), 0)
+
+    def after(self, before: Forest) -> Forest:
+        """Return this forest as one that has grown from what `before` has grown from."""
+        origin = np.where(self.origin >= 0, before.origin[self.origin], -1)
+        return replace(self, origin=origin)
 
     @cached_property
     def _octant(self) -> Index:
@@ -197,11 +215,10 @@ class Forest:
         return marked
 
     def _grown(self, split: Flags, chosen: Flags, step: int) -> Forest:
-        """Return the forest in which some leaf blocks are followed by children."""
+        """Return the forest in which blocks are followed by children where they are to be split."""
         many = 1 << self.dimension
         way, turned = _parent_table(self.dimension)
         bits = np.arange(many)[:, None] >> np.arange(self.dimension) & 1
-        split = split | ~self.leaf
         level = _Level(
             self.lower[: self.start[1]], self.parent[: self.start[1]],
             self.beside[: self.start[1]], self.kinds[: self.start[1]],
@@ -350,11 +367,16 @@ def first_forest(ground: Ground) -> Forest | None:
         ground, np.array([0, n]), place, zeros - 1, child, beside, kinds,
         np.arange(n), zeros, np.zeros(n), edge,
     )  # fmt: skip
+    return evenly_loaded(forest)
+
+
+def evenly_loaded(forest: Forest) -> Forest:
+    """Return the forest in which every agent larger than a cell takes loads all over, or none."""
     while True:
         unfit = _unevenly_loaded(forest)
         if not unfit.any():
             return forest
-        forest = forest.refined(unfit, 0)
+        forest = forest.refined(unfit, 0).after(forest)
 
 
 def _unevenly_loaded(forest: Forest) -> Flags:

@@ -40,9 +40,17 @@ def even_share(leaves: Leaves, part: Floats, allowed: float, smallest: int = 1) 
         expected = _expected(leaves, part, start)
         shares.append(expected)
         leaves, part = _come_back(leaves, part, start, expected)
-    # If all may leave up to a share s, then those above it spawn and the parents below it come
-    # back: together they leave a quarter of all, and ¾ of every part and parent's part up to s.
-    ordered = np.sort(np.concatenate(shares))
+    return share_of(np.concatenate(shares), left, allowed)
+
+
+def share_of(parts: Floats, left: float, allowed: float) -> float:
+    """Return the even share, from the parts of agents that may spawn and of their forebears.
+
+    If all may leave up to a share s, then those above it spawn and the parents below it come
+    back: together they leave what would be `left` if all spawned, a quarter, and ¾ of every part
+    and parent's part up to s.
+    """
+    ordered = np.sort(parts)
     up_to = left + (1.0 - 1.0 / RETURN) * np.cumsum(ordered)
     count = int(np.searchsorted(up_to, allowed, side="right"))
     return float(ordered[count - 1]) if count else 0.0

@@ -345,3 +345,50 @@ def test_others_make_up_for_agents_that_may_not_spawn():
     part = np.array([0.9, 0.5, 0.3, 0.1])
     assert even_share(leaves, part, allowed=1.0) == 0.3
     assert even_share(leaves, part, allowed=1.9, smallest=2) == 0.0
+
+
+FINE = 0.012
+"""A tolerance for which agents stand in blocks."""
+
+
+@pytest.mark.parametrize("change", ["moved", "moved by a cell", "another push more", "cut"])
+def test_agents_in_blocks_go_on_too(change):
+    changes = CHANGES | {"another push more": plate(loads=[*press(), *press(2, (0.0, -1.0))])}
+    first = spawned(plate(), tolerance=FINE)
+    again = spawned(changes[change], tolerance=None, previous=first)
+    fresh = spawned(changes[change], tolerance=FINE)
+    assert again.error_estimate <= FINE
+    assert_as_good(again, fresh)
+    if change == "cut":  # where it was cut they are too small for blocks
+        return
+    ours, theirs = (sum(g.iterations for g in found.generations) for found in (again, fresh))
+    assert ours < theirs
+    there = again.found.spawning.leaves.find(first.found.spawning.leaves.lower)
+    larger = again.found.spawning.leaves.size[there] > first.found.spawning.leaves.size
+    assert again.summary()["retired"] == np.count_nonzero(larger)
+
+
+def test_agents_in_blocks_retire_where_a_load_has_gone():
+    first = spawned(plate(loads=press(2)), tolerance=FINE)
+    again = spawned(plate(loads=press(26)), tolerance=None, previous=first)
+    fresh = spawned(plate(loads=press(26)), tolerance=FINE)
+    assert again.summary()["retired"] > 0.2 * first.agents
+    assert_as_good(again, fresh)
+    assert (again.spawn_step >= 0).all()
+    assert (again.cause[again.spawn_step == 0] == 0.0).all()
+
+
+def test_blocks_of_cubes_go_on_too():
+    block = Scene(
+        body={"size": [0.1, 0.1, 0.1], "cells": [8, 8, 8], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.0, 0.0, 0.1], [0.025, 0.025, 0.1]]}, "force": [0, 0, -1.0]}],
+    )
+    load = {"region": {"box": [[0.05, 0.05, 0.1], [0.075, 0.1, 0.1]]}, "force": [0.1, 0.0, -1.0]}
+    moved = block.replace(loads=[load])
+    first = spawned(block, tolerance=0.05)
+    again, fresh = spawned(moved, tolerance=None, previous=first), spawned(moved, tolerance=0.05)
+    assert again.agents < 1.4 * fresh.agents
+    gap = again.strain_energy / fresh.strain_energy - 1
+    assert abs(gap) < again.error_estimate**2 + fresh.error_estimate**2
+    np.testing.assert_allclose(again.reactions["bottom"], [-0.1, 0.0, 1.0], atol=1e-8)

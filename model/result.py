@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 _SCENE = "scene."
 
+INSIDE = "rigid"
+"""Name of the support that rigid cells inside the array give."""
+
 
 @runtime_checkable
 class Result(Protocol):
@@ -247,6 +250,13 @@ class BodyResult(Described):
     @abstractmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         """Return the result that `_archive` took apart."""
+
+
+def idle_rheology(scene: Scene) -> list[str]:
+    """Say that a material's rheology takes no part in an answer without time, if one has any."""
+    if not any(material.rheology for material in scene.cell_materials):
+        return []
+    return ["a material's rheology takes no part here; time passes in `kaju creep`"]
 
 
 def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, NDArray[np.int64]]:

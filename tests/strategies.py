@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from kaju import Coefficients, PrescribedRule, Scene
 
 share = st.floats(0.0, 0.6)
+either = st.booleans()
 coefficients = st.builds(
     Coefficients, alpha=st.none() | st.tuples(share, share, share), beta=st.floats(0.0, 1.0)
 )
@@ -12,7 +13,7 @@ LEGEND = {"a": "steel", "b": "rubber", ".": "air", "=": "rigid"}
 
 
 @st.composite
-def rules(draw):
+def rules(draw, senses=either):
     alpha = draw(st.none() | st.tuples(share, share, share))
     materials = draw(st.dictionaries(st.sampled_from(["steel", "rubber"]), coefficients))
     return PrescribedRule(
@@ -21,12 +22,12 @@ def rules(draw):
         threshold=draw(st.floats(1e-3, 1.0)),
         accumulate=draw(st.booleans()),
         materials=materials,
-        sense=draw(st.booleans()),
+        sense=draw(senses),
     )
 
 
 @st.composite
-def scenes(draw, rule=None):
+def scenes(draw, rule=None, senses=either):
     """Small drawn bodies of squares or hexagons, 1×N among them, pressed on at random."""
     columns, rows = draw(st.integers(1, 7)), draw(st.integers(1, 6))
     letters = st.text("aaaab.=", min_size=columns, max_size=columns)
@@ -62,5 +63,5 @@ def scenes(draw, rule=None):
         legend=LEGEND,
         sides={side: draw(held) for side in ("left", "right", "bottom", "top")},
         loads=loads,
-        rule=draw(rules()) if rule is None else rule,
+        rule=draw(rules(senses)) if rule is None else rule,
     )

@@ -18,7 +18,7 @@ from .body import draw_body, finish
 from .cropping import section_of
 from .forces import draw_forces
 from .section import Section
-from .style import INK, SEQUENTIAL, add_polygons, colour_bar, new_axes
+from .style import INK, PULL, SEQUENTIAL, add_polygons, colour_bar, new_axes
 from .subject import threshold_of
 from .units import counted, quantity
 
@@ -82,6 +82,19 @@ def draw_agents(
             name = f"{symbol.name}s"
             artists.append(_coloured(ax, shapes, name, step, norm, **look, zorder=5))
     return artists
+
+
+def mark_pulled(ax: Axes, section: Section, stage: Stage) -> list[Artist]:
+    """Mark the agents that took more pulls than pushes; return what explains the mark."""
+    more = (2.0 * stage.pulled - stage.taken).sum(axis=1)
+    tiles, more = section.gather(stage.cells, more, "sum")
+    if not (more > 0.0).any():
+        return []
+    place, size = section.centres(tiles[more > 0.0]), float(section.tile_size.min())
+    corners = place[:, None] + 0.4 * size * SYMBOLS[AIR].corners
+    add_polygons(ax, corners, "pulled agents", facecolors=PULL, edgecolors="white", zorder=5)
+    look: dict[str, Any] = {"ls": "", "marker": "o", "mfc": PULL, "mec": "white", "ms": 5}
+    return [Line2D([], [], label="took more pulls than pushes", **look)]
 
 
 def _coloured(
@@ -158,6 +171,7 @@ def plot_agents(
     if len(stage.cells):
         norm = spawn_norm(stage.generations)
         draw_agents(ax, section, stage, norm)
+        entries += mark_pulled(ax, section, stage)
         spawn_bar(ax, norm, stage.generations)
         entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
         notes = [counts(stage), "; ".join([*notes, f"γ = {gamma}"])]

@@ -47,7 +47,7 @@ def around_heaviest(stage: Stage, most: int = MOST_AGENTS) -> Stage:
     loads = ("taken", "pulled", "kept", "shortened", "widened", "passed", "dropped")
     names = ("cells", "material", "spawn_step", "woken_by", *loads)
     beside = np.abs(stage.boundary_cells - heaviest).max(axis=1) <= REACH + 1
-    edge = ("boundary_cells", "boundary_kind", "boundary_spawn_step", "returned")
+    edge = ("boundary_cells", "boundary_kind", "boundary_spawn_step", "returned", "arrived")
     columns = {name: getattr(stage, name)[kept] for name in names}
     columns |= {name: getattr(stage, name)[beside] for name in edge}
     return replace(stage, **columns)

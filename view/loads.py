@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.colors import LogNorm
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm, to_hex
+from matplotlib.lines import Line2D
 
 from kaju.errors import ParameterError
 
@@ -15,12 +17,12 @@ from .body import draw_body, finish
 from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
 from .section import Section
-from .style import FORCE, LOADS, RIM, add_polygons, colour_bar, new_axes
+from .style import FORCE, LOADS, PULL, PULLS, RIM, add_polygons, colour_bar, new_axes
 from .units import quantity
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
 
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
@@ -37,15 +39,34 @@ CLOSE_UP = 12
 """Bodies of more cells across than this are cropped to the agents, so that arrows can be read."""
 
 
-def taken_in(stage: Stage, generation: int | None) -> Floats:
-    """Return the loads taken (N) in one generation, or in all, shape (agents, directions)."""
+def loads_taken(stage: Stage, generation: int | None) -> Floats:
+    """Return the loads taken (N) in one generation, or in all, shape (agents, states).
+
+    States are the directions of pushes; where there are pulls, these follow.
+    """
+    count = stage.taken.shape[1]
     if generation is None:
-        return stage.taken
-    history = stage.history
-    then = history.generation == generation
-    taken = np.zeros_like(stage.taken)
-    np.add.at(taken, (history.agent[then], history.direction[then]), history.load[then])
-    return taken
+        states = np.hstack([stage.taken - stage.pulled, stage.pulled])
+    else:
+        history = stage.history
+        then = history.generation == generation
+        state = history.direction + count * history.pull
+        states = np.zeros((len(stage.taken), 2 * count))
+        np.add.at(states, (history.agent[then], state[then]), history.load[then])
+    return states if stage.pulled.any() else states[:, :count]
+
+
+def sense_entries(loads: Floats, directions: int, plain: bool = False) -> list[Artist]:
+    """Return what explains the arrows of pushes and pulls, if there are both, in a legend."""
+    if loads.shape[1] == directions:
+        names = {FORCE: "load taken"} if plain else {}
+    else:
+        names = {
+            FORCE if plain else to_hex(LOADS(0.6)): "push: goes on along its arrow",
+            PULL if plain else to_hex(PULLS(0.6)): "pull: goes on against its arrow",
+        }
+    look: dict[str, Any] = {"ls": "", "marker": "$\u279e$", "mew": 0.0, "ms": 9}
+    return [Line2D([], [], color=colour, label=name, **look) for colour, name in names.items()]
 
 
 def load_norm(loads: Floats) -> LogNorm:
@@ -59,36 +80,43 @@ def load_norm(loads: Floats) -> LogNorm:
 
 def draw_loads(
     ax: Axes, section: Section, stage: Stage, loads: Floats, norm: LogNorm, plain: bool = False
-) -> tuple[PolyCollection, bool]:
-    """Draw loads, shape (agents, directions), as rosettes of arrows out of the cells' middles.
+) -> bool:
+    """Draw loads, as `loads_taken` returns them, as arrows out of the cells' middles.
+
+    They are coloured by load and sense; `plain` ones, as films need them, are larger and
+    coloured by sense alone.
 
     Returns
     -------
-    arrows : PolyCollection
-        Coloured by load, or, larger and in one plain colour, as films need them.
-    left_out : bool
+    bool
         Whether loads were left out because they point across the section.
     """
     tiles, loads = section.gather(stage.cells, loads, "sum")
     normals = section.in_plane(section.scene.lattice.normals)
-    row, direction = np.nonzero(loads)
-    across = np.linalg.norm(normals, axis=1)[direction] < 0.5
-    row, direction = row[~across], direction[~across]
-    load = loads[row, direction]
+    row, state = np.nonzero(loads)
+    across = np.linalg.norm(normals, axis=1)[state % len(normals)] < 0.5
+    row, state = row[~across], state[~across]
+    load = loads[row, state]
     lightest_first = np.argsort(load)
-    row, direction, load = (column[lightest_first] for column in (row, direction, load))
+    row, state, load = (column[lightest_first] for column in (row, state, load))
+    way, pull = normals[state % len(normals)], state >= len(normals)
     share = np.sqrt(np.clip(load / norm.vmax, 0.0, 1.0)) if len(load) else load
     size = float(section.tile_size.min())
     # In a film arrows are the only thing that moves on: they reach into the next tile.
     least, most, width = (0.5, 1.0, 0.11) if plain else (0.24, 0.49, 0.048)
     tail = section.centres(tiles)[row]
-    head = tail + (size * (least + (most - least) * share))[:, None] * normals[direction]
+    if loads.shape[1] > len(normals):  # pushes and pulls of one direction lie side by side
+        aside = np.where(pull, 0.5, -0.5) * (width + 0.06)
+        tail = tail + (size * aside)[:, None] * np.stack([-way[:, 1], way[:, 0]], axis=1)
+    head = tail + (size * (least + (most - least) * share))[:, None] * way
     outlines = arrow_polygons(tail, head, size * (width + 0.06 * share))
-    look = (
-        {"fc": FORCE, "ec": "white", "lw": 0.6} if plain else {"array": load, "cmap": LOADS, **RIM}
-    )
-    drawn = add_polygons(ax, outlines, "loads taken", norm=norm, zorder=6, **look)
-    return drawn, bool(across.any())
+    if plain:
+        colours, rim = np.where(pull, PULL, FORCE), {"edgecolors": "white", "linewidths": 0.6}
+    else:
+        shade = norm(load)
+        colours, rim = np.where(pull[:, None], PULLS(shade), LOADS(shade)), RIM
+    add_polygons(ax, outlines, "loads taken", facecolors=colours, zorder=6, **rim)
+    return bool(across.any())
 
 
 def plot_loads(
@@ -131,14 +159,17 @@ def plot_loads(
     ax = new_axes(ax)
     entries = draw_body(ax, section)
     notes = draw_forces(ax, section, result.stage)
-    loads = taken_in(stage, generation)
+    loads = loads_taken(stage, generation)
     title = "Loads taken" if generation is None else f"Loads taken in generation {generation}"
     total = f"{quantity(float(loads.sum()), 'N')} taken in all, arrow length grows like √load"
     if loads.any():
         norm = load_norm(section.gather(stage.cells, loads, "sum")[1])
-        arrows, across = draw_loads(ax, section, stage, loads, norm)
-        colour_bar(ax, arrows, "load taken along the arrow", "N")
+        across = draw_loads(ax, section, stage, loads, norm)
+        pulls = sense_entries(loads, stage.taken.shape[1])
+        colour_bar(ax, ScalarMappable(norm, LOADS), "load taken along the arrow", "N")
+        entries += pulls
         notes = ["; ".join(notes), total]
+        notes += ["pulls in shades of red-violet, as dark as pushes of their size"] if pulls else []
         notes += ["loads across the section are not shown"] if across else []
     else:
         notes = [stage.outcome, *notes]

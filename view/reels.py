@@ -27,7 +27,7 @@ from .deformed import (
     sizes_of,
 )
 from .forces import draw_forces
-from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, taken_in
+from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, loads_taken, sense_entries
 from .space import box_around, draw_arrows, draw_frame
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes
@@ -126,15 +126,18 @@ def spawning(
     norm = spawn_norm(stage.generations)
     spawn_bar(ax, norm, stage.generations)
     entries += boundary_entries(stage.boundary_kind[section.holds(stage.boundary_cells)])
+    every = [loads_taken(stage, generation) for generation in range(stage.generations + 1)]
+    entries += sense_entries(every[0], stage.taken.shape[1], plain=True)
     notes = finish(ax, section, "Agents spawn and pass their loads on", TWO_LINES, entries)
     coarse = section_of(result.scene, result.focus, cut, crop, FILM_ARROWS_ACROSS)
-    every = [taken_in(stage, generation) for generation in range(stage.generations + 1)]
     largest = max(coarse.gather(stage.cells, t, "sum")[1].max(initial=0.0) for t in every)
     scale = load_norm(np.array([largest]))
 
     def draw(generation: int) -> list[Artist]:
-        arrows = draw_loads(ax, coarse, stage, every[generation], scale, plain=True)[0]
-        return [*draw_agents(ax, section, stage, norm, generation), arrows]
+        still = len(ax.collections)
+        draw_agents(ax, section, stage, norm, generation)
+        draw_loads(ax, coarse, stage, every[generation], scale, plain=True)
+        return [*ax.collections[still:]]
 
     told = "; ".join(section.notes)
     return Reel(

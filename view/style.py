@@ -38,6 +38,8 @@ FAINT = "#6b6b6b"
 LINE = "#c9c9c9"
 FORCE = "#b2340b"
 """Applied forces: a vermilion that stays apart from every colour map used here."""
+PULL = "#c51b8a"
+"""Loads that pull, where those that push have the colour of forces."""
 BODY = ("#ececec", "#e6d9be", "#cfe0ea", "#d9e3cf", "#e7d3dc", "#d6d4e6")
 """Materials that no load has reached; the first six, then again."""
 BODY_HATCHES = ("", "...", "--", "oo", "++", "**")
@@ -51,6 +53,8 @@ SIZE = "YlGnBu"
 LOADS = ListedColormap(
     colormaps["cividis_r"](np.linspace(0.22, 1.0, 256)), "cividis_r without its palest part"
 )
+PULLS = ListedColormap(colormaps["RdPu"](np.linspace(0.4, 1.0, 256)), "RdPu without its pale part")
+"""For loads that pull, as dark as `LOADS` for those that push."""
 RIM: dict[str, Any] = {"edgecolors": "#3a3a3a", "linewidths": 0.25}
 """Of small things in the colours of `LOADS`, which may lie on a body of the same shade."""
 DIVERGING = "PuOr_r"

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.result import INSIDE as INSIDE
 from kaju.model.scene.kinds import FOUNDATION, RIGID, ROLLER
 
 from .problem import FIXED, ElasticProblem, FaceFields, Floats
 from .staggered import internal_force
-
-INSIDE = "rigid"
-"""Name of the support that rigid cells inside the array give."""
 
 
 def reactions(

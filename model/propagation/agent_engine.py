@@ -326,6 +326,7 @@ class AgentEngine:
             boundary_kind=self.scene.kinds(boundary_cells),
             boundary_spawn_step=np.array([b.spawn_step for b in boundaries], dtype=np.int64),
             returned=np.array([boundary.returned for boundary in boundaries]),
+            arrived=_table([boundary.taken for boundary in boundaries], directions),
             history=self._history(agents),
             ledger=Ledger(
                 applied=self.applied,

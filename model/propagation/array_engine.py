@@ -352,6 +352,7 @@ class ArrayEngine:
             boundary_kind=kinds(boundary_cells),
             boundary_spawn_step=boundary_step,
             returned=returned,
+            arrived=self.at_boundary()[0],
             history=collect_history(self.record, self.lattice.directions),
             ledger=ledger,
         )

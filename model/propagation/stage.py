@@ -142,6 +142,8 @@ class Stage:
         generation in which each first gave a load back.
     returned : array of float, shape (boundary agents,)
         Loads given back (N).
+    arrived : array of float, shape (boundary agents, directions)
+        Loads that reached them (N), by the direction their force points along.
     history : History
         The loads taken, generation by generation.
     ledger : Ledger
@@ -166,6 +168,7 @@ class Stage:
     boundary_kind: IntArray
     boundary_spawn_step: IntArray
     returned: FloatArray
+    arrived: FloatArray
     history: History
     ledger: Ledger
 

@@ -14,9 +14,9 @@ from kaju import __version__
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
-from kaju.model.result import BodyResult, cells_of_points
+from kaju.model.result import INSIDE, BodyResult, cells_of_points, idle_rheology
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, RIGID
+from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 from .deformation import DisplacementField, Squeeze, squeeze
 from .load_path import load_path
@@ -98,6 +98,26 @@ class TransferResult(BodyResult):
         return self.stages[-1]
 
     @property
+    def reactions(self) -> dict[str, FloatArray]:
+        """Forces (N) by which supports answered the loads that reached them, each (dimension,).
+
+        By the name of the side, or "rigid" for rigid cells inside. A rigid agent answers a load
+        by the opposite of its force, a roller only by the part across it. Loads that end on
+        their way, or come more than once, keep the sum from being the applied one. Not a
+        number in results that were stored before it was kept.
+        """
+        stage, lattice = self.last, self.scene.lattice
+        beyond = lattice.side_beyond(stage.boundary_cells)
+        force = -stage.arrived @ lattice.normals
+        across = np.eye(lattice.dimension)[beyond // 2]
+        force = np.where((stage.boundary_kind == ROLLER)[:, None], force * across, force)
+        named = (*lattice.sides, INSIDE)
+        return {
+            named[side]: force[(beyond == side) & (stage.boundary_kind != AIR)].sum(axis=0)
+            for side in np.unique(beyond[stage.boundary_kind != AIR]).tolist()
+        }
+
+    @property
     def outcome(self) -> str:
         """How the last stage ended, in words."""
         return self.last.outcome
@@ -119,7 +139,7 @@ class TransferResult(BodyResult):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What a reader of the figures should know, in words."""
-        notes = []
+        notes = idle_rheology(self.scene)
         rule = self.scene.rule
         if isinstance(rule, PrescribedRule) and not rule.sense:
             applied = self.scene.applied(len(self.stages))
@@ -231,6 +251,11 @@ class TransferResult(BodyResult):
             "rigid_boundary_agents": int((stage.boundary_kind == RIGID).sum()),
             "load_taken": stage.ledger.taken,
             "load_dropped": stage.ledger.dropped,
+            "reaction": {
+                name: force.tolist()
+                for name, force in self.reactions.items()
+                if np.isfinite(force).all()
+            },
             "max_displacement": float(size.max(initial=0.0)),
             "spectral_radius": self.certificate.spectral_radius,
             "seconds": self.seconds,
@@ -291,6 +316,9 @@ class TransferResult(BodyResult):
                 for f in fields(Stage)
                 if f"{number}.{f.name}" in arrays
             }
+            if "arrived" not in columns:  # written before it was kept
+                unknown = (len(columns["returned"]), scene.lattice.directions)
+                columns["arrived"] = np.full(unknown, np.nan)
             described["ledger"] = Ledger(**described["ledger"])
             stages.append(Stage(**described, **columns, history=History(**history)))
         certificate = Certificate(**about["certificate"])

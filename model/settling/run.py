@@ -15,7 +15,7 @@ from kaju.model.elasticity.cell_agents import CellAgents
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.engine import Solution
 from kaju.model.elasticity.staggered import strain_energy
-from kaju.model.result import BodyResult
+from kaju.model.result import BodyResult, idle_rheology
 
 from .moments import Moments
 from .records import BoundaryAgents, FaceAgents, PushLedger, StepRecord
@@ -127,6 +127,11 @@ class ElasticRun(BodyResult):
         """Sum of the supports' forces on the body (N), shape (dimension,)."""
         return -self.ledger.carried
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the figures should know, in words."""
+        return tuple(idle_rheology(self.scene))
+
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
         levels = np.bincount(self.agents.level)
@@ -150,7 +155,7 @@ class ElasticRun(BodyResult):
             "max_displacement": self.result.max_displacement,
             "seconds": self.seconds,
             "kaju_version": __version__,
-        }
+        } | ({"notes": list(self.notes)} if self.notes else {})
 
     def curves(self) -> list[Curves]:
         """Return energy, largest load left, and the error meter after every step."""

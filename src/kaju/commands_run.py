@@ -216,8 +216,6 @@ def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> tu
         interrupted = True
     result = model.result()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
-    if any(material.rheology for material in scene.cell_materials):
-        console.say("a material's rheology takes no part here; time passes in `kaju creep`")
     return result, interrupted
 
 

@@ -4,7 +4,8 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 from strategies import scenes
 
 from kaju import KajuError, LoadModel, MaterialAgent, Scene, stability
@@ -27,9 +28,8 @@ def assert_same(one, other):
             assert_same(a, b)
 
 
-@settings(max_examples=250)
-@given(scene=scenes())
-def test_both_engines_give_the_same_loads_and_balanced_ledgers(scene):
+def run_both(scene):
+    """Run a scene on both engines: same loads, balanced ledgers, a certificate that is right."""
     if not stability(scene).stable:
         with pytest.raises(StabilityError, match="lower"):
             LoadModel(scene)
@@ -40,6 +40,20 @@ def test_both_engines_give_the_same_loads_and_balanced_ledgers(scene):
     assert agents.ledger.imbalance < 1e-12
     assert agents.ledger.pending == 0.0
     assert agents.generations <= models[0].certificate.generations
+
+
+@settings(max_examples=100)
+@given(scene=scenes())
+def test_both_engines_give_the_same_loads_and_balanced_ledgers(scene):
+    run_both(scene)
+
+
+@pytest.mark.slow
+@settings(max_examples=500)
+@given(scene=scenes(senses=st.just(True)))
+def test_both_engines_tell_pushes_from_pulls_alike(scene):
+    assume(stability(scene).stable)
+    run_both(scene)
 
 
 @settings(max_examples=250)

@@ -71,6 +71,39 @@ def test_a_column_of_four(engine):
 
 
 @ENGINES
+def test_supports_answer_what_reached_them(engine):
+    """The ground gave back all that the bottom cell of the column took upwards, and downwards."""
+    pushed, pulled = (LoadModel(column(force), engine=engine).run() for force in (-1.0, 1.0))
+    assert list(pushed.reactions) == ["bottom"]
+    np.testing.assert_allclose(pushed.reactions["bottom"], [0, 0.4096 - 0.068719], atol=5e-7)
+    np.testing.assert_allclose(pulled.reactions["bottom"], -pushed.reactions["bottom"])
+    assert pushed.summary()["reaction"] == {"bottom": pushed.reactions["bottom"].tolist()}
+
+
+@ENGINES
+def test_rollers_answer_across_and_punches_by_their_own_name(engine):
+    scene = Scene(
+        body={"cell_size": 0.01, "drawing": "aaa\naa=\naaa"},
+        legend={"a": "steel", "=": "rigid"},
+        sides={"left": "roller", "bottom": "free"},
+        loads=[{"cell": [1, 1], "force": [3.0, -1.0], "sense": "push"}],
+        rule=PrescribedRule((0.5, 0.5, 0.2), 0.5, 0.02),
+    )
+    result = LoadModel(scene, engine=engine).run()
+    stage = result.last
+    punch = (stage.boundary_cells == [2, 1]).all(axis=1)
+    assert result.reactions.keys() == {"left", "rigid"}
+    arrived = stage.arrived[punch][0]
+    np.testing.assert_allclose(
+        result.reactions["rigid"], [arrived[0] - arrived[1], arrived[2] - arrived[3]]
+    )
+    assert result.reactions["rigid"][0] < 0.0, "pushed to the right, it pushes to the left"
+    wall = stage.arrived[(stage.boundary_cells[:, 0] < 0)].sum(axis=0)
+    assert wall[2:].sum() > 0.0, "loads along the wall reach it"
+    np.testing.assert_allclose(result.reactions["left"], [wall[0] - wall[1], 0.0])
+
+
+@ENGINES
 @pytest.mark.parametrize(
     ("threshold", "found"),
     [(1e-2, (8, 34, 4, 12.879375)), (1e-3, (11, 85, 13, 21.104765625))],

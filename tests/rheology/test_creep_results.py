@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kaju import History, Scene, ThreeElement, animate, creep, load_result, plot
+from kaju import ElasticModel, History, Scene, ThreeElement, animate, creep, load_result, plot
 from kaju.__main__ import app
 from kaju.agents.rheology import ElementState
 from kaju.errors import ParameterError, SceneError
@@ -261,3 +261,6 @@ def test_a_run_says_that_it_leaves_time_out(tmp_path):
     block("prescribed").save(scene)
     done = typed("run", scene, "--out", tmp_path / "here", "--no-pictures")
     assert "rheology takes no part" in done.output
+    (note,) = load_result(tmp_path / "here").summary()["notes"]
+    assert "rheology takes no part" in note
+    assert ElasticModel(block("elastic"), max_steps=1).run().summary()["notes"] == [note]

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError, ResultFileError
@@ -20,7 +21,9 @@ from kaju.view.agents import plot_agents
 from kaju.view.cropping import section_of
 from kaju.view.deformed import plot_deformed
 from kaju.view.loads import plot_loads
+from kaju.view.reels import spawning
 from kaju.view.stages import plot_stages
+from kaju.view.style import FORCE, PULL
 
 PLATE = """
 [body]
@@ -197,6 +200,41 @@ def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load() -> N
     first = plot_loads(result, generation=1)
     (arrow,) = drawn(first, "loads taken")
     assert arrow[0][1] < 0.195  # it points down from the middle of the loaded cell
+
+
+def test_pulls_and_pushes_can_be_told_apart() -> None:
+    result = LoadModel(
+        Scene.from_toml(PLATE.format(steps=1, threshold=0.01) + "sense = true")
+    ).run()
+    stage = result.last
+    ax = plot_loads(result)
+    (arrows,) = [part for part in ax.collections if part.get_gid() == "loads taken"]
+    pushes, pulls = (np.count_nonzero(of) for of in (stage.taken - stage.pulled, stage.pulled))
+    colours = arrows.get_facecolors()
+    assert len(colours) == pushes + pulls
+    assert pulls > 0
+    words = ["push: goes on along its arrow", "pull: goes on against its arrow"]
+    assert [entry for entry in legend(ax) if "arrow" in entry] == words
+    assert not any("arrow" in entry for entry in legend(plot_loads(plate())))
+    film = spawning(result)
+    film.show(stage.generations)
+    (moving,) = [
+        part for part in film.figure.axes[0].collections if part.get_gid() == "loads taken"
+    ]
+    last = stage.history.generation == stage.generations
+    shown = {to_hex(colour) for colour in moving.get_facecolors()}
+    assert shown == {PULL if pull else FORCE for pull in stage.history.pull[last]}
+    assert words[1] in legend(film.figure.axes[0])
+
+
+def test_agents_that_are_pulled_are_marked() -> None:
+    scene = PLATE.format(steps=1, threshold=0.01).replace("-2.0", "2.0") + "sense = true"
+    stage = (result := LoadModel(Scene.from_toml(scene)).run()).last
+    pulled = stage.pulled.sum(axis=1) > (stage.taken - stage.pulled).sum(axis=1)
+    ax = plot_agents(result)
+    assert len(drawn(ax, "pulled agents")) == pulled.sum() > 0
+    assert "took more pulls than pushes" in legend(ax)
+    assert "took more pulls than pushes" not in legend(plot_agents(plate()))
 
 
 def test_only_generations_that_were_can_be_shown() -> None:

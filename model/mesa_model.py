@@ -101,6 +101,23 @@ class SteppedModel(Model):
         """Go back to the start."""
         raise NotImplementedError
 
+    def again(self, scene: Any) -> Self:
+        """Return a new model of another scene with the same kind of agents.
+
+        It runs loads that grow, too, until they threaten to overflow.
+        """
+        options, own = self.checkpoint_options()
+        options |= {name: value for name, value in own.items() if value is not None}
+        if "allow_unstable" in options:
+            options["allow_unstable"] = True
+        return type(self)(scene, **options)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the page, with what has happened so far."""
+        from kaju.view.page.notebook import shown
+
+        return shown(self)
+
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and those that no file can hold."""
         raise NotImplementedError

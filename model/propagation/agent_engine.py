@@ -22,7 +22,7 @@ from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
-from .stage import FloatArray, History, IntArray, Ledger, News, Stage, collect_history
+from .stage import FloatArray, History, IntArray, Ledger, News, Stage, Totals, collect_history
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -290,15 +290,10 @@ class AgentEngine:
             np.array([self._arms_to_wakers(agent) for agent in born], dtype=np.int64),
         )
 
-    def stage(self, factor: float, outcome: str) -> Stage:
-        """Return what the stage has left behind so far."""
+    def totals(self) -> Totals:
+        """Return what each agent has done by now."""
         agents = self._ordered(self.agents.values())
-        boundaries = self._ordered(self.boundaries.values())
-        cells, boundary_cells = self._places(agents), self._places(boundaries)
-        directions, axes = self.lattice.directions, len(self.lattice.axes)
-        passed = _table([agent.passed for agent in agents], directions)
-        dropped = np.array([agent.dropped for agent in agents])
-        taken = _table([agent.taken for agent in agents], directions)
+        cells, axes = self._places(agents), len(self.lattice.axes)
         kept = _table([agent.squeezed for agent in agents], axes)
         if self.material_agent.shortening is MaterialAgent.shortening:  # asked of all at once
             modulus = np.array([agent.material.youngs_modulus for agent in agents])
@@ -307,21 +302,31 @@ class AgentEngine:
             laws = [[agent.shortening(axis) for axis in range(axes)] for agent in agents]
             shortened = np.array(laws).reshape(-1, axes)
         widening = np.array([agent.shares.widening for agent in agents])
+        return Totals(
+            cells=cells,
+            material=self.scene.kinds(cells),
+            kept=kept,
+            shortened=shortened,
+            widened=shortened * widening[:, None],
+            passed=_table([agent.passed for agent in agents], self.lattice.directions),
+            dropped=np.array([agent.dropped for agent in agents]),
+        )
+
+    def stage(self, factor: float, outcome: str) -> Stage:
+        """Return what the stage has left behind so far."""
+        agents = self._ordered(self.agents.values())
+        boundaries = self._ordered(self.boundaries.values())
+        boundary_cells, directions = self._places(boundaries), self.lattice.directions
+        taken, totals = _table([agent.taken for agent in agents], directions), self.totals()
         return Stage(
+            **totals._asdict(),
             factor=factor,
             outcome=outcome,
             generations=self.generation,
-            cells=cells,
-            material=self.scene.kinds(cells),
             spawn_step=np.array([agent.spawn_step for agent in agents], dtype=np.int64),
             woken_by=np.array([self._arms_to_wakers(a) for a in agents], dtype=np.int64),
             taken=taken,
             pulled=_table([agent.pulled for agent in agents], directions),
-            kept=kept,
-            shortened=shortened,
-            widened=shortened * widening[:, None],
-            passed=passed,
-            dropped=dropped,
             boundary_cells=boundary_cells,
             boundary_kind=self.scene.kinds(boundary_cells),
             boundary_spawn_step=np.array([b.spawn_step for b in boundaries], dtype=np.int64),
@@ -332,10 +337,10 @@ class AgentEngine:
                 applied=self.applied,
                 taken=float(taken.sum()),
                 kept=sum((agent.kept for agent in agents), start=0.0),
-                emitted=float(passed.sum() + dropped.sum()),
+                emitted=float(totals.passed.sum() + totals.dropped.sum()),
                 passed=self.passed,
                 returned=self.returned,
-                dropped=self.dropped + float(dropped.sum()),
+                dropped=self.dropped + float(totals.dropped.sum()),
                 pending=self.pending,
                 absorbed=sum((boundary.kept for boundary in boundaries), start=0.0),
             ),

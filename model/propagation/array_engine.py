@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from kaju.agents.load import Load
 
 from .agent_table import AgentTable
-from .stage import FloatArray, IntArray, Ledger, News, Stage, collect_boundary, collect_history
+from .stage import (
+    FloatArray,
+    IntArray,
+    Ledger,
+    News,
+    Stage,
+    Totals,
+    collect_boundary,
+    collect_history,
+)
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -306,6 +315,17 @@ class ArrayEngine:
             np.add.at(passed, (agent, self.lattice.opposite[rows.arm]), rows.load)
         return taken, passed
 
+    def totals(self) -> Totals:
+        """Return what each agent has done by now."""
+        table = self.agents
+        kept = self.transfer.kept(table.material, table.taken)
+        modulus = np.array([material.youngs_modulus for material in self.transfer.materials])
+        widening = np.array([shares.widening for shares in self.transfer.shares])
+        shortened = kept / (self.transfer.cross_section * modulus[table.material, None])
+        widened = shortened * widening[table.material, None]
+        cells, material = table.cells, table.material
+        return Totals(cells, material, kept, shortened, widened, table.passed, table.dropped)
+
     def stage(self, factor: float, outcome: str) -> Stage:
         """Return what the stage has left behind so far."""
         table, kinds = self.agents, self.scene.kinds
@@ -319,10 +339,6 @@ class ArrayEngine:
             pulled = np.zeros_like(table.taken)
         everyone = np.arange(len(table))
         emitted = self.transfer.emitted.reshape(-1, self.transfer.states)[table.form(everyone)]
-        kept = self.transfer.kept(table.material, table.taken)
-        modulus = np.array([material.youngs_modulus for material in self.transfer.materials])
-        widening = np.array([shares.widening for shares in self.transfer.shares])
-        shortened = kept / (self.transfer.cross_section * modulus[table.material, None])
         ledger = Ledger(
             applied=self.applied,
             taken=float(taken.sum()),
@@ -337,17 +353,11 @@ class ArrayEngine:
             factor=factor,
             outcome=outcome,
             generations=self.generation,
-            cells=table.cells,
-            material=table.material,
+            **self.totals()._asdict(),
             spawn_step=table.spawn_step,
             woken_by=table.woken_by,
             taken=table.taken[:, : self.lattice.directions] + pulled,
             pulled=pulled,
-            kept=kept,
-            shortened=shortened,
-            widened=shortened * widening[table.material, None],
-            passed=table.passed,
-            dropped=table.dropped,
             boundary_cells=boundary_cells,
             boundary_kind=kinds(boundary_cells),
             boundary_spawn_step=boundary_step,

@@ -22,7 +22,7 @@ import numpy as np
 
 from kaju.model.scene.kinds import RIGID, ROLLER
 
-from .stage import FloatArray, IntArray, Stage
+from .stage import FloatArray, IntArray, Stage, Totals
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -79,7 +79,7 @@ class Squeeze:
         return along, np.eye(self.lattice.dimension) - along
 
 
-def squeeze(scene: Scene, stage: Stage) -> Squeeze:
+def squeeze(scene: Scene, stage: Stage | Totals) -> Squeeze:
     """Return how much the agents of a stage are squeezed by what they kept."""
     lattice = scene.lattice
     area = lattice.cell_volume(scene.thickness) / lattice.cell_size

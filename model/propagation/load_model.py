@@ -19,7 +19,7 @@ from kaju.model.progress import progress_line
 from .agent_engine import AgentEngine, Order, boundary_classes
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify, not_known
-from .stage import News, Stage
+from .stage import News, Stage, Totals
 from .transfer import BOUNDARY_NAMES, Transfer, states_of
 from .transfer_result import TransferResult
 
@@ -371,20 +371,10 @@ class LoadModel(SteppedModel):
         """
         return self.engine.since(generation, agents)
 
-    def again(self, scene: Scene) -> LoadModel:
-        """Return a new model of another scene with the same kind of agents.
-
-        It runs loads that grow, too, until they threaten to overflow.
-        """
-        options: dict[str, Any] = self._own | {"allow_unstable": True}
-        engine: EngineName = "agents" if isinstance(self.engine, AgentEngine) else "arrays"
-        return type(self)(scene, engine=engine, max_generations=self.max_generations, **options)
-
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the page, with what has happened so far."""
-        from kaju.view.page.notebook import shown
-
-        return shown(self)
+    @property
+    def totals(self) -> Totals:
+        """What each agent of the current stage has done by now, in the order of `Stage`."""
+        return self.engine.totals()
 
     def watch(self, port: int = 8000, *, browser: bool = True) -> None:
         """Show agents like these at work in a browser; see `kaju.watch`."""

@@ -103,6 +103,18 @@ class News(NamedTuple):
     woken_by: IntArray
 
 
+class Totals(NamedTuple):
+    """What each agent has done by now; the columns are those of `Stage`."""
+
+    cells: IntArray
+    material: IntArray
+    kept: FloatArray
+    shortened: FloatArray
+    widened: FloatArray
+    passed: FloatArray
+    dropped: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class Stage:
     """The agents of one stage of loading, in the order in which they spawned.

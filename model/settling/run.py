@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -159,22 +160,7 @@ class ElasticRun(BodyResult):
 
     def curves(self) -> list[Curves]:
         """Return energy, largest load left, and the error meter after every step."""
-        step = np.arange(1.0, len(self.history) + 1.0)
-        every = np.array([(r.loudest, r.error_estimate, r.pushes) for r in self.history])
-        loudest, meter, pushes = every.reshape(-1, 3).T
-        told = meter > 0.0
-        return [
-            Curves("Energy of body and loads", "step", "", step, {"energy": self.energy}, "J"),
-            Curves(
-                "Largest load left",
-                *("step", "", step[told]),
-                {"load left": loudest[told], "threshold": np.full(told.sum(), self.threshold)},
-                "N",
-                logarithmic=True,
-            ),
-            Curves("Error left", "step", "", step[told], {"meter": meter[told]}, "", True),
-            Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
-        ]
+        return curves_of(self.history, 0, self.threshold)
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
@@ -248,6 +234,36 @@ class ElasticRun(BodyResult):
             moments=Moments(**part("moments")),
             seconds=about["seconds"],
         )
+
+
+def curves_of(history: Sequence[StepRecord], known: int, threshold: float) -> list[Curves]:
+    """Return energy, largest load left, and the error meter after steps.
+
+    Parameters
+    ----------
+    history : sequence of StepRecord
+        The steps.
+    known : int
+        How many steps came before them.
+    threshold : float
+        γ (N).
+    """
+    step = np.arange(known + 1.0, known + len(history) + 1.0)
+    every = np.array([(r.energy, r.loudest, r.error_estimate, r.pushes) for r in history])
+    energy, loudest, meter, pushes = every.reshape(-1, 4).T
+    told = (meter > 0.0) & np.isfinite(meter)  # no work is done yet in the first visits
+    return [
+        Curves("Energy of body and loads", "step", "", step, {"energy": energy}, "J"),
+        Curves(
+            "Largest load left",
+            *("step", "", step[told]),
+            {"load left": loudest[told], "threshold": np.full(told.sum(), threshold)},
+            "N",
+            logarithmic=True,
+        ),
+        Curves("Error left", "step", "", step[told], {"meter": meter[told]}, "", True),
+        Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
+    ]
 
 
 def _tables(run: ElasticRun) -> dict[str, FaceAgents | BoundaryAgents | Moments]:

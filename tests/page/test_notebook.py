@@ -63,6 +63,19 @@ def test_a_model_shows_what_has_happened_and_is_not_run_on():
     assert model.generation == 3
 
 
+def test_a_model_that_has_not_begun_stays_so():
+    model = LoadModel(Scene(**PLATE), material_agent=Straight)
+    header, columns = told(page_in(model._repr_html_()))
+    assert (header["kind"], model.generation) == ("recorded", 0)
+    assert (
+        len(columns["offset"])
+        == 1 + LoadModel(model.scene, material_agent=Straight).run().last.generations
+    )
+    elastic = kaju.ElasticModel(Scene(**PLATE, rule={"kind": "elastic"}))
+    assert told(page_in(elastic._repr_html_()))[0]["along"] == "step"
+    assert elastic.generation == 0
+
+
 def test_what_no_page_shows_is_a_picture():
     element = kaju.ThreeElement(K_f=1.0, D_f=1.0)
     html = kaju.creep(element, kaju.History.step().hold(1.0))._repr_html_()
@@ -144,8 +157,8 @@ def test_a_widget_steps_its_run_in_a_browser(chromium):
 
 
 def test_widgets_say_what_they_need(monkeypatch):
-    with pytest.raises(ParameterError, match="got 'elastic'"):
-        live(Scene(**PLATE, rule={"kind": "elastic"}))
+    with pytest.raises(ParameterError, match="got SpawningModel"):
+        live(kaju.SpawningModel(Scene(**PLATE)))
     notebook._widget.cache_clear()
     monkeypatch.setitem(sys.modules, "anywidget", None)
     with pytest.raises(MissingExtraError, match=r"kaju\[notebook\]"):

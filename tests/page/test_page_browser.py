@@ -2,6 +2,7 @@
 
 import itertools
 
+import numpy as np
 import pytest
 
 import kaju
@@ -69,6 +70,64 @@ def test_agents_of_ones_own_are_recorded(opened, tmp_path):
         pytest.approx(last.ledger.taken, rel=1e-6)
     )
     assert page.messages == []
+
+
+class Stubborn(Leaky):
+    """Keeps more than its share, and yields by a law of its own."""
+
+    def take(self, load):
+        super().take(load)
+        self.kept += 0.25 * load.total
+
+    def shortening(self, axis):
+        return 2.0 * super().shortening(axis) + 1e-9 * self.squeezed.get(axis, 0.0) ** 2
+
+
+def test_what_own_agents_did_is_known_at_every_generation(opened, tmp_path):
+    """Their numbers, shape and load path are those of a model stopped there."""
+    plate = PLATE | {"sides": {"bottom": "rigid", "right": "roller"}}
+    plate["loads"] = [{"cell": [10, 19], "force": [1.5, -2.0]}]
+    scene = Scene(**plate)
+    page = opened(
+        kaju.export_page(LoadModel(scene, material_agent=Stubborn), tmp_path / "own.html")
+    )
+    model = LoadModel(scene, material_agent=Stubborn)
+    for generation in (1, 4, 9):
+        model.run(until=lambda model, g=generation: model.generation >= g)
+        result = model.result()
+        stage = result.last
+        awake = stage.spawn_step <= generation  # others have not taken anything yet
+        keys = scene.lattice.key(stage.cells[awake]).tolist()
+        page.js(f"page.seek({generation})")
+        stories = page.js(f"{keys}.map((k) => page.storyOf(k))")
+        assert [s["spawn"] for s in stories] == stage.spawn_step[awake].tolist()
+        outside = scene.kinds(scene.lattice.neighbours(stage.cells, 1)) < 0
+        for name, wanted in {
+            "taken": stage.taken,
+            "passed": stage.passed,
+            "dropped": stage.dropped,
+            "returned": np.where(outside, stage.passed[:, 1], 0.0)
+            + np.where(stage.cells[:, 1] == 0, stage.passed[:, 2], 0.0),
+            "kept": np.abs(stage.kept).sum(axis=1),
+        }.items():
+            told = np.array([s[name] for s in stories])
+            np.testing.assert_allclose(told, wanted[awake], rtol=1e-6, atol=1e-7, err_msg=name)
+        moved = page.js(f"page.deformed().displacement.map((u) => {keys}.map((k) => u[k]))")
+        size = np.abs(result.displacement).max()
+        np.testing.assert_allclose(
+            np.transpose(moved), result.displacement[awake], atol=1e-6 * size
+        )
+    page.js("(page.seek(4), page.look.deformed = true, page.draw())")
+    assert "magnified" in page.tab.locator(".cap").first.inner_text()
+    late = opened(
+        kaju.export_page(LoadModel(scene, material_agent=Stubborn).run(), tmp_path / "r.html")
+    )
+    story = f"page.storyOf({keys[0]})"
+    assert late.js(f"(page.seek(4), {story}.passed)") is None
+    assert late.js(f"(page.seek(Infinity), {story}.kept)") == pytest.approx(
+        np.abs(model.run().last.kept[0]).sum(), rel=1e-6
+    )
+    assert [*page.messages, *late.messages] == []
 
 
 def test_scrubbing_shows_what_playing_shows(opened, plate):

@@ -24,12 +24,13 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import kaju
-from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
+from kaju import ElasticModel, FaceAgent, LoadModel, MaterialAgent, PrescribedRule, Scene
 from kaju.errors import ParameterError
 from kaju.view.page import server
 from kaju.view.page.live import LiveRun, scene_from
 from kaju.view.page.packing import unpack
 from kaju.view.page.scene_data import scene_data
+from kaju.view.page.sessions import sessions_of
 
 HERE = "http://127.0.0.1"
 PLATE = {
@@ -57,17 +58,17 @@ def told(run, message):
     return unpack(run.answer(message if isinstance(message, str) else json.dumps(message)))
 
 
-def history(answers, channels):
+def history(answers, name=""):
     """All rows that answers hold: generation, state, load."""
     rows, generation = [], 0
     for _, columns in answers:
-        offset, delta = columns["offset"], columns["delta"].astype(np.int64)
+        offset, delta = columns[f"{name}offset"], columns[f"{name}delta"].astype(np.int64)
         for first, last in pairwise(offset):
             generation += 1
             states = np.cumsum(delta[first:last].astype(np.uint32), dtype=np.uint32)
             rows += [
                 (generation, int(state), float(load))
-                for state, load in zip(states, columns["load"][first:last], strict=True)
+                for state, load in zip(states, columns[f"{name}load"][first:last], strict=True)
             ]
     return rows
 
@@ -93,7 +94,7 @@ def test_answers_are_the_history_of_the_run(engine):
     key, wanted = lattice.key(last.cells), last.history
     states = key[wanted.agent] * 4 + wanted.direction
     theirs = sorted(zip(wanted.generation, states, wanted.load, strict=True))
-    mine = sorted(history(answers, 4))
+    mine = sorted(history(answers))
     assert [row[:2] for row in mine] == [row[:2] for row in theirs]
     np.testing.assert_allclose([row[2] for row in mine], [row[2] for row in theirs], rtol=1e-6)
     born = np.concatenate([columns["key"] for _, columns in answers])
@@ -105,9 +106,12 @@ def test_answers_are_the_history_of_the_run(engine):
     np.testing.assert_array_equal(
         np.concatenate([columns["woken"] for _, columns in answers]), last.woken_by[rows]
     )
-    totals = answers[-1][1]
-    np.testing.assert_allclose(totals["passed"].reshape(-1, 4), last.passed[rows], rtol=1e-6)
-    np.testing.assert_allclose(totals["dropped"].ravel(), last.dropped[rows], rtol=1e-6)
+    for name, wanted in (("passed", last.passed[rows]), ("dropped", last.dropped[rows, None])):
+        amounts = np.zeros(wanted.shape)
+        for _, place, amount in history(answers, f"{name} "):
+            row, column = divmod(place, wanted.shape[1])
+            amounts[list(born).index(row), column] += amount
+        np.testing.assert_allclose(amounts, wanted, rtol=1e-6, atol=1e-12)
     assert answers[0][0]["certificate"]["stable"] is True
     assert answers[-1][0]["outcome"] == last.outcome
 
@@ -208,6 +212,82 @@ def test_agents_that_fail_are_reported_with_what_they_did_before(caplog):
     assert len(columns["offset"]) - 1 == run.model.generation
     assert "I am tired" in caplog.text
     assert told(run, {"type": "hello"})[0]["fresh"]
+
+
+# ---------------------------------------------------------------------------- elastic agents
+
+
+class Slow(FaceAgent):
+    """Yields by half of what it should."""
+
+    def due(self, asked):
+        return 0.5 * asked
+
+
+def elastic(order="multilevel", size=8, **options):
+    body = {"size": [0.1, 0.1], "cells": [size, size], "thickness": 0.002, "material": "steel"}
+    rule = {"kind": "elastic", "order": order, "tolerance": 1e-2, **options}
+    loads = [{"cell": [size // 2, size - 1], "force": [1.0, -2.0]}]
+    return Scene(body=body, sides={"bottom": "rigid"}, loads=loads, rule=rule)
+
+
+@pytest.mark.parametrize("order", ["multilevel", "wave", "largest first"])
+def test_frames_are_the_steps_of_elastic_agents(order):
+    run, model = sessions_of(elastic(order))(), ElasticModel(elastic(order))
+    faces = model.table.levels[0].size
+    header, columns = told(run, {"type": "hello"})
+    assert (header["fresh"], header["at"]) == (True, [0.0])
+    total = 0
+    for generations in (1, 3, 2):
+        header, columns = told(run, {"type": "step", "generations": generations})
+        left = columns["value load_left"].reshape(generations, faces)
+        taken = columns["value load_taken"].reshape(generations, faces)
+        moved = columns["moved"].reshape(generations, faces, 2)
+        for frame in range(generations):
+            model.step()
+            ground = model.state.grounds[0]
+            np.testing.assert_allclose(left[frame], abs(ground.left[:faces]), rtol=1e-6)
+            np.testing.assert_allclose(taken[frame], ground.taken, rtol=1e-6)
+            along = np.take_along_axis(moved[frame], model.table.levels[0].place[0][:, None], 1)
+            np.testing.assert_allclose(along[:, 0], ground.displacement, rtol=1e-6)
+            total += 1
+            assert (header["at"][frame], header["visits"][frame]) == (total, model.visit.level)
+        awake = columns["born"] <= total
+        assert (awake == (ground.spawn_step > 0)).all()
+        pushes = header["curves"][3]["lines"]["pushes"]
+        assert pushes == [record.pushes for record in model.history[-generations:]]
+
+
+def test_what_lies_across_a_face_moves_with_its_neighbours():
+    """At the end faces move as the answer says they do, along and across."""
+    run, model = sessions_of(elastic(tolerance=1e-9))(), ElasticModel(elastic(tolerance=1e-9))
+    answer = model.run().result
+    while not (last := told(run, {"type": "step", "generations": 64}))[0]["at_rest"]:
+        pass
+    middle = model.table.positions(0)
+    moved = last[1]["moved"].reshape(-1, len(middle), 2)[-1]
+    wanted = answer.displacement_at(middle)
+    assert abs(moved - wanted).mean() < 0.02 * abs(wanted).max()
+    assert abs(moved - wanted).max() < 0.2 * abs(wanted).max()  # beside the load
+
+
+def test_many_steps_make_a_frame_where_a_page_asks_for_it():
+    run = sessions_of(elastic("largest first"))()
+    header, columns = told(run, {"type": "step", "generations": 3, "every": 16})
+    assert header["at"] == [16.0, 32.0, 48.0]
+    assert len(columns["value load_left"]) % 3 == 0
+    assert len(header["curves"][0]["at"]) == 48
+
+
+def test_elastic_agents_of_ones_own_are_watched():
+    model = ElasticModel(elastic("wave"), face_agent=Slow)
+    run = sessions_of(model)()
+    told(run, {"type": "step", "generations": 4})
+    assert isinstance(next(iter(run.model.agents)), Slow)
+    assert model.generation == 0
+    header, columns = told(run, {"type": "scene"})
+    assert "no message 'scene' for this rule" in header["error"]
+    assert not columns
 
 
 # ------------------------------------------------------------------------------- the server
@@ -330,8 +410,8 @@ def test_there_is_an_end_to_sessions(port, monkeypatch):
 
 
 def test_what_cannot_be_watched_is_told():
-    with pytest.raises(ParameterError, match="got 'elastic'"):
-        server.watch_app(Scene(**PLATE, rule={"kind": "elastic"}))
+    with pytest.raises(ParameterError, match=r"got SpawningModel; kaju\.export_page"):
+        server.watch_app(kaju.SpawningModel(Scene(**PLATE)))
     with pytest.raises(ParameterError, match="port: 99999"):
         kaju.watch(plate(), 99999, browser=False)
 
@@ -393,39 +473,139 @@ def test_the_command_serves_until_it_is_interrupted():
     assert started.returncode == 0
 
 
-def test_a_browser_steps_plays_and_changes_what_python_computes(chromium):
+class Watched:
+    """A live page in the browser."""
+
+    def __init__(self, chromium, port):
+        self.tab = chromium.new_context().new_page()
+        self.messages = []
+        self.tab.on("console", lambda message: self.messages.append(message.text))
+        self.tab.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.tab.goto(f"{HERE}:{port}/")
+
+    def __call__(self, expression):
+        return self.tab.evaluate(
+            "(() => { const page = document.getElementById('kaju').page; "
+            f"return page && ({expression}); }})()"
+        )
+
+    def until(self, expression, seconds=20):
+        end = time.monotonic() + seconds
+        while not self(expression):
+            assert time.monotonic() < end, (expression, self("page.parts.verdict.textContent"))
+            self.tab.wait_for_timeout(20)
+
+
+@pytest.fixture
+def watched(chromium):
+    """Open the page of a server: watched(port)."""
+    pages = []
+
+    def watch(port):
+        pages.append(Watched(chromium, port))
+        return pages[-1]
+
+    yield watch
+    for page in pages:
+        page.tab.context.close()
+
+
+def test_a_browser_steps_plays_and_changes_what_python_computes(watched):
     with running() as port:
-        tab = chromium.new_context().new_page()
-        messages = []
-        tab.on("console", lambda message: messages.append(message.text))
-        tab.on("pageerror", lambda error: messages.append(str(error)))
-        tab.goto(f"{HERE}:{port}/")
-
-        def page(expression):
-            return tab.evaluate(
-                "(() => { const page = document.getElementById('kaju').page; "
-                f"return page && ({expression}); }})()"
-            )
-
-        def until(expression):
-            for _ in range(200):
-                if page(expression):
-                    return
-                tab.wait_for_timeout(50)
-            raise AssertionError(f"{expression}: {page('page.parts.verdict.textContent')}")
-
-        until("page.g === 1")
-        tab.keyboard.press("ArrowRight")
-        until("page.g === 2")
-        tab.get_by_role("button", name="Play").click()
-        until("page.run.atRest && page.g === 8")
+        page = watched(port)
+        page.until("page.g === 1")
+        page.tab.keyboard.press("ArrowRight")
+        page.until("page.g === 2")
+        page.tab.get_by_role("button", name="Play").click()
+        page.until("page.run.atRest && page.g === 8")
         last = LoadModel(plate()).run().last
         assert page("page.run.agents") == len(last.cells)
         assert page("page.sums.taken.sum.reduce((a, b) => a + b)") == pytest.approx(
             last.ledger.taken, rel=1e-6
         )
         page("page.change(() => { page.scene.rule.threshold = 0.001; })")
-        until("page.run.atRest && page.run.agents === 85")
+        page.until("page.run.atRest && page.run.agents === 85")
         assert "11 generations" in page("page.parts.verdict.textContent")
-        assert messages == []
-        tab.context.close()
+        assert page.messages == []
+
+
+def test_a_browser_tells_during_the_run_what_own_agents_did(watched):
+    scene = Scene(**PLATE | {"loads": [{"cell": [10, 19], "force": [0.0, -2.0]}]})
+    with running(LoadModel(scene, material_agent=Tired)) as port:
+        page = watched(port)
+        page.until("page.g === 1")
+        page("page.seek(2)")
+        page.until("page.g === 2")
+        model = LoadModel(scene, material_agent=Tired)
+        model.run(until=lambda model: model.generation == 2)
+        key, last = plate().lattice.key(np.array([[10, 19]]))[0], model.result().last
+        story = page(f"page.storyOf({key})")
+        assert story["passed"] == pytest.approx(last.passed[0].tolist(), rel=1e-6)
+        assert story["kept"] == pytest.approx(abs(last.kept[0]).sum(), rel=1e-6)
+        total = "page.sums.passed.sum.reduce((a, b) => a + b)"
+        assert page(total) == pytest.approx(last.passed.sum(), rel=1e-6)
+        assert page(f"(page.seek(1), {total})") == pytest.approx(last.passed[0].sum(), rel=1e-6)
+        page.tab.keyboard.press("End")
+        page.until("page.parts.verdict.textContent.includes('I am tired')")
+
+
+def test_a_browser_steps_elastic_agents_and_goes_back(watched):
+    with running(elastic()) as port:
+        page = watched(port)
+        page.until("page.g === 1")
+        for g in (2, 3, 4):
+            page.tab.keyboard.press("ArrowRight")
+            page.until(f"page.g === {g}")
+        page.until("page.drawn > 3")
+        seen = page("(page.draw(), page.canvas.toDataURL())")
+        page.tab.keyboard.press("ArrowLeft")
+        assert page("page.at[page.g]") == 3
+        assert page("(page.draw(), page.canvas.toDataURL())") != seen
+        page.tab.keyboard.press("End")
+        page.until("page.run.atRest && page.g === page.run.generation")
+        model = ElasticModel(elastic())
+        run = model.run()
+        assert page("page.at.at(-1)") == model.generation
+        number = run.agents.number[0]
+        box = page.tab.locator("canvas").first.bounding_box()
+        x, y = page(f"page.view.point(page.middle({number}))")
+        page.tab.mouse.click(box["x"] + x, box["y"] + y)
+        page("page.draw()")
+        told = page.tab.locator(".story data").evaluate_all("l => l.map(d => Number(d.value))")
+        left, taken, _, born = told
+        assert (left, taken) == pytest.approx(
+            (abs(run.agents.left[0]), run.agents.taken[0]), rel=1e-5
+        )
+        assert born == run.agents.spawn_step[0]
+        assert page("page.parts.verdict.textContent") == run.outcome
+        assert page.messages == []
+
+
+def test_frames_that_are_too_many_are_thinned_and_steps_double(watched):
+    with running(elastic("largest first")) as port:
+        page = watched(port)
+        page.until("page.g === 1")
+        page("(page.channel.most = 30 * page.count * 4, page.seek(Infinity))")
+        page.until("page.at.at(-1) > 200 && page.channel.every > 1")
+        steps = page("page.at")
+        assert len(steps) <= 100
+        assert steps == sorted(steps)
+        assert steps[0] == 0
+
+
+def test_python_answers_with_elasticity_for_cubes(watched):
+    body = {"size": [0.04, 0.04, 0.04], "cells": [4, 4, 4], "material": "steel"}
+    loads = [{"side": "top", "force": [0.0, 0.0, -50.0]}]
+    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=loads)
+    with running(scene) as port:
+        page = watched(port)
+        page.until("page.g === 1")
+        page.tab.get_by_role("tab", name="Look").click()
+        page.tab.get_by_label("Elastic answer beside it").check()
+        page.until("page.answer || page.why", 120)
+        solved = kaju.solve(scene.replace(rule=kaju.ElasticRule()), strategy="uniform")
+        key = scene.lattice.key(np.array([[1, 2, 3]]))[0]
+        at = page(f"page.answer.displacement.map((u) => u[{key}])")
+        assert at == pytest.approx(solved.cells().displacement[1, 2, 3], rel=1e-9)
+        assert "on average they differ by" in page("(page.draw(), page.parts.others[1].innerText)")
+        assert page.messages == []

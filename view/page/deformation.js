@@ -3,7 +3,7 @@ import { RIGID, ROLLER } from "./lattice.js";
 import { dot, sharesOf } from "./rule.js";
 
 /** Pressure (Pa) by axis, and displacement (m) by coordinate at the cells' centres, by key. */
-export function deformation(run, taken, generation = run.generation) {
+export function deformation(run, taken, generation = run.generation, { kept, stretch } = {}) {
   const { scene, lattice: L, kinds, C, spawn } = run, { axes, D, h } = L, size = L.size;
   const area = L.faceArea(scene.thickness), agent = scene.materials.map((m) => {
     const s = sharesOf(scene.rule, m, L.dimension);
@@ -13,6 +13,7 @@ export function deformation(run, taken, generation = run.generation) {
   L.each((k) => {
     if (kinds[k] < 0) return;
     for (let n = 0; n < axes.length; n++) {
+      if (kept) { pressure[n][k] = kept.sum[k * axes.length + n] / area; continue; }   // agents of one's own
       const d = axes[n], o = L.opposite[d];
       let load = taken[k * C + d] + taken[k * C + o];
       if (C > D) load -= taken[k * C + D + d] + taken[k * C + D + o];
@@ -26,6 +27,7 @@ export function deformation(run, taken, generation = run.generation) {
   axes.forEach((arm, n) => {
     L.each((k) => {
       if (kinds[k] < 0) return;
+      if (stretch) { length[k] = stretch.sum[k * axes.length + n]; return; }
       const { modulus, free } = agent[kinds[k]];
       let sum = 0;
       for (let m = 0; m < axes.length; m++) {

@@ -25,9 +25,10 @@ from kaju.model.result import Result
 from kaju.model.scene import Scene
 from kaju.model.settling.elastic_model import ElasticModel
 
+from .live import has_own
 from .motion_data import motion_data
 from .packing import pack
-from .scene_data import history_columns, scene_data
+from .scene_data import FORMAT, Account, history_columns, scene_data
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +41,6 @@ class Runs(Protocol):
         """Return the result."""
 
 
-FORMAT = 1
 MODULES = (
     "lattice.js",
     "history.js",
@@ -143,7 +143,12 @@ def packed_page(
     """Return what the page is told, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
         of = ElasticModel(of)
-    shown = of if isinstance(of, (Scene, Result)) else of.run()
+    shown: Scene | Result
+    account = None
+    if isinstance(of, LoadModel) and has_own(of) and of.steps == 0:
+        shown, account = _watched(of)
+    else:
+        shown = of if isinstance(of, (Scene, Result)) else of.run()
     header: dict[str, Any] = {"format": FORMAT, "text": text}
     header |= {"title": title} if title else {}
     header |= {"language": language} if language else {}
@@ -159,13 +164,31 @@ def packed_page(
             "outcome": shown.last.outcome,
             "verdict": shown.certificate.verdict,
             "stable": bool(shown.certificate.stable),
+            "late": account is None,
         }
-        columns |= history_columns(scene, shown.last, exact)
+        columns |= history_columns(scene, shown.last, exact, account)
     header["presets"] = [
         _preset(number, name, preset, columns)
         for number, (name, preset) in enumerate((presets or {}).items())
     ]
     return pack(header, columns)
+
+
+def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
+    """Run a model to its end; return also what its agents did in each generation."""
+    account = Account(model.scene, own=True)
+
+    def note(model: LoadModel) -> bool:
+        nonlocal account
+        if model.generation == 1:  # a stage of loading has begun
+            account = Account(model.scene, own=True)
+        if model.generation:
+            account.note(model.generation, model.totals, model.engine.returned)
+        return False
+
+    result = model.run(until=note)
+    note(model)
+    return result, account
 
 
 def _preset(
@@ -219,27 +242,10 @@ onmessage = ({ data: { scene, cells, loads } }) => {
 """
 
 
-def packed_live(scene: Scene) -> bytes:
-    """Return what a page is told whose run Python computes.
-
-    Raises
-    ------
-    ParameterError
-        If the rule is not a prescribed one.
-    """
-    if not isinstance(scene.rule, PrescribedRule):
-        raise ParameterError(
-            f"rule.kind: agents of a prescribed rule can be watched, got {scene.rule.kind!r}; "
-            "kaju page shows what others have done"
-        )
-    data, columns = scene_data(scene)
-    return pack({"format": FORMAT, "kind": "live", "scene": data, "presets": []}, columns)
-
-
-def live_page(scene: Scene) -> str:
+def live_page(opening: bytes) -> str:
     """Return the page of a live run: it talks to the server that has sent it, to nobody else."""
     code = joined((*MODULES, "live.js")) + LIVE
-    return page_html(packed_live(scene), "kaju watch", code, "connect-src 'self'; ")
+    return page_html(opening, "kaju watch", code, "connect-src 'self'; ")
 
 
 @cache

@@ -76,35 +76,32 @@ export class Recorded {
     this.spawn = new Int32Array(L.size); this.woken = new Uint8Array(L.size);
     this.taken = new Log(new Uint32Array(256), new Float64Array(256));
     this.alive = []; this.waits = []; this.agents = 0; this.generation = 0; this.born = [];
-    this.atRest = true; this.known = [];
+    this.atRest = true;
   }
-  append({ offset, delta, load, key = [], spawn = [], woken = [], ...totals }) {
-    const { taken } = this, first = this.generation;
-    for (let g = 0; g + 1 < offset.length; g++) {
-      let state = 0, sum = 0;
-      for (let i = offset[g]; i < offset[g + 1]; i++) { taken.push(state += delta[i], load[i]); sum += load[i]; }
-      taken.close(); this.waits.push(sum);
+  append(columns) {
+    const { key = [], spawn = [], woken = [] } = columns, first = this.generation;
+    this.waits.push(...this.read(this.taken, columns, ""));
+    this.generation = this.waits.length;
+    for (const name of ["passed", "dropped", "returned", "kept", "stretch"]) {
+      if (columns[`${name} offset`]) { this[name] ??= new Log(); this.read(this[name], columns, `${name} `); }
+      else if (this[name]) this[name] = null;  // not known any more
     }
-    this.generation += offset.length - 1;
     key.forEach((k, i) => {
-      this.spawn[k] = spawn[i]; this.woken[k] = woken[i]; this.known.push(k);
+      this.spawn[k] = spawn[i]; this.woken[k] = woken[i];
       this.born[spawn[i]] = (this.born[spawn[i]] ?? 0) + 1;
     });
     for (let g = first + 1; g <= this.generation; g++) this.alive.push(this.agents += this.born[g] ?? 0);
-    if (totals.passed) this.finish(totals);
     return this;
   }
-  finish({ passed, dropped, returned }) {      // sums that are known only when the run is over
-    const { D } = this.lattice, last = (entries) => {
-      const log = new Log();
-      for (let g = 1; g < this.generation; g++) log.close();
-      for (const [index, value] of entries) if (value) log.push(index, value);
-      log.close();
-      return log;
-    };
-    this.passed = last(this.known.flatMap((k, i) => Array.from({ length: D }, (_, a) => [k * D + a, passed[i * D + a]])));
-    this.dropped = last(this.known.map((k, i) => [k, dropped[i]]));
-    if (returned) this.returned = last(this.known.map((k, i) => [k, returned[i]]));
+  /** Put packed rows into a log; the sums of their generations. */
+  read(log, columns, name) {
+    const offset = columns[`${name}offset`], delta = columns[`${name}delta`], load = columns[`${name}load`], sums = [];
+    for (let g = 0; g + 1 < offset.length; g++) {
+      let place = 0, sum = 0;
+      for (let i = offset[g]; i < offset[g + 1]; i++) { log.push(place = place + delta[i] >>> 0, load[i]); sum += load[i]; }
+      log.close(); sums.push(sum);
+    }
+    return sums;
   }
   run() { return this; }
 }

@@ -21,7 +21,7 @@ from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
 
 from .packing import pack
-from .scene_data import Rows, history_columns
+from .scene_data import FORMAT, Account, Rows, scene_data
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,8 +44,34 @@ def usual_model(scene: Scene) -> LoadModel:
     return LoadModel(scene, engine="arrays", allow_unstable=True)
 
 
-class LiveRun:
-    """One session: a model that a page steps, and exchanges when its scene was changed.
+class Session:
+    """One page and the model behind it: messages in, packed answers out."""
+
+    def answer(self, message: str | dict[str, Any]) -> bytes:
+        """Return the packed answer to a message (JSON, or read already).
+
+        It says what has happened, and what went wrong.
+        """
+        header: dict[str, Any] = {}
+        columns: Columns = {}
+        try:
+            asked = _read(message) if isinstance(message, str) else _table({"": message}, "")
+            header, columns = self.told(asked)
+        except Exception as error:
+            header = complaint(error)
+        return pack(header, columns, level=_QUICK)
+
+    def opening(self) -> bytes:
+        """Return what the page is told before it asks anything."""
+        raise NotImplementedError
+
+    def told(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
+        """Return the header and the columns of the answer to a message."""
+        raise NotImplementedError
+
+
+class LiveRun(Session):
+    """A model of the prescribed rule that a page steps, and exchanges when its scene was changed.
 
     Parameters
     ----------
@@ -60,6 +86,11 @@ class LiveRun:
         self.model_of = model_of
         self._model: LoadModel | None = None
 
+    def opening(self) -> bytes:
+        """Return the scene, as the page draws it."""
+        data, columns = scene_data(self.scene)
+        return pack({"format": FORMAT, "kind": "live", "scene": data, "presets": []}, columns)
+
     @property
     def model(self) -> LoadModel:
         """What is stepped, begun when it is first asked for."""
@@ -68,25 +99,14 @@ class LiveRun:
         assert self._model is not None
         return self._model
 
-    def answer(self, message: str | dict[str, Any]) -> bytes:
-        """Return the packed answer to a message (JSON, or read already).
-
-        It says what has happened, and what went wrong.
-        """
-        header: dict[str, Any] = {}
-        columns: Columns = {}
-        try:
-            asked = _read(message) if isinstance(message, str) else _table({"": message}, "")
-            if asked.get("type") == "elastic":
-                header, columns = self._elastic()
-            else:
-                fresh = self._prepare(asked)
-                wrong = self._step(_generations(asked))
-                header, columns = self._told(fresh)
-                header |= wrong
-        except Exception as error:
-            header = _complaint(error)
-        return pack(header, columns, level=_QUICK)
+    def told(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
+        """Return the elastic answer if that is asked for, else what the agents did."""
+        if asked.get("type") == "elastic":
+            return self._elastic()
+        fresh = self._prepare(asked)
+        wrong = self._step(generations_of(asked))
+        header, columns = self._news(fresh)
+        return header | wrong, columns
 
     def _prepare(self, asked: dict[str, Any]) -> bool:
         """Begin anew if that is asked for; return whether it was."""
@@ -94,7 +114,7 @@ class LiveRun:
             case "hello":
                 self._begin(at_stage(self.scene, self.scene.stages))
             case "scene":
-                stage = _whole(asked, "stage", 1, 100_000, 1)
+                stage = whole(asked, "stage", 1, 100_000, 1)
                 self._begin(scene_from(_table(asked, "scene"), _cells(asked), stage))
             case "step":
                 return False
@@ -104,25 +124,33 @@ class LiveRun:
 
     def _begin(self, scene: Scene) -> None:
         self._model = self.model_of(scene)
+        self._account = Account(scene, has_own(self._model))
         self._sent = self._known = 0
 
     def _step(self, generations: int) -> dict[str, Any]:
         """Let generations pass; agents that somebody wrote may fail, what was until then counts."""
-        try:
-            for _ in range(generations):
-                if self.model.running:
-                    self.model.step()
-        except Exception as error:
-            return _complaint(error)
+        model = self.model
+        for _ in range(generations):
+            if not model.running:
+                break
+            wrong: dict[str, Any] = {}
+            try:
+                model.step()
+            except Exception as error:
+                wrong = complaint(error)
+            self._account.note(model.generation, model.totals, model.engine.returned)
+            if wrong:
+                return wrong
         return {}
 
-    def _told(self, fresh: bool) -> tuple[dict[str, Any], Columns]:
+    def _news(self, fresh: bool) -> tuple[dict[str, Any], Columns]:
         """Return what has happened since the last answer."""
         model, lattice = self.model, self.model.lattice
         news = model.since(self._sent, self._known)
         channels = lattice.directions * (2 if model.transfer.rule.sense else 1)
         rows = Rows(news.generation, news.key * channels + news.channel, news.load)
-        columns: Columns = rows.columns(self._sent + 1, model.generation)
+        span = self._sent + 1, model.generation
+        columns: Columns = rows.columns(*span) | self._account.columns(*span)
         columns |= {
             "key": news.born.astype(np.uint32),
             "spawn": news.spawn_step.astype(np.uint32),
@@ -140,18 +168,7 @@ class LiveRun:
                 "stable": bool(certificate.stable),
                 "verdict": certificate.verdict,
             }
-        if not model.running:
-            columns |= self._totals()
         return header, columns
-
-    def _totals(self) -> Columns:
-        """Return what is known of all agents when a run is over, in the order they were sent."""
-        found = history_columns(self.model.scene, self.model.result().last)
-        order = np.argsort(found["key"], kind="stable")
-        sent = self.model.since(0, 0).born
-        row = order[np.searchsorted(found["key"], sent, sorter=order)]
-        names = [name for name in ("passed", "dropped", "returned") if name in found]
-        return {name: found[name].reshape(len(order), -1)[row] for name in names}
 
     def _elastic(self) -> tuple[dict[str, Any], Columns]:
         """Return the elastic answer to the scene: one row a component, by cell key."""
@@ -271,17 +288,24 @@ def _load(given: object, kind: object, dimension: int, stage: int | None) -> dic
     return found
 
 
-def _complaint(error: Exception) -> dict[str, Any]:
+def complaint(error: Exception) -> dict[str, Any]:
+    """Return what a page is told of an error; of somebody's own agents the log tells more."""
     if isinstance(error, KajuError):
         return {"error": str(error)}
     log.error("agents or the scene failed", exc_info=error)
     return {"error": f"{type(error).__name__}: {error}"}
 
 
-def _generations(asked: Mapping[str, Any]) -> int:
+def has_own(model: LoadModel) -> bool:
+    """Tell whether a model's agents, boundaries, order or rule are somebody's own."""
+    return any(own is not None for own in model.checkpoint_options()[1].values())
+
+
+def generations_of(asked: Mapping[str, Any]) -> int:
+    """Return how many generations a message asks for."""
     if asked["type"] == "step":
-        return _whole(asked, "generations", 1, MOST_GENERATIONS, 1)
-    return _whole(asked, "generation", 0, MOST_GENERATIONS, 0)
+        return whole(asked, "generations", 1, MOST_GENERATIONS, 1)
+    return whole(asked, "generation", 0, MOST_GENERATIONS, 0)
 
 
 def _read(message: str) -> dict[str, Any]:
@@ -306,7 +330,8 @@ def _list(of: Mapping[str, Any], name: str) -> list[Any]:
     return value
 
 
-def _whole(of: Mapping[str, Any], name: str, low: int, high: int, usual: int) -> int:
+def whole(of: Mapping[str, Any], name: str, low: int, high: int, usual: int) -> int:
+    """Return a whole number of a message, between two bounds."""
     value = of.get(name, usual)
     whole = isinstance(value, (int, float)) and isfinite(value) and value == int(value)
     if not whole or isinstance(value, bool) or not low <= value <= high:

@@ -10,74 +10,90 @@ const FACES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [2, 3, 7, 6], [1, 2, 6,
 const LIGHT = [0.75, 1, 0.85, 0.85, 0.7, 0.7], SHOWN = 0.066;
 
 export class MotionPage extends Page {
-  begin({ dimension, corners, at, along, colours, curves, forces, outcome, columns }) {
-    const { points, parts, held, moved = null, born = null, gone = null } = columns;
-    Object.assign(this, { dimension, corners, at, along, units: colours, forces, outcome, points, parts, held, moved, born, gone });
+  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, columns }) {
+    const { points, parts, held, moved, born, gone } = columns;
+    Object.assign(this, { dimension, corners, at, along, units: colours, forces, outcome, visits, points, parts, held, born, gone });
     this.count = parts.length / corners;
-    this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, columns[`value ${name}`]]));
+    this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
+    this.moved = moved && this.framesOf(moved, moved.length / at.length);
+    this.each = moved ? dimension * points.length / this.moved[0].length : 0;   // numbers in points to one displacement
     this.look.colour = Object.keys(colours)[0] ?? "";
     this.curveList = curves;
-    this.run = { generation: at.length - 1, atRest: true };
+    this.run = { generation: at.length - 1, atRest: this.kind !== "live" };
     this.sums = {}; this.scales = new Map();
     this.frame();
   }
-  /** A box round everything, in whose hundredths points are drawn, and the usual magnification. */
+  framesOf(column, size) { return Array.from({ length: column.length / size }, (_, f) => column.subarray(f * size, (f + 1) * size)); }
+  /** A box round everything, in whose hundredths points are drawn. */
   frame() {
-    const { dimension: d, points, moved } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
+    const { dimension: d, points } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
     for (let i = 0; i < points.length; i++) { const a = i % d; low[a] = Math.min(low[a], points[i]); high[a] = Math.max(high[a], points[i]); }
-    const extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
-    let far = 0;
-    if (moved) for (let i = 0; i < moved.length; i += d) {
-      let sum = 0;
-      for (let a = 0; a < d; a++) sum += moved[i + a] ** 2;
-      far = Math.max(far, sum);
-    }
-    far = Math.sqrt(far);
-    this.usual = far > 0.01 * extent || !far ? 1 : SHOWN * extent / far;
-    this.unit = extent / 100; this.low = low;
-    const room = this.usual * far;                // so that what moves stays in the picture
-    this.low = low.map((x) => x - 0.5 * room);
+    const extent = this.extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
+    const room = this.moved ? Math.max(SHOWN * extent, this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
+    this.unit = extent / 100; this.low = low.map((x) => x - 0.5 * room);
     this.run.lattice = { shape: high.map((h, a) => (h - low[a] + room) / this.unit), dimension: d, hexagon: false };
-    this.look.deformed = Boolean(moved);
+    this.look.deformed = Boolean(this.moved);
+  }
+  /** Small displacements are magnified: the largest is shown as a fifteenth of the body. */
+  get usual() {
+    const far = this.scale("move").far, { extent } = this;
+    return far > 0.01 * extent || !far ? 1 : SHOWN * extent / far;
   }
   get touchable() { return false; }
   get stages() { return 1; }
   get deformable() { return Boolean(this.moved); }
-  get colours() { return Object.keys(this.units); }
+  get colours() { return [...Object.keys(this.units), ...(this.moved ? ["move"] : [])]; }
+  unitOf(name) { return name === "move" ? "m" : this.units[name]; }
   get solvable() { return false; }
   get solid() { return this.dimension === 3; }
-  word(key) { return this.t(`value_${key}`); }
+  word(key) { return this.t(key === "move" ? key : `value_${key}`); }
   certify() { const { verdict } = this.parts; verdict.textContent = this.outcome; verdict.hidden = !this.outcome; }
   goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
   magnification() { return this.usual * 10 ** this.look.magnify; }
   polygons() { return null; }
 
   /** Where a point is in a frame, in hundredths of the body. */
-  where(i, g = this.g, factor = this.look.deformed ? this.magnification() : 0) {
-    const { dimension: d, points, moved, low, unit } = this, p = new Array(d), from = g * points.length;
-    for (let a = 0; a < d; a++) p[a] = (points[i * d + a] - low[a] + (moved && factor ? factor * moved[from + i * d + a] : 0)) / unit;
+  where(i) {
+    const { dimension: d, points, low, unit, times } = this, p = new Array(d), moved = times ? this.moved[this.g] : null;
+    const from = moved ? d * Math.floor(i * d / this.each) : 0;
+    for (let a = 0; a < d; a++) p[a] = (points[i * d + a] - low[a] + (moved ? times * moved[from + a] : 0)) / unit;
     return p;
   }
-  there(part) { return !this.born || (this.born[part] <= this.g && this.g < this.gone[part]); }
-  value(part, name = this.look.colour, g = this.g) {
-    const field = this.fields[name];
-    return field ? field[field.length > this.count ? g * this.count + part : part] : NaN;
+  there(part) {
+    const { born, gone, at, g } = this;
+    return !(born && born[part] > at[g]) && !(gone && gone[part] <= at[g]);
   }
+  value(part, name = this.look.colour) {
+    if (name === "move") return this.far(this.moved[this.g], Math.floor(this.parts[part * this.corners] * this.dimension / this.each));
+    const frames = this.fields[name];
+    return frames ? (frames[this.g] ?? frames[0])[part] : NaN;
+  }
+  far(moved, i) {
+    let sum = 0;
+    for (let a = 0, d = this.dimension; a < d; a++) sum += moved[i * d + a] ** 2;
+    return Math.sqrt(sum);
+  }
+  /** Ends of the colours over all frames; what was seen of them before is not looked at again. */
   scale(name = this.look.colour) {
-    if (!this.scales.has(name)) {
-      let high = 0, low = 0;
-      for (const v of this.fields[name] ?? []) { if (v > high) high = v; if (v < low) low = v; }
-      const log = low === 0 && high > 0 && /load|mises/.test(name) && !this.moved;
-      if (low < 0) { high = Math.max(high, -low); low = -high; }
-      this.scales.set(name, { low: log ? high * 1e-4 : low, high: high || 1, log });
+    const known = this.scales.get(name) ?? { seen: 0, least: 0, far: 0 }, d = this.dimension;
+    const frames = (name === "move" ? this.moved : this.fields[name]) ?? [];
+    for (; known.seen < frames.length; known.seen++) for (let i = 0, f = frames[known.seen]; i < f.length; i += name === "move" ? d : 1) {
+      const v = name === "move" ? this.far(f, i / d) : f[i];
+      if (v > known.far) known.far = v;
+      if (v < known.least) known.least = v;
     }
-    return this.scales.get(name);
+    let { least: low, far: high } = known;
+    const log = low === 0 && high > 0 && /load|mises/.test(name) && (!this.moved || this.born);
+    if (low < 0) { high = Math.max(high, -low); low = -high; }
+    this.scales.set(name, known);
+    return Object.assign(known, { low: log ? high * 1e-4 : low, high: high || 1, log });
   }
 
   draw() {
     if (!this.canvas?.clientWidth) return;
     const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
+    this.times = look.deformed && this.moved ? this.magnification() : 0;
     const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));
     const ink = (part) => (scale ? colourOf(this.value(part), scale) : plain);
     if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
@@ -87,8 +103,9 @@ export class MotionPage extends Page {
       ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
       ctx.strokeStyle = inks.ink; ctx.lineWidth = 2; ctx.stroke();
     }
-    if (scale) paintLegend(view, scale, this.word(look.colour), (v) => quantity(v, this.units[look.colour]), inks);
-    this.parts.cap.textContent = look.deformed && this.moved ? t("magnified", { n: quantity(this.magnification(), "") }) : "";
+    if (scale) paintLegend(view, scale, this.word(look.colour), (v) => quantity(v, this.unitOf(look.colour)), inks);
+    const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
+    this.parts.cap.textContent = [level > 0 && t("parents", { n: block }), this.times && t("magnified", { n: quantity(this.times, "") })].filter(Boolean).join(" · ");
     this.words();
     this.drawn = (this.drawn ?? 0) + 1;
   }
@@ -176,8 +193,9 @@ export class MotionPage extends Page {
   tell() {
     const { picked, parts, t } = this;
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t("pickPart") })); return; }
-    const rows = this.colours.flatMap((name) => [make("dt", { textContent: this.word(name) }),
-      make("dd", {}, make("data", { value: String(this.value(picked, name)), textContent: quantity(this.value(picked, name), this.units[name]) }))]);
+    const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
+    const rows = this.colours.flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
+    if (this.born) rows.push(...row(t("bornIn"), this.born[picked], ""));
     parts.story.replaceChildren(make("b", { textContent: t("part", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {

@@ -45,18 +45,20 @@ class Pictures:
         2 corners: a spring; 4: a square or a face's diamond; 6: a hexagon; 8: a cube.
     at, along : array, shape (frames,), and str
         What each frame stands at, and what that is: "s", "step", "generation", "stage".
-    moved : array, shape (frames, n, dimension), optional
-        Displacements (m).
+    moved : array, shape (frames, n or parts, dimension), optional
+        Displacements (m) of points, or of whole parts.
     values : mapping of str to (unit, array)
         What parts can be coloured by: one number each, or one each a frame.
     born, gone : arrays of int, shape (parts,), optional
-        First frame in which a part is there, and the first in which it is no more.
+        From when on a part is there, and from when on it is no more; in the units of `at`.
     curves : sequence of Curves
         What is drawn beside it.
     held : array of int
         Points that something holds.
     forces : list of (place, force)
         Loads (m, N).
+    visits : sequence of int
+        Which level acted before each frame, where parents stand for blocks of cells.
     words : str
         How the run ended.
     """
@@ -72,6 +74,7 @@ class Pictures:
     curves: Sequence[Curves] = ()
     held: NDArray[np.integer] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     forces: Sequence[tuple[list[float], list[float]]] = ()
+    visits: Sequence[int] = ()
     words: str = ""
 
 
@@ -83,7 +86,11 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
     ParameterError
         If there is nothing to see in it.
     """
-    told = _pictures(result)
+    return picture_data(_pictures(result))
+
+
+def picture_data(told: Pictures) -> tuple[dict[str, Any], Columns]:
+    """Return the header and the columns of a page that shows parts."""
     single = np.float32
     columns: Columns = {
         "points": told.points.astype(single),
@@ -92,8 +99,9 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
     }
     if told.moved is not None:
         columns["moved"] = told.moved.astype(single)
-    if told.born is not None and told.gone is not None:
+    if told.born is not None:
         columns["born"] = told.born.astype(np.uint32)
+    if told.gone is not None:
         columns["gone"] = told.gone.astype(np.uint32)
     for name, (_, values) in told.values.items():
         columns[f"value {name}"] = values.astype(single)
@@ -103,14 +111,16 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
         "at": np.asarray(told.at, dtype=float).tolist(),
         "along": told.along,
         "colours": {name: unit for name, (unit, _) in told.values.items()},
-        "curves": [_curve(curves) for curves in told.curves],
+        "curves": [curve_data(curves) for curves in told.curves],
         "forces": [{"place": place, "force": force} for place, force in told.forces],
+        "visits": list(told.visits),
         "outcome": told.words,
     }
     return header, columns
 
 
-def _curve(curves: Curves) -> dict[str, Any]:
+def curve_data(curves: Curves) -> dict[str, Any]:
+    """Return curves as plain data."""
     return {
         "title": curves.title,
         "unit": curves.unit,
@@ -139,13 +149,13 @@ def _pictures(result: Result) -> Pictures:
         return _network(motion.network_times(result), result.network, "s", result.curves())
     if isinstance(result, (TransferCreepResult, ElasticCreepResult)):
         moving = motion.times(result)
-        return _moving(moving, "s", result.curves(), _applied(result.static.scene))
+        return _moving(moving, "s", result.curves(), applied(result.static.scene))
     if isinstance(result, ElasticRun):
         return _elastic_agents(result)
     if isinstance(result, ElasticResult) and result.spawned:
         return _spawned(result)
     if isinstance(result, ElasticResult):
-        return _moving(motion.loaded(result), "share", [], _applied(result.scene), 21)
+        return _moving(motion.loaded(result), "share", [], applied(result.scene), 21)
     raise ParameterError(
         f"of: {type(result).__name__} has nothing that a page can show; it shows scenes, models "
         "and their results"
@@ -210,7 +220,8 @@ def _moving(
     )
 
 
-def _applied(scene: Scene) -> list[tuple[list[float], list[float]]]:
+def applied(scene: Scene) -> list[tuple[list[float], list[float]]]:
+    """Return the places and forces of a scene's loads."""
     applied = scene.applied()
     places = scene.lattice.centres(applied.cells)
     return [(p.tolist(), f.tolist()) for p, f in zip(places, applied.force, strict=True)]
@@ -243,37 +254,42 @@ def _spawned(result: ElasticResult) -> Pictures:
         born=rows["spawn_step"].astype(np.int64),
         gone=np.where(retired < 0, len(generations), retired),
         curves=curves,
-        forces=_applied(result.scene),
+        forces=applied(result.scene),
         words=f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %",
     )
 
 
-def _elastic_agents(run: ElasticRun) -> Pictures:
-    """Agents on the faces of the cells: each a diamond, half in either cell."""
-    agents, moments = run.agents, run.moments
-    scene, own = run.grid, agents.level == 0
-    dimension, h = scene.lattice.dimension, scene.lattice.cell_size
+def diamonds(middle: Floats, h: float) -> tuple[Floats, NDArray[np.integer]]:
+    """Return points and parts that stand for faces of cells: each half in either cell."""
+    dimension = middle.shape[1]
     if dimension == 3:
         corners = 0.5 * (motion.corners_of(3) - 0.5)
     else:
         corners = 0.5 * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
-    places = agents.position[own][:, None] + h * corners
+    points = (middle[:, None] + h * corners).reshape(-1, dimension)
+    return points, np.arange(len(points)).reshape(len(middle), -1)
+
+
+def _elastic_agents(run: ElasticRun) -> Pictures:
+    """Agents on the faces of the cells."""
+    agents, moments = run.agents, run.moments
+    own = agents.level == 0
+    points, parts = diamonds(agents.position[own], run.grid.lattice.cell_size)
     # Most happens in the first steps, so the moments shown lie ever farther apart.
     last = len(moments.step)
     chosen = np.unique(np.geomspace(1, last, min(last, MOST_FRAMES)).round().astype(np.int64)) - 1
-    step = moments.step[chosen].astype(float)
     return Pictures(
-        points=places.reshape(-1, dimension),
-        parts=np.arange(own.sum() * len(corners)).reshape(own.sum(), -1),
-        at=step,
+        points=points,
+        parts=parts,
+        at=moments.step[chosen].astype(float),
         along="step",
         values={
             "load_left": ("N", np.abs(moments.left[chosen][:, own]).astype(float)),
             "load_taken": ("N", moments.taken[chosen][:, own].astype(float)),
         },
-        born=np.searchsorted(step, agents.spawn_step[own]),
-        gone=np.full(own.sum(), len(chosen)),
+        born=agents.spawn_step[own],
         curves=run.curves(),
-        forces=_applied(run.scene),
+        forces=applied(run.scene),
+        visits=moments.level[chosen].tolist(),
         words=run.outcome,
     )

@@ -14,15 +14,14 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 from kaju.errors import KajuError, MissingExtraError
-from kaju.model.propagation.load_model import LoadModel
+from kaju.model.mesa_model import SteppedModel
 
-from .export import MODULES, joined, packed_live, packed_page, page_html, worker
-from .live import LiveRun, usual_model
+from .export import MODULES, joined, packed_page, page_html, worker
+from .live import Session
+from .sessions import Watched, sessions_of
 
 if TYPE_CHECKING:
     from anywidget import AnyWidget
-
-    from kaju.model.scene import Scene
 
 HEIGHT = 640
 """Of a page in a notebook (pixels)."""
@@ -43,14 +42,20 @@ export default {
 def shown(of: Any) -> str:
     """Return what a notebook shows of a model or a result: a page, or else a picture."""
     try:
-        result = of.result() if isinstance(of, LoadModel) and of.generation else of
-        page = page_html(packed_page(result), "kaju")
+        page = page_html(packed_page(_so_far(of)), "kaju")
     except KajuError:
         return _picture(of)
     return (
         f'<iframe title="kaju" sandbox="allow-scripts allow-downloads" srcdoc="{escape(page)}" '
         f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
     )
+
+
+def _so_far(of: Any) -> Any:
+    """Return what to show: of a model what has happened, or will; the model stays as it is."""
+    if not isinstance(of, SteppedModel):
+        return of
+    return of.result() if of.steps else of.again(of.checkpoint_subject(*of.checkpoint_parts()))
 
 
 def _picture(of: Any) -> str:
@@ -66,13 +71,13 @@ def _picture(of: Any) -> str:
     return f'<img alt="{escape(repr(of))}" src="data:image/png;base64,{picture}">'
 
 
-def live(of: Scene | LoadModel, height: int = HEIGHT) -> AnyWidget:
+def live(of: Watched, height: int = HEIGHT) -> AnyWidget:
     """Return a widget that shows agents while Python computes them, for notebooks.
 
     Parameters
     ----------
-    of : Scene or LoadModel
-        With a prescribed rule; a model may have agents of your own.
+    of : Scene, LoadModel or ElasticModel
+        With a prescribed or an elastic rule; a model may have agents of your own.
     height : int
         Of the widget (pixels).
 
@@ -81,11 +86,10 @@ def live(of: Scene | LoadModel, height: int = HEIGHT) -> AnyWidget:
     MissingExtraError
         If anywidget is not installed.
     ParameterError
-        If the rule is not a prescribed one.
+        If it is none of these.
     """
-    scene = of.scene if isinstance(of, LoadModel) else of
-    run = LiveRun(scene, of.again if isinstance(of, LoadModel) else usual_model)
-    page = base64.b64encode(packed_live(scene)).decode()
+    run = sessions_of(of)()
+    page = base64.b64encode(run.opening()).decode()
     return _widget()(run, page=page, elastic=worker(), height=height)
 
 
@@ -107,7 +111,7 @@ def _widget() -> type[AnyWidget]:
         elastic = traitlets.Unicode().tag(sync=True)
         height = traitlets.Int().tag(sync=True)
 
-        def __init__(self, run: LiveRun, **traits: Any) -> None:
+        def __init__(self, run: Session, **traits: Any) -> None:
             super().__init__(**traits)
             self.run = run
             self.on_msg(self._asked)

@@ -29,7 +29,7 @@ export async function openPage(element, base64, elastic = null) {
   const { header, columns } = await unpack(bytesOf(base64));
   const { cells } = columns;
   if (header.kind === "pictures") return mount(element, { ...header, columns }, MotionPage);
-  const run = columns.offset ? new Recorded(header.scene, cells).append(columns) : null;
+  const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late }).append(columns) : null;
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
   return mount(element, { ...header, cells, run, presets, elastic });
 }

@@ -50,9 +50,10 @@ export class Page {
   get solid() { return this.run.lattice.dimension === 3; }
   word(key) { return this.t(key); }
   get stages() { return this.touchable ? this.scene.stages : 1; }
-  get deformable() { return this.run.keeps !== false && this.scene.rule.kind === "prescribed"; }
+  get deformable() { return this.scene.rule.kind === "prescribed"; }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : [])]; }
-  get solvable() { return Boolean(this.elasticText) && this.scene.lattice.kind === "square"; }
+  /** The page answers with elasticity for squares itself; for cubes Python can be asked. */
+  get solvable() { const { kind } = this.scene.lattice; return kind === "square" ? Boolean(this.elasticText) : kind === "cube" && this.kind === "live"; }
 
   // ----------------------------------------------------------------------------- the run
   compute() {
@@ -71,21 +72,28 @@ export class Page {
   }
   adopt(run) {
     this.run = run; this.scales = new Map(); this.moved = null; this.curves = null;
-    const { lattice: L, C } = run, size = { taken: L.size * C, passed: L.size * L.D, dropped: L.size, returned: L.size };
+    const { lattice: L, C } = run, size = { taken: L.size * C, passed: L.size * L.D, dropped: L.size, returned: L.size, kept: L.size * L.axes.length, stretch: L.size * L.axes.length };
     this.sums = {};
     for (const [name, n] of Object.entries(size)) if (run[name]) this.sums[name] = new Sums(run[name], n);
   }
-  /** Change the scene and run it anew. */
+  /** Change the scene: the certificate says at once what is known; the run follows when that is painted. */
   change(edit) {
     edit();
     this.changed = true;
-    if (this.kind === "live") { this.channel.change(this.scene, this.cells, this.stage); this.certify(); return; }
-    const atEnd = this.g >= this.run.generation;
     this.certify();
-    this.adopt(this.compute());
-    this.seek(atEnd ? Infinity : this.g);
     this.header();
+    if (this.kind === "live") this.channel.change(this.scene, this.cells, this.stage);
+    else {
+      this.due ??= requestAnimationFrame(() => { this.due = setTimeout(() => this.renew(), 0); });
+      this.goal ??= this.g >= this.run.generation ? Infinity : this.g;
+    }
     if (this.look.beside) this.showElastic(true);
+  }
+  renew(goal = this.goal) {
+    cancelAnimationFrame(this.due); clearTimeout(this.due);
+    this.due = this.goal = null;
+    this.adopt(this.compute());
+    this.seek(goal);
   }
   load({ scene, cells, stage, look, generation }) {
     this.scene = copyOf(scene); this.cells = (cells ?? this.start.cells).slice(); this.stage = stage ?? scene.stages;
@@ -94,7 +102,7 @@ export class Page {
     const first = scene === this.start.scene;
     this.change(() => {});
     this.changed = !first;
-    this.seek(generation ?? Infinity);
+    if (this.kind !== "live") this.renew(generation ?? Infinity);
     this.rebuild();
   }
   setStage(stage) { this.stage = stage; this.change(() => {}); }
@@ -151,7 +159,7 @@ export class Page {
   // ----------------------------------------------------------------------------- what is shown
   deformed() {
     if (!this.moved) {
-      this.moved = deformation(this.run, this.sums.taken.sum, this.g);
+      this.moved = deformation(this.run, this.sums.taken.sum, this.g, this.sums);
       if (this.run.lattice.kind === "square") this.moved.corners = cornersOf(this.run.lattice, this.run.kinds, this.moved.displacement);
     }
     return this.moved;
@@ -176,9 +184,14 @@ export class Page {
       if (colour === "stress") { v[k] = Math.max(...moved.pressure.map((p) => Math.abs(p[k]))); continue; }
       let sum = 0;
       for (let c = 0; c < C; c++) sum += taken[k * C + c];
-      v[k] = own ? own[kinds[k]] * sum : sum;
+      v[k] = !own ? sum : sums.kept ? this.keptBy(k) : own[kinds[k]] * sum;
     }
     return v;
+  }
+  /** What agents of one's own kept (N), along all axes. */
+  keptBy(k) {
+    const { axes } = this.run.lattice, { kept } = this.sums;
+    return axes.reduce((sum, _, n) => sum + Math.abs(kept.sum[k * axes.length + n]), 0);
   }
   /** Ends of the colours, from the last generation, so that frames compare. */
   scale(colour = this.look.colour) {
@@ -393,6 +406,7 @@ export class Page {
     this.later();
   }
   askElastic() {
+    if (this.scene.lattice.kind !== "square") { this.channel.solve(); return; }
     const url = URL.createObjectURL(new Blob([this.elasticText], { type: "text/javascript" }));
     const part = (load) => Math.min(1, this.stage / load.steps);
     const loads = this.scene.loads.map((load) => ({ ...load, force: load.force.map((f) => f * part(load)) }));
@@ -404,6 +418,12 @@ export class Page {
     };
     this.worker.postMessage({ scene: this.scene, cells: this.cells, loads });
   }
+  takeElastic({ seconds, error }, { displacement, stress }) {   // from Python: one row a component
+    const { size } = this.run.lattice, rows = (column) => Array.from({ length: column.length / size }, (_, n) => column.subarray(n * size, (n + 1) * size));
+    this.answer = error ? null : { displacement: rows(displacement), stress: rows(stress), seconds };
+    this.why = error;
+    this.later();
+  }
   buildOthers() {
     this.parts.others = [0, 1].map(() => make("div", {}, make("canvas", { role: "img" }), make("div", { className: "cap" })));
     this.stageBox.append(...this.parts.others);
@@ -413,22 +433,22 @@ export class Page {
   drawElastic() {
     const { answer, run, inks, look, t, parts } = this, { lattice: L, kinds } = run, [one, two] = parts.others;
     if (!answer) { one.lastChild.textContent = this.why ? t("noAnswer", { why: this.why }) : t("solving"); return; }
-    const stress = look.colour === "stress", [ux, uy] = answer.displacement, [sx, sy] = answer.stress;
+    const stress = look.colour === "stress", axes = L.dimension, cut = axes === 3 ? look.cut : null;
     const mine = this.deformed().displacement, v = new Float64Array(L.size).fill(NaN), difference = v.slice();
     let high = 0, moved = 0, worst = 0, sum = 0, own = 0, count = 0;
     L.each((k) => {
       if (kinds[k] < 0) return;
-      const length = Math.hypot(ux[k], uy[k]);
-      v[k] = stress ? Math.max(Math.abs(sx[k]), Math.abs(sy[k])) : length;
-      difference[k] = Math.hypot(mine[0][k] - ux[k], mine[1][k] - uy[k]);
+      const length = size(answer.displacement, k);
+      v[k] = stress ? Math.max(...answer.stress.slice(0, axes).map((s) => Math.abs(s[k]))) : length;
+      difference[k] = Math.hypot(...mine.map((u, a) => u[k] - answer.displacement[a][k]));
       high = Math.max(high, v[k]); moved = Math.max(moved, length); worst = Math.max(worst, difference[k]);
       own = Math.max(own, size(mine, k)); sum += difference[k]; count++;
     });
-    const shape = look.deformed ? { displacement: answer.displacement, corners: cornersOf(L, kinds, answer.displacement) } : null;
+    const shape = look.deformed ? { displacement: answer.displacement, corners: cut ? null : cornersOf(L, kinds, answer.displacement) } : null;
     const factor = shape ? 10 ** look.magnify * 0.066 * Math.max(...L.shape) * L.h / (moved || 1) : 0;
     const draw = (box, values, scale, word, unit, moving) => {
       const view = new View(box.firstChild, L, look.camera);
-      paintCells(view, kinds, values, scale, inks, { moved: moving, factor });
+      paintCells(view, kinds, values, scale, inks, { moved: moving, factor, cut });
       paintLegend(view, scale, word, (x) => quantity(x, unit), inks);
       box.firstChild.ariaLabel = word;
     };

@@ -10,17 +10,23 @@ from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import SceneError
+from kaju.model.propagation.deformation import squeeze
+from kaju.model.propagation.transfer import Transfer
 from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL, PUSH
 
 if TYPE_CHECKING:
     from kaju.agents.rules import Coefficients
-    from kaju.model.propagation.stage import Stage
+    from kaju.model.propagation.stage import Stage, Totals
     from kaju.model.scene import Scene
     from kaju.model.scene.sides import SideCondition
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
 
+FORMAT = 1
+"""Of what pages are told."""
 MOST_CELLS = 1_000_000
 """A page holds every cell of the array, so larger ones are refused."""
 
@@ -111,36 +117,114 @@ def _loads(scene: Scene) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Rows:
-    """Loads taken, ready to be sent: one row a generation, cell and channel.
+    """Amounts, ready to be sent: one row a generation and place.
 
     Attributes
     ----------
-    generation, state : arrays of int
-        When, and the cell's key times the number of channels, plus the channel.
-    load : array of float
-        Newtons.
+    generation, place : arrays of int
+        When, and where: of loads taken the cell's key times the number of channels, plus the
+        channel; of what agents did with them see `Account`.
+    amount : array of float
+        Newtons, of elongations metres.
     """
 
-    generation: NDArray[np.int64]
-    state: NDArray[np.int64]
-    load: NDArray[np.float64]
+    generation: IntArray
+    place: IntArray
+    amount: FloatArray
 
-    def columns(self, first: int, last: int, exact: bool = False) -> Columns:
+    def columns(self, first: int, last: int, exact: bool = False, name: str = "") -> Columns:
         """Return the history's columns for the generations `first` to `last`."""
-        order = np.lexsort((self.state, self.generation))
-        generation, state = self.generation[order], self.state[order]
+        order = np.lexsort((self.place, self.generation))
+        generation, place = self.generation[order], self.place[order]
         offset = np.searchsorted(generation, np.arange(first, last + 2))
-        delta = np.diff(state, prepend=0)
+        delta = np.diff(place, prepend=0)
         starts = offset[:-1][offset[:-1] < offset[1:]]
-        delta[starts] = state[starts]
+        delta[starts] = place[starts]
+        real = np.float64 if exact else np.float32
         return {
-            "offset": offset.astype(np.uint32),
-            "delta": delta.astype(np.uint32),
-            "load": self.load[order].astype(np.float64 if exact else np.float32),
+            f"{name}offset": offset.astype(np.uint32),
+            f"{name}delta": delta.astype(np.uint32),
+            f"{name}load": self.amount[order].astype(real),
         }
 
 
-def history_columns(scene: Scene, stage: Stage, exact: bool = False) -> Columns:
+class Account:
+    """What agents did with the loads they took, noted generation by generation.
+
+    What each passed on, by arm; what it let end; what boundaries gave back to it; and, of
+    agents or a rule of one's own, what it kept along each axis of the lattice and by how much
+    it lengthened along it. The place of a row is the cell's key times the number of these,
+    plus its number.
+
+    Parameters
+    ----------
+    scene : Scene
+        Where the agents are.
+    own : bool
+        Whether what is kept follows not from the scene's rule.
+    """
+
+    def __init__(self, scene: Scene, own: bool) -> None:
+        self.scene, self.own = scene, own
+        self.key: IntArray = np.empty(0, dtype=np.int64)
+        self._outside = np.empty((0, scene.lattice.directions), dtype=np.bool_)
+        self._known: dict[str, FloatArray] = {}
+        self._rows: dict[str, list[tuple[IntArray, IntArray, FloatArray]]] = {}
+        self._returns = True
+
+    def note(self, generation: int, totals: Totals | Stage, returned: float) -> None:
+        """Note what was done since the last time, when boundaries have returned so much (N)."""
+        lattice = self.scene.lattice
+        new = totals.cells[len(self.key) :]
+        self.key = np.append(self.key, lattice.key(new))
+        arms = range(lattice.directions)
+        beyond = [self.scene.kinds(lattice.neighbours(new, arm)) < 0 for arm in arms]
+        self._outside = np.concatenate([self._outside, np.stack(beyond, axis=1)])
+        for name, now in self._amounts(totals, returned).items():
+            change = now.copy()
+            if name in self._known:
+                change[: len(self._known[name])] -= self._known[name]
+            self._known[name] = now.copy()
+            row, column = np.nonzero(change)
+            place = self.key[row] * now.shape[1] + column
+            when = np.full(len(row), generation)
+            self._rows.setdefault(name, []).append((when, place, change[row, column]))
+
+    def _amounts(self, totals: Totals | Stage, returned: float) -> dict[str, FloatArray]:
+        """Return all sums so far, one row an agent.
+
+        Loads one by one are handed over only above the threshold, so what went to a boundary
+        came back; where they are added up, or boundaries are one's own, some may have ended
+        there, and the shares of the agents are not told apart. From then on it is not known.
+        """
+        found = {"passed": totals.passed, "dropped": totals.dropped[:, None]}
+        sent = np.where(self._outside, totals.passed, 0.0).sum(axis=1, keepdims=True)
+        self._returns &= bool(np.isclose(sent.sum(), returned, rtol=1e-12))
+        if self._returns:
+            found["returned"] = sent
+        if self.own:
+            axes = range(len(self.scene.lattice.axes))
+            squeezed = squeeze(self.scene, totals)
+            found["kept"] = totals.kept
+            found["stretch"] = np.stack([squeezed.elongation(axis) for axis in axes], axis=1)
+        return found
+
+    def columns(self, first: int, last: int, exact: bool = False) -> Columns:
+        """Return the history's columns for the generations `first` to `last`, once."""
+        columns: Columns = {}
+        names = ["passed", "dropped"]
+        names += ["returned"] * self._returns + ["kept", "stretch"] * self.own
+        none = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0)
+        for name in names:
+            rows = self._rows.pop(name, [])
+            parts = (np.concatenate(part) for part in zip(none, *rows, strict=True))
+            columns |= Rows(*parts).columns(first, last, exact, f"{name} ")
+        return columns
+
+
+def history_columns(
+    scene: Scene, stage: Stage, exact: bool = False, account: Account | None = None
+) -> Columns:
     """Return all that a recorded page needs of a stage of loading.
 
     Parameters
@@ -151,6 +235,8 @@ def history_columns(scene: Scene, stage: Stage, exact: bool = False) -> Columns:
         What its agents took, passed on and let end.
     exact : bool
         Loads as 64-bit numbers; a quarter larger.
+    account : Account, optional
+        What agents did in every generation. Without it all counts as done in the last one.
     """
     lattice, history = scene.lattice, stage.history
     key = lattice.key(stage.cells)
@@ -158,29 +244,26 @@ def history_columns(scene: Scene, stage: Stage, exact: bool = False) -> Columns:
     states = lattice.directions * (2 if sense else 1)
     state = history.direction + lattice.directions * history.pull
     rows = Rows(history.generation, key[history.agent] * states + state, history.load)
-    real = np.float64 if exact else np.float32
+    if account is None:
+        account = Account(scene, not _by_shares(scene, stage))
+        account.note(stage.generations, stage, float(stage.returned.sum()))
     return {
         **rows.columns(1, stage.generations, exact),
         "key": key.astype(np.uint32),
         "spawn": stage.spawn_step.astype(np.uint32),
         "woken": stage.woken_by.astype(np.uint8),
-        "passed": stage.passed.astype(real),
-        "dropped": stage.dropped.astype(real),
-        "returned": _given_back(scene, stage, key).astype(real),
+        **account.columns(1, stage.generations, exact),
     }
 
 
-def _given_back(scene: Scene, stage: Stage, key: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return what boundaries gave back to each agent (N).
-
-    Loads one by one are handed over only above the threshold, so what went to a boundary came
-    back; where they are added up a boundary may have let some end, and the shares of its
-    agents are not told apart: then NaN.
-    """
-    lattice = scene.lattice
-    sent = np.zeros(len(key))
-    for arm in range(lattice.directions):
-        outside = scene.kinds(lattice.neighbours(stage.cells, arm)) < 0
-        sent[outside] += stage.passed[outside, arm]
-    some_ended = not np.isclose(sent.sum(), stage.returned.sum(), rtol=1e-12)
-    return np.full(len(key), np.nan) if some_ended else sent
+def _by_shares(scene: Scene, stage: Stage) -> bool:
+    """Tell whether agents kept, and yielded by, what the scene's rule says."""
+    transfer = Transfer(scene)
+    taken = stage.taken
+    if transfer.rule.sense:
+        taken = np.concatenate([taken - stage.pulled, stage.pulled], axis=1)
+    kept = transfer.kept(stage.material, taken)
+    modulus = np.array([material.youngs_modulus for material in transfer.materials])
+    shortened = kept / (transfer.cross_section * modulus[stage.material, None])
+    pairs = ((stage.kept, kept), (stage.shortened, shortened))
+    return all(np.allclose(a, b, 1e-9, 1e-12 * np.abs(b).max(initial=0.0)) for a, b in pairs)

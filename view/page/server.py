@@ -15,11 +15,10 @@ import webbrowser
 from typing import TYPE_CHECKING
 
 from kaju.errors import MissingExtraError, ParameterError
-from kaju.model.propagation.load_model import LoadModel
-from kaju.model.scene import Scene
 
 from .export import live_page
-from .live import LiveRun, usual_model
+from .live import Session
+from .sessions import Watched, sessions_of
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -38,9 +37,7 @@ REFUSED, GONE, BUSY = 1008, 1001, 1013
 """Codes with which websockets are closed: of another page, idle, too many."""
 
 
-def watch(
-    of: Scene | LoadModel, port: int = 8000, *, browser: bool = True, idle: float = IDLE
-) -> None:
+def watch(of: Watched, port: int = 8000, *, browser: bool = True, idle: float = IDLE) -> None:
     """Show agents at work in a browser, until interrupted (Ctrl+C).
 
     Every browser window is a session with a model of its own, that of `of` begun anew. The
@@ -48,8 +45,8 @@ def watch(
 
     Parameters
     ----------
-    of : Scene or LoadModel
-        With a prescribed rule. A model may have agents of your own.
+    of : Scene, LoadModel or ElasticModel
+        With a prescribed or an elastic rule. A model may have agents of your own.
     port : int
         0 takes any that is free.
     browser : bool
@@ -62,7 +59,7 @@ def watch(
     MissingExtraError
         If Starlette or uvicorn are not installed.
     ParameterError
-        If the rule is not a prescribed one, or the port is taken.
+        If it is none of these, or the port is taken.
     """
     try:
         import uvicorn
@@ -82,7 +79,7 @@ def watch(
         uvicorn.Server(config).run(sockets=[listening])
 
 
-def watch_app(of: Scene | LoadModel, idle: float = IDLE) -> Starlette:
+def watch_app(of: Watched, idle: float = IDLE) -> Starlette:
     """Return the application that `watch` serves, for servers of your own.
 
     Parameters
@@ -99,9 +96,8 @@ def watch_app(of: Scene | LoadModel, idle: float = IDLE) -> Starlette:
     except ImportError as error:
         raise _missing() from error
 
-    scene = of if isinstance(of, Scene) else of.scene
-    model_of = usual_model if isinstance(of, Scene) else of.again
-    html = live_page(scene)
+    begin = sessions_of(of)
+    html = live_page(begin().opening())
 
     async def page(_: Request) -> Response:
         return HTMLResponse(html, headers=_HEADERS)
@@ -112,7 +108,7 @@ def watch_app(of: Scene | LoadModel, idle: float = IDLE) -> Starlette:
         if not _same_origin(websocket):
             await websocket.close(REFUSED)
             return
-        await sessions.serve(websocket, LiveRun(scene, model_of))
+        await sessions.serve(websocket, begin())
 
     return Starlette(
         routes=[Route("/", page), WebSocketRoute("/session", session)],
@@ -135,7 +131,7 @@ class Sessions:
         self.idle = idle
         self.open = 0
 
-    async def serve(self, websocket: WebSocket, run: LiveRun) -> None:
+    async def serve(self, websocket: WebSocket, run: Session) -> None:
         """Answer one websocket until it is closed or idle."""
         from starlette.websockets import WebSocketDisconnect
 

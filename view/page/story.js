@@ -9,8 +9,8 @@ export function storyOf(page, k) {
   if (!(spawn[k] > 0 && spawn[k] <= g)) return null;
   const material = run.scene.materials[kinds[k]];
   const taken = Array.from(sums.taken.sum.subarray(k * C, (k + 1) * C));
-  const total = taken.reduce((a, b) => a + b, 0), known = !run.totalsLate || g >= run.generation;
-  const at = (name, size = 1) => (sums[name] && known ? Array.from(sums[name].sum.subarray(k * size, (k + 1) * size)) : null);
+  const total = taken.reduce((a, b) => a + b, 0), known = !run.late || g >= run.generation;
+  const at = (name, size = 1) => (run[name] && sums[name] && known ? Array.from(sums[name].sum.subarray(k * size, (k + 1) * size)) : null);
   const wakers = Array.from({ length: D }, (_, arm) => arm).filter((arm) => woken[k] >> arm & 1).map((arm) => L.neighbour(k, arm));
   const { offset, index, value } = run.taken, now = [];
   for (let i = g ? offset[g - 1] : 0; i < (g ? offset[g] : 0); i++) {
@@ -18,7 +18,7 @@ export function storyOf(page, k) {
   }
   const own = run.scene.rule.alpha === undefined ? null : sharesOf(run.scene.rule, material, L.dimension).own;
   return { cell: L.cell(k), material: material.name, spawn: spawn[k], wakers, taken, total,
-    kept: run.keeps === false || own === null ? null : own * total,
+    kept: own === null || (sums.kept && !known) ? null : sums.kept ? page.keptBy(k) : own * total,
     passed: at("passed", D), dropped: at("dropped")?.[0] ?? null, returned: at("returned")?.[0] ?? null, now };
 }
 
@@ -38,15 +38,15 @@ export function tellStory(page, element, make) {
   const data = (value) => make("data", { value: String(value), textContent: quantity(value, "N") });
   const several = (list) => list.flatMap(([word, value], i) => [`${i ? ", " : ""}${word} `, data(value)]);
   const nonzero = (list, word) => list.map((value, c) => [word(c), value]).filter(([, value]) => value > 0);
-  const later = t(run.totalsLate ? "atEnd" : "unknown"), rows = [];
+  const later = t(run.late ? "atEnd" : "unknown"), rows = [];
   const row = (word, ...content) => rows.push(make("dt", { textContent: t(word) }), make("dd", {}, ...content));
   const wakers = story.wakers.map((w) => `(${L.cell(w).join(", ")})`).join(", ");
   row("woken", t("byWhom", { g: story.spawn, w: wakers || t("outside") }));
   row("took", data(story.total), ": ", ...several(nonzero(story.taken, name)));
-  row("keptIt", story.kept === null ? t("unknown") : data(story.kept));
+  row("keptIt", story.kept === null ? later : data(story.kept));
   row("passedOn", ...(story.passed ? several(nonzero(story.passed, (a) => L.names[a])) : [later]));
   row("ended", story.dropped === null ? later : data(story.dropped));
-  row("gotBack", Number.isFinite(story.returned ?? NaN) ? data(story.returned) : story.returned === null ? later : t("unknown"));
+  row("gotBack", story.returned !== null ? data(story.returned) : run.late && run.returned ? later : t("unknown"));
   if (story.now.length) row("thisGeneration", ...several(story.now.map(([c, v]) => [name(c), v])));
   element.replaceChildren(make("b", { textContent: `${head}, ${material}` }), make("dl", {}, ...rows));
 }

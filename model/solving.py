@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from kaju.errors import ParameterError
+from kaju.errors import OutOfMemoryError, ParameterError
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
@@ -123,6 +123,8 @@ def solve(
         the result so far.
     ParameterError, SceneError
         If an argument or the scene breaks a rule.
+    OutOfMemoryError
+        If there is not enough memory.
     """
     if isinstance(subject, Scene):
         _refuse(subject, increments=increments, method=method)
@@ -133,9 +135,17 @@ def solve(
             from kaju.model.scale.solve import solve_petsc
 
             return solve_petsc(subject, tolerance, resolution, stage=stage)
-        return _solve_scene(
-            subject, tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents
-        )
+        try:
+            return _solve_scene(
+                subject, tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents
+            )
+        except MemoryError as error:
+            if isinstance(error, OutOfMemoryError):
+                raise
+            raise OutOfMemoryError(
+                f"solve: {error or 'memory ran out'}; take a smaller resolution, a larger "
+                "tolerance, or fewer agents (most_agents)"
+            ) from error
     from kaju.model.network import SpringNetwork
     from kaju.model.network import solve as solve_network
 

@@ -20,7 +20,6 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from kaju.agents.materials import Material
 from kaju.agents.rheology_steps import (
@@ -45,6 +44,7 @@ from kaju.model.elasticity.staggered import (
     strain_matrix,
     strains,
 )
+from kaju.model.factors import factors_of
 
 from .body import law_of
 from .march import Fields, Push
@@ -217,12 +217,7 @@ class CreepingBody:
         """Return the factors of the matrix, or a multigrid cycle, by its size and difficulty."""
         limit = DIRECT_LIMIT if self._tough else _FACTORISED_UP_TO
         if self.numbering.size <= limit[self.problem.dimension]:
-            factors = splu(
-                sp.csc_array(self._matrix(modulus)),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True},
-            )
+            factors = factors_of(self._matrix(modulus))
             return lambda load: np.asarray(factors.solve(load))
         if self._tough:
             algebraic = algebraic_preconditioner(self._matrix(modulus), self.numbering)

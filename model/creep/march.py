@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.history import History
 from kaju.agents.rheology_steps import Energy, Scheme
-from kaju.errors import ConvergenceError, TangentError
+from kaju.errors import ConvergenceError, KajuError, TangentError
 
 from .state import CreepState
 
@@ -34,6 +34,8 @@ Fields = tuple[Floats, ...]
 
 _SAME_MOMENT = 1e-12
 """Share of a time by which two may differ and still be one (0.1 + 0.2 and 0.3)."""
+SHORTEST = 1e-30
+"""Share of the time to the next corner: no process that a step can follow is quicker."""
 
 
 class Push(NamedTuple):
@@ -201,7 +203,7 @@ def _keep_tolerance(
         # Two equal steps to the node rather than a long one and a sliver.
         step = left if wish >= left else min(wish, 0.5 * left)
         end = node if step == left else state.time + step
-        tried, error = _doubled(system, method, drive, state, end)
+        tried, error, trouble = _doubled(system, method, drive, state, end)
         since = state.time - corner
         allowed = 0.25 * pace.tolerance * tried.scale * step / (since + step)
         growth = _growth(error, allowed, method.order)
@@ -212,14 +214,20 @@ def _keep_tolerance(
         else:
             wish = step * growth
             state = replace(state, rejected=state.rejected + 1)
-        _refuse_to_crawl(state, wish, pace)
+        if state.time + wish == state.time or wish < SHORTEST * node:
+            _refuse_to_crawl(state, pace, trouble)
+        if state.steps + state.rejected > pace.most_steps:
+            raise ConvergenceError(
+                f"creep: {pace.most_steps} steps were made and only {state.time:.6g} s reached; "
+                "allow a larger tolerance, more steps (most_steps=), or take scheme='sdirk2'"
+            )
     return state
 
 
 def _doubled(
     system: Creeping, method: Scheme, drive: Drive, state: CreepState, end: float
-) -> tuple[CreepState, float]:
-    """Make a step whole and in halves; return where the halves lead, and their error."""
+) -> tuple[CreepState, float, KajuError | None]:
+    """Make a step whole and in halves; return where the halves lead, their error, and trouble."""
     middle = 0.5 * (state.time + end)
     half = 0.5 * (end - state.time)
     tried = state
@@ -232,11 +240,11 @@ def _doubled(
                 system, method, tried.fields, half, drive.between(start, stop)
             )
             tried = tried.moved(stop, fields, booked, _scale(system, tried, fields))
-    except (ConvergenceError, TangentError):
-        return state, inf  # a shorter step may find what a long one does not
+    except (ConvergenceError, TangentError) as trouble:
+        return state, inf, trouble  # a shorter step may find what a long one does not
     apart = np.abs(system.gauge(whole) - system.gauge(tried.fields))
     error = float(np.max(apart, initial=0.0)) / (2**method.order - 1)
-    return tried, error if isfinite(error) else inf
+    return tried, error if isfinite(error) else inf, None
 
 
 def _growth(error: float, allowed: float, order: int) -> float:
@@ -269,14 +277,10 @@ def _scale(system: Creeping, state: CreepState, fields: Fields) -> float:
     return max(state.scale, float(np.max(np.abs(system.gauge(fields)), initial=0.0)))
 
 
-def _refuse_to_crawl(state: CreepState, wish: float, pace: Pace) -> None:
-    if state.steps + state.rejected > pace.most_steps:
-        raise ConvergenceError(
-            f"creep: {pace.most_steps} steps were made and only {state.time:.6g} s reached; "
-            "allow a larger tolerance, more steps (most_steps=), or take scheme='sdirk2'"
-        )
-    if state.time + wish == state.time:
-        raise ConvergenceError(
-            f"creep: at {state.time:.6g} s no step however short keeps the tolerance "
-            f"{pace.tolerance}; allow a larger one, or give step= instead"
-        )
+def _refuse_to_crawl(state: CreepState, pace: Pace, trouble: KajuError | None) -> None:
+    if isinstance(trouble, TangentError):
+        raise trouble  # what gives way under every load does so in every step, however short
+    raise ConvergenceError(
+        f"creep: at {state.time:.6g} s no step however short keeps the tolerance "
+        f"{pace.tolerance}; allow a larger one, or give step= instead"
+    ) from trouble

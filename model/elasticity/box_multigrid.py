@@ -140,16 +140,19 @@ class BoxMultigrid:
         """Return the faces' values as a vector; 0 where they cannot move."""
         shape = self.levels[0].shape
         vector = np.empty(face_count(shape))
-        for view, values in zip(face_views(vector, shape), fields, strict=True):
+        for view, values in zip(self.views(vector), fields, strict=True):
             view[:] = values[(slice(1, -1),) * len(shape)]
         self.clear_fixed(0, vector)
         return vector
 
     def scatter(self, vector: Vector, fields: FaceFields) -> None:
         """Add a vector to arrays of all faces."""
-        shape = self.levels[0].shape
-        for view, values in zip(face_views(vector, shape), fields, strict=True):
-            values[(slice(1, -1),) * len(shape)] += view
+        for view, values in zip(self.views(vector), fields, strict=True):
+            values[(slice(1, -1),) * len(fields)] += view
+
+    def views(self, vector: Vector) -> FaceFields:
+        """Return a vector as one array per axis."""
+        return tuple(face_views(vector, self.levels[0].shape))
 
     def apply(self, x: Vector) -> Vector:
         """Return the stiffness times x."""

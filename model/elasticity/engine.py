@@ -15,7 +15,7 @@ from kaju.errors import SceneError
 from .fallback import DIRECT_LIMIT, solve_direct
 from .krylov import Iteration, conjugate_gradients, dot
 from .prepared import Prepared, same_body
-from .problem import ElasticProblem, FaceFields
+from .problem import FIXED, ElasticProblem, FaceFields
 from .staggered import internal_force
 from .system import System, likeness
 
@@ -36,6 +36,9 @@ That is the error before the last correction, which takes nine tenths of it away
 SMALL, SMALL_TOLERANCE = 100_000, 1e-10
 """Bodies of fewer faces are solved to this tolerance unless told otherwise: it costs little,
 and forces balance to more digits than anyone prints."""
+BALANCE, FIRST_RATE = 1e-2, 0.1
+"""Supports and loads differ by at most this share of the error that is stated, after a last
+correction that leaves the second share of what there was if nothing is known of it."""
 LOOSEST = 3e-3
 """But never stop above this."""
 PATIENCE = 8
@@ -136,27 +139,39 @@ def _prepared_solve(system: System, tolerance: float | None, guess: Vector | Non
 
 
 def _judge_rounding(system: System, solution: Solution) -> None:
-    """Say, or refuse, where so many digits are lost that forces do not balance.
+    """Say, or refuse, where so many digits are lost that forces do not balance."""
+    prepared = system.prepared
+    if not system.right.any():
+        return
+    if system.problem.needs_mixed_form:
+        lost = _unbalanced(system, solution.displacement)
+    else:
+        x = system.gather(solution.displacement)
+        lost = lost_digits(x * prepared.hierarchy.stiffness, system.right)
+        if solution.method == "direct" and len(x) <= SMALL:
+            lost = max(lost, float(np.finfo(np.float64).eps / prepared.smallest_pivot))
+    solution.notes += rounding_notes(lost)
+
+
+def lost_digits(stiffness_times_x: Vector, right: Vector) -> float:
+    """Return about which share of the loads rounding leaves unbalanced.
 
     A face's force is the difference of far larger ones where the body hardly resists (a soft bed,
     a hinge) or hardly shrinks (a pressure λ div u).
     """
-    prepared, problem = system.prepared, system.problem
-    right = float(np.sqrt(dot(system.right, system.right)))
-    if not right > 0.0:
-        return
-    if problem.needs_mixed_form:
-        pull = system.load - system.gather(internal_force(problem, solution.displacement))
-        lost = float(np.sqrt(dot(pull, pull))) / right
-    else:
-        x = system.gather(solution.displacement)
-        lost = (
-            np.finfo(np.float64).eps
-            * float(np.linalg.norm(x * prepared.hierarchy.stiffness))
-            / right
-        )
-        if solution.method == "direct" and len(x) <= SMALL:
-            lost = max(lost, float(np.finfo(np.float64).eps / prepared.smallest_pivot))
+    square = float(dot(right, right))
+    lost = np.finfo(np.float64).eps * float(np.linalg.norm(stiffness_times_x))
+    return lost / sqrt(square) if square > 0.0 else 0.0
+
+
+def rounding_notes(lost: float) -> list[str]:
+    """Return what is to be said of a share of the loads that rounding leaves unbalanced.
+
+    Raises
+    ------
+    SceneError
+        If it is too large for an answer.
+    """
     if lost > UNBALANCED:
         raise SceneError(
             f"body: it resists its loads so little that rounding leaves about {lost:.1g} of them "
@@ -164,7 +179,19 @@ def _judge_rounding(system: System, solution: Solution) -> None:
             "of materials and supports nearer to each other"
         )
     if lost > NOTEWORTHY:
-        solution.notes.append(f"rounding leaves about {lost:.1g} of the loads unbalanced")
+        return [f"rounding leaves about {lost:.1g} of the loads unbalanced"]
+    return []
+
+
+def _unbalanced(system: System, displacement: FaceFields) -> float:
+    """Return what is left on the faces that can move, as a share of the loads and reactions."""
+    problem = system.problem
+    inner = internal_force(problem, displacement)
+    held = (f[s == FIXED] for f, s in zip(inner, problem.face_states(), strict=True))
+    borne = sum(float(np.vdot(force, force)) for force in held)
+    whole = max(borne, float(dot(system.load, system.load)))
+    left = system.load - system.gather(inner)
+    return float(np.sqrt(dot(left, left) / whole)) if whole > 0.0 else 0.0
 
 
 def _default_target(discretisation: float) -> float:
@@ -189,9 +216,9 @@ class _Watch:
     """Decide after every iteration whether to go on."""
 
     def __init__(
-        self, tolerance: float | None, discretisation: Callable[[Iteration], float]
+        self, system: System, tolerance: float | None, discretisation: Callable[[Iteration], float]
     ) -> None:
-        self._tolerance = tolerance
+        self._system, self._tolerance = system, tolerance
         self._estimate = discretisation
         self.discretisation = 0.0  # of no load at all, which needs no look
         self.slow = False
@@ -202,14 +229,21 @@ class _Watch:
         target = self._tolerance
         if target is None:
             target = _default_target(self.discretisation)
-        if run.errors[-1] <= target or _at_rounding(run):
+        stated = max(target, self.discretisation)
+        if (run.errors[-1] <= target and _held(self._system, run, stated)) or _at_rounding(run):
             return True
         if run.iterations >= PATIENCE:
             start = max(len(run.errors) - PATIENCE, 0)
             rate = (run.errors[-1] / run.errors[start]) ** (1 / (len(run.errors) - 1 - start))
-            left = log(target / run.errors[-1]) / log(rate) if rate < 1 else inf
+            left = log(target / run.errors[-1]) / log(rate) if 0 < rate < 1 else inf
             self.slow = run.iterations + left > TOO_MANY
         return self.slow
+
+
+def _held(system: System, run: Iteration, stated: float) -> bool:
+    """Tell whether supports will bear the loads, to a share of the error that is stated."""
+    last = run.rate or FIRST_RATE
+    return last * system.unheld(run.left) <= BALANCE * stated
 
 
 def _at_rounding(run: Iteration) -> bool:
@@ -232,7 +266,7 @@ def _solve_multigrid(
         potential = -0.5 * (float(dot(run.solution, system.right)) + run.held_back)
         return _missed(coarser, potential - 0.5 * run.errors[0] ** 2 * whole, whole)
 
-    watch = _Watch(tolerance, discretisation)
+    watch = _Watch(system, tolerance, discretisation)
     run = conjugate_gradients(
         hierarchy.apply,
         hierarchy.precondition,
@@ -298,7 +332,10 @@ def _change_method(
             precondition,
             right,
             start,
-            lambda run: run.errors[-1] <= target or _at_rounding(run),
+            lambda run: (
+                (run.errors[-1] <= target and _held(system, run, max(missed, target)))
+                or _at_rounding(run)
+            ),
             most=1000,
             energy=system.energy,
         )
@@ -310,7 +347,13 @@ def _change_method(
 
 def _solve_mixed(system: System, tolerance: float | None, guess: Vector | None) -> Solution:
     prepared, mixed = system.prepared, system.prepared.mixed
-    run = mixed.solve(system.right, min(tolerance or 1e-8, 1e-8), guess)
+    tolerance = min(tolerance or 1e-8, 1e-8)
+    run = mixed.solve(system.right, tolerance, guess)
+    lost = _unbalanced(system, system.displacement(run.solution))
+    if run.converged and lost > NOTEWORTHY:
+        # Moved sides press a nearly incompressible body far harder than it yields.
+        tolerance = max(0.1 * tolerance * NOTEWORTHY / lost, 1e-15)
+        run = mixed.solve(system.right, tolerance, run.solution)
     rough = mixed.block.rough(run.solution)
     roughness = float(dot(rough, mixed.block.apply(rough)))
     whole = system.energy(run.solution)

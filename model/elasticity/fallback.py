@@ -13,9 +13,10 @@ from itertools import combinations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import SuperLU
 
 from kaju.errors import SceneError
+from kaju.model.factors import factors_of
 
 from .krylov import Iteration, dot
 from .problem import ACTIVE
@@ -34,14 +35,11 @@ def factorise(matrix: sp.csr_array) -> SuperLU:
     ------
     SceneError
         If it is singular.
+    OutOfMemoryError
+        If the factors do not fit in memory.
     """
     try:
-        return splu(
-            sp.csc_array(matrix),
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )
+        return factors_of(matrix)
     except RuntimeError as error:
         raise SceneError(
             "body: some of its cells hang together by single faces, about which they turn freely; "

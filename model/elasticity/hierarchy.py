@@ -92,17 +92,17 @@ class Hierarchy:
         """Return the values of the faces that can move; all else is 0."""
         level = self.levels[0]
         vector = np.zeros(level.arrays[2].size)
-        for view, values in zip(self._views(vector), fields, strict=True):
+        for view, values in zip(self.views(vector), fields, strict=True):
             view[:] = values
         vector *= self.moving
         return vector
 
     def scatter(self, vector: Vector, fields: FaceFields) -> None:
         """Add the values of the faces that can move to arrays of all faces."""
-        for view, values in zip(self._views(vector), fields, strict=True):
+        for view, values in zip(self.views(vector), fields, strict=True):
             values += view
 
-    def _views(self, vector: Vector) -> FaceFields:
+    def views(self, vector: Vector) -> FaceFields:
         """Return a vector as one array per axis, the rim included."""
         level = self.levels[0]
         box = level.arrays[7]

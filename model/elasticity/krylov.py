@@ -73,6 +73,8 @@ class Iteration:
     converged : bool
     held_back : float
         Work that the residual at the start would do on the start.
+    left : array
+        The residual, of conjugate gradients.
     """
 
     solution: Vector
@@ -80,6 +82,7 @@ class Iteration:
     errors: list[float] = field(default_factory=list)
     converged: bool = False
     held_back: float = 0.0
+    left: Vector = field(default_factory=lambda: np.zeros(0), repr=False)
 
     @property
     def iterations(self) -> int:
@@ -113,7 +116,7 @@ def conjugate_gradients(
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
-    run = Iteration(x, held_back=float(dot(x, r)))
+    run = Iteration(x, held_back=float(dot(x, r)), left=r)
     p = np.zeros_like(load)
     square, previous = float(dot(r, r)), 1.0
     for step in range(most + 1):

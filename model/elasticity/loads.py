@@ -69,12 +69,13 @@ def _drag(
     normal, upper = divmod(side, 2)
     beyond = cells.copy()
     beyond[:, normal] += 2 * upper - 1
-    # Smooth walls take no shear either: all of it stays with the body.
-    free = np.isin(problem.kinds[tuple(beyond.T)], (AIR, ROLLER, FOUNDATION))
+    kind = problem.kinds[tuple(beyond.T)]
+    # Smooth walls take no shear either: all of it stays with the body; ground takes it all.
+    free, held = np.isin(kind, (AIR, ROLLER, FOUNDATION)), kind == RIGID
+    own = np.where(free, 0.5, np.where(held, 0.0, 0.25))
     for end in (0, 1):
-        _add(problem.force[axis], cells[free], axis, end, 0.5 * value[free])
-        for layer in (cells[~free], beyond[~free]):
-            _add(problem.force[axis], layer, axis, end, 0.25 * value[~free])
+        _add(problem.force[axis], cells, axis, end, own * value)
+        _add(problem.force[axis], beyond, axis, end, (0.5 - own) * value)
     outward = 2.0 * upper - 1.0
     _record_shear(problem, axis, normal, upper, cells[free], outward * value[free])
     _couple(problem, axis, normal, upper, cells[free], 0.5 * outward * value[free])

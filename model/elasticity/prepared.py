@@ -46,6 +46,9 @@ class Multigrid(Protocol):
     def scatter(self, vector: Vector, fields: FaceFields) -> None:
         """Add the values of the faces that can move to arrays of all faces."""
 
+    def views(self, vector: Vector) -> FaceFields:
+        """Return a vector as one array per axis."""
+
     def apply(self, x: Vector) -> Vector:
         """Return the stiffness times x."""
 

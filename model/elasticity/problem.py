@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf, log10
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -37,6 +38,8 @@ SIDES = {
     3: ("left", "right", "front", "back", "bottom", "top"),
 }
 
+HELD = 250
+"""Powers of ten that leave room for squares and sums of what is of that order."""
 STIFF_PRESSURE = 9.0
 """λ/μ (0.45 in ν) from which on the mixed form is the quicker one."""
 
@@ -48,6 +51,36 @@ class Scales(NamedTuple):
     force: float
     length: float
     displacement: float
+
+    @classmethod
+    def of(cls, modulus: float, force: float, length: float, stretch: float) -> Scales:
+        """Return the units of a body that a force moves by force / stretch.
+
+        Raises
+        ------
+        SceneError
+            If displacements, stresses or energies leave the numbers that a computer holds.
+        """
+        force = force if force > 0.0 else stretch * length
+        moved = _order(force) - _order(stretch)
+        found = {
+            "modulus times thickness (N/m)": _order(stretch),
+            "displacement (m)": moved,
+            "stress (Pa)": _order(modulus) + moved - _order(length),
+            "energy (J)": _order(force) + moved,
+        }
+        for name, size in found.items():
+            if not abs(size) <= HELD:
+                raise SceneError(
+                    f"body, loads: {name} is of the order of 1e{size:.0f}, beyond the numbers that "
+                    f"a computer holds; keep it between 1e-{HELD} and 1e{HELD} by other units of "
+                    "force or length"
+                )
+        return cls(modulus, force, length, force / stretch)
+
+
+def _order(size: float) -> float:
+    return log10(size) if size > 0.0 else -inf
 
 
 @dataclass(frozen=True)
@@ -282,8 +315,7 @@ def _scales(
     ]
     peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
     force = max([peak, *(stiffness * displacement for displacement in moved)])
-    force = force if force > 0 else stiffness * cell_size
-    return Scales(modulus, force, cell_size, force / stiffness)
+    return Scales.of(modulus, force, cell_size, stiffness)
 
 
 def _side_fields(

@@ -83,6 +83,11 @@ class System:
         self.prepared.hierarchy.scatter(unknown, fields)
         return fields
 
+    def unheld(self, left: Vector) -> float:
+        """Return by how much supports and loads differ where forces are left, as a share of all."""
+        most = max(abs(float(view.sum())) for view in self.prepared.hierarchy.views(left))
+        return most / (float(np.abs(self.right).sum()) or 1.0)
+
     def energy(self, x: Vector) -> float:
         """Return twice the stored energy of a solution x (or of what is nearly one)."""
         if self.right is self.load:

@@ -12,9 +12,10 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import splu, spsolve_triangular
+from scipy.sparse.linalg import spsolve_triangular
 
 from kaju.errors import ParameterError
+from kaju.model.factors import factors_of
 
 from .assembler import Assembler
 from .multigrid import MultigridSolver
@@ -76,7 +77,7 @@ class DirectSolver:
         """Compute the factors; raise `GivesWayError` unless all pivots are positive."""
         self._factors = None  # give their memory back before the new ones need it
         try:
-            self._factors = _factors(tangent)
+            self._factors = factors_of(tangent, order="NATURAL")
         except RuntimeError as singular:  # a column of zeros was left
             raise GivesWayError(_weak_direction(tangent)) from singular
         pivoted = not np.array_equal(self._factors.perm_r, self._factors.perm_c)
@@ -87,15 +88,6 @@ class DirectSolver:
         """Return the displacement of the free coordinates under a load on them."""
         solution: Floats = self._factors.solve(load)
         return solution
-
-
-def _factors(tangent: csc_array) -> Any:
-    return splu(
-        tangent,
-        permc_spec="NATURAL",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
 
 
 def _bad_pivots(factors: Any, tangent: csc_array) -> Any:
@@ -112,7 +104,7 @@ def _weak_direction(tangent: csc_array) -> Floats:
     """
     diagonal = np.abs(tangent.diagonal())
     diagonal[diagonal == 0.0] = np.abs(tangent.data).max(initial=0.0) or 1.0
-    factors = _factors(csc_array(tangent + diags_array(1e-15 * diagonal)))
+    factors = factors_of(tangent + diags_array(1e-15 * diagonal), order="NATURAL")
     share = factors.U.diagonal() / diagonal[factors.perm_c.argsort()]
     bad = np.flatnonzero(share <= _ROUNDING)
     row = int(bad[0]) if len(bad) else int(np.argmin(share))

@@ -175,8 +175,7 @@ def _scales(scene: Scene, used: list[Any], loads: CellLoads, gravity: Any) -> Sc
         forces.append(mass * float(np.abs(gravity).max()))
     conditions = [scene.side_condition(name).displacement for name in lattice.sides]
     forces += [stiffness * float(np.abs(u).max()) for u in conditions if u is not None]
-    force = max(forces, default=0.0) or stiffness * lattice.cell_size
-    return Scales(modulus, force, lattice.cell_size, force / stiffness)
+    return Scales.of(modulus, max(forces, default=0.0), lattice.cell_size, stiffness)
 
 
 MOST_CELLS = 40_000

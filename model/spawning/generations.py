@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaju.model.elasticity.engine import lost_digits, rounding_notes
 from kaju.model.elasticity.krylov import Iteration
 from kaju.model.elasticity.problem import ACTIVE
 
@@ -229,6 +230,7 @@ class Spawner:
             runs.append(self._finish())
             self._ends()
             self._note_rest(runs[-1])
+            self._note_rounding()
         self._residuals = runs[-1].residuals
         self._chosen = None if self.finished else self.aimed.chosen
         self._remember(sum(run.iterations for run in runs))
@@ -321,6 +323,11 @@ class Spawner:
             self.notes.append(
                 f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
             )
+
+    def _note_rounding(self) -> None:
+        free, right = self.balance.free, self.balance.load - self.balance.pull
+        stiffness = self.hierarchy.matrix.diagonal()
+        self.notes += rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
 
     def _remember(self, iterations: int) -> None:
         leaves, load = self.balance.grid.leaves, self.indicator.load

@@ -243,9 +243,8 @@ class Ground:
         sides = [scene.side_condition(name) for name in scene.lattice.sides]
         moved = max((abs(v) for s in sides for v in s.displacement or ()), default=0.0)
         peak = float(np.abs(self._force).max(initial=0.0))
-        force = max(peak, moved * stretch) or stretch * h
-        self.scales = Scales(modulus, force, h, force / stretch)
-        self._force /= force
+        self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
+        self._force /= self.scales.force
         ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
         self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)
 

@@ -132,8 +132,8 @@ class _Entering:
         kind = self._kind_beyond(leaf, side)
         held, inside = _holds(kind), kind >= 0
         for end in (0, 1):
-            self.push(leaf, 2 * axis + end, np.where(held, 0.25, 0.5) * value)
-        self._into_wall(leaf[held], side, axis, 0.5 * value[held])
+            self.push(leaf, 2 * axis + end, np.where(held, 0.0, 0.5) * value)
+        self._into_wall(leaf[held], side, axis, value[held])
         edges = self.grid.edges[_pair(axis, normal)]
         table = oriented(edges, axis < normal)[1][leaf]
         moment = (upper - 0.5) * self.grid.length[leaf] * value

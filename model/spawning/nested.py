@@ -14,10 +14,11 @@ from copy import copy
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import SuperLU
 
 from kaju.model.compiling import njit
 from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
+from kaju.model.factors import factors_of
 
 from .balance import Balance
 from .composite import Composite, Floats
@@ -211,9 +212,4 @@ def _factor(matrix: sp.csr_array) -> SuperLU:
     # Guarded against parents that no child depends on.
     diagonal = matrix.diagonal()
     guard = np.where(diagonal > 0, 1e-15 * diagonal, 1.0)
-    return splu(
-        sp.csc_array(matrix + sp.diags_array(guard)),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
+    return factors_of(matrix + sp.diags_array(guard))

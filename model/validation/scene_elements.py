@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from kaju.errors import ParameterError
 from kaju.model.elasticity.moduli import Moduli, moduli_of
+from kaju.model.factors import factors_of
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
 
@@ -242,14 +243,5 @@ def cell_mesh(kinds: Index) -> Any:
 
 def factorised(matrix: Any, right: Floats) -> Floats:
     """Solve by elimination, in an order that suits symmetric matrices."""
-    from scipy.sparse.linalg import splu
-
-    # As the matrix is symmetric, so may be the order: it fills in far less.
-    factors = splu(
-        matrix.tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    found: Floats = factors.solve(right)
+    found: Floats = factors_of(matrix).solve(right)
     return found

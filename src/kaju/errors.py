@@ -49,6 +49,10 @@ class ConvergenceError(KajuError, RuntimeError):
         self.best = best
 
 
+class OutOfMemoryError(KajuError, MemoryError):
+    """A computation needs more memory than there is."""
+
+
 class ResultError(KajuError, ValueError):
     """A result cannot answer what is asked of it."""
 

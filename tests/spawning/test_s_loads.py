@@ -158,10 +158,9 @@ def test_bodies_of_agents_of_several_sizes_are_among_those():
     assert len(np.unique(agents(scene, smallest=False).grid.length)) > 1
 
 
-def test_force_on_a_held_face_goes_half_into_the_wall():
-    """As on equal cells, where the faces on both sides of it take a half each."""
+def test_force_on_a_held_face_goes_into_the_wall():
     body = {"cells": [4, 4], "cell_size": 1.0, "material": "steel"}
     load = {"cell": [1, 0], "side": "bottom", "force": [2.0, 0.0]}
     balance = agents(Scene(body=body, sides={"bottom": "rigid"}, loads=[load]), smallest=True)
-    assert balance.wall_load[2].tolist() == [0.5, 0.0]
-    assert balance.load.sum() == pytest.approx(0.5)
+    assert balance.wall_load[2].tolist() == [1.0, 0.0]
+    assert not balance.load.any()

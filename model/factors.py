@@ -1,0 +1,40 @@
+"""Sparse LU factors of symmetric matrices, and the error when they do not fit in memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU, splu
+
+from kaju.errors import OutOfMemoryError
+
+
+def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
+    """Return the factors of a symmetric matrix on the diagonal's own pivots.
+
+    Parameters
+    ----------
+    matrix : sparse array
+    order : str
+        Order of elimination, as `scipy.sparse.linalg.splu` names it.
+
+    Raises
+    ------
+    OutOfMemoryError
+        If they do not fit in memory.
+    RuntimeError
+        If a pivot is zero.
+    """
+    how: dict[str, Any] = {"permc_spec": order, "diag_pivot_thresh": 0.0}
+    columns = sp.csc_array(matrix)
+    try:
+        return splu(columns, options={"SymmetricMode": True}, **how)
+    except (MemoryError, SystemError, RuntimeError) as error:
+        if "singular" in str(error):
+            raise
+        # SuperLU ends in any of these where memory does.
+        raise OutOfMemoryError(
+            f"the factors of a matrix of {columns.shape[0]:,} rows do not fit in memory; take "
+            "fewer cells (a smaller resolution) or a larger tolerance, or free memory"
+        ) from error

@@ -1,0 +1,138 @@
+"""Scenes that once crashed, never ended or were quietly wrong: right, noted, or refused by name."""
+
+import networkx as nx
+import numpy as np
+import pytest
+
+import kaju
+from kaju import History, Scene, SpringNetwork, ThreeElement, creep, solve
+from kaju.errors import KajuError, MechanismError, OutOfMemoryError, SceneError
+from kaju.model import factors
+
+EVERY_WAY = [{}, {"tolerance": 0.05}, {"strategy": "spawning", "tolerance": 0.02}]
+
+
+def block(youngs_modulus=1e9, ratio=0.3, load=None, sides=None, **body):
+    return Scene(
+        body={"size": [1.0, 1.0], "cells": [8, 8], "material": "a", **body},
+        materials={"a": {"youngs_modulus": youngs_modulus, "poissons_ratio": ratio}},
+        sides=sides or {"bottom": "rigid"},
+        loads=[load or {"side": "top", "force": [0.0, -1.0]}],
+    )
+
+
+def missing(scene, result):
+    """Difference of loads and reactions, as a share of the reactions."""
+    reactions = list(result.reactions.values())
+    total = np.sum(reactions, axis=0) + scene.applied().force.sum(axis=0)
+    return np.abs(total).max() / np.abs(reactions).sum()
+
+
+@pytest.mark.parametrize("how", EVERY_WAY)
+@pytest.mark.parametrize(
+    "extreme",
+    [
+        {"youngs_modulus": 5e-324},
+        {"youngs_modulus": 1e-300},
+        {"thickness": 1e-300},
+        {"load": {"side": "top", "force": [0.0, 1e300]}},
+    ],
+)
+def test_numbers_that_no_computer_holds_are_refused(extreme, how):
+    with pytest.raises(SceneError, match=r"1e-?\d+, beyond the numbers that a computer holds"):
+        solve(block(**extreme), **how)
+
+
+def test_creep_of_a_mechanism_names_the_node_that_moves():
+    chain = nx.path_graph(3)
+    for i in range(3):
+        chain.nodes[i].update(pos=(float(i), 0.0), held=i == 0)
+    chain.nodes[2]["force"] = (1e-3, 0.0)
+    nx.set_edge_attributes(chain, 1.0, "stiffness")
+    network = SpringNetwork.from_graph(chain, rest_length=None)
+    with pytest.raises(MechanismError, match="the network is a mechanism: the nodes 1"):
+        creep(
+            network,
+            History.step().hold(3.0),
+            times=[1.0, 3.0],
+            rheology=ThreeElement(K_f=1.0, D_f=1.0, D_d=10.0),
+        )
+
+
+@pytest.mark.parametrize(
+    "end", [MemoryError(), SystemError("gstrf"), RuntimeError("SUPERLU_MALLOC fails for buf")]
+)
+def test_factors_that_do_not_fit_are_refused_by_name(monkeypatch, end):
+    def full(*_, **__):
+        raise end
+
+    monkeypatch.setattr(factors, "splu", full)
+    with pytest.raises(OutOfMemoryError, match="do not fit in memory; take fewer cells") as error:
+        solve(block(), strategy="spawning", tolerance=0.1)
+    assert isinstance(error.value, MemoryError)
+    assert isinstance(error.value, KajuError)
+
+
+def test_arrays_that_do_not_fit_are_refused_by_name(monkeypatch):
+    from kaju.model.spawning import ground
+
+    def full(*_):
+        raise MemoryError("Unable to allocate 1 TiB")
+
+    monkeypatch.setattr(ground.Ground, "_scale", full)
+    with pytest.raises(OutOfMemoryError, match="1 TiB; take a smaller resolution"):
+        solve(block(), strategy="spawning")
+
+
+@pytest.mark.parametrize("how", EVERY_WAY)
+@pytest.mark.parametrize("force", [[1.0, 0.0], [0.0, 1.0]])
+def test_a_force_on_a_held_face_goes_straight_into_the_ground(force, how):
+    result = solve(block(load={"cell": [3, 0], "side": "bottom", "force": force}), **how)
+    assert result.agents < 1000
+    assert result.strain_energy == 0.0
+    assert result.reactions["bottom"] == pytest.approx(-np.array(force), abs=1e-12)
+
+
+@pytest.mark.parametrize(("bed", "noted"), [(1e6, False), (1.0, True)])
+def test_agents_say_what_rounding_eats(bed, noted):
+    scene = block(sides={"bottom": {"stiffness": bed}, "left": "roller"})
+    result = solve(scene, strategy="spawning", tolerance=0.05)
+    assert result.strain_energy == pytest.approx(0.5 / bed, rel=1e-2)
+    assert any("rounding leaves" in note for note in result.notes) == noted
+
+
+def test_agents_refuse_a_bed_too_soft_for_the_digits_there_are():
+    scene = block(sides={"bottom": {"stiffness": 1e-6}, "left": "roller"})
+    with pytest.raises(SceneError, match=r"rounding leaves about .* unbalanced: stiffen"):
+        solve(scene, strategy="spawning", tolerance=0.05)
+
+
+def test_a_moved_side_of_rubber_is_pulled_as_hard_as_the_ground():
+    scene = block(
+        ratio=0.499998,
+        plane="strain",
+        load={"cell": [3, 7], "force": [590.0, -1250.0]},
+        sides={"bottom": "rigid", "right": {"displacement": [-1e-6, -2e-6]}},
+    )
+    assert missing(scene, solve(scene)) < 1e-5
+
+
+def test_supports_bear_what_slow_iterations_leave():
+    """Of stiff shear beside soft, where the error in energy is small long before forces balance."""
+    codes = np.ones((9, 6), dtype=int)
+    codes[3:6] = 2
+    codes[3:6, :3] = 0
+    scene = Scene.from_array(
+        codes,
+        legend={0: "air", 1: "auxetic", 2: "rubber"},
+        cell_size=0.01,
+        materials={
+            "auxetic": {"youngs_modulus": 6e11, "poissons_ratio": -0.995},
+            "rubber": {"youngs_modulus": 2.5e9, "poissons_ratio": 0.4999},
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "pressure": 80.0}],
+    )
+    result = kaju.solve(scene, strategy="uniform", resolution=48)
+    assert result.error_estimate > 0.05
+    assert missing(scene, result) < 1e-2 * result.error_estimate

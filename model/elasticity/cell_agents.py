@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,7 +14,7 @@ from kaju.model.archive import Archive
 from kaju.model.scene import Scene
 
 from . import fields, sampling
-from .engine import Solution
+from .engine import Answered, Solution, solve_problem
 from .from_scene import problem_of_scene
 from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
@@ -158,9 +158,16 @@ class CellAgents:
     @cached_property
     def bracket(self) -> Bracket | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
-        from .bracket import bracket_of
+        from .boxes import boxes_of_cells
+        from .bracket import SETTLED, bracket_of
 
-        return bracket_of(self.problem, self.solution, self.grid, self.stage)
+        problem, solution = self.problem, self.solution
+        if solution.algebraic > SETTLED:
+            solution = solve_problem(problem, SETTLED, Answered(problem, solution))
+        if any(np.any(shear) for shear in problem.surface_shear.values()):
+            return replace(self, solution=solution).tree.bracket
+        u = solution.displacement
+        return bracket_of(boxes_of_cells(problem, u, self.grid, self.stage))
 
     @cached_property
     def corners(self) -> Floats:

@@ -31,18 +31,18 @@ def displacement_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
     """
     grid = fields.balance.grid
     point, leaf = touching(grid, points, leaf)
-    walls = _walls(grid, leaf)
+    walls = walls_beside(grid, leaf)
     local = (points[point] - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
     touched = np.abs(np.stack([local, 1.0 - local], axis=2).reshape(walls.shape[:2])) < NEAR
     on_wall = (touched & ~np.isnan(walls[..., 0])).any(axis=1)
     # Round the corner of a wall stand agents that know nothing of it.
     counts = on_wall | ~np.isin(point, point[on_wall])
     point, leaf, local, walls = point[counts], leaf[counts], local[counts], walls[counts]
-    columns = [_component(fields, leaf, local, walls, axis) for axis in range(grid.dimension)]
+    columns = [component(fields, leaf, local, walls, axis) for axis in range(grid.dimension)]
     return _means(point, np.stack(columns, axis=1))
 
 
-def _component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, axis: int) -> Floats:
+def component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, axis: int) -> Floats:
     """Return u_axis in leaves at places in them, 0 to 1 along each axis."""
     grid, every = fields.balance.grid, np.arange(len(leaf))
     low, high = (fields.sides[leaf, 2 * axis + end] for end in (0, 1))
@@ -163,7 +163,7 @@ def _means(point: Index, values: Floats) -> Floats:
     return np.asarray(total / count.reshape(-1, *(1 for _ in values.shape[1:])))
 
 
-def _walls(grid: Composite, leaf: Index) -> Floats:
+def walls_beside(grid: Composite, leaf: Index) -> Floats:
     """Return how the rigid walls beside leaves move, NaN where there is none.
 
     Returns

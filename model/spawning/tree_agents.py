@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -28,6 +29,7 @@ from .places import located
 from .settle import relative_error
 
 if TYPE_CHECKING:
+    from kaju.model.elasticity.bracket import Bracket
     from kaju.model.elasticity.cell_agents import CellAgents
 
 _LEAVES = ("lower", "size", "kind", "step", "cause")
@@ -48,7 +50,6 @@ class TreeAgents:
     """
 
     storage: ClassVar[str] = "tree"
-    bracket: ClassVar[str] = "the agents are of many sizes"
     spawning: Spawning
     stage: int | None
 
@@ -111,6 +112,13 @@ class TreeAgents:
     def notes(self) -> list[str]:
         """What the solver decided by itself."""
         return self.spawning.notes
+
+    @cached_property
+    def bracket(self) -> Bracket | str:
+        """What is certain about the answer; in words why nothing is, where nothing is."""
+        from .tree_boxes import bracket_of_agents
+
+        return bracket_of_agents(self.spawning)
 
     def history(self) -> dict[str, Any]:
         """Return how the agents came to be."""

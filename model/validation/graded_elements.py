@@ -113,4 +113,20 @@ def graded_mesh(kinds: Index, singular: Floats, levels: int) -> Any:
     for _ in range(levels):
         sharp = np.equal(tree.query(mesh.p.T)[0], 0.0)
         mesh = mesh.refined(np.flatnonzero(sharp[mesh.t].any(axis=0)))
-    return mesh
+    return _parted(mesh, kinds)
+
+
+def _parted(mesh: Any, kinds: Index) -> Any:
+    """Give cells that touch at a corner only a point each: one point holds nothing together."""
+    body = kinds >= 0
+    a, b, c, d = body[:-1, :-1], body[1:, :-1], body[:-1, 1:], body[1:, 1:]
+    apart = (a & d & ~b & ~c) | (b & c & ~a & ~d)
+    p, t = mesh.p, mesh.t.copy()
+    middle = p[0][t].mean(axis=0)
+    for place in np.argwhere(apart):
+        (number,) = np.flatnonzero((p[:, : mesh.p.shape[1]] == place[:, None]).all(axis=0))
+        t[:, middle > place[0]] = np.where(
+            t[:, middle > place[0]] == number, p.shape[1], t[:, middle > place[0]]
+        )
+        p = np.concatenate([p, p[:, [number]]], axis=1)
+    return type(mesh)(p, t) if apart.any() else mesh

@@ -1,0 +1,112 @@
+"""The true energy lies between two that can be computed, whatever the sizes of the agents."""
+
+import numpy as np
+import pytest
+
+from kaju import Scene, solve
+from kaju.model.validation.graded_elements import solve_graded
+
+STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
+SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.45}
+
+
+def drawn(rows, loads, sides=None, plane="strain", size=0.05):
+    """Return a body of steel (a), a soft material (b) and air (.)."""
+    legend = {"a": "a", "b": "b", ".": "air"}
+    used = {letter for row in rows for letter in row}
+    return Scene(
+        body={"cell_size": size, "drawing": "\n".join(rows), "plane": plane},
+        legend={letter: legend[letter] for letter in used},
+        materials={"a": STEEL, "b": SOFT},
+        sides={"bottom": "rigid"} if sides is None else sides,
+        loads=loads,
+    )
+
+
+PRESSED = [{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}]
+DRAGGED = [{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [20.0, -50.0]}]
+L_SHAPE = ["aa..", "aa..", "aaaa", "aaaa"]
+BODIES = {
+    "an L, pressed": drawn(L_SHAPE, PRESSED),
+    "an L, dragged up to its edges": drawn(L_SHAPE, DRAGGED),
+    "an L, dragged up to a wall": drawn(L_SHAPE, DRAGGED, {"left": "rigid"}),
+    "a block, dragged in its middle": drawn(
+        ["aaaa"] * 4, [{"region": {"box": [[0.05, 0.2], [0.15, 0.2]]}, "force": [1.0, 0.0]}]
+    ),
+    "two materials": drawn(["bb..", "ab..", "aabb", "bbaa"], PRESSED, plane="stress"),
+    "a hole beside a roller": drawn(
+        ["aaaa", "a.aa", "aaaa", "bbbb"], PRESSED, {"bottom": "rigid", "left": "roller"}
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_truths_lie_within(name):
+    scene = BODIES[name]
+    truth = solve_graded(scene, 9, order=3).energy
+    bounds = []
+    for tolerance in (0.2, 0.05):
+        result = solve(scene, strategy="spawning", tolerance=tolerance)
+        assert not result.no_bound
+        lower, upper = result.energy_bounds
+        # The finite elements are off by a few millionths at most, from below.
+        assert lower <= truth * (1 + 1e-5)
+        assert truth <= upper * (1 + 1e-9)
+        bounds.append(result.error_bound)
+    assert len(np.unique(result.size)) > 1
+    assert bounds[1] < 0.7 * bounds[0]
+    assert bounds[1] < (0.15 if name == "two materials" else 0.05)
+
+
+def test_equal_agents_have_the_bounds_of_equal_cells():
+    scene = BODIES["an L, pressed"]
+    cells = solve(scene, strategy="uniform", resolution=4)
+    tree = cells.found.tree
+    assert tree.bracket.lower == pytest.approx(cells.found.bracket.lower, rel=1e-4)
+    assert tree.bracket.upper == pytest.approx(cells.found.bracket.upper, rel=1e-9)
+
+
+def test_weight_bends_agents_of_many_sizes():
+    scene = drawn(L_SHAPE, [{"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "force": [3.0, -9.0]}])
+    truth = solve_graded(scene, 9, order=3).energy
+    result = solve(scene, strategy="spawning", tolerance=0.05)
+    lower, upper = result.energy_bounds
+    assert lower <= truth * (1 + 1e-5)
+    assert truth <= upper * (1 + 1e-9)
+    assert result.error_bound < 0.06
+
+
+def test_a_bed_and_a_moved_side_under_agents_of_many_sizes():
+    moved = {"bottom": "rigid", "top": {"displacement": ["free", -1e-6]}}
+    for sides in ({"bottom": {"stiffness": 1e12}, "left": "roller"}, moved):
+        scene = drawn(L_SHAPE, [] if sides is moved else PRESSED, sides)
+        fine = solve(scene, strategy="spawning", tolerance=0.015)
+        coarse = solve(scene, strategy="spawning", tolerance=0.15)
+        assert not coarse.no_bound
+        below, above = fine.energy_bounds
+        lower, upper = coarse.energy_bounds
+        assert lower <= below <= above <= upper
+
+
+def test_bounds_do_not_depend_on_how_a_body_lies():
+    scene = BODIES["an L, dragged up to its edges"]
+    turned = drawn(
+        ["aaaa", "aaaa", "aa..", "aa.."],
+        [{"region": {"box": [[0.0, 0.0], [0.1, 0.0]]}, "force": [20.0, 50.0]}],
+        {"top": "rigid"},
+    )
+    results = [solve(s, strategy="spawning", tolerance=0.1) for s in (scene, turned)]
+    assert results[0].agents == results[1].agents
+    assert results[0].energy_bounds == pytest.approx(results[1].energy_bounds, rel=1e-7)
+
+
+def test_a_corner_alone_holds_nothing_together():
+    scene = drawn(["a.aa", "aaa.", ".aa.", "aaaa"], PRESSED)
+    truth = solve_graded(scene, 9, order=3).energy
+    cells = solve(scene, strategy="uniform", resolution=8)
+    agents = solve(scene, strategy="spawning", tolerance=0.05)
+    for result in (cells, agents):
+        lower, upper = result.energy_bounds
+        assert lower <= truth * (1 + 1e-5)
+        assert truth <= upper * (1 + 1e-9)
+    assert agents.error_bound < 0.08

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from kaju.errors import SceneError
+from kaju.errors import SceneError, SupportError
 from kaju.model.scene import Scene
 
 from .from_scene import Origin, problem_of_scene
 from .prepared import same_body
 from .problem import ElasticProblem
-from .supports import slender_cell
+from .supports import check_supports, slender_cell
 
 
 class Grid(NamedTuple):
@@ -40,36 +40,54 @@ class Grid(NamedTuple):
 def grid_of(
     scene: Scene, stage: int | None, division: int = 1, known: ElasticProblem | None = None
 ) -> Grid:
-    """Return the grid of a scene; members one cell wide are halved, so that they carry shear.
+    """Return the grid of a scene.
 
-    The members of a body that is `known` need no look.
+    Its cells are halved where a member, or what holds the body against turning, is one cell wide:
+    neither resists on this grid. A body that is `known` needs no look.
 
     Raises
     ------
     SceneError
         If a member is one cell wide even then.
+    SupportError
+        If a part of the body could move without straining.
     """
-    grid, narrow = _refined(scene, stage, division, known)
-    if not narrow:
+    grid = _refined(scene, stage, division)
+    if known is not None and same_body(grid.problem, known):
         return grid
-    finer, still_narrow = _refined(scene, stage, 2 * division, known)
-    if still_narrow:
+    narrow, loose = _narrow(grid), None
+    if not narrow:
+        try:
+            check_supports(grid.problem, grid.origin, division)
+            return grid
+        except SupportError as error:
+            if "could turn" not in str(error):
+                raise
+            loose = error
+    finer = _refined(scene, stage, 2 * division)
+    if narrow and _narrow(finer):
         raise SceneError(
-            f"body: a member is one cell wide at cell {still_narrow} of the grid refined by "
+            f"body: a member is one cell wide at cell {_narrow(finer)} of the grid refined by "
             f"{2 * division} and carries no shear; widen it, or give a larger resolution"
         )
-    return finer._replace(notes=(f"a member is one cell wide at {narrow}: the cells were halved",))
+    try:
+        check_supports(finer.problem, finer.origin, 2 * division)
+    except SupportError as error:
+        raise loose or error from None
+    reason = "a single rigid cell holds no turn"
+    if narrow:
+        reason = f"a member is one cell wide at {narrow}"
+    return finer._replace(notes=(f"{reason}: the cells were halved",))
 
 
-def _refined(
-    scene: Scene, stage: int | None, division: int, known: ElasticProblem | None
-) -> tuple[Grid, str]:
-    """Return the grid, and where a member is one cell wide (empty if none is)."""
+def _refined(scene: Scene, stage: int | None, division: int) -> Grid:
     fine = scene if division == 1 else scene.refine(division)
-    problem, origin = problem_of_scene(fine, stage)
-    seen = known is not None and same_body(problem, known)
-    cell = None if seen else slender_cell(problem)
-    narrow = ""
-    if cell is not None:
-        narrow = f"({', '.join(str(a + b) for a, b in zip(cell, origin, strict=True))})"
-    return Grid(fine, problem, origin, division), narrow
+    return Grid(fine, *problem_of_scene(fine, stage), division)
+
+
+def _narrow(grid: Grid) -> str:
+    """Return where a member is one cell wide, "" if none is."""
+    cell = slender_cell(grid.problem)
+    if cell is None:
+        return ""
+    return f"({', '.join(str(a + b) for a, b in zip(cell, grid.origin, strict=True))})"

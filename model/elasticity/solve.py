@@ -12,8 +12,6 @@ from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
 from .engine import Answered, Solution, solve_problem
 from .grid import Grid, grid_of
-from .prepared import same_body
-from .supports import check_supports
 
 SMALLEST_TOLERANCE = 1e-13
 
@@ -63,8 +61,6 @@ def solve(
     start = perf_counter()
     _check(tolerance, resolution)
     grid, answered = _grid(scene, stage, resolution, previous)
-    if answered is None or not same_body(grid.problem, answered.problem):
-        check_supports(grid.problem, grid.origin, grid.division)
     solution = solve_problem(grid.problem, tolerance, answered)
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
     found = CellAgents(grid.scene, stage, grid.problem, grid.origin, solution)

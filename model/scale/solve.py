@@ -33,7 +33,6 @@ from kaju.model.elasticity.grid import grid_of
 from kaju.model.elasticity.problem import ACTIVE, ElasticProblem, FaceFields, Floats
 from kaju.model.elasticity.reactions import INSIDE, reactions
 from kaju.model.elasticity.staggered import internal_force
-from kaju.model.elasticity.supports import check_supports
 from kaju.model.scene import Scene
 
 from .multigrid import Hierarchy, assembled, rows_on
@@ -299,7 +298,6 @@ def _examined(
     if not first:
         return 1, []
     grid = grid_of(scene, stage, resolution or 1)
-    check_supports(grid.problem, grid.origin, grid.division)
     return grid.division, list(grid.notes)
 
 

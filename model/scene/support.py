@@ -15,8 +15,8 @@ MOST_EXAMINED = 10_000_000
 
 _HOLDS = (kinds.RIGID, kinds.ROLLER, kinds.FOUNDATION, kinds.DISPLACED)
 _REMEDY = (
-    'hold it by a rigid cell or region, or by [sides] such as bottom = "rigid", or set '
-    "body.allow_floating = true"
+    'hold it by a rigid cell or region, or by [sides] such as bottom = "rigid" (to watch a '
+    "prescribed rule alone, which needs no support, set body.allow_floating = true)"
 )
 
 

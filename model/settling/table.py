@@ -22,7 +22,6 @@ from kaju.errors import SceneError
 from kaju.model.elasticity.grid import grid_of
 from kaju.model.elasticity.problem import ABSENT, ACTIVE, FIXED
 from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
-from kaju.model.elasticity.supports import check_supports
 
 from .boundary import Boundary, free_surfaces, supports
 from .transfer import coarsen
@@ -131,7 +130,6 @@ class PushTable:
             )
         self.rule = scene.rule
         self.grid, self.problem, self.origin, self.subdivision, _ = grid_of(scene, stage)
-        check_supports(self.problem, self.origin, self.subdivision)
         scales = self.problem.scales
         self.unit = scales.force / scales.displacement
         states = self.problem.face_states()

@@ -136,3 +136,28 @@ def test_supports_bear_what_slow_iterations_leave():
     result = kaju.solve(scene, strategy="uniform", resolution=48)
     assert result.error_estimate > 0.05
     assert missing(scene, result) < 1e-2 * result.error_estimate
+
+
+@pytest.mark.parametrize("depth", [0, 1])
+def test_a_body_held_by_one_cell_is_solved_on_halved_ones(depth):
+    codes = np.ones((6,) * (2 + depth), dtype=int)
+    codes[(2,) * (1 + depth) + (0,)] = -1
+    force = [0.3, *[0.0] * depth, -1.0]
+    scene = Scene.from_array(
+        codes,
+        legend={1: "steel", -1: "rigid"},
+        cell_size=0.01,
+        loads=[{"cell": [0] * (1 + depth) + [5], "force": force}],
+    )
+    result = solve(scene)
+    assert "a single rigid cell holds no turn: the cells were halved" in result.notes
+    assert result.subdivision == 2
+    assert result.reactions["rigid"] == pytest.approx(-np.array(force), abs=1e-7)
+    finer = solve(scene, resolution=4)
+    assert result.strain_energy == pytest.approx(finer.strain_energy, rel=0.25)
+
+
+def test_what_cannot_be_solved_floating_is_not_told_to_float():
+    with pytest.raises(KajuError) as error:
+        solve(block(sides={"bottom": "free"}))
+    assert "a prescribed rule alone, which needs no support" in str(error.value)

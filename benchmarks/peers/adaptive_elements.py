@@ -79,14 +79,6 @@ def solve_elements(scene: Scene, mesh: Any, order: int = 1) -> ElementAnswer:
     return ElementAnswer(basis, u, 0.5 * float(u @ right), scene.lattice.cell_size)
 
 
-def uniform(scene: Scene, order: int = 1) -> Iterator[ElementAnswer]:
-    """Yield answers on meshes that are refined everywhere, without end."""
-    mesh = cell_mesh(surroundings(scene))
-    while True:
-        yield solve_elements(scene, mesh, order)
-        mesh = mesh.refined()
-
-
 def adaptive(scene: Scene, order: int = 1) -> Iterator[tuple[ElementAnswer, float]]:
     """Yield answers on meshes refined where residuals are large, and their estimated error.
 

@@ -1,1 +1,0 @@
-"""What spawning costs and how true it is, beside equal cells and finite elements."""

@@ -31,6 +31,7 @@ from .generations import (
     Generation,
     Spawner,
     Spawning,
+    out_of_reach,
 )
 from .ground import Ground
 from .indicator import Indicator
@@ -475,7 +476,8 @@ class BlockSpawner:
         many = (1 << forest.dimension) - 1
         agents = forest.agents + many * np.count_nonzero(chosen) * len(forest.corners)
         self.stopped = "" if chosen.any() else "depth"
-        if agents > self.most_agents or len(self.records) + 1 == MOST_GENERATIONS:
+        full = agents > self.most_agents or len(self.records) + 1 == MOST_GENERATIONS
+        if full or out_of_reach(self, self.blocks.forest.agents):
             self.stopped = "agents"
         self.finished = self.error <= self.tolerance or bool(self.stopped)
         self._chosen = None if self.finished else chosen

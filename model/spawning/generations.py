@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from .nested import NestedMultigrid
 from .previous import Heirs, Standing
 from .settle import energy_of, relative_error, settle
 
+if TYPE_CHECKING:
+    from .block_spawner import BlockSpawner
+
 ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
 LAST = 1e-10
@@ -34,6 +37,8 @@ ROUGH = 0.05
 KEPT = {2: 500_000, 3: 60_000}
 """Answers of more agents give back the memory of their parents' matrices."""
 MOST_GENERATIONS = 60
+TELLING, FAR = 500, 100.0
+"""From so many agents on they tell how many more it takes; so many times too many are not tried."""
 FIRST_GUESS = 0.3
 """Of the first generation's error."""
 
@@ -230,7 +235,8 @@ class Spawner:
             runs.append(self._finish())
             self._ends()
             self._note_rest(runs[-1])
-            self._note_rounding()
+        said = self._rounding()
+        self.notes += said if self.finished else []
         self._residuals = runs[-1].residuals
         self._chosen = None if self.finished else self.aimed.chosen
         self._remember(sum(run.iterations for run in runs))
@@ -314,6 +320,8 @@ class Spawner:
         agents = len(chosen) + ((1 << self.ground.dimension) - 1) * np.count_nonzero(chosen)
         if agents > self.most_agents or len(self.generations) + 1 == MOST_GENERATIONS:
             return "agents"
+        if self.aim.adds_up and out_of_reach(self, len(chosen)):
+            return "agents"
         return "" if chosen.any() else "depth"
 
     def _note_rest(self, run: Iteration) -> None:
@@ -324,10 +332,11 @@ class Spawner:
                 f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
             )
 
-    def _note_rounding(self) -> None:
+    def _rounding(self) -> list[str]:
+        """Say what rounding leaves unbalanced; refuse what it hides before more agents spawn."""
         free, right = self.balance.free, self.balance.load - self.balance.pull
         stiffness = self.hierarchy.matrix.diagonal()
-        self.notes += rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
+        return rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
 
     def _remember(self, iterations: int) -> None:
         leaves, load = self.balance.grid.leaves, self.indicator.load
@@ -335,6 +344,16 @@ class Spawner:
         chosen = nobody if self._chosen is None else self._chosen
         cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
         self.generations.append(Generation(*cost, leaves.code, leaves.size, load, chosen))
+
+
+def out_of_reach(spawner: Spawner | BlockSpawner, agents: int) -> bool:
+    """Tell whether a tolerance takes far more agents than allowed.
+
+    Their number grows at least with the error's fall to the power of the dimension.
+    """
+    ratio = spawner.error / spawner.tolerance
+    expected = agents * ratio**spawner.ground.dimension
+    return agents >= TELLING and expected > FAR * spawner.most_agents
 
 
 def _first(ground: Ground) -> Standing:

@@ -6,7 +6,7 @@ import pytest
 
 import kaju
 from kaju import History, Scene, SpringNetwork, ThreeElement, creep, solve
-from kaju.errors import KajuError, MechanismError, OutOfMemoryError, SceneError
+from kaju.errors import ConvergenceError, KajuError, MechanismError, OutOfMemoryError, SceneError
 from kaju.model import factors
 
 EVERY_WAY = [{}, {"tolerance": 0.05}, {"strategy": "spawning", "tolerance": 0.02}]
@@ -161,3 +161,35 @@ def test_what_cannot_be_solved_floating_is_not_told_to_float():
     with pytest.raises(KajuError) as error:
         solve(block(sides={"bottom": "free"}))
     assert "a prescribed rule alone, which needs no support" in str(error.value)
+
+
+@pytest.mark.parametrize("size", [[1.0, 1.0], [1.0, 1.0, 1.0]])
+def test_a_tolerance_out_of_reach_is_refused_before_it_takes_hours(size):
+    scene = Scene(
+        body={"size": size, "cells": [4] * len(size), "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0] * (len(size) - 1) + [-1.0]}],
+    )
+    with pytest.raises(ConvergenceError, match=r"needs more than the [24]0+ allowed") as error:
+        solve(scene, tolerance=2e-6, strategy="spawning")
+    assert error.value.best.agents < 20_000
+    assert error.value.best.error_estimate < 0.5
+
+
+def test_a_bridge_that_hardly_resists_is_refused_at_once():
+    codes = np.ones((9, 6), dtype=int)
+    codes[3:6] = 2
+    scene = Scene.from_array(
+        codes,
+        legend={1: "stiff", 2: "soft"},
+        cell_size=0.01,
+        materials={
+            "stiff": {"youngs_modulus": 1e12, "poissons_ratio": 0.3},
+            "soft": {"youngs_modulus": 1e-3, "poissons_ratio": 0.3},
+        },
+        sides={"left": "rigid"},
+        loads=[{"side": "right", "force": [0.3, -1.0]}],
+    )
+    for how in EVERY_WAY:
+        with pytest.raises(SceneError, match="bring the stiffnesses of materials"):
+            solve(scene, **how)

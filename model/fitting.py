@@ -23,6 +23,7 @@ from kaju.model.pair import Pair
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
 from kaju.model.result import Field
+from kaju.model.scene import scene_needed
 
 if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult
@@ -138,6 +139,7 @@ def fit_rule(
 
 
 def _check(scene: Scene, quantity: str, most_passed_on: float, evaluations: int) -> None:
+    scene_needed(scene)
     if not isinstance(scene.rule, PrescribedRule):
         raise ParameterError(
             f"scene: its rule is {scene.rule.kind!r}; the coefficients of a prescribed rule can "

@@ -167,10 +167,17 @@ class SteppedModel(Model):
         model: Self = checkpoint.load(cls, path, own)
         return model
 
-    def _step_until(self, until: Until | None) -> None:
-        """Step until the end, or until a question about the model is answered with yes."""
+    def _step_until(self, until: Until | None, after: Callable[[], None] | None = None) -> None:
+        """Step until the end, or until a question about the model is answered with yes.
+
+        `after` is called after every step.
+        """
+        if not (until is None or callable(until)):
+            raise ParameterError(f"until: a function of the model is needed, got {until!r}")
         while self.running and not (until is not None and until(self)):
             self.step()
+            if after is not None:
+                after()
 
 
 class _Figure:

@@ -267,7 +267,10 @@ def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, NDArray[np.in
     ResultError
         If the points have another dimension than the body, or lie outside of it.
     """
-    points = np.asarray(points, dtype=np.float64)
+    try:
+        points = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ResultError(f"points: must be numbers (m), got {points!r:.80}") from error
     lattice = scene.lattice
     if points.ndim != 2 or points.shape[1] != lattice.dimension:
         raise ResultError(

@@ -27,6 +27,7 @@ from .mesh_films import film_of_motion
 from .network_plots import increments
 from .reels import Reel, creeping, growing, loading, spawning
 from .spawning_reels import generations
+from .subject import check_options
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
@@ -134,7 +135,8 @@ def animate(
     Raises
     ------
     ParameterError
-        If there is no such animation, or the ending or a number is out of its rule.
+        If there is no such animation, or it has no such option, or the ending or a number is out
+        of its rule.
     MissingExtraError
         If an MP4 is asked for and there is no ffmpeg, or a series and there is no meshio.
     ResultFileError
@@ -151,7 +153,9 @@ def animate(
         film_of_motion(moving, target, fps, hold, magnification)
         return target
     reels = {name: known.reels[name] for name in result.films}
-    reel = _chosen(reels, result, what)(result, **options)
+    chosen = _chosen(reels, result, what)
+    check_options(what or next(iter(reels)), chosen, options)
+    reel = chosen(result, **options)
     reel.figure.set_dpi(_RESOLUTION)
     reel.settle(bare=bare)
     count = min(reel.last + 1, MOST_FRAMES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
+from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
 from matplotlib.colors import Normalize
@@ -73,6 +73,7 @@ def plot_body_at(
     return ax
 
 
+@wraps(plot_network)
 def plot_network_at(
     course: NetworkCreepResult, ax: Axes | None = None, *, record: int = -1, **options: Any
 ) -> Axes:

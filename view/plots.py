@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ from .octree import plot_octree
 from .quadtree import plot_quadtree
 from .stages import plot_both, plot_stages
 from .style import figure_of
+from .subject import check_options
 from .voxels import plot_body_in_space, plot_voxels
 
 if TYPE_CHECKING:
@@ -67,11 +69,13 @@ def _agents(
     return plot_agents(result, ax, cut=cut, crop=crop)
 
 
+@wraps(plot_stages)
 def _stages(result: TransferResult, ax: Axes | None = None, **options: Any) -> Axes | Figure:
     return plot_both(result) if ax is None and not options else plot_stages(result, ax, **options)
 
 
 def _map(what: str, plot: Picture = plot_map) -> Picture:
+    @wraps(plot)
     def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes | Figure:
         return plot(result, what, ax, **options)
 
@@ -81,6 +85,7 @@ def _map(what: str, plot: Picture = plot_map) -> Picture:
 MAPS = ("displacement", "strain", "stress", "von_mises")
 
 
+@wraps(plot_scene)
 def _scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
     return plot_scene(result.scene, ax, **options)
 
@@ -102,6 +107,7 @@ NETWORK: dict[str, Picture] = {"deformed": plot_network, "response": plot_respon
 """Pictures of a loaded spring network."""
 
 
+@wraps(plot_quadtree)
 def _many_sizes(result: ElasticResult, ax: Axes | None = None, **options: Any) -> Axes:
     whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
     return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
@@ -119,6 +125,7 @@ ELASTIC: dict[str, Picture] = {
 def _settled(plot: Picture) -> Picture:
     """Draw what the agents have settled to."""
 
+    @wraps(plot)
     def draw(run: Any, ax: Axes | None = None, **options: Any) -> Axes | Figure:
         return plot(run.result, ax, **options)
 
@@ -199,7 +206,7 @@ def plot(
     Raises
     ------
     ParameterError
-        If there is no such picture.
+        If there is no such picture, or it has no such option.
     """
     known = pictures_of(subject)
     name = next(iter(known)) if what is None else what
@@ -208,6 +215,7 @@ def plot(
             f"what: there is no picture {name!r} of a {type(subject).__name__}"
             f"{suggestion(str(name), known)}; there is {', '.join(known)}"
         )
+    check_options(name, known[name], options)
     drawn = known[name](subject, ax, **options)
     return drawn if isinstance(drawn, Figure) else figure_of(drawn)
 

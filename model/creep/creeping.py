@@ -146,13 +146,13 @@ def creep(  # type: ignore[misc]
 
 def _history_of(subject: ThreeElement | SpringNetwork | Scene, history: History | None) -> History:
     """Return what drives the subject."""
-    if history is not None:
+    if isinstance(history, History):
         return history
     if isinstance(subject, Scene) and subject.history is not None:
         return subject.history
     raise ParameterError(
-        "history: is needed, such as History.step().hold(10.0); a scene may bring its own, as "
-        "[history] with times and factors"
+        f"history: a History is needed, got {history!r}; such as History.step().hold(10.0). A "
+        "scene may bring its own, as [history] with times and factors"
     )
 
 

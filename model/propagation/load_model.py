@@ -393,12 +393,13 @@ class LoadModel(SteppedModel):
             Show a progress line; None: on a terminal, when the run takes over two seconds.
         """
         with progress_line(progress) as report:
-            while self.running and not (until is not None and until(self)):
-                self.step()
-                report(
+            self._step_until(
+                until,
+                lambda: report(
                     f"stage {self.stage} of {self.scene.stages}, generation {self.generation}, "
                     f"{self.pending:.3g} N on the way"
-                )
+                ),
+            )
         return self.result()
 
     def result(self) -> TransferResult:

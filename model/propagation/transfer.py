@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kaju.agents.load import Sense
 from kaju.agents.rules import Emission, PrescribedRule, ShareRule, Shares
 from kaju.errors import ParameterError, SceneError
+from kaju.model.scene import scene_needed
 from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
@@ -46,6 +47,7 @@ class Transfer:
     """
 
     def __init__(self, scene: Scene, rule: ShareRule | None = None) -> None:
+        scene_needed(scene)
         if rule is not None:
             _check_rule(rule)
         elif isinstance(scene.rule, PrescribedRule):

@@ -6,7 +6,7 @@ from .files import load_scene
 from .lattice import Lattice
 from .loads import Load, LoadRegion
 from .regions import Region, RegionImage, Round
-from .scene import Scene
+from .scene import Scene, scene_needed
 from .sides import SideCondition
 
 __all__ = [
@@ -21,4 +21,5 @@ __all__ = [
     "Scene",
     "SideCondition",
     "load_scene",
+    "scene_needed",
 ]

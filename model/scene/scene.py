@@ -13,7 +13,7 @@ from pydantic import model_validator
 
 from kaju.agents.materials import Material, suggestion
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import SceneError
+from kaju.errors import ParameterError, SceneError
 
 from .applied import AppliedLoads, at_stage, check_gravity
 from .body import Body
@@ -339,4 +339,17 @@ class Scene(Description):
         filling = self._contents.filling
         return tuple(
             select(filling, load, f"loads.{number}") for number, load in enumerate(self.loads)
+        )
+
+
+def scene_needed(given: object) -> None:
+    """Refuse what is no scene, such as the name of a file.
+
+    Raises
+    ------
+    ParameterError
+    """
+    if not isinstance(given, Scene):
+        raise ParameterError(
+            f"scene: a Scene is needed, got {given!r:.80}; kaju.load_scene reads one from a file"
         )

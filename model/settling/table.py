@@ -22,6 +22,7 @@ from kaju.errors import SceneError
 from kaju.model.elasticity.grid import grid_of
 from kaju.model.elasticity.problem import ABSENT, ACTIVE, FIXED
 from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
+from kaju.model.scene import scene_needed
 
 from .boundary import Boundary, free_surfaces, supports
 from .transfer import coarsen
@@ -123,6 +124,7 @@ class PushTable:
     """
 
     def __init__(self, scene: Scene, stage: int | None = None) -> None:
+        scene_needed(scene)
         if not isinstance(scene.rule, ElasticRule):
             raise SceneError(
                 f"rule.kind: ElasticModel passes loads on by the elastic rule, got "

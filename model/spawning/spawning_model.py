@@ -10,6 +10,7 @@ from kaju.agents.spawning_agent import Birth, SpawningAgent
 from kaju.errors import ResultError
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.mesa_model import SteppedModel, Until
+from kaju.model.scene import scene_needed
 from kaju.model.solving import check_numbers
 
 from .block_spawner import BlockSpawner, spawner_of
@@ -81,6 +82,7 @@ class SpawningModel(SteppedModel):
         seed: int | None = None,
     ) -> None:
         super().__init__(rng, seed)
+        scene_needed(scene)
         check_numbers(tolerance, resolution, stage, most_agents)
         self.scene, self.stage = scene, stage
         self.tolerance, self.resolution = tolerance, resolution

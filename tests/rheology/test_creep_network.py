@@ -5,7 +5,7 @@ import pytest
 
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
-from kaju.errors import BucklingError, ParameterError
+from kaju.errors import BucklingError, MechanismError, ParameterError
 from kaju.model.creep import creep
 from kaju.model.network import solve, triangular
 from kaju.model.network.springs import SpringNetwork
@@ -183,6 +183,16 @@ def test_times_that_differ_by_rounding_are_one(apart, pace):
     plain = creep(truss(), history, times=[0.2, 5.2], rheology=ELEMENT, **pace)
     np.testing.assert_allclose(result.displacement[1:], plain.displacement, atol=1e-5)
     np.testing.assert_array_equal(result.times, times)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_chain_without_stiffness_across_is_named():
+    chain = SpringNetwork.build(
+        [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], [[0, 1], [1, 2]], 1.0,
+        held=[True, False, False], forces=[[0.0, 0.0], [0.0, 0.0], [1e-3, 0.0]],
+    )  # fmt: skip
+    with pytest.raises(MechanismError, match="is a mechanism"):
+        creep(chain, History.step(), 3.0, rheology=ELEMENT)
 
 
 def test_networks_need_a_rheology_that_fits():

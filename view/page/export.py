@@ -143,6 +143,8 @@ def packed_page(
     """Return what the page is told, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
         of = ElasticModel(of)
+    if not (isinstance(of, (Scene, Result)) or hasattr(of, "run")):
+        raise ParameterError(f"of: a scene, a model or a result is needed, got {of!r:.80}")
     shown: Scene | Result
     account = None
     if isinstance(of, LoadModel) and has_own(of) and of.steps == 0:

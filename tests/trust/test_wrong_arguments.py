@@ -1,0 +1,68 @@
+"""What is handed over by mistake is named, with what would be right."""
+
+import pytest
+
+import kaju
+from kaju import ElasticRule, History, LoadModel, Scene, creep, solve
+from kaju.errors import KajuError, ParameterError, ResultError
+
+
+def block(**more):
+    return Scene(
+        body={"cell_size": 0.01, "cells": [4, 3], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 2], "force": [0.0, -2.0]}],
+        **more,
+    )
+
+
+@pytest.mark.parametrize(
+    "taker", [LoadModel, kaju.ElasticModel, kaju.SpawningModel, kaju.stability]
+)
+def test_a_file_name_is_no_scene(taker):
+    with pytest.raises(
+        ParameterError, match=r"a Scene is needed, got 'plate.toml'; kaju.load_scene"
+    ):
+        taker("plate.toml")
+
+
+def test_other_things_that_are_no_scene_or_result(tmp_path):
+    with pytest.raises(ParameterError, match="scene: a Scene is needed, got 1"):
+        kaju.fit_rule(1, 2)
+    with pytest.raises(ParameterError, match="a scene, a model or a result is needed, got 3"):
+        kaju.export_page(3, tmp_path / "x.html")
+    with pytest.raises(ParameterError, match="history: a History is needed, got 'step'"):
+        creep(block(), "step")
+    with pytest.raises(ParameterError, match="until: a function of the model is needed, got 3"):
+        LoadModel(block()).run(until=3)
+    with pytest.raises(ResultError, match="points: must be numbers"):
+        solve(block()).displacement_at("middle")
+
+
+@pytest.mark.parametrize(
+    ("what", "option", "told"),
+    [
+        ("agents", "generation", "'agents' has no such option; it has cut, crop"),
+        ("loads", "generatoin", "did you mean 'generation'"),
+        ("ledger", "cut", "it has none"),
+        ("stress", "components", "did you mean 'component'"),
+    ],
+)
+def test_pictures_name_the_options_that_they_have(what, option, told):
+    with pytest.raises(ParameterError, match=f"{option}: .*{told}"):
+        kaju.plot(LoadModel(block()).run(), what, **{option: 1})
+
+
+def test_films_and_elastic_pictures_name_theirs(tmp_path):
+    with pytest.raises(ParameterError, match="speed: 'generations' has no such option"):
+        kaju.animate(LoadModel(block()).run(), tmp_path / "film.gif", speed=2)
+    answer = solve(block())
+    for what in ("agents", "displacement", "scene"):
+        with pytest.raises(KajuError, match=r"speed: .* has no such option"):
+            kaju.plot(answer, what, speed=2)
+    run = kaju.ElasticModel(block(rule=ElasticRule(threshold=0.1))).run()
+    with pytest.raises(ParameterError, match="speed: 'stress' has no such option"):
+        kaju.plot(run, "stress", speed=2)
+    course = creep(block(), History.step().hold(1.0))
+    with pytest.raises(ParameterError, match="times: 'deformed' has no such option"):
+        kaju.plot(course, "deformed", times=1)

@@ -174,6 +174,7 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
     for cell in ((6, 15), (7, 15), (5, 14)):
         page.click(cell)
     page.tab.get_by_label("right").select_option("roller")
+    page.until("!page.due")
     page.tab.get_by_text("Save").click()
     with page.tab.expect_download() as download:
         page.tab.get_by_role("button", name="Scene (TOML)").click()

@@ -57,6 +57,7 @@ def test_lesson_pages_show_the_same(builder, opened, tmp_path):
             name = "As it was" if first else preset.name
             page.tab.get_by_role("button", name=name, exact=True).click()
             seen = builder.observe(preset.scene)
+            page.until("!page.judging")
             assert page.js("page.certificate.stable") is seen["stable"]
             verdict = page.tab.locator(".verdict").inner_text()
             assert verdict.lower() == seen["verdict"].lower()

@@ -92,12 +92,7 @@ export class Channel {
 }
 
 /** Say what went wrong where the certificate stands. */
-export function complain(page, text) {
-  if (!page) return;
-  const { verdict } = page.parts;
-  verdict.textContent = text; verdict.hidden = false;
-  verdict.classList.add("bad");
-}
+export const complain = (page, text) => page?.tellVerdict(text, false);
 
 /** A page whose run is computed elsewhere: `send` takes a question, `listen` a listener for answers. */
 export async function connect(element, base64, send, listen, elastic = null) {

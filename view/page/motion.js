@@ -47,7 +47,7 @@ export class MotionPage extends Page {
   get solvable() { return false; }
   get solid() { return this.dimension === 3; }
   word(key) { return this.t(key === "move" ? key : `value_${key}`); }
-  certify() { const { verdict } = this.parts; verdict.textContent = this.outcome; verdict.hidden = !this.outcome; }
+  certify() { this.tellVerdict(this.outcome, true); }
   goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
   magnification() { return this.usual * 10 ** this.look.magnify; }
   polygons() { return null; }

@@ -1,6 +1,6 @@
 // One view for all hosts: a run is drawn, whoever computed it: the twin in this page, a record in
 // the file, or Python behind a channel.
-import { certify, entering, sharesOf, Twin } from "./rule.js";
+import { certifying, entering, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
 import { Recorded, Sums } from "./history.js";
 import { colourOf, COLOURS, paintCells, paintForces, paintLegend, paintLoads, paintPath, paintPick, place, View } from "./paint.js";
@@ -12,7 +12,7 @@ import { buildAside, buildFooter, buildHeader, buildTries, icon, make } from "./
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", error: "m" };
 const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
-const MOST_GENERATIONS = 4000, PATIENCE = 40;              // ms of computing before a first picture
+const MOST_GENERATIONS = 4000, PATIENCE = 24;              // ms of computing at a time: input must not wait
 
 export class Page {
   constructor(element, header) {
@@ -62,7 +62,7 @@ export class Page {
     const more = () => {
       if (this.run !== run || run.atRest || run.grown || run.generation >= MOST_GENERATIONS) return;
       const atEnd = this.g === run.generation;
-      run.run(MOST_GENERATIONS, 60);
+      run.run(MOST_GENERATIONS, PATIENCE);
       this.scales.clear();
       if (atEnd && !this.playing) this.seek(Infinity); else this.later();
       this.rest = setTimeout(more, 4);
@@ -82,9 +82,10 @@ export class Page {
     this.changed = true;
     this.certify();
     this.header();
+    clearTimeout(this.rest);                   // nobody will look at the end of the old run
     if (this.kind === "live") this.channel.change(this.scene, this.cells, this.stage);
     else {
-      this.due ??= requestAnimationFrame(() => { this.due = setTimeout(() => this.renew(), 0); });
+      this.due ??= requestAnimationFrame(() => { this.due = setTimeout(() => this.renew(), PATIENCE); });
       this.goal ??= this.g >= this.run.generation ? Infinity : this.g;
     }
     if (this.look.beside) this.showElastic(true);
@@ -111,17 +112,26 @@ export class Page {
     this.factor = factor;
     if (factor === 0) this.factor = 1e-300;
   }
+  /** Say whether the loads will end: at once what is known at once, the rest while the reader goes on. */
   certify() {
-    const { t, parts } = this;
-    let { verdict, stable } = this.given;
-    if (this.touchable || !verdict) {
-      if (this.scene.rule.kind !== "prescribed" || (this.kind === "live" && verdict)) { parts.verdict.hidden = !verdict; } else {
-        this.certificate = certify(this.scene, this.cells);
-        verdict = verdictOf(this.certificate, this.scene.rule, t); stable = this.certificate.stable;
-      }
-    }
-    parts.verdict.textContent = verdict; parts.verdict.hidden = !verdict;
-    parts.verdict.classList.toggle("bad", !stable);
+    const { verdict, stable } = this.given, { kind } = this.scene.rule;
+    clearTimeout(this.judging);
+    this.judging = null;
+    if (kind !== "prescribed" || (verdict && (!this.touchable || this.kind === "live"))) { this.tellVerdict(verdict ?? "", stable); return; }
+    const steps = certifying(this.scene, this.cells), go = (budget) => {
+      const until = performance.now() + budget;
+      let next;
+      do next = steps.next(); while (!next.done && performance.now() < until);
+      this.certificate = next.value;
+      this.tellVerdict(verdictOf(next.value, this.scene.rule, this.t), next.value.stable);
+      this.judging = next.done ? null : setTimeout(() => go(12), 24);
+    };
+    go(this.cells.length > 10000 ? 0 : 25);
+  }
+  tellVerdict(text, stable) {
+    const { verdict } = this.parts;
+    verdict.textContent = text; verdict.hidden = !text;
+    verdict.classList.toggle("bad", !stable);
   }
 
   // ---------------------------------------------------------------------------- generations

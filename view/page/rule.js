@@ -301,17 +301,28 @@ const MOST_CELLS = 200000;                     // above this many the radius is 
 
 /** Will the loads end? The twin of kaju.stability: bounds, generations, and why not. */
 export function certify(scene, cells) {
+  const steps = certifying(scene, cells);
+  for (;;) { const { value, done } = steps.next(); if (done) return value; }
+}
+
+/** The certificate bit by bit: every one that is yielded holds, the last is the best. */
+export function* certifying(scene, cells) {
   const lattice = new Lattice(scene.lattice), transfer = new Transfer(scene, lattice);
   const { emitted, largest, worst } = transfer, { accumulate, threshold } = scene.rule;
-  const kinds = lattice.kinds(cells, scene.sides);
-  let lower = Math.min(...emitted), upper = Math.max(...emitted);
-  if (upper - lower <= 1e-12 * upper) lower = upper;
-  if (lower < upper && cells.length <= MOST_CELLS) [lower, upper] = boundRadius(lattice, transfer, kinds);
-  const loads = appliedLoads(scene, lattice, kinds).map((load) => load[2]);
+  const kinds = lattice.kinds(cells, scene.sides), loads = appliedLoads(scene, lattice, kinds).map((load) => load[2]);
   const load = accumulate ? loads.reduce((a, b) => a + b, 0) : Math.max(0, ...loads);
-  const generations = endsWithin(load, accumulate ? upper : largest, threshold);
-  return { lower, upper, largest, generations, stable: generations !== null,
-    ...remedies(lattice, transfer.shares[worst]), name: scene.materials[worst].name };
+  const named = { largest, ...remedies(lattice, transfer.shares[worst]), name: scene.materials[worst].name };
+  const told = ([lower, upper]) => {
+    const generations = endsWithin(load, accumulate ? upper : largest, threshold);
+    return { lower, upper, generations, stable: generations !== null, ...named };
+  };
+  let bounds = [Math.min(...emitted), Math.max(...emitted)];
+  if (bounds[1] - bounds[0] <= 1e-12 * bounds[1]) bounds[0] = bounds[1];
+  if (bounds[0] < bounds[1] && cells.length <= MOST_CELLS) {
+    yield told(bounds);
+    for (bounds of boundRadius(lattice, transfer, kinds)) yield told(bounds);
+  }
+  return told(bounds);
 }
 
 function endsWithin(load, decay, threshold) {
@@ -328,7 +339,7 @@ function remedies({ hexagon, dimension }, { forward, friction, poisson }) {
 }
 
 /** Bounds of Collatz and Wielandt on the spectral radius, by power iteration on Tᵀ. */
-function boundRadius(lattice, { C, most, arm, channel, share, turned }, kinds) {
+function* boundRadius(lattice, { C, most, arm, channel, share, turned }, kinds) {
   const body = [], slot = new Int32Array(lattice.size).fill(-1);
   for (let k = 0; k < kinds.length; k++) if (kinds[k] >= 0) { slot[k] = body.length; body.push(k); }
   const size = body.length * C, target = new Int32Array(size * most), weight = new Float64Array(size * most);
@@ -349,10 +360,10 @@ function boundRadius(lattice, { C, most, arm, channel, share, turned }, kinds) {
       if (ratio > greatest) greatest = ratio;
     }
     lower = Math.max(lower, least); upper = Math.min(upper, greatest);
+    yield [lower, upper];
     if (upper - lower <= 1e-9 * upper) break;
     let top = 0;
     for (let s = 0; s < size; s++) { image[s] += 0.5 * upper * x[s]; if (image[s] > top) top = image[s]; }
     for (let s = 0; s < size; s++) x[s] = Math.max(image[s] / top, 1e-200);
   }
-  return [lower, upper];
 }

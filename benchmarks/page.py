@@ -1,0 +1,327 @@
+"""The page's figures: sizes, first picture, frames, certificate, elastic answer, Python behind it.
+
+Opens exported pages in Debian's chromium, headless and with the network cut off, and a
+server of `kaju watch` with ten sessions. Needs `pip install 'kaju[test]'` and chromium. Run:
+
+    python benchmarks/page.py                 # everything, two minutes
+    python benchmarks/page.py certificate     # rows whose name says so
+
+Times are by the clock: medians where several are taken, the number after ± the largest.
+"""
+
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import uvicorn
+from playwright.sync_api import sync_playwright
+from websockets.sync.client import connect
+
+from kaju import (
+    ElasticModel,
+    History,
+    LoadModel,
+    Scene,
+    SpawningModel,
+    ThreeElement,
+    creep,
+    export_page,
+)
+from kaju.model.network import triangular
+from kaju.view.page.packing import unpack
+from kaju.view.page.server import watch_app
+
+LONG = {"kind": "prescribed", "alpha": [0.5, 0.6, 0.12], "threshold": 1e-5, "accumulate": True}
+
+
+def plate(cells, rule=None, **body):
+    """Return a steel plate that stands on rigid ground and is pressed all along its top."""
+    size = {"cell_size": 0.2 / cells, "cells": [cells, cells]}
+    return Scene(
+        body=size | {"thickness": 0.002, "material": "steel"} | body,
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, -2.0 * cells]}],
+        rule=rule or {"kind": "prescribed"},
+    )
+
+
+def two_materials(cells):
+    """Return the plate with a band of rubber: its radius must be iterated for."""
+    soft = {"material": "rubber", "box": [[0.0, 0.08], [0.2, 0.12]]}
+    rule = LONG | {"materials": {"rubber": {"alpha": [0.3, 0.5, 0.1], "beta": 0.3}}}
+    return plate(cells, rule, regions=[soft])
+
+
+KINDS = {
+    "squares": lambda: plate(20),
+    "hexagons": lambda: plate(20, lattice="hexagon"),
+    "cubes": lambda: Scene(
+        body={"size": [0.04] * 3, "cells": [8] * 3, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, 0.0, -50.0]}],
+    ),
+    "elastic agents": lambda: ElasticModel(plate(10, {"kind": "elastic"})).run(),
+    "spawning agents": lambda: SpawningModel(plate(20), tolerance=0.1).run(),
+    "a network": lambda: triangular(5, force=0.2).load_in_increments(10),
+    "creep": lambda: creep(
+        triangular(5), History.step().hold(10.0), rheology=ThreeElement(K_f=1.0, D_f=1.0)
+    ),
+}
+
+FIRST = "performance.getEntriesByName('first-contentful-paint')[0].startTime"
+WATCH_INPUT = """globalThis.events = [], new PerformanceObserver((list) => events.push(
+  ...list.getEntries().map((event) => event.duration)))
+  .observe({ type: "event", durationThreshold: 16 })"""
+"""From the key to the next picture that is painted, as the browser itself measures it."""
+
+
+class Tab:
+    """One page in the browser."""
+
+    def __init__(self, browser, address, offline=True):
+        self.context = browser.new_context(viewport={"width": 1280, "height": 720}, offline=offline)
+        self.tab = self.context.new_page()
+        self.heard, self.asked = [], []
+        self.tab.on("console", lambda message: self.heard.append(message.text))
+        self.tab.on("pageerror", lambda error: self.heard.append(str(error)))
+        self.tab.on("request", lambda request: self.asked.append(request.url))
+        self.tab.goto(address)
+        self.until("page?.drawn > 0")
+
+    def __call__(self, expression):
+        """Return the value of an expression in which `page` is the page."""
+        return self.tab.evaluate(
+            "(async () => { const page = document.getElementById('kaju').page; "
+            f"return {expression}; }})()"
+        )
+
+    def until(self, expression, seconds=60):
+        """Wait until an expression holds."""
+        end = time.monotonic() + seconds
+        while not self(expression):
+            assert time.monotonic() < end, expression
+            time.sleep(0.005)
+
+    def frame_times(self, count, act):
+        """Do something `count` times, each when the last is painted; return milliseconds."""
+        return self(
+            "await (async () => { const spent = []; const painted = () => new Promise((done) => "
+            "requestAnimationFrame(() => setTimeout(done))); "
+            f"for (let i = 0; i < {count}; i++) {{ const began = performance.now(); {act}; "
+            "await painted(); spent.push(performance.now() - began); } return spent; })()"
+        )
+
+
+class Bench:
+    """Exported pages, opened."""
+
+    def __init__(self, browser, folder):
+        self.browser, self.folder = browser, folder
+        self.pages = {}
+
+    @contextmanager
+    def opened(self, of, name):
+        """Export a page if there is none of that name yet, and open it."""
+        path = self.folder / f"{name}.html"
+        if not path.exists():
+            export_page(of(), path)
+        tab = Tab(self.browser, path.as_uri())
+        try:
+            yield tab
+        finally:
+            tab.context.close()
+
+    # ---------------------------------------------------------------- one request, no message
+
+    def every_kind(self):
+        """Every kind of page: requests but itself, messages, bytes."""
+        rows, large = [], 0
+        for name, of in KINDS.items():
+            with self.opened(of, name) as page:
+                page.tab.keyboard.press("End")
+                page.tab.keyboard.press("ArrowLeft")
+                page.tab.wait_for_timeout(200)
+                rows.append((len(page.asked) - 1, len(page.heard)))
+            large = max(large, (self.folder / f"{name}.html").stat().st_size)
+        more, said = np.sum(rows, axis=0)
+        yield f"{len(rows)} kinds of pages: requests but for itself", more, "0"
+        yield f"{len(rows)} kinds of pages: messages to the console", said, "0"
+
+    def bytes(self):
+        """Bytes of a runnable page, and of 60 generations of 50 × 50 cells."""
+        runnable = export_page(plate(50), self.folder / "small.html").stat().st_size
+        yield "bytes of a runnable page", f"{runnable / 1e3:.0f} kB", "200 kB"
+        rule = {"kind": "prescribed", "threshold": 1e-9, "accumulate": True}
+        scene = plate(50, rule).replace(sides={"bottom": "rigid", "left": "rigid"})
+        model = LoadModel(scene, allow_unstable=True, engine="arrays", max_generations=60)
+        path = export_page(model.run(), self.folder / "recorded.html")
+        yield (
+            "bytes of 60 recorded generations, 50²",
+            f"{path.stat().st_size / 1e6:.2f} MB",
+            "1.5 MB",
+        )
+
+    # ----------------------------------------------------------------------------- pictures
+
+    def pictures(self):
+        """First picture, frames a second, one step back."""
+        for cells, first, least in ((50, 1.5, 30), (200, 2.0, 15)):
+            times = []
+            for _ in range(3):
+                with self.opened(lambda n=cells: plate(n, LONG), f"long {cells}") as page:
+                    times.append(page(FIRST) / 1e3)
+            yield f"first picture, {cells}²", f"{median(times):.2f} s", f"{first} s"
+            with self.opened(lambda n=cells: plate(n, LONG), f"long {cells}") as page:
+                page.until("page.run.atRest || page.run.generation > 300")
+                for word, deformed in (("flat", "false"), ("deformed", "true")):
+                    page(f"(page.look.deformed = {deformed}, page.look.speed = 60, page.seek(1))")
+                    frames = page(
+                        "await (async () => { page.toggle(true); const from = page.drawn, "
+                        "began = performance.now(); await new Promise((d) => setTimeout(d, 3000)); "
+                        "page.toggle(false); "
+                        "return (page.drawn - from) / (performance.now() - began) * 1000; })()"
+                    )
+                    yield f"frames a second, {cells}², {word}", f"{frames:.0f}", f"{least}"
+                page("page.seek(150)")
+                back = page.frame_times(20, "page.seek(page.g - 1)")
+                yield f"one step back, {cells}²", told(back), "100 ms"
+
+    # -------------------------------------------------------------------------- certificate
+
+    def certificate(self):
+        """From a key on the slider to the red that is painted, on 200²."""
+        for name, scene in (("one material", plate(200, LONG)), ("two", two_materials(200))):
+            with self.opened(lambda scene=scene: scene, f"certificate {name}") as page:
+                page.until("page.run.generation > 20")
+                page(f"({WATCH_INPUT}, 0)")
+                page.tab.get_by_label("α₂ passed ahead").focus()
+                spent = []
+                for _ in range(7):
+                    page("(events.length = 0)")
+                    page.tab.keyboard.press("End")
+                    page.tab.wait_for_timeout(400)
+                    assert page("page.parts.verdict.classList.contains('bad')")
+                    spent.append(max([16, *page("events")]))
+                    page.tab.keyboard.press("Home")
+                    page.tab.wait_for_timeout(400)
+                yield f"certificate red after the slider, 200², {name}", told(spent), "100 ms"
+
+    # ---------------------------------------------------------------------------- elasticity
+
+    def elasticity(self):
+        """Ask the page for the elastic answer on 200²; see how long input waits meanwhile."""
+        with self.opened(lambda: plate(200), "elastic 200") as page:
+            page.until("!page.rest || page.run.atRest")
+            seconds, waits = [], []
+            for _ in range(5):
+                seconds.append(
+                    page(
+                        "await (async () => { page.showElastic(false); await new Promise((d) => "
+                        "setTimeout(d, 300)); globalThis.gap = 0; "
+                        "globalThis.last = performance.now(); "
+                        "const beat = setInterval(() => { const now = performance.now(); "
+                        "gap = Math.max(gap, now - last); last = now; }, 5); "
+                        "const began = performance.now(); page.showElastic(true); "
+                        "while (!page.answer) await new Promise((d) => setTimeout(d, 5)); "
+                        "clearInterval(beat); return (performance.now() - began) / 1000; })()"
+                    )
+                )
+                waits.append(page("gap"))
+            yield "elastic answer in the page, 200²", f"{median(seconds):.2f} s", "1 s"
+            yield "longest time without an answer to input meanwhile", told(waits), "100 ms"
+
+    # ------------------------------------------------------------------------- Python behind
+
+    def watching(self):
+        """Click on Step with ten sessions open, one of which fails."""
+        for name, scene in (
+            ("rule", plate(200, LONG)),
+            ("elastic agents", plate(200, {"kind": "elastic"})),
+        ):
+            with serving(scene) as port, ExitStack() as stack:
+                others = [stack.enter_context(session(port)) for _ in range(9)]
+                for other in others[: 9 if name == "rule" else 2]:
+                    ask(other, '{"type": "hello"}')
+                    ask(other, '{"type": "step", "generations": 20}')
+                assert "error" in ask(others[0], "no message")
+                page = Tab(self.browser, f"http://127.0.0.1:{port}/", offline=False)
+                page.until("page.g === 1", 120)
+                page("page.seek(20)")
+                page.until("page.g === 20", 120)
+                spent = []
+                for _ in range(20):
+                    spent.append(
+                        page(
+                            "await (async () => { const began = performance.now(), g = page.g + 1; "
+                            "page.root.querySelectorAll('footer button')[3].click(); "
+                            "while (page.g < g || page.pending) await new Promise((d) => "
+                            "setTimeout(d)); return performance.now() - began; })()"
+                        )
+                    )
+                yield (
+                    f"kaju watch: click on Step, 200², ten sessions, {name}",
+                    told(spent),
+                    "100 ms",
+                )
+                page.context.close()
+
+
+@contextmanager
+def serving(of):
+    """Serve pages on a free port."""
+    serving = uvicorn.Server(
+        uvicorn.Config(watch_app(of), host="127.0.0.1", port=0, log_level="error")
+    )
+    thread = threading.Thread(target=serving.run)
+    thread.start()
+    while not serving.started:
+        time.sleep(0.01)
+    try:
+        yield serving.servers[0].sockets[0].getsockname()[1]
+    finally:
+        serving.should_exit = True
+        thread.join()
+
+
+def session(port):
+    """Return the websocket of a session."""
+    return connect(
+        f"ws://127.0.0.1:{port}/session", origin=f"http://127.0.0.1:{port}", max_size=None
+    )
+
+
+def ask(websocket, message):
+    """Return the header of an answer."""
+    websocket.send(message)
+    return unpack(websocket.recv(timeout=60))[0]
+
+
+def told(milliseconds):
+    """Return times as a table tells them."""
+    return f"{median(milliseconds):.0f} ms (at most {max(milliseconds):.0f})"
+
+
+def main(chosen):
+    """Print the table."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        sys.exit("chromium is not installed (apt-get install chromium)")
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as player:
+        browser = player.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        bench = Bench(browser, Path(folder))
+        print("| figure | seen | wanted |\n|---|---|---|")
+        for part in ("every_kind", "bytes", "pictures", "certificate", "elasticity", "watching"):
+            if not chosen or part in chosen:
+                for row in getattr(bench, part)():
+                    print("| " + " | ".join(map(str, row)) + " |", flush=True)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -15,13 +15,45 @@ from pathlib import Path
 from typing import Any
 
 from numba import config as _config
-from numba import njit
+from numba import njit, types
 from numba.core import event
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
-__all__ = ["njit"]
+__all__ = ["along", "njit"]
 
 log = logging.getLogger("kaju")
 config: Any = _config
+
+
+def _along(_typing, array, start):  # type: ignore[no-untyped-def]
+    """Return what lies in an array's memory from one entry on, axis after axis, as a vector.
+
+    A slice without its checks, which take half of the time that loops over many rows need to be
+    compiled. Only for arrays that outlive it: a loop's arguments.
+    """
+    vector = types.Array(array.dtype, 1, "C")
+
+    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        kind = signature.args[0]
+        whole = context.make_array(kind)(context, builder, arguments[0])
+        part = context.make_array(vector)(context, builder)
+        size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+        stride = context.get_constant(types.intp, size)
+        populate_array(
+            part,
+            data=builder.gep(whole.data, [arguments[1]]),
+            shape=[whole.nitems],
+            strides=[stride],
+            itemsize=stride,
+            meminfo=None,
+        )  # type: ignore[no-untyped-call]
+        return part._getvalue()
+
+    return vector(array, types.intp), build
+
+
+along: Any = intrinsic(_along)
 
 
 def writable(folder: Path) -> bool:

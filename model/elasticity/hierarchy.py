@@ -9,6 +9,7 @@ preconditioner.
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ FIRST = 4
 
 Even, so that children and parents agree on which places are even.
 """
-SMALLEST = {2: 8, 3: 4}
+SMALLEST = {2: 8, 3: 2}
 """A level of at most so many cells along every axis is solved by its inverse."""
 SWEEPS = {2: (2, 2), 3: (3, 1)}
 """Gauss-Seidel sweeps before and after the visit to the parents: on the finest level, below it.
@@ -69,7 +70,7 @@ class Hierarchy:
         self.levels = [_finest(problem, moduli or problem.moduli)]
         while len(self.levels) == 1 or max(self.levels[-1].cells) > SMALLEST[self.dimension]:
             self.levels.append(_parents(self.levels[-1], len(self.levels)))
-        self._parity = np.resize([1.0, 0.0], max(level.arrays[7][2] for level in self.levels) + 2)
+        self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
         self._direct = _Direct(self.levels[-1])
 
     @property
@@ -80,18 +81,18 @@ class Hierarchy:
     @property
     def moving(self) -> NDArray[np.bool_]:
         """Which entries of a vector are faces that can move."""
-        return np.asarray(self.levels[0].arrays[2] > 0.0)
+        return np.asarray(self.levels[0].arrays[1] > 0.0)
 
     @property
     def stiffness(self) -> Vector:
         """A face's own stiffness; 0 where it cannot move."""
-        inverse: Vector = self.levels[0].arrays[2]
+        inverse: Vector = self.levels[0].arrays[1]
         return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=self.moving)
 
     def gather(self, fields: FaceFields) -> Vector:
         """Return the values of the faces that can move; all else is 0."""
         level = self.levels[0]
-        vector = np.zeros(level.arrays[2].size)
+        vector = np.zeros(level.arrays[1].size)
         for view, values in zip(self.views(vector), fields, strict=True):
             view[:] = values
         vector *= self.moving
@@ -105,7 +106,7 @@ class Hierarchy:
     def views(self, vector: Vector) -> FaceFields:
         """Return a vector as one array per axis, the rim included."""
         level = self.levels[0]
-        box = level.arrays[7]
+        box = level.arrays[3]
         shape = (box[0], box[2]) if self.dimension == 2 else tuple(box[:3])
         part = vector.reshape(self.dimension, *shape)
         views = []
@@ -139,9 +140,8 @@ class Hierarchy:
             Potential energy, on the finest grid, of the parents' answer before it was improved.
         """
         loads = [load]
-        for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
-            loads.append(np.empty_like(coarse.load))
-            sweeps.restrict(loads[-2], loads[-1], fine.arrays, coarse.arrays[7])
+        for at in range(len(self.levels) - 1):
+            loads.append(self.hand_over(at, loads[at]))
         x, energy = self._direct.solve(loads[-1]), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             coarser, left = self.follow(at, x), np.empty_like(loads[at])
@@ -159,17 +159,19 @@ class Hierarchy:
 
     def follow(self, at: int, parents: Vector) -> Vector:
         """Return where the children on a level are if they follow their parents."""
-        level = self.levels[at]
-        x = np.zeros(level.arrays[2].size)
-        sweeps.prolong(x, parents, level.arrays, self.levels[at + 1].arrays[7])
+        x: Vector = np.zeros_like(self.levels[at].arrays[1])
+        self._cross(at, x, x, parents, 0, back=True)
         return x
+
+    def hand_over(self, at: int, load: Vector) -> Vector:
+        """Return a level's load as its parents' one."""
+        parents: Vector = np.empty_like(self.levels[at + 1].load)
+        self._cross(at, load, load, parents, 0, back=False)
+        return parents
 
     def rough(self, x: Vector) -> Vector:
         """Return what the parents cannot represent of x, all but: x less its mean over each."""
-        fine, coarse = self.levels[0].arrays, self.levels[1].arrays[7]
-        weight, mean = np.empty_like(self.levels[1].load), np.empty_like(self.levels[1].load)
-        sweeps.restrict(self.moving.astype(np.float64), weight, fine, coarse)
-        sweeps.restrict(x, mean, fine, coarse)
+        weight, mean = self.hand_over(0, self.moving.astype(np.float64)), self.hand_over(0, x)
         np.divide(mean, weight, out=mean, where=weight > 0.1)
         mean[weight <= 0.1] = 0.0
         return np.asarray(x - self.follow(0, mean))
@@ -178,11 +180,17 @@ class Hierarchy:
         if at == len(self.levels) - 1:
             u[:] = self._direct.solve(load)
             return
-        level, below = self.levels[at], self.levels[at + 1]
-        rest = (level.arrays, below.arrays[7], self._parity, self.sweeps[at > 0])
-        sweeps.descend(u, load, below.load, *rest)
+        below, count = self.levels[at + 1], self.sweeps[at > 0]
+        self._cross(at, u, load, below.load, count, back=False)
         self._cycle(at + 1, below.load, below.u)
-        sweeps.ascend(u, load, below.u, *rest)
+        self._cross(at, u, load, below.u, count, back=True)
+
+    def _cross(
+        self, at: int, u: Vector, load: Vector, parents: Vector, count: int, *, back: bool
+    ) -> None:
+        """Take `sweeps.cross`, which says what the vectors are."""
+        level, coarse = self.levels[at].arrays, self.levels[at + 1].arrays[3]
+        sweeps.cross(u, load, parents, level, coarse, self._parity, count, int(back))
 
 
 class _Direct:
@@ -190,7 +198,9 @@ class _Direct:
 
     def __init__(self, level: Level) -> None:
         assert level.stencil is not None
-        coefficients, inverse, (planes, rows, length) = (*level.arrays[1:3], level.arrays[7][:3])
+        data, inverse, _, box = level.arrays
+        planes, rows, length = box[:3]
+        coefficients = data.reshape(planes * rows, -1, length)
         n = planes * rows * length
         self._there = np.flatnonzero(inverse)
         number = np.full(len(inverse), -1)
@@ -214,30 +224,36 @@ class _Direct:
         return x
 
 
-def _box(cells: tuple[int, ...], first: int, reach: int) -> Integers:
+def _box(
+    cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None
+) -> Integers:
     """Return the measures of a level's arrays; see `sweeps`."""
+    d = len(cells)
     sizes = [2 * ((n + 9) // 2) for n in cells]
     ranges = [(first, n + 5) for n in cells]
-    if len(cells) == 2:
+    steps = [sizes[-1], 1, 0]
+    if d == 2:
         sizes.insert(1, 1)
         ranges.insert(1, (0, 1))
-    return np.array([*sizes, *(end for pair in ranges for end in pair), reach], dtype=np.int64)
+    else:
+        steps = [sizes[1] * sizes[2], sizes[2], 1]
+    ends = [end for pair in ranges for end in pair]
+    entries, starts, after = 0, [0] * 4, [0] * 3
+    if stencil is not None:
+        entries = len(stencil.entries)
+        starts[: d + 1], after[:d] = stencil.starts, stencil.next
+    counts = (reach, entries, d, prod(sizes))
+    return np.array([*sizes, *ends, *counts, *steps, *starts, *after], dtype=np.int64)
 
 
-def _steps(box: Integers, dimension: int) -> Integers:
-    plane, length = box[1] * box[2], box[2]
-    return np.array([plane, 1] if dimension == 2 else [plane, length, 1], dtype=np.int64)
-
-
-_NO_INTEGERS = np.zeros(0, dtype=np.int64)
-_NO_COUPLINGS = np.zeros((0, 4), dtype=np.int64)
+_NO_COUPLINGS = np.zeros((0, 2), dtype=np.int64)
 
 
 def _finest(problem: ElasticProblem, moduli: Moduli) -> Level:
     d = problem.dimension
     box = _box(problem.shape, FIRST, 1)
     shape = (int(box[0]), int(box[2])) if d == 2 else tuple(int(n) for n in box[:3])
-    n, steps = int(np.prod(shape)), _steps(box, d)
+    n, steps = prod(shape), box[sweeps.STEP : sweeps.STEP + d]
     kinds = np.full(shape, AIR, dtype=np.int32)
     body = tuple(slice(FIRST - 1, FIRST + size + 1) for size in problem.shape)
     kinds[body] = problem.kinds
@@ -247,7 +263,7 @@ def _finest(problem: ElasticProblem, moduli: Moduli) -> Level:
     holds = (kinds == RIGID) | (kinds == ROLLER)
     code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
     sweeps.lay_faces(code.ravel(), law, steps, inverse)
-    arrays = (law, np.zeros((0, 0, 0)), inverse, _NO_COUPLINGS, *[_NO_INTEGERS] * 3, box, steps)
+    arrays = (law.ravel(), inverse, _NO_COUPLINGS, box)
     return Level(problem.shape, arrays, None, np.zeros(0), np.zeros(0))
 
 
@@ -278,32 +294,38 @@ def _lay_beds(problem: ElasticProblem, stretch: NDArray[np.float64]) -> None:
 def _parents(fine: Level, depth: int) -> Level:
     cells = tuple((n + 1) // 2 for n in fine.cells)
     d = len(cells)
-    box = _box(cells, FIRST - 1, 2)
     sums, stencil = coarsening(d, depth)
-    coefficients = np.zeros((int(box[0] * box[1]), len(stencil.entries), int(box[2])))
+    box = _box(cells, FIRST - 1, 2, stencil)
+    coefficients = np.zeros(int(box[0] * box[1] * box[2]) * len(stencil.entries))
     inverse = np.zeros(d * int(box[0] * box[1] * box[2]))
     if d == 2:
         sums = (sums[0], sums[1], sums[1])
     terms = tuple(part for step in sums for part in (step.place, step.weight, step.rows))
-    entries, made = _flat_entries(d)
-    sweeps.galerkin(fine.arrays, entries, made, terms, box, coefficients)
-    sweeps.invert_own(coefficients, stencil.own, inverse)
-    arrays = (
-        np.zeros((0, 0)), coefficients, inverse, _flat(stencil, box), stencil.starts, stencil.own,
-        stencil.next, box, _steps(box, d),
-    )  # fmt: skip
+    sweeps.galerkin(fine.arrays, _made(fine.arrays[3]), terms, box, coefficients)
+    sweeps.invert_own(coefficients, stencil.own, box, inverse)
+    arrays = (coefficients, inverse, _flat(stencil, box), box)
     return Level(cells, arrays, stencil, np.zeros_like(inverse), np.zeros_like(inverse))
 
 
 def _flat(stencil: Stencil, box: Integers) -> Integers:
-    """Return couplings as distances: rows to the owner, entry, places along, to the other."""
-    rows, length = int(box[1]), int(box[2])
+    """Return couplings as distances: to the coefficient, and to the other face."""
+    (_, rows, length), entries, n = box[:3], box[sweeps.ENTRIES], box[sweeps.SIZE]
     table = stencil.couplings
-    n = int(box[0]) * rows * length
+    stored = ((table[:, 6] * rows + table[:, 7]) * entries + table[:, 5]) * length + table[:, 8]
     far = (table[:, 2] * rows + table[:, 3]) * length + table[:, 4] + table[:, 1] * n
-    return np.stack([table[:, 6] * rows + table[:, 7], table[:, 5], table[:, 8], far], axis=1)
+    return np.stack([stored, far], axis=1)
 
 
-def _flat_entries(dimension: int) -> tuple[Integers, Integers]:
-    entries, made = finest_entries(dimension)
-    return np.array([(a, b, *way) for a, b, way in entries], dtype=np.int64), made
+def _made(box: Integers) -> Integers:
+    """Return of what the finest level's entries are made, as distances from a place.
+
+    The columns are: the sign (see `stencils.finest_entries`), the two faces that have to be free
+    to move, and the two moduli.
+    """
+    entries, made = finest_entries(int(box[sweeps.COUNT]))
+    n, steps = box[sweeps.SIZE], np.array([box[1] * box[2], box[2], 1])
+    table = []
+    for (a, b, way), (sign, k, axis, shift, k2, axis2, shift2) in zip(entries, made, strict=True):
+        faces = a * n, b * n + np.dot(way, steps)
+        table.append((sign, *faces, k * n + shift * steps[axis], k2 * n + shift2 * steps[axis2]))
+    return np.array(table, dtype=np.int64)

@@ -3,46 +3,59 @@
 A *place* is the index of a face or cell in an array with ghosts around it; a vector holds all
 places for one component after the other. A *level* is a tuple of arrays:
 
-``law`` (2 + pairs, places): C₁₁, C₁₂ and the moduli of the edges; empty on parents' levels;
-``stencil`` (rows, entries, row length): coefficients, empty on the finest level;
+``data``: on the finest level the law (2 + pairs, places): C₁₁, C₁₂ and the moduli of the edges;
+on parents' levels the stencil (rows, entries, row length); as one vector;
 ``inverse`` (components × places): inverse of a face's own stiffness, 0 where it cannot move;
-``couplings``, ``starts``, ``own``, ``next``: see `stencils.Stencil`;
-``box``: planes, rows to the plane, row length, then first and end of the places in use, axis
-by axis, and how far a row reaches;
-``steps``: distance in places along the axis that each component is normal to.
+``couplings`` (couplings, 2): of a parents' level, the distance in the stencil from a row's first
+entry to the coefficient, and in a vector from the place of component 0 to the other face;
+``box``: integers, at the places named below.
 
 The law itself is stated in `staggered`; here it is only fast. One pass runs several sweeps at
 once, each as far behind the one before as a row reaches, so that a plane stays in the cache.
 Within a row, even faces yield before odd ones; going back everything is reversed.
 """
-# ruff: noqa: D103
 # mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit
+from kaju.model.compiling import along, njit
+
+PLANES, ROWS, LENGTH = 0, 1, 2
+"""Of the arrays with their ghosts."""
+FIRST, END = 3, 4
+"""Of the planes in use; two and four further those of rows, and of places in a row."""
+FIRST_ROW, END_ROW, LOW, HIGH = 5, 6, 7, 8
+REACH, ENTRIES, COUNT, SIZE = 9, 10, 11, 12
+"""How far a row feels, entries of the stencil (0 on the finest level), components, places."""
+STEP, START, NEXT = 13, 16, 20
+"""Distance in places along the axis that a component is normal to; its first coupling (and the
+end of all); entry of a face with its next in the row."""
 
 
 @njit(cache=True, fastmath=True)
-def unbalanced_by_law(u, f, law, a, s, w, steps, n, r):
+def unbalanced_by_law(u, f, law, box, a, s, w, r):
     """Write f − Au on the row of component a that starts at place s."""
-    ea, at = steps[a], a * n + s
-    x, ahead, behind = u[at : at + w], u[at + ea : at + ea + w], u[at - ea : at - ea + w]
-    c, before = law[0, s : s + w], law[0, s - ea : s - ea + w]
-    load = f[at : at + w]
+    n, ea = box[SIZE], box[STEP + a]
+    at = a * n + s
+    x, ahead, behind = along(u, at), along(u, at + ea), along(u, at - ea)
+    c, before, load = along(law, s), along(law, s - ea), along(f, at)
     for j in range(w):
         r[j] = load[j] + c[j] * (ahead[j] - x[j]) - before[j] * (x[j] - behind[j])
-    d, back = law[1, s : s + w], law[1, s - ea : s - ea + w]
-    for b in range(len(steps)):
+    d, back = along(law, n + s), along(law, n + s - ea)
+    for b in range(box[COUNT]):
         if b == a:
             continue
-        eb, to = steps[b], b * n + s
-        y, up = u[to : to + w], u[to + eb : to + eb + w]
-        low, corner = u[to - ea : to - ea + w], u[to + eb - ea : to + eb - ea + w]
-        k, other = law[1 + a + b, s : s + w], law[1 + a + b, s + eb : s + eb + w]
-        above, below = u[at + eb : at + eb + w], u[at - eb : at - eb + w]
+        eb, to, edge = box[STEP + b], b * n + s, (1 + a + b) * n + s
+        y, up, low, corner = (
+            along(u, to),
+            along(u, to + eb),
+            along(u, to - ea),
+            along(u, to + eb - ea),
+        )
+        k, other = along(law, edge), along(law, edge + eb)
+        above, below = along(u, at + eb), along(u, at - eb)
         for j in range(w):
             r[j] += (
                 d[j] * (up[j] - y[j])
@@ -53,83 +66,59 @@ def unbalanced_by_law(u, f, law, a, s, w, steps, n, r):
 
 
 @njit(cache=True, fastmath=True)
-def unbalanced_by_stencil(u, f, stencil, couplings, row, at, s, w, r):
-    """Write f − Au on a row of parents: `at` is its place in u, s its start in the row."""
-    load = f[at : at + w]
-    for j in range(w):
-        r[j] = load[j]
-    here = at - couplings[0, 3]
-    fours = len(couplings) - 3
-    for k in range(0, fours, 4):
-        far, e, i, o = couplings[k]
-        a, x = stencil[row + far, e, s + i : s + i + w], u[here + o : here + o + w]
-        far, e, i, o = couplings[k + 1]
-        b, y = stencil[row + far, e, s + i : s + i + w], u[here + o : here + o + w]
-        far, e, i, o = couplings[k + 2]
-        c, z = stencil[row + far, e, s + i : s + i + w], u[here + o : here + o + w]
-        far, e, i, o = couplings[k + 3]
-        d, v = stencil[row + far, e, s + i : s + i + w], u[here + o : here + o + w]
-        for j in range(w):
-            r[j] -= a[j] * x[j] + b[j] * y[j] + c[j] * z[j] + d[j] * v[j]
-    for k in range(4 * (len(couplings) // 4), len(couplings)):
-        far, e, i, o = couplings[k]
-        a, x = stencil[row + far, e, s + i : s + i + w], u[here + o : here + o + w]
-        for j in range(w):
-            r[j] -= a[j] * x[j]
-
-
-@njit(cache=True, fastmath=True)
 def unbalanced(u, f, level, a, row, r):
     """Write f − Au on a row of component a."""
-    law, stencil, _inverse, couplings, starts, _own, _after, box, steps = level
-    n = box[0] * box[1] * box[2]
-    w = box[8] - box[7]
-    s = row * box[2] + box[7]
-    if len(law):
-        unbalanced_by_law(u, f, law, a, s, w, steps, n, r)
-    else:
-        some = couplings[starts[a] : starts[a + 1]]
-        unbalanced_by_stencil(u, f, stencil, some, row, a * n + s, box[7], w, r)
+    data, _inverse, couplings, box = level
+    length, lo, entries = box[LENGTH], box[LOW], box[ENTRIES]
+    w, s = box[HIGH] - lo, row * length + lo
+    if entries == 0:
+        unbalanced_by_law(u, f, data, box, a, s, w, r)
+        return
+    load = along(f, a * box[SIZE] + s)
+    for j in range(w):
+        r[j] = load[j]
+    first, last, at = box[START + a], box[START + a + 1], row * entries * length + lo
+    fours = first + 4 * ((last - first) // 4)
+    for k in range(first, fours, 4):
+        a0, x0 = along(data, at + couplings[k, 0]), along(u, s + couplings[k, 1])
+        a1, x1 = along(data, at + couplings[k + 1, 0]), along(u, s + couplings[k + 1, 1])
+        a2, x2 = along(data, at + couplings[k + 2, 0]), along(u, s + couplings[k + 2, 1])
+        a3, x3 = along(data, at + couplings[k + 3, 0]), along(u, s + couplings[k + 3, 1])
+        for j in range(w):
+            r[j] -= a0[j] * x0[j] + a1[j] * x1[j] + a2[j] * x2[j] + a3[j] * x3[j]
+    for k in range(fours, last):
+        a0, x0 = along(data, at + couplings[k, 0]), along(u, s + couplings[k, 1])
+        for j in range(w):
+            r[j] -= a0[j] * x0[j]
 
 
 @njit(cache=True, fastmath=True)
-def relax(u, f, level, a, row, later, r):
-    """Let a row of component a yield: `later` says (1 or 0) which of its faces come second."""
-    law, stencil, inverse, _, _, _, after, box, steps = level
-    lo, w = box[7], box[8] - box[7]
-    unbalanced(u, f, level, a, row, r[lo : lo + w])
-    s = row * box[2] + lo
-    at = a * box[0] * box[1] * box[2] + s
-    x, v = u[at : at + w], inverse[at : at + w]
-    v_left, v_right = inverse[at - 1 : at - 1 + w], inverse[at + 1 : at + 1 + w]
-    left, here, right = r[lo - 1 : lo - 1 + w], r[lo : lo + w], r[lo + 1 : lo + 1 + w]
-    if len(law):
-        # Neighbours in a row share a cell (along the row) or an edge (across it).
-        k, low, high = (0, s - 1, s) if a == len(steps) - 1 else (len(steps) + a, s, s + 1)
-        before, behind = law[k, low : low + w], law[k, high : high + w]
-        for j in range(w):
-            pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
-            x[j] += v[j] * (here[j] + later[j] * pull)
-    else:
-        before = stencil[row, after[a], lo - 1 : lo - 1 + w]
-        behind = stencil[row, after[a], lo : lo + w]
-        for j in range(w):
-            pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
-            x[j] += v[j] * (here[j] - later[j] * pull)
-
-
-@njit(cache=True, fastmath=True)
-def relax_plane(u, f, level, p, parity, backward, r):
+def relax_plane(u, f, level, p, parity, back, r):
     """Let the faces of a plane yield, component after component."""
-    box, count = level[7], len(level[8])
+    data, inverse, _couplings, box = level
+    n, count, entries, length, lo = box[SIZE], box[COUNT], box[ENTRIES], box[LENGTH], box[LOW]
+    first, end, w = box[FIRST_ROW], box[END_ROW], box[HIGH] - lo
     # Odd faces yield second going forward, even ones going back.
-    start = (box[7] + 1 - backward) % 2
-    later = parity[start : start + box[8] - box[7]]
-    for k in range(count):
-        a = count - 1 - k if backward else k
-        for i in range(box[5], box[6]):
-            row = p * box[1] + (box[5] + box[6] - 1 - i if backward else i)
-            relax(u, f, level, a, row, later, r)
+    later = along(parity, (lo + 1 - back) % 2)
+    left, here, right = along(r, lo - 1), along(r, lo), along(r, lo + 1)
+    for turn in range(count):
+        a = count - 1 - turn if back else turn
+        for i in range(first, end):
+            row = p * box[ROWS] + (first + end - 1 - i if back else i)
+            unbalanced(u, f, level, a, row, here)
+            s = row * length + lo
+            at = a * n + s
+            x, v = along(u, at), along(inverse, at)
+            v_left, v_right = along(inverse, at - 1), along(inverse, at + 1)
+            # Neighbours in a row share a cell (along the row) or an edge (across it).
+            sign = 1.0
+            low = s - 1 if a == count - 1 else (count + a) * n + s
+            if entries:
+                sign, low = -1.0, (row * entries + box[NEXT + a]) * length + lo - 1
+            before, behind = along(data, low), along(data, low + 1)
+            for j in range(w):
+                pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
+                x[j] += v[j] * (here[j] + sign * later[j] * pull)
 
 
 @njit(cache=True, fastmath=True)
@@ -142,262 +131,218 @@ def parents(i, normal):
 
 
 @njit(cache=True, fastmath=True)
-def add_row(out, row, weight):
-    for j in range(len(out)):
-        out[j] += weight * row[j]
-
-
-@njit(cache=True, fastmath=True)
-def gather(s, t, normal):
-    """Hand a row to the parents along it: t[j] is from s[2j] to s[2j + 3]."""
-    if normal:
-        for j in range(len(t)):
-            t[j] = s[2 * j + 1] + 0.5 * (s[2 * j] + s[2 * j + 2])
-    else:
-        for j in range(len(t)):
-            t[j] = 0.75 * (s[2 * j + 1] + s[2 * j + 2]) + 0.25 * (s[2 * j] + s[2 * j + 3])
-
-
-@njit(cache=True, fastmath=True)
-def restrict_row(r, a, p, i, count, box, coarse, g, t):
-    """Hand a whole row of loads (r) to the parents' loads g."""
-    last, lo, w = count - 1, coarse[7], coarse[8] - coarse[7]
-    gather(r[2 * lo - 5 :], t[:w], a == last)
-    n = coarse[0] * coarse[1] * coarse[2]
+def ancestors(a, p, i, count, coarse):
+    """Return the start of the four rows that the parents of a row lie in, and their weights."""
     one, weight, two, other = parents(p, a == 0)
+    three, height, four, rest = parents(i, a == 1)
     if count == 2:
         three, height, four, rest = 0, 1.0, 0, 0.0
-    else:
-        three, height, four, rest = parents(i, a == 1)
-    for plane, share in ((one, weight), (two, other)):
-        for row, part in ((three, height), (four, rest)):
-            if share * part != 0.0:
-                at = a * n + (plane * coarse[1] + row) * coarse[2] + lo
-                add_row(g[at : at + w], t[:w], share * part)
+    rows, length = coarse[ROWS], coarse[LENGTH]
+    one, two = (a * coarse[PLANES] + one) * rows, (a * coarse[PLANES] + two) * rows
+    return (
+        ((one + three) * length, weight * height),
+        ((one + four) * length, weight * rest),
+        ((two + three) * length, other * height),
+        ((two + four) * length, other * rest),
+    )
 
 
 @njit(cache=True, fastmath=True)
-def prolong_plane(u, g, level, coarse, p, t):
-    """Add the parents' displacement g to the faces of a plane; those that are held keep theirs."""
-    inverse, box, count = level[2], level[7], len(level[8])
-    n, m = box[0] * box[1] * box[2], coarse[0] * coarse[1] * coarse[2]
-    length = coarse[2]
+def hand_over(u, f, g, level, coarse, p, some, r, t):
+    """Hand what is left unbalanced on a plane to the parents' loads g; all of f if none of u."""
+    _data, inverse, _couplings, box = level
+    count, lo, w = box[COUNT], box[LOW], box[HIGH] - box[LOW]
+    low, half = coarse[LOW], coarse[HIGH] - coarse[LOW]
+    here, s = along(r, lo), along(r, 2 * low - 5)
     for a in range(count):
-        one, weight, two, other = parents(p, a == 0)
-        for i in range(box[5], box[6]):
-            if count == 2:
-                three, height, four, rest = 0, 1.0, 0, 0.0
+        for i in range(box[FIRST_ROW], box[END_ROW]):
+            row = p * box[ROWS] + i
+            at = a * box[SIZE] + row * box[LENGTH] + lo
+            v, load = along(inverse, at), along(f, at)
+            if some:
+                unbalanced(u, f, level, a, row, here)
             else:
-                three, height, four, rest = parents(i, a == 1)
-            t[:] = 0.0
-            for plane, share in ((one, weight), (two, other)):
-                for row, part in ((three, height), (four, rest)):
-                    if share * part != 0.0:
-                        at = a * m + (plane * coarse[1] + row) * length
-                        add_row(t, g[at : at + length], share * part)
-            at = a * n + (p * box[1] + i) * box[2] + 2 * coarse[7] - 4
-            end = 2 * (coarse[8] - coarse[7])
-            spread(t[coarse[7] - 1 :], u[at : at + end], inverse[at : at + end], a == count - 1)
-
-
-@njit(cache=True, fastmath=True)
-def spread(t, x, v, normal):
-    """Add what a row's parents do: x[2j] and x[2j + 1] belong to t[j + 1]."""
-    for j in range(len(x) // 2):
-        if normal:
-            even, odd = t[j + 1], 0.5 * (t[j + 1] + t[j + 2])
-        else:
-            even, odd = 0.75 * t[j + 1] + 0.25 * t[j], 0.75 * t[j + 1] + 0.25 * t[j + 2]
-        x[2 * j] += even if v[2 * j] > 0.0 else 0.0
-        x[2 * j + 1] += odd if v[2 * j + 1] > 0.0 else 0.0
-
-
-@njit(cache=True, fastmath=True)
-def descend(u, f, g, level, coarse, parity, sweeps):
-    """Sweep from zero and hand what is left unbalanced to the parents, in one pass."""
-    inverse, box, count = level[2], level[7], len(level[8])
-    n, lo, w, reach = box[0] * box[1] * box[2], box[7], box[8] - box[7], box[9]
-    r, t = np.zeros(box[2]), np.zeros(coarse[2])
-    u[:] = 0.0
-    g[:] = 0.0
-    for front in range(box[3], box[4] + reach * sweeps):
-        for sweep in range(sweeps):
-            p = front - reach * sweep
-            if box[3] <= p < box[4]:
-                relax_plane(u, f, level, p, parity, 0, r)
-        p = front - reach * sweeps
-        if p < box[3]:
-            continue
-        for a in range(count):
-            for i in range(box[5], box[6]):
-                row = p * box[1] + i
-                unbalanced(u, f, level, a, row, r[lo : lo + w])
-                at = a * n + row * box[2] + lo
-                v = inverse[at : at + w]
                 for j in range(w):
-                    r[lo + j] = r[lo + j] if v[j] > 0.0 else 0.0
-                restrict_row(r, a, p, i, count, box, coarse, g, t)
+                    here[j] = load[j]
+            for j in range(w):
+                here[j] = here[j] if v[j] > 0.0 else 0.0
+            if a == count - 1:
+                for j in range(half):
+                    t[j] = s[2 * j + 1] + 0.5 * (s[2 * j] + s[2 * j + 2])
+            else:
+                for j in range(half):
+                    t[j] = 0.75 * (s[2 * j + 1] + s[2 * j + 2]) + 0.25 * (s[2 * j] + s[2 * j + 3])
+            for start, weight in ancestors(a, p, i, count, coarse):
+                if weight != 0.0:
+                    out = along(g, start + low)
+                    for j in range(half):
+                        out[j] += weight * t[j]
 
 
 @njit(cache=True, fastmath=True)
-def ascend(u, f, g, level, coarse, parity, sweeps):
-    """Add the parents' displacement and sweep in the opposite order, in one pass."""
-    box = level[7]
-    reach = box[9]
-    r, t = np.zeros(box[2]), np.zeros(coarse[2])
-    for front in range(box[4] - 1 + reach, box[3] - 1 - reach * sweeps, -1):
-        if box[3] <= front - reach < box[4]:
-            prolong_plane(u, g, level, coarse, front - reach, t)
+def follow(u, g, level, coarse, p, t):
+    """Add the parents' displacement g to the faces of a plane; those that are held keep theirs."""
+    _data, inverse, _couplings, box = level
+    count, low, half = box[COUNT], coarse[LOW], coarse[HIGH] - coarse[LOW]
+    before, own, after = along(t, low - 1), along(t, low), along(t, low + 1)
+    for a in range(count):
+        for i in range(box[FIRST_ROW], box[END_ROW]):
+            t[:] = 0.0
+            for start, weight in ancestors(a, p, i, count, coarse):
+                if weight != 0.0:
+                    one = along(g, start)
+                    for j in range(len(t)):
+                        t[j] += weight * one[j]
+            at = a * box[SIZE] + (p * box[ROWS] + i) * box[LENGTH] + 2 * low - 4
+            x, v = along(u, at), along(inverse, at)
+            for j in range(half):
+                near = 0.75 * own[j]
+                even, odd = near + 0.25 * before[j], near + 0.25 * after[j]
+                if a == count - 1:
+                    even, odd = own[j], 0.5 * (own[j] + after[j])
+                x[2 * j] += even if v[2 * j] > 0.0 else 0.0
+                x[2 * j + 1] += odd if v[2 * j + 1] > 0.0 else 0.0
+
+
+@njit(cache=True, fastmath=True)
+def cross(u, f, g, level, coarse, parity, sweeps, back):
+    """Cross a level in one pass, on the way to the parents or (`back`) from them.
+
+    To them: sweep from u = 0 and hand what is left unbalanced to their loads g; without sweeps all
+    of f. From them: add their displacement g and sweep in the opposite order.
+    """
+    box = level[3]
+    first, reach, planes = box[FIRST], box[REACH], box[END] - box[FIRST]
+    r, t = np.zeros(box[LENGTH]), np.zeros(coarse[LENGTH])
+    if not back:
+        g[:] = 0.0
+        if sweeps:
+            u[:] = 0.0
+    for front in range(planes + reach * sweeps):
+        if back and front < planes:
+            follow(u, g, level, coarse, first + planes - 1 - front, t)
         for sweep in range(sweeps):
-            p = front + reach * sweep
-            if box[3] <= p < box[4]:
-                relax_plane(u, f, level, p, parity, 1, r)
+            at = front - reach * (sweep + back)
+            if 0 <= at < planes:
+                p = first + (planes - 1 - at if back else at)
+                relax_plane(u, f, level, p, parity, back, r)
+        at = front - reach * sweeps
+        if at >= 0 and not back:
+            hand_over(u, f, g, level, coarse, first + at, sweeps, r, t)
 
 
 @njit(cache=True, fastmath=True)
 def residual(u, f, share, level, out):
     """Write share·f − Au; 0 where a face cannot move."""
-    inverse, box, count = level[2], level[7], len(level[8])
-    n, lo, w = box[0] * box[1] * box[2], box[7], box[8] - box[7]
-    r = np.zeros(w)
+    _data, inverse, _couplings, box = level
+    lo, w = box[LOW], box[HIGH] - box[LOW]
     out[:] = 0.0
-    for p in range(box[3], box[4]):
-        for a in range(count):
-            for i in range(box[5], box[6]):
-                row = p * box[1] + i
-                at = a * n + row * box[2] + lo
-                unbalanced(u, f, level, a, row, r)
-                o, load, v = out[at : at + w], f[at : at + w], inverse[at : at + w]
+    for a in range(box[COUNT]):
+        for p in range(box[FIRST], box[END]):
+            for i in range(box[FIRST_ROW], box[END_ROW]):
+                row = p * box[ROWS] + i
+                at = a * box[SIZE] + row * box[LENGTH] + lo
+                o, load, v = along(out, at), along(f, at), along(inverse, at)
+                unbalanced(u, f, level, a, row, o)
                 for j in range(w):
-                    o[j] = r[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
+                    o[j] = o[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
 
 
 @njit(cache=True, fastmath=True)
-def restrict(f, g, level, coarse):
-    """Hand a load to the parents."""
-    box, count = level[7], len(level[8])
-    n, t = box[0] * box[1] * box[2], np.zeros(coarse[2])
-    g[:] = 0.0
-    for p in range(box[3], box[4]):
-        for a in range(count):
-            for i in range(box[5], box[6]):
-                at = a * n + (p * box[1] + i) * box[2]
-                restrict_row(f[at : at + box[2]], a, p, i, count, box, coarse, g, t)
+def combine(out, to, pitch, source, stride, where, terms, weight, n):
+    """Add up n places of weighted rows of a source: see `stencils.Terms`.
 
-
-@njit(cache=True, fastmath=True)
-def prolong(u, g, level, coarse):
-    """Add the parents' displacement to the children's."""
-    t = np.zeros(coarse[2])
-    for p in range(level[7][3], level[7][4]):
-        prolong_plane(u, g, level, coarse, p, t)
-
-
-@njit(cache=True, fastmath=True)
-def combine(out, source, where, place, weight, lo, hi):
-    """Add up weighted rows of a source: see `stencils.Terms`."""
-    last, n = -1, hi - lo
+    Sums are written from `to` on, `pitch` apart; `where` tells where the source's rows start, of
+    which the entries are `stride` apart.
+    """
+    last = -1
     for k in range(0, len(weight), 4):
-        to, i, e, shift = place[k]
-        a = source[where[i], e, lo + shift : hi + shift]
-        _, i, e, shift = place[k + 1]
-        b = source[where[i], e, lo + shift : hi + shift]
-        _, i, e, shift = place[k + 2]
-        c = source[where[i], e, lo + shift : hi + shift]
-        _, i, e, shift = place[k + 3]
-        d = source[where[i], e, lo + shift : hi + shift]
-        o = out[to, lo:hi]
+        a = along(source, where[terms[k, 1]] + terms[k, 2] * stride + terms[k, 3])
+        m = k + 1
+        b = along(source, where[terms[m, 1]] + terms[m, 2] * stride + terms[m, 3])
+        m = k + 2
+        c = along(source, where[terms[m, 1]] + terms[m, 2] * stride + terms[m, 3])
+        m = k + 3
+        d = along(source, where[terms[m, 1]] + terms[m, 2] * stride + terms[m, 3])
+        o = along(out, to + terms[k, 0] * pitch)
         w0, w1, w2, w3 = weight[k], weight[k + 1], weight[k + 2], weight[k + 3]
-        if to != last:
-            o[:] = 0.0
+        if terms[k, 0] != last:
+            for j in range(n):
+                o[j] = 0.0
         for j in range(n):
             o[j] += w0 * a[j] + w1 * b[j] + w2 * c[j] + w3 * d[j]
-        last = to
+        last = terms[k, 0]
 
 
 @njit(cache=True, fastmath=True)
-def law_row(law, inverse, entries, made, steps, row, length, n, out):
-    """Write the finest level's coefficients of one row: see `stencils.finest_entries`."""
-    s, w = row * length + 2, length - 4
+def law_row(data, inverse, made, s, w, pitch, out, to):
+    """Write the finest level's coefficients of w places from s on: see `hierarchy._made`."""
     for e in range(len(made)):
-        sign, k, axis, shift, k2, axis2, shift2 = made[e]
-        a, b = entries[e, 0], entries[e, 1]
-        way = entries[e, 2] * (steps[0]) + entries[e, 3] * length + entries[e, 4]
-        o = out[e, 2 : 2 + w]
-        one, two = (
-            inverse[a * n + s : a * n + s + w],
-            inverse[b * n + s + way : b * n + s + way + w],
-        )
-        p = s + _distance(axis, shift, steps[0], length)
-        q = s + _distance(axis2, shift2, steps[0], length)
-        x, y = law[k, p : p + w], law[k2, q : q + w]
+        sign = made[e, 0]
+        one, two = along(inverse, s + made[e, 1]), along(inverse, s + made[e, 2])
+        x, y, o = along(data, s + made[e, 3]), along(data, s + made[e, 4]), along(out, to)
+        to += pitch
+        factor = -0.5 if sign == 0 else float(sign)
         if sign == 2:
             for j in range(w):
                 o[j] = 1.0 / one[j] if one[j] > 0.0 else 0.0
         else:
-            factor = -0.5 if sign == 0 else float(sign)
             for j in range(w):
-                o[j] = factor * (x[j] + y[j]) if (one[j] > 0.0) & (two[j] > 0.0) else 0.0
-
-
-@njit(cache=True)
-def _distance(axis, shift, plane, length):
-    return shift * (plane if axis == 0 else length if axis == 1 else 1)
+                free = (one[j] > 0.0) & (two[j] > 0.0)
+                o[j] = factor * (x[j] + y[j]) if free else 0.0
 
 
 @njit(cache=True, fastmath=True)
-def galerkin(level, entries, made, terms, coarse, out):
-    """Write the parents' coefficients P'AP: `terms` are place, weight and rows, axis by axis."""
-    law, stencil, inverse, _couplings, _starts, _own, _after, box, steps = level
+def galerkin(level, made, terms, coarse, out):
+    """Write the parents' coefficients P'AP, one axis after the other."""
+    data, inverse, _couplings, box = level
     place0, weight0, rows0, place1, weight1, rows1, place2, weight2, _rows2 = terms
-    length, half = box[2], box[2] // 2
-    n = box[0] * box[1] * box[2]
-    fine = np.zeros((4, len(made), length))
-    one = np.zeros((4, place0[-1, 0] + 1, length))
-    two = np.zeros((place1[-1, 0] + 1, length))
-    split = np.zeros((2, max(len(two), one.shape[1]), half))
-    where = np.zeros(len(rows0), np.int64)
-    turn, both = np.zeros(4, np.int64), np.arange(2)
-    for p in range(coarse[3], coarse[4]):
-        for q in range(coarse[5], coarse[6]):
-            last = 2 * q - 2 if box[1] > 1 else 0
-            first = 0 if box[1] == 1 else last - 3 if q == coarse[5] else last - 1
+    planes, rows, length, half = box[PLANES], box[ROWS], box[LENGTH], box[LENGTH] // 2
+    size, entries = (place0[-1, 0] + 1) * length, box[ENTRIES] if box[ENTRIES] else len(made)
+    # Four rows of sums along the first axis, then sums along the second; all but two ghosts.
+    fine, one = np.zeros(4 * entries * length), np.zeros(4 * size + (place1[-1, 0] + 1) * length)
+    sums, done = (place0[-1, 0] + 1, 0) if rows == 1 else (place1[-1, 0] + 1, 4 * size)
+    split = np.zeros(2 * sums * half)
+    where, turn = np.zeros(len(rows0), np.int64), np.zeros(len(rows1), np.int64)
+    both = np.array([coarse[LOW], coarse[LOW] + sums * half])
+    for p in range(coarse[FIRST], coarse[END]):
+        for q in range(coarse[FIRST_ROW], coarse[END_ROW]):
+            last = 2 * q - 2 if rows > 1 else 0
+            first = 0 if rows == 1 else last - 3 if q == coarse[FIRST_ROW] else last - 1
             for i in range(first, last + 1):
                 for k in range(len(rows0)):
-                    plane = min(max(2 * p - 4 + rows0[k, 0], 0), box[0] - 1)
-                    row = min(max(i + rows0[k, 1], 0), box[1] - 1)
-                    where[k] = plane * box[1] + row
-                    if len(law):
-                        row = where[k]
-                        law_row(law, inverse, entries, made, steps, row, length, n, fine[k])
-                        where[k] = k
-                source = fine if len(law) else stencil
-                combine(one[i % 4], source, where, place0, weight0, 2, length - 2)
-            if box[1] > 1:
-                for k in range(4):
-                    turn[k] = (2 * q - 4 + rows1[k, 0 + 1]) % 4
-                combine(two, one, turn, place1, weight1, 2, length - 2)
-                before = two
-            else:
-                before = one[0]
-            for e in range(len(before)):
+                    plane = min(max(2 * p - 4 + rows0[k, 0], 0), planes - 1)
+                    row = plane * rows + min(max(i + rows0[k, 1], 0), rows - 1)
+                    where[k] = row * entries * length + 2
+                    if box[ENTRIES] == 0:
+                        where[k] = k * entries * length + 2
+                        s = row * length + 2
+                        law_row(data, inverse, made, s, length - 4, length, fine, where[k])
+                source = data if box[ENTRIES] else fine
+                to = i % 4 * size + 2
+                combine(one, to, length, source, length, where, place0, weight0, length - 4)
+            if rows > 1:
+                for k in range(len(rows1)):
+                    turn[k] = (2 * q - 4 + rows1[k, 1]) % 4 * size + 2
+                combine(one, done + 2, length, one, length, turn, place1, weight1, length - 4)
+            for e in range(sums):
                 for j in range(half):
-                    split[0, e, j] = before[e, 2 * j]
-                    split[1, e, j] = before[e, 2 * j + 1]
-            row = p * coarse[1] + q
-            combine(out[row], split, both, place2, weight2, coarse[7], coarse[8])
+                    split[e * half + j] = one[done + e * length + 2 * j]
+                    split[(sums + e) * half + j] = one[done + e * length + 2 * j + 1]
+            pitch, n = coarse[LENGTH], coarse[HIGH] - coarse[LOW]
+            to = (p * coarse[ROWS] + q) * coarse[ENTRIES] * pitch + coarse[LOW]
+            combine(out, to, pitch, split, half, both, place2, weight2, n)
 
 
 @njit(cache=True)
-def invert_own(stencil, own, inverse):
+def invert_own(data, own, box, inverse):
     """Write the inverse of every face's own stiffness."""
-    rows, length = stencil.shape[0], stencil.shape[2]
     for a in range(len(own)):
-        for row in range(rows):
-            for j in range(length):
-                value = stencil[row, own[a], j]
-                at = (a * rows + row) * length + j
-                inverse[at] = 1.0 / value if value > 0.0 else 0.0
+        for row in range(box[PLANES] * box[ROWS]):
+            value = along(data, (row * box[ENTRIES] + own[a]) * box[LENGTH])
+            out = along(inverse, a * box[SIZE] + row * box[LENGTH])
+            for j in range(box[LENGTH]):
+                out[j] = 1.0 / value[j] if value[j] > 0.0 else 0.0
 
 
 @njit(cache=True)
@@ -445,20 +390,18 @@ def lay_faces(code, law, steps, inverse):
     """
     count, n = len(steps), len(code)
     start = steps.sum()
+    w = n - 2 * start
     for a in range(count):
-        ea, w = steps[a], n - 2 * start
-        high, low = code[start : start + w], code[start - ea : start - ea + w]
-        c, before = law[0, start : start + w], law[0, start - ea : start - ea + w]
-        out = inverse[a * n + start : a * n + start + w]
+        high, low = along(code, start), along(code, start - steps[a])
+        c, before, out = (
+            along(law, start), along(law, start - steps[a]), along(inverse, a * n + start)
+        )  # fmt: skip
         for j in range(w):
             out[j] = c[j] + before[j]
         for b in range(count):
             if b != a:
-                eb = steps[b]
-                k, other = (
-                    law[1 + a + b, start : start + w],
-                    law[1 + a + b, start + eb : start + eb + w],
-                )
+                edge = (1 + a + b) * n + start
+                k, other = along(law, edge), along(law, edge + steps[b])
                 for j in range(w):
                     out[j] += k[j] + other[j]
         for j in range(w):

@@ -1,5 +1,7 @@
 """The compiled loops against the law in plain NumPy, and the law against itself."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -158,15 +160,9 @@ def residual(level, x):
 def test_parents_feel_what_their_children_feel_when_they_follow(name):
     hierarchy = Hierarchy(RAGGED[name])
     rng = np.random.default_rng(1)
-    for at, (fine, coarse) in enumerate(zip(hierarchy.levels, hierarchy.levels[1:], strict=False)):
-        parents = rng.standard_normal(len(coarse.u)) * (coarse.arrays[2] > 0.0)
-        handed = np.empty_like(parents)
-        sweeps.restrict(
-            residual(fine, hierarchy.follow(at, parents)),
-            handed,
-            fine.arrays,
-            coarse.arrays[7],
-        )
+    for at, (fine, coarse) in enumerate(pairwise(hierarchy.levels)):
+        parents = rng.standard_normal(len(coarse.u)) * (coarse.arrays[1] > 0.0)
+        handed = hierarchy.hand_over(at, residual(fine, hierarchy.follow(at, parents)))
         felt = residual(coarse, parents)
         np.testing.assert_allclose(felt, handed, atol=1e-13 * np.abs(handed).max())
 
@@ -177,9 +173,8 @@ def test_handing_up_is_the_transpose_of_following(name):
     hierarchy = Hierarchy(problem)
     x = random(problem, hierarchy, 3)[0]
     coarse = hierarchy.levels[1]
-    parents = np.random.default_rng(4).standard_normal(len(coarse.u)) * (coarse.arrays[2] > 0.0)
-    handed = np.empty_like(parents)
-    sweeps.restrict(x, handed, hierarchy.levels[0].arrays, coarse.arrays[7])
+    parents = np.random.default_rng(4).standard_normal(len(coarse.u)) * (coarse.arrays[1] > 0.0)
+    handed = hierarchy.hand_over(0, x)
     assert parents @ handed == pytest.approx(hierarchy.follow(0, parents) @ x, rel=1e-12)
 
 
@@ -187,21 +182,21 @@ def test_handing_up_is_the_transpose_of_following(name):
 def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(name):
     problem = RAGGED[name]
     hierarchy = Hierarchy(problem)
-    for level, below in zip(hierarchy.levels, hierarchy.levels[1:], strict=False):
-        load = np.random.default_rng(2).standard_normal(level.arrays[2].size)
-        load *= level.arrays[2] > 0.0
-        parity, coarse = hierarchy._parity, below.arrays[7]
+    for at, (level, below) in enumerate(pairwise(hierarchy.levels)):
+        load = np.random.default_rng(2).standard_normal(level.arrays[1].size)
+        load *= level.arrays[1] > 0.0
+        parity, coarse = hierarchy._parity, below.arrays[3]
         whole, parts = np.empty_like(load), np.zeros_like(load)
         handed, below_load = np.empty_like(below.load), np.empty_like(below.load)
-        sweeps.descend(whole, load, handed, level.arrays, coarse, parity, 3)
+        sweeps.cross(whole, load, handed, level.arrays, coarse, parity, 3, 0)
         for _ in range(3):  # One sweep from where the last ended: on what that left unbalanced.
             left, more = np.empty_like(load), np.empty_like(load)
             sweeps.residual(parts, load, 1.0, level.arrays, left)
-            sweeps.descend(more, left, below_load, level.arrays, coarse, parity, 1)
+            sweeps.cross(more, left, below_load, level.arrays, coarse, parity, 1, 0)
             parts += more
         np.testing.assert_allclose(whole, parts, atol=1e-12 * np.abs(parts).max())
         sweeps.residual(parts, load, 1.0, level.arrays, left)
-        sweeps.restrict(left, below_load, level.arrays, coarse)
+        below_load = hierarchy.hand_over(at, left)
         np.testing.assert_allclose(handed, below_load, atol=1e-12 * np.abs(handed).max())
 
 
@@ -230,7 +225,7 @@ def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
     hierarchy = Hierarchy(problem)
     modes = rigid_motions(Numbering(problem.face_states()))
     coarse = hierarchy.levels[1]
-    there = np.flatnonzero(coarse.arrays[2])
+    there = np.flatnonzero(coarse.arrays[1])
     columns = []
     for place in there:
         parents = np.zeros_like(coarse.u)

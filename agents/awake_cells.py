@@ -95,10 +95,10 @@ class AwakeCell(MaterialAgent):
         return float(self._stage.dropped[self.row])
 
     @property
-    def parity(self) -> int:
-        """Which of the lattice's two forms of cells it has."""
-        parity: int = self.model.parity(self.index)
-        return parity
+    def form(self) -> int:
+        """Which of the lattice's forms the cell has."""
+        form: int = self.model.form(self.index)
+        return form
 
     @property
     def inbox(self) -> dict[tuple[int, float], float]:

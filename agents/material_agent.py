@@ -34,8 +34,8 @@ class Carrier(Protocol):
     def cross_section(self) -> float:
         """A (m²), over which an own share is spread."""
 
-    def parity(self, index: tuple[int, ...]) -> int:
-        """Return the form of the cell with that index, 0 or 1."""
+    def form(self, index: tuple[int, ...]) -> int:
+        """Return the form of the cell with that index."""
 
     def axis_of(self, direction: int) -> int:
         """Return the number of the axis that a direction lies on."""
@@ -80,8 +80,8 @@ class MaterialAgent(PlacedAgent):
         Emissions up to the threshold (N), which end here.
     inbox, pulls : dict
         Pushes, and pulls, to take in the next step: (direction, magnitude) → copies.
-    parity : int
-        Which of the lattice's two forms of cells it has; see `Lattice.parity`.
+    form : int
+        Which of the lattice's forms the cell has; see `kaju.Lattice`.
     """
 
     def __init__(self, model: Carrier, cell: Cell, material: Material, shares: Shares) -> None:
@@ -99,7 +99,7 @@ class MaterialAgent(PlacedAgent):
         self.dropped = 0.0
         self.inbox: dict[tuple[int, float], float] = {}
         self.pulls: dict[tuple[int, float], float] = {}
-        self.parity = model.parity(self.index)
+        self.form = model.form(self.index)
 
     def __repr__(self) -> str:
         return (

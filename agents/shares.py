@@ -93,4 +93,10 @@ class Shares:
             passed.append(Emission(arm, direction, self.friction * friction, sense))
             force = arm if outwards == "push" else opposite[arm]
             passed.append(Emission(arm, force, abs(self.poisson) * poisson, outwards))
-        return tuple(emission for emission in passed if emission.share > 0.0)
+        # What leaves over one arm along one direction is one load.
+        shares: dict[tuple[int, int, Sense], float] = {}
+        for arm, force, share, how in passed:
+            shares[arm, force, how] = shares.get((arm, force, how), 0.0) + share
+        return tuple(
+            Emission(*key[:2], share, key[2]) for key, share in shares.items() if share > 0.0
+        )

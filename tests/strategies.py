@@ -1,8 +1,14 @@
 """Random scenes for the prescribed rule, as Hypothesis strategies."""
 
+import runpy
+from pathlib import Path
+
 from hypothesis import strategies as st
 
 from kaju import Coefficients, PrescribedRule, Scene
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+Triangles = runpy.run_path(str(EXAMPLES / "triangles" / "triangles.py"))["Triangles"]
 
 share = st.floats(0.0, 0.6)
 either = st.booleans()
@@ -28,7 +34,7 @@ def rules(draw, senses=either):
 
 @st.composite
 def scenes(draw, rule=None, senses=either):
-    """Small drawn bodies of squares or hexagons, 1×N among them, pressed on at random."""
+    """Small drawn bodies of three lattices, 1×N among them, pressed on at random."""
     columns, rows = draw(st.integers(1, 7)), draw(st.integers(1, 6))
     letters = st.text("aaaab.=", min_size=columns, max_size=columns)
     drawing = draw(st.lists(letters, min_size=rows, max_size=rows))
@@ -57,7 +63,7 @@ def scenes(draw, rule=None, senses=either):
             "cell_size": 0.01,
             "thickness": 0.002,
             "drawing": "\n".join(drawing),
-            "lattice": draw(st.sampled_from(["square", "hexagon"])),
+            "lattice": draw(st.sampled_from(["square", "hexagon", Triangles])),
             "allow_floating": True,
         },
         legend=LEGEND,

@@ -16,7 +16,7 @@ from kaju.errors import ParameterError
 from .body import draw_body, finish
 from .cropping import section_of
 from .forces import draw_forces
-from .section import Section
+from .section import CORNERS, Section
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity, round_down, times
 
@@ -49,7 +49,7 @@ def corner_displacements(
     inwards = section.centres(tiles)[:, None] - corners
     inside = (corners + 1e-6 * inwards).reshape(-1, 2)
     moved = section.in_plane(_within(result, section.in_body(inside), moved_at))
-    place = np.rint(6.0 * corners.reshape(-1, 2) / section.tile_size).astype(np.int64)
+    place = np.rint(CORNERS * corners.reshape(-1, 2) / section.tile_size).astype(np.int64)
     key = (place[:, 0] - place[:, 0].min()) * (np.ptp(place[:, 1]) + 1) + place[:, 1]
     _, number = np.unique(key, return_inverse=True)
     share = np.bincount(number)

@@ -53,7 +53,7 @@ def force_arrows(
     normal = lattice.normals[applied.direction[chosen]]
     normal = normal * (applied.direction[chosen] >= 0)[:, None]
     force = applied.force[chosen]
-    place = lattice.centres(applied.cells[chosen]) + 0.5 * lattice.cell_size * normal
+    place = lattice.face_middles(applied.cells[chosen], applied.direction[chosen])
     pulls = np.einsum("ij,ij->i", force, normal) > 0.0
     # Without a face a force ends in the cell's middle, or on its surface if that is bare.
     unit = force / np.linalg.norm(force, axis=1, keepdims=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .section import HEXAGON
+from .section import CORNERS
 
 if TYPE_CHECKING:
     from kaju.model.creep.body import TransferCreepResult
@@ -56,7 +56,8 @@ class Motion:
     points : array, shape (n, dimension)
         Places at rest (m).
     parts : array of int, shape (parts, corners)
-        Springs (2 corners), squares (4) or hexagons (6) in turn, or cubes (8, as VTK has them).
+        Springs (2 corners), triangles (3), squares (4) or hexagons (6) in turn, or cubes (8, as
+        VTK has them).
     frames : sequence of Frame
         From rest to the end.
     """
@@ -91,10 +92,10 @@ class _Cells(NamedTuple):
 def _cells(corners: Floats, apart: Floats) -> _Cells:
     """Join cells, corners of shape (n, corners, dimension), where they touch.
 
-    Corners lie on a grid whose steps are a sixth of `apart`.
+    Corners that are farther from each other than a share of `apart` are two; see `CORNERS`.
     """
     flat = corners.reshape(-1, corners.shape[2])
-    place = np.rint(6.0 * flat / apart).astype(np.int64)
+    place = np.rint(CORNERS * flat / apart).astype(np.int64)
     place -= place.min(axis=0)
     key = np.ravel_multi_index(tuple(place.T), tuple(place.max(axis=0) + 1))
     _, first, number = np.unique(key, return_index=True, return_inverse=True)
@@ -107,11 +108,12 @@ def _body(result: Field) -> tuple[_Cells, Ints]:
     """Return the cells of a result's grid, and where they are."""
     lattice = result.grid.lattice
     cells = np.argwhere(result.grid.rasterise() >= 0)
-    form, apart = HEXAGON, np.array([1.0, 0.5 * 3.0**0.5])
-    if lattice.kind != "hexagon":
-        form, apart = _FORMS[lattice.dimension] - 0.5, np.ones(lattice.dimension)
-    h = lattice.cell_size
-    return _cells(lattice.centres(cells)[:, None] + h * form, h * apart), cells
+    if lattice.boxes:
+        forms = lattice.cell_size * (_FORMS[lattice.dimension] - 0.5)[None]
+    else:
+        forms = np.stack([lattice.outline(form) for form in range(lattice.forms)])
+    corners = lattice.centres(cells)[:, None] + forms[lattice.form(cells)]
+    return _cells(corners, np.diag(lattice.pitch)), cells
 
 
 def _on(cells: Ints, shape: tuple[int, ...], where: Ints, values: Floats) -> Floats:
@@ -130,9 +132,7 @@ def so_far(result: TransferResult, generation: int) -> TransferResult:
     taken = np.zeros_like(stage.taken)
     np.add.at(taken, (history.agent[then], history.direction[then]), history.load[then])
     # What deforms a cell grows with the loads along each axis, pulls counted against pushes.
-    axes = stage.kept.shape[1]
-    hexagonal = result.scene.lattice.kind == "hexagon"
-    axis = history.direction % axes if hexagonal else history.direction // 2
+    axis = result.scene.lattice.axis_of[history.direction]
     load = np.where(history.pull, -history.load, history.load)
     grown, whole = np.zeros_like(stage.kept), np.zeros_like(stage.kept)
     np.add.at(whole, (history.agent, axis), load)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,12 +22,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-_SQUARE_FACES = np.array([[3, 0], [1, 2], [0, 1], [2, 3]])  # vertices of the faces -x, +x, -y, +y
-_SQUARE_STEPS = np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
-_ANGLE = np.deg2rad(60.0 * np.arange(6) - 30.0)
-HEXAGON = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1) / sqrt(3.0)
-"""Corners of a hexagonal cell of edge 1 (from side to side) about its middle."""
-_HEXAGON_FACES = np.array([[k, (k + 1) % 6] for k in range(6)])
+_SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y
+_SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
+CORNERS = 180.0
+"""Corners are the same if they are as near as such a part of a cell, which rounding never is."""
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
 
 
@@ -61,9 +58,9 @@ class Section:
     cropped: bool
 
     @property
-    def hexagonal(self) -> bool:
-        """Whether tiles are hexagons; blocks of hexagons are drawn as rectangles."""
-        return self.scene.lattice.kind == "hexagon" and self.block == 1
+    def outlined(self) -> bool:
+        """Whether tiles have outlines of their own; squares and blocks follow the coordinates."""
+        return not self.scene.lattice.boxes and self.block == 1
 
     @property
     def axis_names(self) -> tuple[str, str]:
@@ -73,9 +70,13 @@ class Section:
     @cached_property
     def tile_size(self) -> Floats:
         """Distance between tiles, rightwards and upwards (m)."""
-        edge = self.block * self.scene.lattice.cell_size
-        rows = sqrt(3.0) / 2.0 if self.scene.lattice.kind == "hexagon" else 1.0
-        return np.array([edge, rows * edge])
+        size: Floats = np.diag(self._pitch)
+        return size
+
+    @cached_property
+    def _pitch(self) -> Floats:
+        """How far steps to the next tile lead (m), a column for each way."""
+        return self.block * self.scene.lattice.pitch[np.ix_(self.axes, self.axes)]
 
     def holds(self, cells: Ints) -> NDArray[np.bool_]:
         """Tell which cells of the body are in the picture."""
@@ -127,24 +128,30 @@ class Section:
 
     def centres(self, tiles: Ints) -> Floats:
         """Return the middles of tiles (m), shape (n, 2)."""
-        if self.hexagonal:
+        if self.outlined:
             return self.scene.lattice.centres(tiles)
-        return (tiles + 0.5) * self.tile_size
+        middles: Floats = (tiles + 0.5) @ self._pitch.T
+        return middles
 
     def polygons(self, tiles: Ints, share: float = 1.0) -> Floats:
-        """Return the corners of tiles (m), shape (n, 4 or 6, 2), counter-clockwise.
+        """Return the corners of tiles (m), shape (n, corners, 2), counter-clockwise.
 
         `share` below 1 leaves a gap all round.
         """
-        if self.hexagonal:
-            shape = self.scene.lattice.cell_size * HEXAGON
-        else:
-            shape = (_SQUARE - 0.5) * self.tile_size
-        return self.centres(tiles)[:, None] + share * shape
+        shape = ((_SQUARE - 0.5) @ self._pitch.T)[None]
+        if self.outlined:
+            lattice = self.scene.lattice
+            shape = np.stack([lattice.outline(form) for form in range(lattice.forms)])
+        return self.centres(tiles)[:, None] + share * shape[self._form(tiles)]
+
+    def _form(self, tiles: Ints) -> Ints:
+        if self.outlined:
+            return self.scene.lattice.form(tiles)
+        return np.zeros(len(tiles), dtype=np.int64)
 
     def stripes(self, tiles: Ints) -> Floats:
         """Return tiles like `polygons`, but rows of neighbouring rectangles as one each."""
-        if self.hexagonal:
+        if self.outlined:
             return self.polygons(tiles)
         tiles = tiles[np.lexsort(tiles.T)]
         follows = np.zeros(len(tiles), dtype=np.bool_)
@@ -180,15 +187,19 @@ class Section:
         raster = np.full(shape + 2, -1000, dtype=np.int64)
         place = tiles - tiles[0] + 1
         raster[tuple(place.T)] = kinds
-        steps = self.scene.lattice.steps if self.hexagonal else np.stack([_SQUARE_STEPS] * 2)
-        faces = _HEXAGON_FACES if self.hexagonal else _SQUARE_FACES
-        corners = self.polygons(tiles)
+        steps, edges = _SQUARE_STEPS, _SQUARE_EDGES
+        if self.outlined:
+            steps, edges = self.scene.lattice.steps, self.scene.lattice.faces
+        form, corners = self._form(tiles), self.polygons(tiles)
+        after = np.roll(corners, -1, axis=1)
         surface, joints = [], []
-        for arm, face in enumerate(faces):
-            beyond = raster[tuple((place + steps[tiles[:, 1] & 1, arm]).T)]
-            free = (kinds >= 0) & (beyond < 0) & (beyond > -1000)
-            surface.append(corners[free][:, face])
-            joints.append(corners[(kinds > beyond) & (beyond >= 0)][:, face])
+        for arm in range(edges.shape[1]):
+            edge = edges[form, arm]
+            line = np.stack([part[np.arange(len(edge)), edge] for part in (corners, after)], axis=1)
+            beyond = raster[tuple((place + steps[form, arm]).T)]
+            free = (kinds >= 0) & (beyond < 0) & (beyond > -1000) & (edge >= 0)
+            surface.append(line[free])
+            joints.append(line[(kinds > beyond) & (beyond >= 0) & (edge >= 0)])
         return np.concatenate(surface), np.concatenate(joints)
 
     @cached_property

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
+from kaju.model.scene.lattices import check_boxes
 
 from .problem import CellLoads, ElasticProblem, Side, problem_of, rim_layer
 
@@ -33,16 +34,12 @@ def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticPro
     Raises
     ------
     SceneError
-        For hexagons, which are a spring network, and bodies too large to rasterise.
+        For cells that are neither squares nor cubes, and bodies too large to rasterise.
     ParameterError
         For moduli that linear elasticity cannot have.
     """
     lattice = scene.lattice
-    if lattice.kind == "hexagon":
-        raise SceneError(
-            "body.lattice: 'hexagon' has no staggered grid; solve it as a SpringNetwork, or "
-            "take square cells"
-        )
+    check_boxes(lattice)
     lower, upper = (np.asarray(corner, dtype=np.int64) for corner in scene.bounds())
     rim, sides = _rim_of(scene, lower, upper)
     box = tuple(slice(int(a), int(b) + 2) for a, b in zip(lower, upper, strict=True))

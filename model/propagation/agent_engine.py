@@ -5,11 +5,12 @@ from __future__ import annotations
 import copyreg
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+import networkx
 import numpy as np
 
-from kaju._mesa import Cell, HexGrid, OrthogonalVonNeumannGrid
+from kaju._mesa import Cell, HexGrid, Network, OrthogonalVonNeumannGrid
 from kaju.agents.boundary_agent import (
     BoundaryAgent,
     FreeBoundaryAgent,
@@ -21,11 +22,15 @@ from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.scene.lattices import BUILT_IN
 
 from .stage import FloatArray, History, IntArray, Ledger, News, Stage, Totals, collect_history
 
 if TYPE_CHECKING:
+    from random import Random
+
     from kaju.model.scene import Scene
+    from kaju.model.scene.lattice import Lattice
 
     from .load_model import LoadModel
     from .transfer import Transfer
@@ -106,8 +111,7 @@ class AgentEngine:
         self.accumulate = transfer.rule.accumulate
         self.threshold = transfer.rule.threshold
         shape = tuple(count + 2 for count in self.lattice.shape)
-        grid = HexGrid if self.lattice.kind == "hexagon" else OrthogonalVonNeumannGrid
-        self.space = grid(shape, torus=False, random=model.random)
+        self.space = _space(self.lattice, shape, model.random)
         # Mesa enters the class of the cells there for ever, and with it a layer of the grid.
         weakref.finalize(self.space, copyreg.dispatch_table.pop, self.space.cell_klass, None)
         self.kinds: IntArray = scene.kinds(np.indices(shape).reshape(len(shape), -1).T - 1)
@@ -195,8 +199,13 @@ class AgentEngine:
         reached = self._reached.get((cell, arm))
         if reached is None:
             # The rim shifts the space by one cell against the scene.
-            parity = self.model.parity(tuple(count - 1 for count in cell.coordinate))
-            step = self.steps[parity][arm]
+            form = self.model.form(tuple(count - 1 for count in cell.coordinate))
+            if arm not in self.lattice.arms[form]:
+                raise ParameterError(
+                    f"arm: cell {tuple(count - 1 for count in cell.coordinate)} has no face along "
+                    f"direction {arm}; lattice.way(direction, agent.form) tells what lies ahead"
+                )
+            step = self.steps[form][arm]
             place = tuple(count + by for count, by in zip(cell.coordinate, step, strict=True))
             reached = self._reached[cell, arm] = self.space[place]
         return reached
@@ -369,8 +378,25 @@ class AgentEngine:
 
     def _arms_to_wakers(self, agent: MaterialAgent) -> int:
         wakers = {waker.cell for waker in agent.woken_by}
-        arms = range(self.lattice.directions)
+        arms = self.lattice.arms[agent.form]
         return sum(1 << arm for arm in arms if self.neighbour(agent.cell, arm) in wakers)
+
+
+def _space(lattice: Lattice, shape: tuple[int, ...], random: Random) -> Any:
+    """Return Mesa's space of the array and a rim of one cell, joined as the lattice is."""
+    if lattice.kind in BUILT_IN:
+        grid = HexGrid if lattice.kind == "hexagon" else OrthogonalVonNeumannGrid
+        return grid(shape, torus=False, random=random)
+    graph = networkx.Graph()
+    cells = np.indices(shape).reshape(len(shape), -1).T
+    graph.add_nodes_from(map(tuple, cells.tolist()))
+    for arm in range(lattice.directions):
+        reached = lattice.neighbours(cells - 1, arm) + 1
+        joined = np.all((reached >= 0) & (reached < shape), axis=1)
+        joined &= np.any(reached != cells, axis=1)
+        ends = (map(tuple, column[joined].tolist()) for column in (cells, reached))
+        graph.add_edges_from(zip(*ends, strict=True))
+    return Network(graph, random=random)
 
 
 def _table(amounts: list[dict[int, float]], columns: int) -> FloatArray:

@@ -43,7 +43,7 @@ class AgentTable:
         self.taken: FloatArray = np.empty((0, states))
         self.passed: FloatArray = np.empty((0, directions))
         self.dropped: FloatArray = np.empty(0)
-        self._parity: NDArray[np.int8] = np.empty(0, dtype=np.int8)
+        self._form: NDArray[np.int8] = np.empty(0, dtype=np.int8)
         self._beyond: NDArray[np.int16] = np.empty((0, directions), dtype=np.int16)
         self._sorted_key: IntArray = np.empty(0, dtype=np.int64)
         self._sorted_agent: IntArray = np.empty(0, dtype=np.int64)
@@ -83,17 +83,17 @@ class AgentTable:
         self.taken = np.append(self.taken, np.zeros((count, self.taken.shape[1])), axis=0)
         self.passed = np.append(self.passed, np.zeros((count, directions)), axis=0)
         self.dropped = np.append(self.dropped, np.zeros(count))
-        self._parity = np.append(self._parity, self.lattice.parity(cells).astype(np.int8))
+        self._form = np.append(self._form, self.lattice.form(cells).astype(np.int8))
         unknown = np.full((count, directions), _UNKNOWN)
         self._beyond = np.append(self._beyond, unknown, axis=0)
 
     def form(self, agent: IntArray) -> IntArray:
-        """Return the row of the rule's tables for agents: material, then parity."""
-        return self.material[agent] * 2 + self._parity[agent]
+        """Return the row of the rule's tables for agents: material, then form."""
+        return self.material[agent] * self.lattice.forms + self._form[agent]
 
     def neighbour(self, agent: IntArray, arm: IntArray) -> IntArray:
         """Return the keys of the cells that agents reach over arms."""
-        return self.key[agent] + self.lattice.key_steps[self._parity[agent], arm]
+        return self.key[agent] + self.lattice.key_steps[self._form[agent], arm]
 
     def beyond(self, agent: IntArray, arm: IntArray) -> IntArray:
         """Return what lies over an arm: a material's number, or a kind of boundary.

@@ -161,6 +161,9 @@ class DisplacementField:
 
     def __init__(self, scene: Scene, stage: Stage, squeezed: Squeeze) -> None:
         self.lattice: Lattice = scene.lattice
+        normals = self.lattice.normals[self.lattice.axes]
+        # The vector with these components along the axes, or nearest to having them.
+        self.along = normals @ np.linalg.inv(normals.T @ normals)
         self.awake: IntArray = scene.lattice.key(stage.cells)
         self.axes = [
             _displacement_along(scene, stage.cells, squeezed.elongation(axis), axis)
@@ -178,14 +181,13 @@ class DisplacementField:
         """Return displacements (m) at points (m) in cells that a load reached."""
         lattice = self.lattice
         inside_cell = (points - lattice.centres(cells)) / lattice.cell_size
-        normals = lattice.normals[lattice.axes]
+        normals, form = lattice.normals[lattice.axes], lattice.form(cells)
         total = np.zeros_like(points)
         for axis, (normal, displacement) in enumerate(zip(normals, self.axes, strict=True)):
             line, position = lattice.line(cells, axis)
-            along = displacement.at(line, position, inside_cell @ normal + 0.5)
-            total += along[:, None] * normal
-        # Hexagons have three axes for two dimensions.
-        return total * (lattice.dimension / len(normals))
+            fraction = inside_cell @ normal + lattice.within[form, axis]
+            total += displacement.at(line, position, fraction)[:, None] * self.along[axis]
+        return total
 
 
 def _displacement_along(
@@ -195,9 +197,9 @@ def _displacement_along(
     order = np.lexsort((position, line))
     line, position, elongation = line[order], position[order], elongation[order]
     lines, index = np.unique(line, return_inverse=True)
-    stride = int(max(scene.lattice.shape)) + 4
+    stride = int(sum(scene.lattice.extent) / scene.lattice.cell_size) + 8
     code = index * stride + position + 1
-    run, start, stop, held = _runs(scene, line, position, axis)
+    run, start, stop, held = _runs(scene, cells[order], line, position, axis)
 
     summed = np.cumsum(elongation) - elongation
     first_of_line = np.searchsorted(line, line)
@@ -227,7 +229,7 @@ def _first_and_last(run: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def _runs(
-    scene: Scene, line: IntArray, position: IntArray, axis: int
+    scene: Scene, cells: IntArray, line: IntArray, position: IntArray, axis: int
 ) -> tuple[IntArray, IntArray, IntArray, np.ndarray]:
     """Find the unbroken rows of body cells that sorted agents lie in.
 
@@ -244,50 +246,61 @@ def _runs(
     adjacent[1:] = (line[1:] == line[:-1]) & (position[1:] == position[:-1] + 1)
     first = np.flatnonzero(~adjacent)
     last = np.append(first[1:], len(line))[: len(first)] - 1
-    stop, held_above = _end_of_body(scene, line[last], position[last], axis, +1)
+    steps, held_above = _end_of_body(scene, cells[last], axis, +1)
+    stop = position[last] + steps
     # Two blocks of agents are one run if the lower one's body reaches the upper one.
     joined = np.zeros(len(first), dtype=np.bool_)
     joined[1:] = (line[first[1:]] == line[first[:-1]]) & (stop[:-1] > position[first[1:]])
     lowest = np.flatnonzero(~joined)
     highest = np.append(lowest[1:], len(first))[: len(lowest)] - 1
-    below, held_below = _end_of_body(scene, line[first[lowest]], position[first[lowest]], axis, -1)
+    steps, held_below = _end_of_body(scene, cells[first[lowest]], axis, -1)
+    below = position[first[lowest]] - steps
     block = np.cumsum(~adjacent) - 1
     run = (np.cumsum(~joined) - 1)[block] if len(block) else block
     return run, below + 1, stop[highest], np.stack([held_below, held_above[highest]], axis=1)
 
 
 def _end_of_body(
-    scene: Scene, line: IntArray, position: IntArray, axis: int, sense: int
+    scene: Scene, cells: IntArray, axis: int, sense: int
 ) -> tuple[IntArray, np.ndarray]:
-    """Walk along lines until the body ends; return where, and whether something rigid is there.
+    """Walk from cells along an axis until the body ends.
 
     The stride of the walk doubles, so long lines cost few calls; through a full box of squares
     or cubes it is one stride.
+
+    Returns
+    -------
+    steps : array of int
+        After how many cells the first comes that is no body.
+    held : array of bool
+        Whether that is something rigid.
     """
     lattice = scene.lattice
-    if scene.uniform and lattice.kind != "hexagon":
-        edge = lattice.shape[axis] if sense > 0 else -1
-        beyond = scene.kinds(lattice.on_line(line, np.full(len(line), edge), axis))
-        return np.full(len(line), edge), (beyond == RIGID) | (beyond == ROLLER)
-    end = position.copy()
-    kind = np.zeros(len(line), dtype=np.int64)
-    walking = np.arange(len(line))
+    if scene.uniform and lattice.boxes:
+        place = cells[:, axis]
+        steps = lattice.shape[axis] - place if sense > 0 else place + 1
+        beyond = scene.kinds(lattice.along(cells, axis, sense * steps))
+        return steps, (beyond == RIGID) | (beyond == ROLLER)
+    steps = np.zeros(len(cells), dtype=np.int64)
+    kind = np.zeros(len(cells), dtype=np.int64)
+    walking = np.arange(len(cells))
     reach = 1
     while len(walking):
         batch = max(1, _MOST_AT_ONCE // reach)
         still = []
         for part in np.split(walking, range(batch, len(walking), batch)):
-            steps = end[part, None] + sense * np.arange(1, reach + 1)
-            lines = np.repeat(line[part], reach)
-            cells = lattice.on_line(lines, steps.ravel(), axis)
-            kinds = scene.kinds(cells).reshape(steps.shape)
+            count = steps[part, None] + np.arange(1, reach + 1)
+            reached = lattice.along(
+                np.repeat(cells[part], reach, axis=0), axis, sense * count.ravel()
+            )
+            kinds = scene.kinds(reached).reshape(count.shape)
             outside = kinds < 0
             found = outside.any(axis=1)
             nearest = np.argmax(outside, axis=1)
             rows = np.arange(len(part))
-            end[part] = np.where(found, steps[rows, nearest], steps[:, -1])
+            steps[part] = np.where(found, count[rows, nearest], count[:, -1])
             kind[part[found]] = kinds[rows, nearest][found]
             still.append(part[~found])
         walking = np.concatenate(still)
         reach = min(2 * reach, 4096)
-    return end, (kind == RIGID) | (kind == ROLLER)
+    return steps, (kind == RIGID) | (kind == ROLLER)

@@ -26,7 +26,7 @@ def write_mesh(result: TransferResult, path: str | Path) -> Path:
 
     scene, stage = result.scene, result.last
     lattice = scene.lattice
-    if lattice.kind == "hexagon" or lattice.size > MOST_CELLS:
+    if not lattice.boxes or lattice.size > MOST_CELLS:
         raise ResultError(
             f"to_vtk: writes squares and cubes, up to {MOST_CELLS:.0e} of them, got "
             f"{lattice.size} {lattice.kind}s; kaju.plot and to_dataframe take any body"

@@ -291,9 +291,9 @@ class LoadModel(SteppedModel):
         """A (m²), over which an own share is spread."""
         return self.transfer.cross_section
 
-    def parity(self, index: tuple[int, ...]) -> int:
-        """Return the form of the cell with that index, 0 or 1."""
-        return int(self.lattice.parity(np.array([index]))[0])
+    def form(self, index: tuple[int, ...]) -> int:
+        """Return the form of the cell with that index."""
+        return int(self.lattice.form(np.array([index]))[0])
 
     def axis_of(self, direction: int) -> int:
         """Return the number of the axis that a direction lies on."""
@@ -305,7 +305,7 @@ class LoadModel(SteppedModel):
 
     def emissions(self, agent: MaterialAgent, load: Load) -> tuple[Emission, ...]:
         """Return what a load sends out of an agent for each newton, by its shares."""
-        key = (agent.shares, load.direction, load.sense, agent.parity)
+        key = (agent.shares, load.direction, load.sense, agent.form)
         sent = self._sent.get(key)
         if sent is None:
             if len(self._sent) > MOST_REMEMBERED:

@@ -135,12 +135,9 @@ def _grows(transfer: Transfer, lower: float, upper: float) -> str:
             f"a load that an agent of {name!r} passes on in one piece is not smaller than the "
             "load it took, so it never ends: lower forward (α₂), friction (α₃) and α₁ below 1"
         )
-    dimension = transfer.lattice.dimension
-    beside = 2 * (dimension - 1)
-    if transfer.lattice.kind == "hexagon":
-        sideways = 2.0 * shares.friction + 3.0 * shares.poisson
-    else:
-        sideways = beside * (shares.friction + shares.poisson)
+    way = transfer.lattice.way(0, 0).beside
+    beside = sum(each.friction for each in way)
+    sideways = beside * shares.friction + sum(each.poisson for each in way) * shares.poisson
     percent = 100.0 * (upper - 1.0)
     if lower < 1.0:
         growth = f"loads may grow by up to {percent:.3g} % a generation in {name!r}"
@@ -174,7 +171,7 @@ def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
     number = np.full(int(np.prod(np.asarray(lattice.shape) + 2)), -1, dtype=np.int64)
     number[lattice.key(cells)] = np.arange(len(cells))
     arms, states, shares = (table.reshape(-1, *table.shape[2:]) for table in transfer.tables)
-    form = material * 2 + lattice.parity(cells)
+    form = material * lattice.forms + lattice.form(cells)
     rows, columns, values = [], [], []
     for arm in range(lattice.directions):
         target = lattice.neighbours(cells, arm)

@@ -77,20 +77,21 @@ class Transfer:
         return direction if sense == "push" else self._opposite[direction]
 
     def emissions(
-        self, shares: Shares, direction: int, sense: Sense = "push", parity: int = 0
+        self, shares: Shares, direction: int, sense: Sense = "push", form: int = 0
     ) -> tuple[Emission, ...]:
         """Return what a load sends out of an agent with these shares."""
-        way = self.lattice.way(self.heading(direction, sense), parity)
+        way = self.lattice.way(self.heading(direction, sense), form)
         sent = shares.emissions(direction, sense, way, self._opposite)
         return sent if self.rule.sense else tuple(e._replace(sense="push") for e in sent)
 
     @cached_property
     def tables(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """Arm, state and share of every emission, each (materials, parities, states, most).
+        """Arm, state and share of every emission, each (materials, forms, states, most).
 
         Rows with fewer emissions are filled up with shares of 0.
         """
-        cells = [(shares, parity) for shares in self.shares for parity in (0, 1)]
+        forms = self.lattice.forms
+        cells = [(shares, form) for shares in self.shares for form in range(forms)]
         rows = [
             [self._sent(*cell, *divmod(state, self.lattice.directions)) for cell in cells]
             for state in range(self.states)
@@ -99,21 +100,21 @@ class Transfer:
         full = np.array(
             [[[*row, *[(0, 0, 0.0)] * (most - len(row))] for row in state] for state in rows]
         )
-        full = full.reshape(self.states, len(self.shares), 2, most, 3).transpose(1, 2, 0, 3, 4)
+        full = full.reshape(self.states, len(self.shares), forms, most, 3).transpose(1, 2, 0, 3, 4)
         arms, states = full[..., 0].astype(np.int64), full[..., 1].astype(np.int64)
         return arms, states, np.ascontiguousarray(full[..., 2])
 
     def _sent(
-        self, shares: Shares, parity: int, pull: int, direction: int
+        self, shares: Shares, form: int, pull: int, direction: int
     ) -> list[tuple[int, int, float]]:
         """Return arm, state and share of what a load of a state sends out."""
-        sent = self.emissions(shares, direction, "pull" if pull else "push", parity)
+        sent = self.emissions(shares, direction, "pull" if pull else "push", form)
         pulls = self.lattice.directions
         return [(arm, d + pulls * (s == "pull"), share) for arm, d, share, s in sent]
 
     @cached_property
     def emitted(self) -> NDArray[np.float64]:
-        """Sum of what a load sends out, by which loads grow: (materials, parities, states)."""
+        """Sum of what a load sends out, by which loads grow: (materials, forms, states)."""
         total: NDArray[np.float64] = self.tables[2].sum(axis=3)
         return total
 
@@ -211,10 +212,7 @@ def pulls(
 def split_force(
     lattice: Lattice, force: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Split forces into loads along the directions of the lattice.
-
-    Across squares and cubes a force splits into its components; across hexagons into its
-    parts along the two face normals that it lies between.
+    """Split forces into loads along the directions of the lattice; see `Lattice.split`.
 
     Parameters
     ----------
@@ -226,18 +224,7 @@ def split_force(
     row, direction, magnitude : arrays
         Which force, which direction, and the load along it (N), all above 0.
     """
-    magnitude = np.zeros((len(force), lattice.directions))
-    if lattice.kind == "hexagon":
-        angle = np.arctan2(force[:, 1], force[:, 0]) % (2.0 * np.pi)
-        sector = np.minimum((angle / (np.pi / 3.0)).astype(np.int64), 5)
-        rest = angle - sector * (np.pi / 3.0)
-        size = np.hypot(force[:, 0], force[:, 1]) / np.sin(np.pi / 3.0)
-        rows = np.arange(len(force))
-        magnitude[rows, sector] = size * np.sin(np.pi / 3.0 - rest)
-        magnitude[rows, (sector + 1) % 6] = size * np.sin(rest)
-    else:
-        magnitude[:, 0::2] = np.maximum(-force, 0.0)
-        magnitude[:, 1::2] = np.maximum(force, 0.0)
+    magnitude = lattice.split(force)
     row, direction = np.nonzero(magnitude)
     return row, direction, magnitude[row, direction]
 

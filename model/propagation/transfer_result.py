@@ -228,7 +228,7 @@ class TransferResult(BodyResult):
         MissingExtraError
             If meshio is not installed.
         ResultError
-            If the cells are hexagons, or more than five million.
+            If the cells are neither squares nor cubes, or more than five million.
         """
         from .export import write_mesh
 

@@ -6,12 +6,13 @@ from math import isclose, prod
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, PlainValidator, model_validator
+from pydantic import Field, PlainSerializer, PlainValidator, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
 from .described import Count, Described, Flag, Length, Number, Text
 from .lattice import Lattice
+from .lattices import BUILT_IN, check_lattice, lattice_named
 from .regions import Region
 
 _PICTURES = ("drawing", "image", "array")
@@ -23,6 +24,31 @@ def _codes(value: Any) -> Any:
 
 Codes = Annotated[str | np.ndarray, PlainValidator(_codes)]
 """Whole numbers, one a cell, or the path of the file that holds them."""
+
+
+def _lattice(value: Any) -> Any:
+    """Return the name of a lattice that kaju brings, or the class of one's own."""
+    if value is None or (isinstance(value, str) and value in BUILT_IN):
+        return value
+    if isinstance(value, str):
+        return lattice_named(value)
+    if not (isinstance(value, type) and issubclass(value, Lattice)):
+        raise SceneError(
+            f"must be {', '.join(map(repr, BUILT_IN))} or a subclass of kaju.Lattice, got {value!r}"
+        )
+    if BUILT_IN.get(value.kind) is value:
+        return value.kind
+    if not value.kind or value.kind in BUILT_IN:
+        raise SceneError(f"{value.__name__} needs a kind of its own, got {value.kind!r}")
+    return value
+
+
+LatticeName = Annotated[
+    str | type[Lattice] | None,
+    PlainValidator(_lattice),
+    PlainSerializer(lambda value: value if value is None or isinstance(value, str) else value.kind),
+]
+"""What a file calls a lattice, or the class of one's own."""
 
 
 class Body(Described):
@@ -48,8 +74,8 @@ class Body(Described):
         Of a two-dimensional body, across the plane (m); 1 m unless given.
     plane : {"stress", "strain"}, optional
         Two-dimensional state; "stress" unless given.
-    lattice : {"square", "hexagon", "cube"}, optional
-        Form of the cells.
+    lattice : {"square", "hexagon", "cube"} or type of Lattice, optional
+        Form of the cells: one of these, or a class of your own.
     material : str, optional
         What fills the array, under the regions: a material's name, "air" or "rigid".
     gravity : tuple of float, optional
@@ -79,7 +105,7 @@ class Body(Described):
         default=None, description="the body's thickness across the plane (m)"
     )
     plane: Literal["stress", "strain"] | None = None
-    lattice: Literal["square", "hexagon", "cube"] | None = None
+    lattice: LatticeName = None
     material: Text | None = Field(default=None, description="the name of what fills the body")
     gravity: tuple[Number, ...] | None = Field(
         default=None, description="an acceleration (m/s²), such as [0.0, -9.81]"
@@ -125,10 +151,12 @@ class Body(Described):
         """
         if len(shape) not in (2, 3):
             raise SceneError(f"body.cells: two or three numbers are needed, got {list(shape)}")
-        kind = self.lattice or ("cube" if len(shape) == 3 else "square")
-        if (kind == "cube") != (len(shape) == 3):
+        lattice = self.lattice or ("cube" if len(shape) == 3 else "square")
+        if isinstance(lattice, str):
+            lattice = BUILT_IN[lattice]
+        if lattice.dimension != len(shape):
             raise SceneError(
-                f"body.lattice: {kind!r} has {3 if kind == 'cube' else 2} axes, but "
+                f"body.lattice: {lattice.kind!r} has {lattice.dimension} axes, but "
                 f"body.cells names {len(shape)}"
             )
         for key in ("thickness", "plane"):
@@ -139,17 +167,21 @@ class Body(Described):
                 f"body.cells: {' x '.join(map(str, shape))} cells are more than can be counted "
                 "(2^62); use larger cells"
             )
-        edge = self.cell_size or self._edge(kind, shape)
+        edge = self.cell_size or self._edge(lattice, shape)
         if not 1e-12 <= edge <= 1e12:
             raise SceneError(f"body.size: cells would be {edge:g} m wide; lengths are in metres")
-        return Lattice(kind, shape, edge)
+        made = lattice(shape, edge)
+        if lattice.kind not in BUILT_IN:
+            check_lattice(made)
+        return made
 
-    def _edge(self, kind: str, shape: tuple[int, ...]) -> float:
+    def _edge(self, lattice: type[Lattice], shape: tuple[int, ...]) -> float:
         size = self.size
         assert size is not None
-        if kind == "hexagon":
+        if not lattice.boxes:
             raise SceneError(
-                "body.size: rows of hexagons overlap; give cell_size, the distance of two faces"
+                f"body.size: rows of {lattice.kind}s overlap; give cell_size, the length of a cell "
+                "along its axes, such as the distance of two faces of a hexagon"
             )
         if len(size) != len(shape):
             raise SceneError(

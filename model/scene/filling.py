@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil, floor, sqrt
+from itertools import product
+from math import floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,15 +110,12 @@ class Filling:
 
     def cells_of(self, shape: Shape) -> CellBox:
         """Return a box of cells outside of which a shape has no cell's centre."""
-        lower, upper = shape.extent
-        # centres lie at (i + 1/2) h; those of hexagons lie up to h/2 further in odd rows
-        pitch = np.full(self.lattice.dimension, self.lattice.cell_size)
-        if self.lattice.kind == "hexagon":
-            pitch[1] *= sqrt(3.0) / 2.0
-        low = [max(0, floor(x / h) - 1) for x, h in zip(lower, pitch, strict=True)]
-        counts = self.lattice.shape
-        high = [min(n, ceil(x / h) + 1) for x, h, n in zip(upper, pitch, counts, strict=True)]
-        return np.array(low, dtype=np.int64), np.maximum(low, high).astype(np.int64)
+        corners = np.array(list(product(*zip(*shape.extent, strict=True))))
+        places, last = self.lattice.coordinates(corners), np.asarray(self.lattice.shape)
+        least, most = self.lattice.offsets
+        low = np.clip(np.floor(places.min(axis=0)) - np.ceil(most), 0, last)
+        high = np.clip(np.ceil(places.max(axis=0)) - np.floor(least) + 1, 0, last)
+        return low.astype(np.int64), np.maximum(low, high).astype(np.int64)
 
     def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, shape `lattice.shape`.

@@ -1,18 +1,25 @@
-"""The grid of cells: where they are, who lies beside whom, and along which directions.
+"""The protocol of a lattice: where its cells are, and all that follows from their form.
 
-Three lattices: squares, cubes and regular hexagons (rows of hexagons standing on a corner,
-odd rows half a cell to the right). A *direction* is a number: the index of a face normal.
-The neighbour that lies in that direction is reached over the *arm* of the same number.
-Cells are named by integer coordinates that count from 0 at left, front and bottom. Nothing
-here is ever as large as the body: cells come and go as arrays of the cells asked about.
+A lattice of one's own is a subclass of `Lattice` that says three things: which *form* a cell has
+(squares have one, triangles stand on a side or on a corner), the outline of each form, and where
+the middles of the cells are. Neighbours, faces, areas, the ways of a load through a cell, the
+lines along which cells deform, and pictures follow from these. What a lattice knows better it
+may say itself, as squares and cubes do: they follow a formula and have three dimensions too.
+
+A *direction* is a number: the index of a face normal. The neighbour over a cell's face with that
+normal is reached over the *arm* of the same number. Cells are named by integer coordinates that
+count from 0 at left, front and bottom. Nothing here is ever as large as the body: cells come and
+go as arrays of the cells asked about.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from math import prod, sqrt
-from typing import Literal
+from itertools import product
+from math import pi, prod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,44 +29,58 @@ from kaju.errors import ParameterError
 
 Cells = NDArray[np.int64]
 """Integer cell coordinates, shape (n, dimension)."""
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-LatticeKind = Literal["square", "cube", "hexagon"]
+PERIOD = 5040
+"""Cells so many steps apart along an axis have the same form: 2, 3 ... 10 all divide it."""
 
+_NEAR = 1e-9  # of a cell
 _AXIS_SIDES = {
     2: ("left", "right", "bottom", "top"),
     3: ("left", "right", "front", "back", "bottom", "top"),
 }
 
-# Steps to the neighbour in direction k * 60 degrees, for even and for odd rows.
-_HEXAGON_STEPS = (
-    ((1, 0), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1)),
-    ((1, 0), (1, 1), (0, 1), (-1, 0), (0, -1), (1, -1)),
-)
-
 
 @dataclass(frozen=True)
-class Lattice:
-    """A regular arrangement of equal cells.
+class Lattice(ABC):
+    """A regular arrangement of equal cells; the base of lattices of one's own.
+
+    A subclass gives `kind`, `forms`, `form`, `outline` and `centres`. Give it to a body as
+    ``Body(..., lattice=Triangles)``. A scene file names it by its kind, once the class exists.
 
     Parameters
     ----------
-    kind : {"square", "cube", "hexagon"}
-        Form of a cell.
     shape : tuple of int
-        Number of cells along x and y (and z for cubes). For hexagons: per row, and rows.
+        Number of cells along the coordinates.
     cell_size : float
-        Distance between two opposite faces of a cell (m).
+        Length of a cell along each of its axes (m): of squares, cubes and hexagons the distance
+        of opposite faces, of triangles their height.
+
+    Attributes
+    ----------
+    kind : str
+        What a cell is called, in the singular.
+    forms : int
+        How many forms cells have.
+    dimension : int
+        2; only cubes have 3.
+    boxes : bool
+        Whether cells are squares or cubes, which have smaller ones in them and a staggered grid.
     """
 
-    kind: LatticeKind
     shape: tuple[int, ...]
     cell_size: float
 
+    kind: ClassVar[str] = ""
+    forms: ClassVar[int] = 1
+    dimension: ClassVar[int] = 2
+    boxes: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
-        expected = 3 if self.kind == "cube" else 2
-        if len(self.shape) != expected:
+        if len(self.shape) != self.dimension:
             raise ParameterError(
-                f"shape: a lattice of kind {self.kind!r} has {expected} numbers of cells, "
+                f"shape: a lattice of kind {self.kind!r} has {self.dimension} numbers of cells, "
                 f"got {self.shape}"
             )
         if prod(self.shape) >= 2**62:
@@ -68,10 +89,148 @@ class Lattice:
                 "use larger cells"
             )
 
+    # What a lattice says of itself.
+
+    def form(self, cells: Cells) -> Ints:
+        """Tell which of the forms each cell has, also outside the array: 0 to `forms` - 1."""
+        return np.zeros(len(cells), dtype=np.int64)
+
+    @abstractmethod
+    def outline(self, form: int) -> Floats:
+        """Return the corners of a form about the cell's middle (m), counter-clockwise."""
+
+    @abstractmethod
+    def centres(self, cells: Cells) -> Floats:
+        """Return the middle points of cells (m), also outside the array, shape (n, dimension)."""
+
+    # What follows from it: faces and neighbours.
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Outward unit normals of the faces of all forms, shape (directions, dimension)."""
+        # Whole degrees are taken exactly, so that opposite normals are as opposite as can be.
+        degrees = np.concatenate([_face_angles(self.outline(form)) for form in range(self.forms)])
+        whole = np.rint(degrees)
+        degrees = np.where(np.abs(degrees - whole) < 1e-7, whole, degrees) % 360.0
+        degrees = np.sort(degrees)
+        angle = np.deg2rad(degrees[np.diff(degrees, prepend=-1.0) > 1e-7])
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    @cached_property
+    def faces(self) -> Ints:
+        """Edge of a form's outline that looks along a direction, or -1: (forms, directions).
+
+        Edge k runs from corner k to the next.
+        """
+        faces = np.full((self.forms, self.directions), -1, dtype=np.int64)
+        for form in range(self.forms):
+            along = _edge_normals(self.outline(form)) @ self.normals.T
+            edge, direction = np.nonzero(along > 1.0 - _NEAR)
+            faces[form, direction] = edge
+        return faces
+
+    @cached_property
+    def distances(self) -> Floats:
+        """From a form's middle to its faces (m), 0 where it has none: (forms, directions)."""
+        distances = np.zeros(self.faces.shape)
+        for form, edges in enumerate(self.faces):
+            corners, here = self.outline(form), edges >= 0
+            distances[form, here] = (corners[edges[here]] * self.normals[here]).sum(axis=1)
+        return distances
+
+    @cached_property
+    def arms(self) -> tuple[tuple[int, ...], ...]:
+        """The directions in which each form has a face."""
+        return tuple(tuple(np.flatnonzero(edges >= 0).tolist()) for edges in self.faces)
+
     @property
-    def dimension(self) -> int:
-        """2 or 3."""
-        return len(self.shape)
+    def directions(self) -> int:
+        """Number of directions of faces: 4, 6 (cubes, hexagons, triangles), ..."""
+        return len(self.normals)
+
+    @property
+    def direction_names(self) -> tuple[str, ...]:
+        """Readable names: "-x", "+x", ... or "0°", "60°", ..."""
+        degrees = np.rad2deg(np.arctan2(self.normals[:, 1], self.normals[:, 0])) % 360.0
+        return tuple(f"{degree:.4g}°" for degree in np.round(degrees, 6) % 360.0)
+
+    @cached_property
+    def opposite(self) -> Ints:
+        """For every direction the one that points the other way."""
+        opposite: Ints = np.argmin(self.normals @ self.normals.T, axis=1)
+        return opposite
+
+    @cached_property
+    def mirrored(self) -> Ints:
+        """Directions mirrored at a wall: `mirrored[n, d]` is d seen in a wall with normal n."""
+        cosine = self.normals @ self.normals.T
+        image = self.normals[None] - 2.0 * cosine[:, :, None] * self.normals[:, None]
+        nearest: Ints = np.argmax(image @ self.normals.T, axis=2)
+        return nearest
+
+    @cached_property
+    def steps(self) -> Ints:
+        """Coordinate steps over each arm, shape (forms, directions, dimension).
+
+        Where a form has no face the step is 0.
+        """
+        steps = np.zeros((*self.faces.shape, self.dimension), dtype=np.int64)
+        first = self._one_of_each
+        for form, direction in zip(*np.nonzero(self.faces >= 0), strict=True):
+            corners, edge = self.outline(form), self.faces[form, direction]
+            middle = 0.5 * (corners[edge] + corners[(edge + 1) % len(corners)])
+            beyond = self.centres(first)[form] + middle
+            beyond = beyond + 1e-3 * self.cell_size * self.normals[direction]
+            steps[form, direction] = self.locate(beyond[None])[0] - first[form]
+        return steps
+
+    @cached_property
+    def _one_of_each(self) -> Cells:
+        """A cell of each form, near the first of the array."""
+        cells = np.array(list(product(range(10), repeat=self.dimension)), dtype=np.int64)
+        found = self.form(cells)
+        return np.stack([cells[np.argmax(found == form)] for form in range(self.forms)])
+
+    @cached_property
+    def key_steps(self) -> Ints:
+        """What a step over each arm adds to a cell's key, shape (forms, directions)."""
+        origin = np.zeros((1, self.dimension), dtype=np.int64)
+        steps = self.steps.reshape(-1, self.dimension)
+        return (self.key(steps) - self.key(origin)).reshape(self.steps.shape[:2])
+
+    def neighbours(self, cells: Cells, arm: int) -> Cells:
+        """Return the cells reached over one arm: outside, or the same where there is no face."""
+        reached: Cells = cells + self.steps[self.form(cells), arm]
+        return reached
+
+    def face_middles(self, cells: Cells, direction: Ints) -> Floats:
+        """Return the middles of faces (m), shape (n, dimension); direction -1: of the cells."""
+        reach = self.distances[self.form(cells), direction] * (direction >= 0)
+        return self.centres(cells) + reach[:, None] * self.normals[direction]
+
+    def way(self, direction: int, form: int) -> Way:
+        """Return the neighbours of a cell as a load sees them that travels in a direction.
+
+        Ahead is the face that looks most along the load; if two do so alike, as of a triangle
+        that stands on a corner, each takes its part of what goes ahead. Behind likewise. All
+        faces not square to the load are beside it: they feel the expansion across the load by
+        sin² of the angle between the load and their normal, and friction acts on those that
+        look most along it.
+        """
+        arms = list(self.arms[form])
+        cosine = np.round(self.normals[arms] @ self.normals[direction], 12).tolist()
+        faces = list(zip(arms, cosine, strict=True))
+        ahead, behind = (
+            tuple((arm, 1.0 / cosine.count(end)) for arm, c in faces if c == end)
+            for end in (max(cosine), min(cosine))
+        )
+        beside = [(arm, c) for arm, c in faces if abs(c) < 1.0]
+        nearest = max((c for _, c in beside), default=0.0)
+        return Way(
+            ahead, behind, tuple(Beside(a, float(c == nearest), 1.0 - c**2) for a, c in beside)
+        )
+
+    # Places and sizes.
 
     @property
     def size(self) -> int:
@@ -79,108 +238,143 @@ class Lattice:
         return prod(self.shape)
 
     @cached_property
-    def normals(self) -> NDArray[np.float64]:
-        """Outward unit normals of a cell's faces, shape (directions, dimension)."""
-        if self.kind == "hexagon":
-            angle = np.deg2rad(60.0 * np.arange(6))
-            return np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        signs = np.array([-1.0, 1.0])
-        return np.concatenate([np.outer(signs, axis) for axis in np.eye(self.dimension)])
+    def pitch(self) -> Floats:
+        """How far (m) a step along each coordinate leads on the average, a column for each."""
+        far = PERIOD * np.eye(self.dimension, dtype=np.int64)
+        pitch: Floats = (self.centres(far) - self.centres(0 * far)).T / PERIOD
+        return pitch
 
-    @property
-    def directions(self) -> int:
-        """Number of faces of a cell: 4, 6 (cube) or 6 (hexagon)."""
-        return len(self.normals)
+    def coordinates(self, points: Floats) -> Floats:
+        """Return points (m) in steps of the coordinates; a cell's middle lies near its own."""
+        return points @ np.linalg.inv(self.pitch).T
 
     @cached_property
-    def opposite(self) -> NDArray[np.int64]:
-        """For every direction the one that points the other way."""
-        if self.kind == "hexagon":
-            return (np.arange(6) + 3) % 6
-        return np.arange(self.directions) ^ 1
+    def offsets(self) -> tuple[Floats, Floats]:
+        """Least and largest difference of a cell's coordinates and those of its middle."""
+        few = np.array(list(product(range(10), repeat=self.dimension)), dtype=np.int64)
+        offsets = self.coordinates(self.centres(few)) - few
+        return offsets.min(axis=0), offsets.max(axis=0)
+
+    def locate(self, points: Floats) -> Cells:
+        """Return the cell that each point (m) lies in; outside the array too."""
+        points = np.asarray(points, dtype=np.float64)
+        guess = np.rint(self.coordinates(points) - np.mean(self.offsets, axis=0)).astype(np.int64)
+        found: Cells = guess
+        nearest = np.full(len(points), np.inf)
+        for step in product((0, -1, 1), repeat=self.dimension):
+            cells = guess + np.array(step)
+            form = self.form(cells)
+            reach = np.where(self.faces[form] < 0, np.inf, self.distances[form])
+            out = ((points - self.centres(cells)) @ self.normals.T - reach).max(axis=1)
+            better = out < nearest - _NEAR * self.cell_size
+            found = np.where(better[:, None], cells, found)
+            nearest = np.where(better, out, nearest)
+        return found
 
     @cached_property
-    def mirrored(self) -> NDArray[np.int64]:
-        """Directions mirrored at a wall: `mirrored[n, d]` is d seen in a wall with normal n."""
-        cosine = self.normals @ self.normals.T
-        image = self.normals[None] - 2.0 * cosine[:, :, None] * self.normals[:, None]
-        nearest: NDArray[np.int64] = np.argmax(image @ self.normals.T, axis=2)
-        return nearest
+    def extent(self) -> tuple[float, ...]:
+        """Size of the bounding box of the array (m)."""
+        ends = [sorted({*range(min(10, n)), *range(max(0, n - 10), n)}) for n in self.shape]
+        cells = np.array(list(product(*ends)), dtype=np.int64)
+        form, middles = self.form(cells), self.centres(cells)
+        corners = [
+            middles[form == each][:, None] + self.outline(each) for each in range(self.forms)
+        ]
+        upper = np.concatenate([part.reshape(-1, self.dimension) for part in corners]).max(axis=0)
+        return tuple(upper.tolist())
+
+    def face_area(self, thickness: float = 1.0) -> float:
+        """Return the area of a cell's face (m²); `thickness` (m) counts in two dimensions."""
+        corners = self.outline(0)
+        return float(np.linalg.norm(corners[1] - corners[0])) * thickness
+
+    def cell_volume(self, thickness: float = 1.0) -> float:
+        """Return the volume of a cell (m³); `thickness` (m) counts in two dimensions."""
+        return area_of(self.outline(0)) * thickness
+
+    # Axes, and the lines of cells along them.
 
     @cached_property
-    def steps(self) -> NDArray[np.int64]:
-        """Coordinate steps over each arm, shape (2, directions, dimension).
-
-        The first index is the cell's parity, which counts for hexagons only.
-        """
-        if self.kind == "hexagon":
-            return np.array(_HEXAGON_STEPS, dtype=np.int64)
-        return np.stack([self.normals, self.normals]).astype(np.int64)
-
-    @cached_property
-    def key_steps(self) -> NDArray[np.int64]:
-        """What a step over each arm adds to a cell's key, shape (2, directions)."""
-        origin = np.zeros((1, self.dimension), dtype=np.int64)
-        steps = self.steps.reshape(-1, self.dimension)
-        return (self.key(steps) - self.key(origin)).reshape(2, self.directions)
-
-    @cached_property
-    def axes(self) -> NDArray[np.int64]:
+    def axes(self) -> Ints:
         """One direction of each opposite pair: the positive sense of the cell's axes."""
-        if self.kind == "hexagon":
-            return np.arange(3)
-        return np.arange(1, self.directions, 2)
+        return np.flatnonzero(np.arange(self.directions) < self.opposite)
 
     @cached_property
-    def axis_of(self) -> NDArray[np.int64]:
+    def axis_of(self) -> Ints:
         """For every direction the index of its axis in `axes`."""
-        if self.kind == "hexagon":
-            return np.arange(6) % 3
-        return np.arange(self.directions) // 2
+        return np.searchsorted(self.axes, np.minimum(np.arange(self.directions), self.opposite))
 
-    @property
-    def direction_names(self) -> tuple[str, ...]:
-        """Readable names: "-x", "+x", ... or "0°", "60°", ..."""
-        if self.kind == "hexagon":
-            return tuple(f"{60 * k}°" for k in range(6))
-        return tuple(sign + axis for axis in "xyz"[: self.dimension] for sign in "-+")
+    @cached_property
+    def within(self) -> Floats:
+        """How far a cell's middle lies on its way along an axis, 0 to 1: (forms, axes)."""
+        along = [self.outline(form) @ self.normals[self.axes].T for form in range(self.forms)]
+        return -np.stack([part.min(axis=0) for part in along]) / self.cell_size
+
+    def line(self, cells: Cells, axis: int) -> tuple[Ints, Ints]:
+        """Return the line along an axis that each cell lies on, and its position there.
+
+        Lines are numbered; positions count cells along the axis' positive sense, from 0 upwards
+        in the array.
+        """
+        along = self.normals[self.axes[axis]]
+        across = np.array([-along[1], along[0]])
+        middles = self.centres(cells) / self.cell_size
+        # Middles on one line differ by rounding alone, lines by fractions that this resolves.
+        line = np.rint(720720.0 * (middles @ across)).astype(np.int64)
+        begins = middles @ along - self.within[self.form(cells), axis]
+        lowest = np.minimum(0.0, along * self.extent).sum() / self.cell_size
+        # 1/π keeps clear of the ends of cells, which lie at fractions.
+        return line, np.floor(begins - lowest + 1.0 / pi).astype(np.int64)
+
+    @cached_property
+    def _strides(self) -> tuple[Ints, Ints]:
+        """Steps along lines from each form, of 0 to `forms` cells: (forms, axes, forms + 1, dim).
+
+        And from each form the number of cells after which the line repeats: (forms, axes).
+        """
+        strides = np.zeros((self.forms, len(self.axes), self.forms + 1, self.dimension), np.int64)
+        period = np.zeros(strides.shape[:2], dtype=np.int64)
+        for form, axis in np.ndindex(*period.shape):
+            along, cell = self.normals[self.axes[axis]], self._one_of_each[form]
+            for count in range(1, self.forms + 1):
+                here = int(self.form(cell[None])[0])
+                way = (1.5 - self.within[here, axis]) * self.cell_size  # to the middle of the next
+                cell = self.locate(self.centres(cell[None]) + way * along)[0]
+                strides[form, axis, count] = cell - self._one_of_each[form]
+                if period[form, axis] == 0 and self.form(cell[None])[0] == form:
+                    period[form, axis] = count
+        return strides, period
+
+    def along(self, cells: Cells, axis: int, count: Ints) -> Cells:
+        """Return the cells so many further along an axis, on the same lines; below 0: back."""
+        strides, periods = self._strides
+        form = self.form(cells)
+        whole, rest = np.divmod(count, periods[form, axis])
+        repeat = strides[form, axis, periods[form, axis]]
+        reached: Cells = cells + whole[:, None] * repeat + strides[form, axis, rest]
+        return reached
+
+    # The array.
 
     @property
     def sides(self) -> tuple[str, ...]:
         """Names of the sides of the array, lower before upper, axis by axis."""
         return _AXIS_SIDES[self.dimension]
 
-    def way(self, direction: int, parity: int) -> Way:
-        """Return the neighbours of a cell as a load sees them that travels in a direction.
-
-        Across a square or a cube every face that is neither ahead nor behind takes the full
-        friction and the full Poisson share. Of a hexagon's four faces beside, those at ±60°
-        feel friction, and all four feel the Poisson expansion, by sin²60° = 3/4.
-        """
-        ahead, behind = ((direction, 1.0),), ((int(self.opposite[direction]), 1.0),)
-        if self.kind == "hexagon":
-            turns = ((1, 1.0), (2, 0.0), (4, 0.0), (5, 1.0))
-            beside = [Beside((direction + turn) % 6, weight, 0.75) for turn, weight in turns]
-        else:
-            arms = [arm for arm in range(self.directions) if arm // 2 != direction // 2]
-            beside = [Beside(arm, 1.0, 1.0) for arm in arms]
-        return Way(ahead, behind, tuple(beside))
-
-    def parity(self, cells: Cells) -> NDArray[np.int64]:
-        """Tell which of two forms each cell has; of hexagons, whether its row is odd."""
-        return cells[:, 1] & 1
-
-    def neighbours(self, cells: Cells, arm: int) -> Cells:
-        """Return the cells reached from `cells` over one arm (they may lie outside)."""
-        reached: Cells = cells + self.steps[self.parity(cells), arm]
-        return reached
+    def arms_of_side(self, side: str, form: int) -> list[int]:
+        """Return the faces of a form that look most towards a side of the array."""
+        axis, upper = divmod(self.sides.index(side), 2)
+        arms = np.array(self.arms[form])
+        towards = self.normals[arms, axis] * (1.0 if upper else -1.0)
+        chosen: list[int] = arms[towards > towards.max() - _NEAR].tolist()
+        return chosen
 
     def contains(self, cells: Cells) -> NDArray[np.bool_]:
         """Tell which cells lie inside the array."""
         inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < np.asarray(self.shape)), axis=1)
         return inside
 
-    def side_beyond(self, cells: Cells) -> NDArray[np.int64]:
+    def side_beyond(self, cells: Cells) -> Ints:
         """Return for each cell the index in `sides` that it lies beyond, -1 inside.
 
         A cell beyond two sides (outside a corner) counts for the later of them in `sides`.
@@ -191,7 +385,7 @@ class Lattice:
             beyond[cells[:, axis] >= count] = 2 * axis + 1
         return beyond
 
-    def key(self, cells: Cells) -> NDArray[np.int64]:
+    def key(self, cells: Cells) -> Ints:
         """Give each cell a number of its own, those in the rim just outside included."""
         padded = np.asarray(self.shape, dtype=np.int64) + 2
         key = cells[:, 0] + 1
@@ -199,7 +393,7 @@ class Lattice:
             key = key * padded[axis] + cells[:, axis] + 1
         return key
 
-    def cells(self, key: NDArray[np.int64]) -> Cells:
+    def cells(self, key: Ints) -> Cells:
         """Turn numbers made by `key` back into cell coordinates."""
         padded = np.asarray(self.shape, dtype=np.int64) + 2
         columns = []
@@ -209,75 +403,41 @@ class Lattice:
         columns.append(key - 1)
         return np.stack(columns[::-1], axis=1)
 
-    def line(self, cells: Cells, axis: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the line along an axis that each cell lies on, and its position there.
+    # Forces.
 
-        Lines are numbered; positions count cells along the axis' positive sense.
+    def split(self, force: Floats) -> Floats:
+        """Split forces (N) into loads along the directions, shape (n, directions).
+
+        A force is the sum of its parts along the two face normals that it lies between.
         """
-        if self.kind == "hexagon":
-            column, row = cells[:, 0], cells[:, 1]
-            if axis == 0:
-                return row.copy(), column.copy()
-            slanted = column - (row - (row & 1)) // 2
-            return (slanted if axis == 1 else slanted + row), row.copy()
-        foot = cells.copy()
-        foot[:, axis] = 0
-        return self.key(foot), cells[:, axis].copy()
+        angle = np.arctan2(self.normals[:, 1], self.normals[:, 0]) % (2.0 * pi)
+        order = np.argsort(angle)
+        turn = np.arctan2(force[:, 1], force[:, 0]) % (2.0 * pi)
+        sector = np.searchsorted(angle[order], turn, side="right") - 1
+        pair = np.stack([order[sector], order[(sector + 1) % len(order)]], axis=1)
+        parts = np.linalg.solve(self.normals[pair].transpose(0, 2, 1), force[:, :, None])[..., 0]
+        # A force along a direction has rounding alone along the next.
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        parts = np.where(parts > 1e-12 * size, parts, 0.0)
+        parts = np.where(parts[:, ::-1] == 0.0, np.where(parts > 0.0, size, 0.0), parts)
+        loads = np.zeros((len(force), self.directions))
+        np.put_along_axis(loads, pair, parts, axis=1)
+        return loads
 
-    def on_line(self, line: NDArray[np.int64], position: NDArray[np.int64], axis: int) -> Cells:
-        """Return the cells at positions on lines: the inverse of `line`."""
-        if self.kind == "hexagon":
-            if axis == 0:
-                return np.stack([position, line], axis=1)
-            slanted = line if axis == 1 else line - position
-            column = slanted + (position - (position & 1)) // 2
-            return np.stack([column, position], axis=1)
-        cells = self.cells(line)
-        cells[:, axis] = position
-        return cells
 
-    def centres(self, cells: Cells) -> NDArray[np.float64]:
-        """Return the middle points of cells (m), shape (n, dimension)."""
-        if self.kind == "hexagon":
-            x = cells[:, 0] + 0.5 + 0.5 * (cells[:, 1] & 1)
-            y = (cells[:, 1] + 2.0 / 3.0) * (sqrt(3.0) / 2.0)
-            return np.stack([self.cell_size * x, self.cell_size * y], axis=1)
-        return self.cell_size * (cells.astype(np.float64) + 0.5)
+def area_of(corners: Floats) -> float:
+    """Return the area of a polygon (m²), above 0 if its corners run counter-clockwise."""
+    x, y = corners.T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
-    def locate(self, points: NDArray[np.float64]) -> Cells:
-        """Return the cell that each point (m) lies in; outside the array too."""
-        scaled = np.asarray(points, dtype=np.float64) / self.cell_size
-        if self.kind != "hexagon":
-            return np.floor(scaled).astype(np.int64)
-        row = np.floor(scaled[:, 1] / (sqrt(3.0) / 2.0) - 1.0 / 6.0).astype(np.int64)
-        column = np.floor(scaled[:, 0] - 0.5 * (row & 1)).astype(np.int64)
-        guess = np.stack([column, row], axis=1)
-        # The rows overlap by the corners: of the guess and its neighbours the nearest holds.
-        candidates = np.stack([guess, *(self.neighbours(guess, arm) for arm in range(6))])
-        offset = np.stack([self.centres(c) for c in candidates]) - points
-        nearest = np.argmin((offset**2).sum(axis=2), axis=0)
-        found: Cells = candidates[nearest, np.arange(len(points))]
-        return found
 
-    @property
-    def extent(self) -> tuple[float, ...]:
-        """Size of the bounding box of the array (m)."""
-        if self.kind == "hexagon":
-            width = self.shape[0] + (0.5 if self.shape[1] > 1 else 0.0)
-            height = (self.shape[1] - 1) * sqrt(3.0) / 2.0 + 2.0 / sqrt(3.0)
-            return (self.cell_size * width, self.cell_size * height)
-        return tuple(self.cell_size * count for count in self.shape)
+def _edge_normals(corners: Floats) -> Floats:
+    edge = np.roll(corners, -1, axis=0) - corners
+    normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
+    unit: Floats = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+    return unit
 
-    def face_area(self, thickness: float = 1.0) -> float:
-        """Return the area of a cell's face (m²); `thickness` (m) counts in two dimensions."""
-        if self.kind == "cube":
-            return self.cell_size**2
-        edge = self.cell_size / (sqrt(3.0) if self.kind == "hexagon" else 1.0)
-        return edge * thickness
 
-    def cell_volume(self, thickness: float = 1.0) -> float:
-        """Return the volume of a cell (m³); `thickness` (m) counts in two dimensions."""
-        if self.kind == "cube":
-            return self.cell_size**3
-        area = self.cell_size**2 * (sqrt(3.0) / 2.0 if self.kind == "hexagon" else 1.0)
-        return area * thickness
+def _face_angles(corners: Floats) -> Floats:
+    normal = _edge_normals(corners)
+    return np.rad2deg(np.arctan2(normal[:, 1], normal[:, 0]))

@@ -31,12 +31,14 @@ def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) 
     Raises
     ------
     SceneError
-        If the cells are hexagons, or too many for a picture.
+        If the cells are neither squares nor cubes, or too many for a picture.
     """
     if isinstance(k, bool) or not isinstance(k, (int, np.integer)) or k < 1:
         raise ParameterError(f"k: must be a whole number from 1 upwards, got {k!r}")
-    if lattice.kind == "hexagon":
-        raise SceneError("body.lattice: a hexagon is not made of smaller hexagons; use squares")
+    if not lattice.boxes:
+        raise SceneError(
+            f"body.lattice: squares and cubes alone are made of smaller ones, got {lattice.kind}s"
+        )
     given = dict(body)
     if body.size is None:
         given["cell_size"] = lattice.cell_size / k

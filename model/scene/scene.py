@@ -253,7 +253,7 @@ class Scene(Description):
         Raises
         ------
         SceneError
-            If the cells are hexagons, which do not nest.
+            If the cells are neither squares nor cubes, which alone nest.
         """
         contents = self._contents
         body = refined_body(self.body, self.lattice, contents.picture, k)

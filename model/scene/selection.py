@@ -18,6 +18,7 @@ from . import kinds
 from .filling import Filling
 from .lattice import Cells, Lattice
 from .loads import Load
+from .shapes import Box
 from .surfaces import (
     Corners,
     Selection,
@@ -28,7 +29,6 @@ from .surfaces import (
     faces_on_side,
 )
 
-_HEXAGON_ARMS = {"left": [3], "right": [0], "bottom": [4, 5], "top": [1, 2]}
 _NUDGE = 1e-6  # of a cell: a point this near to a neighbour belongs to both
 
 
@@ -91,6 +91,9 @@ def _in_region(filling: Filling, load: Load, box: Corners, where: str) -> Select
             f"{where}: a {what} acts on a surface; give the box no thickness along one axis, or "
             "take another shape"
         )
+    if not filling.lattice.boxes:
+        lower, upper = (tuple(corner) for corner in box)
+        return cells_in_shape(filling, Box(lower, upper), where)
     return cells_in_box(filling, box, where)
 
 
@@ -131,7 +134,7 @@ def _cells_at(filling: Filling, point: tuple[float, ...], where: str) -> Cells:
             f"{list(lattice.extent)} m"
         )
     around = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
-    if lattice.kind == "hexagon":
+    if not lattice.boxes:
         around = np.concatenate([around, lattice.normals])
     nearby = np.asarray(point) + _NUDGE * lattice.cell_size * around
     cells = np.unique(lattice.locate(nearby), axis=0)
@@ -148,9 +151,10 @@ def _cells_at(filling: Filling, point: tuple[float, ...], where: str) -> Cells:
 def _into(filling: Filling, cells: Cells, load: Load, where: str) -> Selection:
     """Return the faces by which a load enters single cells."""
     if load.side is not None:
-        arms = arms_of_side(filling.lattice, load.side)
-        direction = np.tile(np.array(arms, dtype=np.int64), len(cells))
-        cells = np.repeat(cells, len(arms), axis=0)
+        lattice = filling.lattice
+        arms = [lattice.arms_of_side(load.side, form) for form in lattice.form(cells)]
+        direction = np.array([arm for some in arms for arm in some], dtype=np.int64)
+        cells = np.repeat(cells, [len(some) for some in arms], axis=0)
     elif load.force is not None:
         force = np.asarray(load.force)
         entries = [_entering(filling, cell, force) for cell in cells]
@@ -160,11 +164,6 @@ def _into(filling: Filling, cells: Cells, load: Load, where: str) -> Selection:
     return Selection(cells, direction, np.ones(len(cells)))
 
 
-def arms_of_side(lattice: Lattice, side: str) -> list[int]:
-    """Return the faces of a cell that look towards a side of the array."""
-    return _HEXAGON_ARMS[side] if lattice.kind == "hexagon" else [lattice.sides.index(side)]
-
-
 def _entering(filling: Filling, cell: NDArray[np.int64], force: NDArray[np.float64]) -> int:
     """Return the face whose outward normal is most opposed to a force.
 
@@ -172,8 +171,9 @@ def _entering(filling: Filling, cell: NDArray[np.int64], force: NDArray[np.float
     the force enters in the middle (-1), so that a mirrored scene stays mirrored.
     """
     lattice = filling.lattice
-    along = lattice.normals @ (force / np.abs(force).max())
-    faces = np.flatnonzero(along <= along.min() + 1e-9)
+    arms = np.array(lattice.arms[int(lattice.form(cell[None])[0])])
+    along = lattice.normals[arms] @ (force / np.abs(force).max())
+    faces = arms[along <= along.min() + 1e-9]
     if len(faces) > 1:
         beyond = [lattice.neighbours(cell[None], int(face)) for face in faces]
         exposed = faces[filling.kinds(np.concatenate(beyond)) < 0]

@@ -71,60 +71,72 @@ def _has_body(filling: Filling, box: CellBox) -> bool:
 
 
 def _check_parts(filling: Filling, allow_floating: bool) -> None:
-    raster = _bricks(filling)
-    body = raster >= 0
-    if not body.any():
+    raster = filling.rasterise()
+    if not (raster >= 0).any():
         raise SceneError(_empty(filling))
     if allow_floating:
         return
-    from scipy.ndimage import label
-
-    parts, number = label(body)
-    held = np.zeros(number + 1, dtype=np.bool_)
-    holds = np.isin(raster, _HOLDS)
-    for axis in range(raster.ndim):
-        below = tuple(slice(None, -1) if a == axis else slice(None) for a in range(raster.ndim))
-        above = tuple(slice(1, None) if a == axis else slice(None) for a in range(raster.ndim))
-        held[parts[below][holds[above]]] = True
-        held[parts[above][holds[below]]] = True
+    parts, held = (_parts_of_boxes if filling.lattice.boxes else _parts)(filling, raster)
     loose = np.flatnonzero(~held[1:]) + 1
-    if len(loose) == number:
+    if len(loose) == len(held) - 1:
         raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
     if len(loose):
-        place = np.argwhere(parts == loose[0])[0]
         raise SupportError(
-            f"body: {len(loose)} of its {number} parts touch nothing that holds them, first the "
-            f"one with cell {_cell_of(filling, place)} (cells that touch only at a corner do not "
-            f"hold each other); {_REMEDY}"
+            f"body: {len(loose)} of its {len(held) - 1} parts touch nothing that holds them, "
+            f"first the one with cell {np.argwhere(parts == loose[0])[0].tolist()} (cells that "
+            f"touch only at a corner do not hold each other); {_REMEDY}"
         )
 
 
-def _bricks(filling: Filling) -> NDArray[np.int16]:
-    """Return the kinds of all cells in a frame of what lies beyond the sides.
+Parts = tuple[NDArray[np.integer], NDArray[np.bool_]]
+"""The number of each cell's part, from 1 (0: no body), and which numbers something holds."""
 
-    Hexagons become bricks two entries wide, odd rows shifted by one: bricks that share an
-    edge are hexagons that share a face.
-    """
-    raster = filling.rasterise()
-    if filling.lattice.kind == "hexagon":
-        raster = np.pad(np.repeat(raster, 2, axis=0), ((0, 1), (0, 0)))
-        raster[-1, 0::2] = filling.beyond[1]
-        raster[:, 1::2] = np.roll(raster[:, 1::2], 1, axis=0)
-        raster[0, 1::2] = filling.beyond[0]
+
+def _parts_of_boxes(filling: Filling, raster: NDArray[np.int16]) -> Parts:
+    """Return the connected parts of squares or cubes."""
+    from scipy.ndimage import label
+
     framed = np.pad(raster, 1, constant_values=kinds.AIR)
     for side, kind in enumerate(filling.beyond):
         axis, upper_end = divmod(side, 2)
         rim = [slice(1, -1)] * raster.ndim
         rim[axis] = slice(-1, None) if upper_end else slice(0, 1)
         framed[tuple(rim)] = kind
-    return framed
+    parts, number = label(framed >= 0)
+    held = np.zeros(number + 1, dtype=np.bool_)
+    holds = np.isin(framed, _HOLDS)
+    for axis in range(raster.ndim):
+        below = tuple(slice(None, -1) if a == axis else slice(None) for a in range(raster.ndim))
+        above = tuple(slice(1, None) if a == axis else slice(None) for a in range(raster.ndim))
+        held[parts[below][holds[above]]] = True
+        held[parts[above][holds[below]]] = True
+    return parts[(slice(1, -1),) * raster.ndim], held
 
 
-def _cell_of(filling: Filling, place: NDArray[np.intp]) -> list[int]:
-    cell = [int(index) - 1 for index in place]
-    if filling.lattice.kind == "hexagon":
-        cell[0] = (cell[0] - cell[1] % 2) // 2
-    return cell
+def _parts(filling: Filling, raster: NDArray[np.int16]) -> Parts:
+    """Return the connected parts of any cells, from face to face."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    lattice, body = filling.lattice, raster >= 0
+    cells, count = np.argwhere(body), np.count_nonzero(body)
+    number = np.zeros(raster.shape, dtype=np.int64)
+    number[body] = np.arange(count)
+    touching, links = np.zeros(count, dtype=np.bool_), []
+    for arm in range(lattice.directions):
+        reached = lattice.neighbours(cells, arm)
+        beyond = filling.kinds(reached)
+        touching |= np.isin(beyond, _HOLDS)
+        here = np.flatnonzero((beyond >= 0) & (arm < lattice.opposite[arm]))  # each face once
+        links.append(np.stack([here, number[tuple(reached[here].T)]]))
+    pairs = np.concatenate(links, axis=1).astype(np.int64)
+    graph = coo_array((np.ones(pairs.shape[1], dtype=np.bool_), tuple(pairs)), (count, count))
+    some, part = connected_components(graph, directed=False)
+    parts = np.zeros(raster.shape, dtype=np.int64)
+    parts[body] = part + 1
+    held = np.zeros(some + 1, dtype=np.bool_)
+    held[part[touching] + 1] = True
+    return parts, held
 
 
 def _empty(filling: Filling) -> str:

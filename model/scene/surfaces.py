@@ -55,8 +55,7 @@ class Selection:
 
     def _middles(self, lattice: Lattice) -> NDArray[np.float64]:
         """Return the middles of the faces, or cells (m)."""
-        outwards = lattice.normals[self.direction] * (self.direction >= 0)[:, None]
-        return lattice.centres(self.cells) + 0.5 * lattice.cell_size * outwards
+        return lattice.face_middles(self.cells, self.direction)
 
     def _couple(self, moment: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64]:
         """Return forces a × r, r from their middle, without a sum, whose moment (N m) is given."""
@@ -89,20 +88,14 @@ def faces_on_side(filling: Filling, side: str, where: str) -> Selection:
             f"{where}: no cell of the body lies at the {side} of the array; select the surface "
             "by a region = {box = [lower corner, upper corner]} without thickness"
         )
-    if lattice.kind == "hexagon":
-        faces = [_hexagon_faces(lattice, cells, arm, number) for arm in range(6)]
-        cells, direction = (np.concatenate(part) for part in zip(*faces, strict=True))
-    else:
-        direction = np.full(len(cells), number, dtype=np.int64)
+    faces = [
+        cells[lattice.side_beyond(lattice.neighbours(cells, arm)) == number]
+        for arm in range(lattice.directions)
+    ]
+    direction = np.repeat(np.arange(lattice.directions), [len(some) for some in faces])
+    cells = np.concatenate(faces)
     _check_free(filling, cells, direction, where)
     return Selection(cells, direction, np.ones(len(cells)))
-
-
-def _hexagon_faces(
-    lattice: Lattice, cells: Cells, arm: int, side: int
-) -> tuple[Cells, NDArray[np.int64]]:
-    chosen = cells[lattice.side_beyond(lattice.neighbours(cells, arm)) == side]
-    return chosen, np.full(len(chosen), arm, dtype=np.int64)
 
 
 def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) -> Selection:
@@ -111,9 +104,10 @@ def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) ->
     A face that the box covers in part takes part of the load.
     """
     lattice = filling.lattice
-    if lattice.kind == "hexagon":
+    if not lattice.boxes:
         raise SceneError(
-            f"{where}: hexagons have no faces in a plane; use side, cell, or a box with thickness"
+            f"{where}: {lattice.kind}s have no faces in a plane; use side, cell, or a box with "
+            "thickness"
         )
     place = corners[0][axis] / lattice.cell_size
     plane = round(place)
@@ -162,24 +156,11 @@ def _split_faces(
 
 
 def cells_in_box(filling: Filling, corners: Corners, where: str) -> Selection:
-    """Return the body's cells in a box; those covered in part take part of the load."""
-    lattice = filling.lattice
-    if lattice.kind == "hexagon":
-        edge = np.asarray(lattice.extent)
-        lower, upper = (np.clip(corner, 0.0, edge) for corner in corners)
-        first, last = lattice.locate(np.stack([lower, upper]))
-        box = (np.maximum(first - 1, 0), np.minimum(last + 2, lattice.shape))
-    else:
-        box = _covered(lattice, corners)
-    cells = _body_cells(filling, box, where)
-    if lattice.kind == "hexagon":
-        centres = lattice.centres(cells)
-        cells = cells[np.all((centres >= lower) & (centres <= upper), axis=1)]
+    """Return the squares or cubes in a box; those covered in part take part of the load."""
+    cells = _body_cells(filling, _covered(filling.lattice, corners), where)
     if len(cells) == 0:
         raise SceneError(f"{where}: there is no cell of the body in this box")
-    share = np.ones(len(cells))
-    if lattice.kind != "hexagon":
-        share = _share(lattice, cells, corners)
+    share = _share(filling.lattice, cells, corners)
     return Selection(cells, np.full(len(cells), -1, dtype=np.int64), share)
 
 
@@ -202,8 +183,8 @@ def faces_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
     box = (np.maximum(lower - 1, 0), np.minimum(upper + 1, np.asarray(lattice.shape)))
     body = _body_cells(filling, box, where)
     found, arms = [body[:0]], [np.empty(0, dtype=np.int64)]
-    for arm, normal in enumerate(lattice.normals):
-        middles = lattice.centres(body) + 0.5 * lattice.cell_size * normal
+    for arm in range(lattice.directions):
+        middles = lattice.face_middles(body, np.full(len(body), arm))
         beyond = filling.kinds(lattice.neighbours(body, arm))
         chosen = body[(beyond == kinds.AIR) & shape.contains(middles)]
         found.append(chosen)

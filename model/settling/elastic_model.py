@@ -92,7 +92,7 @@ class ElasticModel(SteppedModel):
     StabilityError
         If waves would grow and `allow_unstable` is False.
     SceneError
-        If the cells are hexagons or the rule is another one.
+        If the cells are neither squares nor cubes, or the rule is another one.
     SupportError
         If a part of the body could move without straining.
     """

@@ -118,7 +118,7 @@ class PushTable:
     Raises
     ------
     SceneError
-        If the cells are hexagons or the rule is another one.
+        If the cells are neither squares nor cubes, or the rule is another one.
     SupportError
         If a part of the body could move without straining.
     """

@@ -14,6 +14,7 @@ from kaju.errors import SceneError
 from kaju.model.elasticity.moduli import Moduli, moduli_of
 from kaju.model.elasticity.problem import Scales
 from kaju.model.scene import Scene
+from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.purity import MIXED
 
 from .leaves import Flags, Index, Leaves
@@ -56,11 +57,7 @@ class Ground:
 
     def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
         lattice = scene.lattice
-        if lattice.kind == "hexagon":
-            raise SceneError(
-                "body.lattice: 'hexagon' has no staggered grid; solve it as a SpringNetwork, or "
-                "take square cells"
-            )
+        check_boxes(lattice)
         self.scene, self.dimension = scene, lattice.dimension
         digits = max(1, ceil(log2(max(lattice.shape))))
         spare = BITS[self.dimension] - digits

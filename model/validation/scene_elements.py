@@ -106,8 +106,10 @@ def surroundings(scene: Scene) -> Index:
     ParameterError
         If cells are neither squares nor cubes, or sides neither free, rigid nor rollers.
     """
-    if scene.lattice.kind == "hexagon":
-        raise ParameterError("scene: finite elements need square cells or cubes, got hexagons")
+    if not scene.lattice.boxes:
+        raise ParameterError(
+            f"scene: finite elements need square cells or cubes, got {scene.lattice.kind}s"
+        )
     ranges = [np.arange(-1, n + 1) for n in scene.lattice.shape]
     cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1)
     found = scene.kinds(cells.reshape(-1, len(ranges)))

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult as TransferResult
     from kaju.model.reference import Reference as Reference
     from kaju.model.result import Result as Result
+    from kaju.model.scene import Lattice as Lattice
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
     from kaju.model.settling.elastic_model import ElasticModel as ElasticModel
@@ -65,6 +66,7 @@ _HOME = {
     "FreeBoundaryAgent": "kaju.agents.boundary_agent",
     "History": "kaju.agents.history",
     "KajuError": "kaju.errors",
+    "Lattice": "kaju.model.scene",
     "LoadModel": "kaju.model.propagation.load_model",
     "Material": "kaju.agents.materials",
     "MaterialAgent": "kaju.agents.material_agent",

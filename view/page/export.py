@@ -23,6 +23,7 @@ from kaju.model.propagation.stability import stability
 from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.result import Result
 from kaju.model.scene import Scene
+from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.settling.elastic_model import ElasticModel
 
 from .live import has_own
@@ -91,8 +92,8 @@ def export_page(
 
     The file needs nothing else: it opens by a double click, without network or server. Where
     the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
-    loads and the body can be changed in it. All else is recorded: agents of one's own, elastic
-    agents, agents that spawn, elastic answers, spring networks, creep.
+    loads and the body can be changed in it. All else is recorded: agents and lattices of one's
+    own, elastic agents, agents that spawn, elastic answers, spring networks, creep.
 
     Parameters
     ----------
@@ -143,6 +144,8 @@ def packed_page(
     """Return what the page is told, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
         of = ElasticModel(of)
+    elif isinstance(of, Scene) and of.lattice.kind not in BUILT_IN:
+        of = LoadModel(of)  # the page knows no neighbours of such cells
     if not (isinstance(of, (Scene, Result)) or hasattr(of, "run")):
         raise ParameterError(f"of: a scene, a model or a result is needed, got {of!r:.80}")
     shown: Scene | Result
@@ -154,10 +157,13 @@ def packed_page(
     header: dict[str, Any] = {"format": FORMAT, "text": text}
     header |= {"title": title} if title else {}
     header |= {"language": language} if language else {}
-    if not isinstance(shown, (Scene, TransferResult)):
+    scene = shown.scene if isinstance(shown, TransferResult) else shown
+    if not isinstance(shown, Scene) and not (
+        isinstance(scene, Scene) and scene.lattice.kind in BUILT_IN
+    ):
         told, columns = motion_data(shown)
         return pack(header | told | {"kind": "pictures"}, columns)
-    scene = shown if isinstance(shown, Scene) else shown.scene
+    assert isinstance(scene, Scene)
     data, columns = scene_data(scene)
     header |= {"scene": data, "kind": "runnable"}
     if isinstance(shown, TransferResult) and not _by_the_rule(shown):

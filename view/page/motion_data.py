@@ -1,13 +1,14 @@
 """What the page is told of runs that it replays as pictures: parts that move and change.
 
-Spring networks, creep, elastic agents, agents of many sizes and elastic answers are all parts
-(springs, squares, hexagons, cubes) at points, with values and displacements a frame.
+Spring networks, creep, elastic agents, agents of many sizes, elastic answers and load transfer on
+lattices of one's own are all parts (springs, cells) at points, with values and displacements a
+frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class Pictures:
     points : array, shape (n, dimension)
         Places at rest (m).
     parts : array of int, shape (parts, corners)
-        2 corners: a spring; 4: a square or a face's diamond; 6: a hexagon; 8: a cube.
+        2 corners: a spring; 4: a square or a face's diamond; 8: a cube; else a polygon.
     at, along : array, shape (frames,), and str
         What each frame stands at, and what that is: "s", "step", "generation", "stage".
     moved : array, shape (frames, n or parts, dimension), optional
@@ -137,6 +138,7 @@ def _pictures(result: Result) -> Pictures:
     from kaju.model.creep.network_result import NetworkCreepResult
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
+    from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.settling.run import ElasticRun
 
     if isinstance(result, NetworkResult):
@@ -150,6 +152,9 @@ def _pictures(result: Result) -> Pictures:
     if isinstance(result, (TransferCreepResult, ElasticCreepResult)):
         moving = motion.times(result)
         return _moving(moving, "s", result.curves(), applied(result.static.scene))
+    if isinstance(result, TransferResult):
+        told = _moving(motion.generations(result), "generation", [], applied(result.scene))
+        return replace(told, words=result.outcome)
     if isinstance(result, ElasticRun):
         return _elastic_agents(result)
     if isinstance(result, ElasticResult) and result.spawned:

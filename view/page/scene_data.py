@@ -13,6 +13,7 @@ from kaju.errors import SceneError
 from kaju.model.propagation.deformation import squeeze
 from kaju.model.propagation.transfer import Transfer
 from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL, PUSH
+from kaju.model.scene.lattices import BUILT_IN
 
 if TYPE_CHECKING:
     from kaju.agents.rules import Coefficients
@@ -37,9 +38,14 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
     Raises
     ------
     SceneError
-        If the array has more than a million cells.
+        If the array has more than a million cells, or they are of a lattice of one's own.
     """
     lattice = scene.lattice
+    if lattice.kind not in BUILT_IN:
+        raise SceneError(
+            f"body.lattice: a page runs no {lattice.kind}s, which it does not know; export_page of "
+            "their scene or result shows what their agents did"
+        )
     if lattice.size > MOST_CELLS:
         raise SceneError(
             f"body: {lattice.size:.3g} cells are more than a page holds ({MOST_CELLS:,}); "

@@ -1,0 +1,305 @@
+"""The lattices that kaju brings, lattices by name, and the check of those of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import chain
+from math import sqrt
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kaju.agents.materials import suggestion
+from kaju.errors import SceneError
+
+from .lattice import PERIOD, Cells, Floats, Ints, Lattice, area_of
+
+
+class Boxes(Lattice):
+    """Squares or cubes along the axes: everything by formula, in two and three dimensions."""
+
+    boxes: ClassVar[bool] = True
+
+    def outline(self, form: int) -> Floats:
+        """Return the corners of a square about its middle (m), counter-clockwise."""
+        return self.cell_size * np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+
+    def centres(self, cells: Cells) -> Floats:
+        """Return the middle points of cells (m)."""
+        return self.cell_size * (cells.astype(np.float64) + 0.5)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Outward unit normals: -x, +x, -y, +y (-z, +z)."""
+        signs = np.array([-1.0, 1.0])
+        return np.concatenate([np.outer(signs, axis) for axis in np.eye(self.dimension)])
+
+    @cached_property
+    def faces(self) -> Ints:
+        """Edge of a square's outline for each direction; cubes have no outline."""
+        return np.array([[3, 1, 0, 2, -1, -1][: 2 * self.dimension]], dtype=np.int64)
+
+    @cached_property
+    def arms(self) -> tuple[tuple[int, ...], ...]:
+        """All directions."""
+        return (tuple(range(self.directions)),)
+
+    @cached_property
+    def distances(self) -> Floats:
+        """From the middle to the faces: half a cell."""
+        return np.full((1, self.directions), 0.5 * self.cell_size)
+
+    @property
+    def direction_names(self) -> tuple[str, ...]:
+        """Readable names: "-x", "+x", ..."""
+        return tuple(sign + axis for axis in "xyz"[: self.dimension] for sign in "-+")
+
+    @cached_property
+    def steps(self) -> Ints:
+        """The normals, which are whole steps."""
+        return self.normals[None].astype(np.int64)
+
+    @cached_property
+    def axes(self) -> Ints:
+        """+x, +y (+z)."""
+        return np.arange(1, self.directions, 2)
+
+    @cached_property
+    def axis_of(self) -> Ints:
+        """For every direction the index of its axis in `axes`."""
+        return np.arange(self.directions) // 2
+
+    @cached_property
+    def within(self) -> Floats:
+        """A cell's middle is half of its way."""
+        return np.full((1, self.dimension), 0.5)
+
+    def line(self, cells: Cells, axis: int) -> tuple[Ints, Ints]:
+        """Return the line along an axis that each cell lies on, and its position there."""
+        foot = cells.copy()
+        foot[:, axis] = 0
+        return self.key(foot), cells[:, axis].copy()
+
+    def along(self, cells: Cells, axis: int, count: Ints) -> Cells:
+        """Return the cells so many further along an axis."""
+        reached = cells.copy()
+        reached[:, axis] += count
+        return reached
+
+    @cached_property
+    def pitch(self) -> Floats:
+        """A cell's edge along each coordinate."""
+        return self.cell_size * np.eye(self.dimension)
+
+    def coordinates(self, points: Floats) -> Floats:
+        """Return points (m) in edges of cells."""
+        return points / self.cell_size
+
+    def locate(self, points: Floats) -> Cells:
+        """Return the cell that each point (m) lies in; outside the array too."""
+        places: Cells = np.floor(self.coordinates(np.asarray(points, float))).astype(np.int64)
+        return places
+
+    @cached_property
+    def extent(self) -> tuple[float, ...]:
+        """Size of the array (m)."""
+        return tuple(self.cell_size * count for count in self.shape)
+
+    def face_area(self, thickness: float = 1.0) -> float:
+        """Return the area of a cell's face (m²); `thickness` (m) counts in two dimensions."""
+        return self.cell_size * (thickness if self.dimension == 2 else self.cell_size)
+
+    def cell_volume(self, thickness: float = 1.0) -> float:
+        """Return the volume of a cell (m³); `thickness` (m) counts in two dimensions."""
+        return self.cell_size * self.face_area(thickness)
+
+    def split(self, force: Floats) -> Floats:
+        """Split forces (N) into their components."""
+        loads = np.zeros((len(force), self.directions))
+        loads[:, 0::2] = np.maximum(-force, 0.0)
+        loads[:, 1::2] = np.maximum(force, 0.0)
+        return loads
+
+
+class Squares(Boxes):
+    """Squares."""
+
+    kind: ClassVar[str] = "square"
+
+
+class Cubes(Boxes):
+    """Cubes."""
+
+    kind: ClassVar[str] = "cube"
+    dimension: ClassVar[int] = 3
+
+
+class Hexagons(Lattice):
+    """Rows of regular hexagons standing on a corner, odd rows half a cell to the right."""
+
+    kind: ClassVar[str] = "hexagon"
+    forms: ClassVar[int] = 2  # of the same outline; the neighbours of odd rows count differently
+
+    def form(self, cells: Cells) -> Ints:
+        """Tell whether a cell's row is odd."""
+        return cells[:, 1] & 1
+
+    def outline(self, form: int) -> Floats:
+        """Return the corners of a hexagon about its middle (m)."""
+        angle = np.deg2rad(60.0 * np.arange(6) - 30.0)
+        corners = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return corners * (self.cell_size / sqrt(3.0))
+
+    def centres(self, cells: Cells) -> Floats:
+        """Return the middle points of cells (m)."""
+        x = cells[:, 0] + 0.5 + 0.5 * self.form(cells)
+        y = (cells[:, 1] + 2.0 / 3.0) * (sqrt(3.0) / 2.0)
+        return self.cell_size * np.stack([x, y], axis=1)
+
+
+BUILT_IN: dict[str, type[Lattice]] = {each.kind: each for each in (Squares, Hexagons, Cubes)}
+
+
+def lattice_named(name: str) -> type[Lattice]:
+    """Return the lattice of a kind: one that kaju brings, or the last one defined.
+
+    Raises
+    ------
+    SceneError
+        If there is none.
+    """
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    known = [each for each in _subclasses(Lattice) if each.kind]
+    found = [each for each in known if each.kind == name]
+    if not found:
+        raise SceneError(
+            f"there is no lattice {name!r}{suggestion(name, [each.kind for each in known])}; "
+            f"there is {', '.join(BUILT_IN)}, and one of your own once its class exists: import "
+            "it in Python before the scene is read"
+        )
+    return found[-1]
+
+
+def _subclasses(of: Any) -> list[type[Lattice]]:
+    return [each for sub in of.__subclasses__() for each in (sub, *_subclasses(sub))]
+
+
+def check_boxes(lattice: Lattice) -> None:
+    """Refuse cells on which elasticity is not worked out.
+
+    Raises
+    ------
+    SceneError
+        If they are neither squares nor cubes.
+    """
+    if not lattice.boxes:
+        other = "solve it as a SpringNetwork, or " if isinstance(lattice, Hexagons) else ""
+        raise SceneError(
+            f"body.lattice: {lattice.kind!r} has no staggered grid; {other}take square cells"
+        )
+
+
+MOST_DIRECTIONS = 8
+"""Faces of a lattice look along at most so many directions."""
+
+
+def check_lattice(lattice: Lattice) -> None:
+    """Refuse a lattice of one's own whose answers do not fit together.
+
+    Raises
+    ------
+    SceneError
+        Naming the answer and what is wrong with it.
+    """
+    few = np.argwhere(np.ones((10, 10), dtype=np.bool_)).astype(np.int64)
+    for holds, answer, rule in chain(
+        _of_forms(lattice, few), _of_places(lattice, few), _of_neighbours(lattice, few)
+    ):
+        if not holds:
+            raise SceneError(f"body.lattice: {answer} of {type(lattice).__name__}: {rule}")
+
+
+Conditions = Iterator[tuple[object, str, str]]
+"""Whether each holds, the answer that it is about, and what it asks for."""
+
+
+def _of_forms(lattice: Lattice, few: Cells) -> Conditions:
+    forms = np.unique(lattice.form(few)).tolist()
+    wanted = list(range(lattice.forms))
+    yield forms == wanted, "form", f"must give all of {wanted}, gives {forms}"
+    outlines = [np.asarray(lattice.outline(form)) for form in wanted]
+    shapes = sorted({outline.shape for outline in outlines})
+    alike = len(shapes) == 1 and len(shapes[0]) == 2 and shapes[0][1] == 2
+    yield alike, "outline", f"must be of one shape (corners, 2) for each form, is {shapes}"
+    areas = [area_of(outline) for outline in outlines]
+    edges = [np.linalg.norm(o - np.roll(o, 1, axis=0), axis=1) for o in outlines]
+    yield (
+        min(areas) > 0.0 and np.allclose(areas, areas[0]) and np.allclose(edges, edges[0][0]),
+        "outline",
+        "must run counter-clockwise; all cells have one area, and all edges one length",
+    )
+    count = len(lattice.normals)
+    yield (
+        count <= MOST_DIRECTIONS,
+        "outline",
+        f"may look along {MOST_DIRECTIONS} directions, looks along {count}",
+    )
+    yield (
+        np.all((lattice.faces >= 0).sum(axis=1) == shapes[0][0]) and np.all(lattice.distances >= 0),
+        "outline",
+        "must be convex about the cell's middle, and no two faces may look the same way",
+    )
+    length = [np.ptp(outline @ lattice.normals.T, axis=0) for outline in outlines]
+    yield (
+        np.allclose(length, lattice.cell_size),
+        "outline",
+        f"must be cell_size = {lattice.cell_size:g} m long along every direction, is from "
+        f"{np.min(length):g} to {np.max(length):g} m",
+    )
+
+
+def _of_places(lattice: Lattice, few: Cells) -> Conditions:
+    near = 1e-6 * lattice.cell_size
+    middles, forms = lattice.centres(few), lattice.form(few)
+    yield middles.shape == few.shape, "centres", f"must have the shape {few.shape}"
+    for far in PERIOD * np.eye(2, dtype=np.int64):
+        moved = lattice.centres(few + far) - middles
+        repeats = np.ptp(moved, axis=0).max() <= near
+        yield repeats, "centres", "must repeat after 2 to 10 cells along each coordinate"
+        same = np.array_equal(lattice.form(few + far), forms)
+        yield same, "form", "must repeat after 2 to 10 cells along each coordinate"
+    onwards = np.diag(lattice.pitch).min() > 0.0
+    yield onwards, "centres", "must go right along the first coordinate, up along the second"
+    lowest = np.min([middles[n] + lattice.outline(f).min(axis=0) for n, f in enumerate(forms)], 0)
+    yield np.all(lowest >= -near), "centres", f"must begin at (0, 0) m, begin at {lowest.tolist()}"
+
+
+def _of_neighbours(lattice: Lattice, few: Cells) -> Conditions:
+    yield (
+        np.abs(lattice.steps).max() <= 1,
+        "centres",
+        "must give neighbours that differ by at most 1 in each coordinate",
+    )
+    forms = lattice.form(few)
+    for arm, back in enumerate(lattice.opposite.tolist()):
+        here = few[lattice.faces[forms, arm] >= 0]
+        there = lattice.neighbours(here, arm)
+        ours = lattice.face_middles(here, np.full(len(here), arm))
+        theirs = lattice.face_middles(there, np.full(len(here), back))
+        meet = np.allclose(ours, theirs, rtol=0.0, atol=1e-6 * lattice.cell_size)
+        yield (
+            meet and np.all(lattice.faces[lattice.form(there), back] >= 0),
+            "centres",
+            f"must leave no gaps: cells do not meet face to face along {_name(lattice, arm)}",
+        )
+    for axis, arm in enumerate(lattice.axes.tolist()):
+        line, position = lattice.line(few, axis)
+        after = lattice.line(lattice.along(few, axis, np.ones(len(few), dtype=np.int64)), axis)
+        aligned = np.array_equal(after[0], line) and np.array_equal(after[1], position + 1)
+        yield aligned, "centres", f"must lie in rows along {_name(lattice, arm)}"
+
+
+def _name(lattice: Lattice, direction: int) -> str:
+    return lattice.direction_names[direction]

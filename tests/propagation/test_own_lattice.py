@@ -1,0 +1,470 @@
+"""Lattices of one's own: what follows from three answers, with triangles as the example."""
+
+from importlib import util
+from math import sqrt
+from zlib import decompress
+
+import numpy as np
+import pytest
+from strategies import EXAMPLES, Triangles
+
+from kaju import (
+    ElasticModel,
+    ElasticRule,
+    Lattice,
+    LoadModel,
+    Material,
+    MaterialAgent,
+    PrescribedRule,
+    Scene,
+    SpringNetwork,
+    export_page,
+    load_result,
+    plot,
+    solve,
+    stability,
+    watch,
+)
+from kaju.errors import KajuError, ParameterError, SceneError
+from kaju.view.page.export import packed_page
+
+STRAIGHT = Material("straight", youngs_modulus=1e9, poissons_ratio=0.0)
+DOWN, UP = 4, 1  # 270° and 90°, of 30°, 90° ... 330°
+
+
+def sheet(cells=(5, 2), force=(0.0, -1.0), cell=(1, 1), rule=None, lattice=Triangles, **parts):
+    return Scene(
+        body={"cell_size": 0.01, "cells": cells, "material": "straight", "lattice": lattice},
+        materials={"straight": STRAIGHT},
+        loads=[{"cell": cell, "force": force}],
+        rule=rule or PrescribedRule((0.5, 0.5, 0.25), 1.0, threshold=0.1),
+        **({"sides": {"bottom": "rigid"}} | parts),
+    )
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_a_case_worked_out_by_hand(engine):
+    """1 N on a triangle that stands on a side: ½ ahead, ¼ to each side; on a corner: ½ and ½."""
+    stage = LoadModel(sheet(), engine=engine).run().last
+    taken = {}
+    for generation, agent, direction, load in zip(
+        stage.history.generation,
+        stage.history.agent,
+        stage.history.direction,
+        stage.history.load,
+        strict=True,
+    ):
+        taken[int(generation), *stage.cells[agent].tolist(), int(direction)] = float(load)
+    assert taken == {
+        (1, 1, 1, DOWN): 1.0,
+        (2, 1, 0, DOWN): 0.5,
+        (2, 0, 1, DOWN): 0.25,
+        (2, 2, 1, DOWN): 0.25,
+        (3, 0, 0, DOWN): 0.25,
+        (3, 2, 0, DOWN): 0.25,
+        (3, 1, 1, DOWN): 0.25,  # an eighth from either side
+        (3, 0, 1, DOWN): 0.125,  # given back by the free left side
+        (3, 3, 1, DOWN): 0.125,
+        (4, 0, 0, UP): 0.125,  # given back by the ground
+        (4, 2, 0, UP): 0.125,
+    }
+    assert sorted(stage.boundary_cells.tolist()) == [[-1, 1], [0, -1], [2, -1]]
+    assert stage.ledger.imbalance < 1e-15
+
+
+def test_what_is_blocked_pushes_three_quarters_out_of_each_slanted_face():
+    # ν α₁ = 0.15, all of it blocked: 0.1125 N along the face's own normal.
+    rule = PrescribedRule((0.5, 0.5, 0.25), 0.0, threshold=0.05)
+    scene = sheet(rule=rule).replace(
+        materials={"straight": Material("straight", youngs_modulus=1e9, poissons_ratio=0.3)}
+    )
+    model = LoadModel(scene)
+    model.step()
+    waiting = {
+        agent.index: dict(agent.inbox) for agent in model.agents if isinstance(agent, MaterialAgent)
+    }
+    outwards = pytest.approx(0.1125)
+    assert waiting.pop((1, 1)) == {}
+    assert {key: list(inbox) for key, inbox in waiting.items()} == {
+        (1, 0): [(DOWN, 0.5)],
+        (0, 1): [(DOWN, 0.25), (2, outwards)],
+        (2, 1): [(DOWN, 0.25), (0, outwards)],
+    }
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.4, 1.0])
+def test_the_certificate_knows_what_every_triangle_sends_out(beta):
+    scene = sheet(rule=PrescribedRule((0.6, 0.3, 0.2), beta, threshold=1e-3)).replace(
+        materials={"straight": Material("straight", youngs_modulus=1e9, poissons_ratio=0.3)}
+    )
+    sent = 0.3 + 2 * 0.2 + 1.5 * (1.0 - beta) * 0.3 * 0.6
+    assert stability(scene).spectral_radius == pytest.approx(sent, rel=1e-12)
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+@pytest.mark.parametrize("sense", [False, True])
+def test_a_mirrored_scene_has_the_mirrored_answer(engine, sense):
+    rule = PrescribedRule(threshold=1e-3, sense=sense)
+    columns = 9  # an odd number: the mirrored array has the same forms
+    one = LoadModel(sheet((columns, 6), (0.7, -1.0), (2, 5), rule), engine=engine).run()
+    two = LoadModel(sheet((columns, 6), (-0.7, -1.0), (columns - 3, 5), rule), engine=engine).run()
+    mirror = np.array([2, 1, 0, 5, 4, 3])  # of directions
+    found = {tuple(c): t for c, t in zip(two.last.cells.tolist(), two.last.taken, strict=True)}
+    moved = {tuple(c): u for c, u in zip(two.last.cells.tolist(), two.displacement, strict=True)}
+    assert len(found) == len(one.last.cells) > 20
+    for (column, row), taken, shift in zip(
+        one.last.cells.tolist(), one.last.taken, one.displacement, strict=True
+    ):
+        image = columns - 1 - column, row
+        np.testing.assert_allclose(found[image][mirror], taken, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(moved[image] * [-1.0, 1.0], shift, rtol=1e-9, atol=1e-20)
+
+
+def test_a_triangle_on_the_ground_yields_by_its_own_share():
+    """Alone it is squeezed by e along its height, so its middle, a third up, sinks by e h / 3."""
+    rule = PrescribedRule((0.5, 0.5, 0.25), 1.0, threshold=0.9)
+    result = LoadModel(sheet((5, 1), cell=(2, 0), rule=rule)).run()
+    side = 2.0 * 0.01 / sqrt(3.0)
+    squeezed = 0.5 / (0.5 * side) / STRAIGHT.youngs_modulus
+    np.testing.assert_allclose(result.strain, [[[0.0, 0.0], [0.0, -squeezed]]], atol=1e-20)
+    np.testing.assert_allclose(
+        result.displacement, [[0.0, -squeezed * 0.01 / 3.0]], rtol=1e-12, atol=1e-20
+    )
+
+
+class OutlinedSquares(Lattice):
+    """Squares that say no more than they must."""
+
+    kind = "outlined square"
+
+    def outline(self, form):
+        return self.cell_size * np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+
+    def centres(self, cells):
+        return self.cell_size * (cells + 0.5)
+
+
+@pytest.mark.parametrize("sense", [False, True])
+def test_squares_by_outline_do_what_squares_by_formula_do(sense):
+    rule = PrescribedRule(threshold=1e-3, sense=sense)
+    drawing = "######\n####.#\n#=####\n##..##\n######"
+    results = []
+    for lattice in ("square", OutlinedSquares):
+        scene = Scene(
+            body={"cell_size": 0.01, "drawing": drawing, "lattice": lattice},
+            legend={"#": "steel", ".": "air", "=": "rigid"},
+            sides={"bottom": "rigid", "left": "roller"},
+            loads=[
+                {"cell": [3, 4], "force": [0.5, 2.0]},
+                {"side": "right", "pressure": 1e4},
+                {"cell": [1, 4], "side": "top", "force": [0.0, -1.0]},
+            ],
+            rule=rule,
+        )
+        assert scene.applied().force.sum() == pytest.approx(1.5 - 1e4 * 0.05)
+        results.append(LoadModel(scene).run())
+    formula, outline = results
+    order = [np.lexsort(result.last.cells.T) for result in results]
+    turned = [1, 3, 0, 2]  # 0°, 90°, 180°, 270° are +x, +y, -x, -y
+    for name in ("cells", "spawn_step", "kept", "dropped"):
+        ours, theirs = (getattr(r.last, name)[o] for r, o in zip(results, order, strict=True))
+        np.testing.assert_allclose(theirs, ours, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        outline.last.taken[order[1]], formula.last.taken[order[0]][:, turned], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        outline.displacement[order[1]], formula.displacement[order[0]], rtol=1e-9, atol=1e-20
+    )
+
+
+def test_hexagons_follow_from_their_outline():
+    lattice = sheet(lattice="hexagon").lattice
+    assert lattice.steps.tolist() == [
+        [[1, 0], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1]],
+        [[1, 0], [1, 1], [0, 1], [-1, 0], [0, -1], [1, -1]],
+    ]
+    ahead, behind, beside = lattice.way(1, 0)
+    assert ahead == ((1, 1.0),)
+    assert behind == ((4, 1.0),)
+    assert beside == ((0, 1.0, 0.75), (2, 1.0, 0.75), (3, 0.0, 0.75), (5, 0.0, 0.75))
+    assert lattice.direction_names == ("0°", "60°", "120°", "180°", "240°", "300°")
+
+
+@pytest.mark.parametrize("lattice", ["square", "hexagon", Triangles, OutlinedSquares])
+def test_a_point_lies_in_the_cell_whose_outline_holds_it(lattice):
+    rng = np.random.default_rng(7)
+    lattice = sheet((8, 6), cell=(0, 0), lattice=lattice).lattice
+    cells = np.argwhere(np.ones((8, 6)))
+    inside = rng.dirichlet(np.ones(len(lattice.outline(0))), (50, len(cells)))
+    for row, cell in enumerate(cells):
+        outline = lattice.outline(int(lattice.form(cell[None])[0]))
+        points = lattice.centres(cell[None]) + 0.999 * inside[:, row] @ outline
+        assert (lattice.locate(points) == cell).all()
+
+
+def test_lines_lead_through_faces_and_corners():
+    lattice = sheet((9, 9), cell=(0, 0)).lattice
+    cells = np.argwhere(np.ones((9, 9)))
+    for axis, direction in enumerate(lattice.axes):
+        line, position = lattice.line(cells, axis)
+        for count in (-5, -1, 2, 7):
+            there = lattice.along(cells, axis, np.full(len(cells), count))
+            assert [*lattice.line(there, axis)[0]] == [*line]
+            assert [*lattice.line(there, axis)[1]] == [*(position + count)]
+            way = (lattice.centres(there) - lattice.centres(cells)) @ lattice.normals[direction]
+            # Two cells on, the same form again; one on, a third of a cell nearer or farther.
+            assert np.abs(way / 0.01 - count).max() == pytest.approx(abs(count) % 2 / 3, abs=1e-9)
+    up = lattice.along(np.array([[4, 4]]), 1, np.array([1]))  # from the corner of one that stands
+    assert up.tolist() == [[4, 5]]
+
+
+def test_pressure_acts_on_the_faces_of_a_side():
+    side = 2.0 * 0.01 / sqrt(3.0)
+    top = sheet().replace(loads=[{"side": "top", "pressure": 1000.0}]).applied()
+    assert top.cells.tolist() == [[0, 1], [2, 1], [4, 1]]
+    np.testing.assert_allclose(top.force, [[0.0, -1000.0 * side]] * 3, atol=1e-12)
+    left = sheet().replace(loads=[{"side": "left", "pressure": 1000.0}]).applied()
+    assert left.cells.tolist() == [[0, 0], [0, 1]]
+    np.testing.assert_allclose(left.force.sum(axis=0), [1000.0 * 0.02, 0.0], atol=1e-12)
+
+
+def test_gravity_weighs_triangles_by_their_area():
+    scene = sheet().replace(loads=[], materials={"straight": Material("s", 1e9, 0.0, density=7e3)})
+    body = dict(scene.body) | {"gravity": (0.0, -10.0)}
+    applied = scene.replace(body=body).applied()
+    side = 2.0 * 0.01 / sqrt(3.0)
+    np.testing.assert_allclose(applied.force[:, 1], -7e4 * 0.5 * side * 0.01)
+    assert len(applied.force) == 10
+
+
+def test_forces_split_between_the_two_normals_they_lie_between():
+    lattice = sheet().lattice
+    np.testing.assert_allclose(
+        lattice.split(np.array([[0.0, -2.0], [sqrt(3.0), 0.0], [0.0, 0.0]])),
+        [[0, 0, 0, 0, 2, 0], [1, 0, 0, 0, 0, 1], [0, 0, 0, 0, 0, 0]],
+        atol=1e-15,
+    )
+    assert np.count_nonzero(lattice.split(np.array([[0.0, -2.0]]))) == 1
+
+
+def test_parts_that_touch_at_a_corner_alone_do_not_hold_each_other():
+    # (2, 0) and (2, 1) share a corner: the one stands on the side whose corner the other is on.
+    drawing = "..#..\n..#.."
+    body = {"cell_size": 0.01, "drawing": drawing, "lattice": Triangles}
+    legend, sides = {"#": "steel", ".": "air"}, {"bottom": "rigid"}
+    load = [{"cell": [2, 1], "force": [0.0, -1.0]}]
+    with pytest.raises(KajuError, match=r"1 of its 2 parts .* first the one with cell \[2, 1\]"):
+        Scene(body=body, legend=legend, sides=sides, loads=load)
+    joined = body | {"drawing": ".##..\n.##.."}
+    assert Scene(body=joined, legend=legend, sides=sides, loads=load).lattice.shape == (5, 2)
+
+
+def test_a_lattice_is_stored_by_its_kind_and_read_where_its_class_exists(tmp_path):
+    result = LoadModel(sheet()).run()
+    again = load_result(result.save(tmp_path / "run"))
+    assert again.scene == result.scene
+    assert isinstance(again.scene.lattice, Triangles)
+    np.testing.assert_array_equal(again.displacement, result.displacement)
+    text = result.scene.to_toml()
+    assert 'lattice = "triangle"' in text
+    with pytest.raises(SceneError, match=r"no lattice 'triangel' .did you mean 'triangle'.*import"):
+        Scene.from_toml(text.replace("triangle", "triangel"))
+
+
+def test_everything_is_drawn_and_told(tmp_path):
+    scene = sheet(
+        (9, 6),
+        cell=(4, 5),
+        rule=PrescribedRule(threshold=1e-3),
+        sides={"bottom": "rigid", "left": "roller"},
+    )
+    result = LoadModel(scene).run()
+    for name in result.pictures:
+        ax = plot(result, name)
+        assert ax.figure.axes
+        ax.figure.clear()
+    table = result.to_dataframe()
+    assert table["taken_270°"].sum() == pytest.approx(result.last.taken[:, DOWN].sum())
+    page = export_page(result, tmp_path / "page.html")
+    assert page.stat().st_size > 50_000
+    for shown in (scene, result):
+        told = decompress(packed_page(shown)).replace(b" ", b"")
+        assert b'"kind":"pictures"' in told
+        assert b'"corners":3' in told
+
+
+def test_agents_live_on_a_space_whose_neighbours_share_a_face():
+    model = LoadModel(sheet())
+    model.step()
+    agent = model.agent_at((1, 1))
+    beside = {tuple(n - 1 for n in cell.coordinate) for cell in agent.cell.neighborhood}
+    assert beside == {(0, 1), (2, 1), (1, 0)}
+    assert agent.form == 0
+    assert model.agent_at((1, 0)).form == 1
+
+
+def test_what_triangles_cannot_do_is_said():
+    scene = sheet()
+    elastic = scene.replace(rule=ElasticRule())
+    for ask, words in (
+        (lambda: solve(scene), "'triangle' has no staggered grid; take square cells"),
+        (lambda: ElasticModel(elastic), "'triangle' has no staggered grid; take square cells"),
+        (lambda: SpringNetwork.from_scene(scene), "cells of hexagons, got 'triangle'"),
+        (lambda: scene.refine(2), "squares and cubes alone .* got triangles"),
+        (lambda: LoadModel(scene).run().to_vtk("x"), "squares and cubes, .* got 10 triangles"),
+        (lambda: watch(scene), "a page runs no triangles.*export_page"),
+        (
+            lambda: scene.replace(body=dict(scene.body) | {"cell_size": None, "size": [0.1, 0.1]}),
+            "rows of triangles overlap; give cell_size",
+        ),
+        (
+            lambda: scene.replace(
+                loads=[{"region": {"box": [[0, 0.02], [0.03, 0.02]]}, "pressure": 1.0}]
+            ),
+            "triangles have no faces in a plane; use side",
+        ),
+    ):
+        with pytest.raises(KajuError, match=words):
+            ask()
+
+
+class Straight(MaterialAgent):
+    """Hands on to where the load points, whether there is a face or not."""
+
+    def pass_on(self, load):
+        self.model.hand_over(self, load.direction, load)
+
+
+def test_an_agent_that_hands_over_a_corner_is_told():
+    model = LoadModel(sheet(cell=(0, 1)), material_agent=Straight)
+    with pytest.raises(ParameterError, match=r"cell \(0, 1\) has no face along direction 4"):
+        model.run()
+
+
+def changed(**answers):
+    return type("Changed", (Triangles,), {"kind": "changed", **answers})
+
+
+@pytest.mark.parametrize(
+    ("lattice", "words"),
+    [
+        (Triangles((3, 3), 0.01), "body.lattice: must be .* or a subclass of kaju.Lattice"),
+        (changed(kind="hexagon"), "needs a kind of its own, got 'hexagon'"),
+        (changed(kind=""), "needs a kind of its own"),
+        (changed(forms=3), r"form of Changed: must give all of \[0, 1, 2\], gives \[0, 1\]"),
+        (
+            changed(outline=lambda self, form: Triangles.outline(self, form)[::-1]),
+            "outline of Changed: must run counter-clockwise",
+        ),
+        (
+            changed(outline=lambda self, form: (1 + form) * Triangles.outline(self, form)),
+            "outline of Changed: .* one area",
+        ),
+        (
+            changed(outline=lambda self, form: 0.5 * Triangles.outline(self, form)),
+            "outline of Changed: must be cell_size = 0.01 m long",
+        ),
+        (
+            changed(outline=lambda self, form: Triangles.outline(self, form)[:, [0, 0, 0]]),
+            "outline of Changed: must be of one shape",
+        ),
+        (
+            changed(outline=lambda self, form: Triangles.outline(self, form) + 0.02),
+            "outline of Changed: must be convex about the cell's middle",
+        ),
+        (
+            changed(centres=lambda self, cells: 1.1 * Triangles.centres(self, cells)),
+            "centres of Changed: must leave no gaps",
+        ),
+        (
+            changed(centres=lambda self, cells: Triangles.centres(self, cells) - 0.1),
+            r"centres of Changed: must begin at \(0, 0\) m",
+        ),
+        (
+            changed(centres=lambda self, cells: -Triangles.centres(self, cells)),
+            "centres of Changed: must go right",
+        ),
+        (
+            changed(centres=lambda self, cells: Triangles.centres(self, cells) ** 1.1),
+            "centres of Changed: must repeat",
+        ),
+        (
+            changed(
+                form=lambda self, cells: (cells[:, 0] > 4).astype(int),
+                centres=lambda self, cells: Triangles(self.shape, 0.01).centres(cells),
+            ),
+            "form of Changed: must repeat",
+        ),
+    ],
+)
+def test_a_lattice_that_does_not_fit_together_is_refused(lattice, words):
+    with pytest.raises(SceneError, match=words):
+        sheet(lattice=lattice)
+
+
+def test_a_lattice_in_the_plane_takes_two_numbers_of_cells():
+    with pytest.raises(SceneError, match="'triangle' has 2 axes"):
+        sheet((3, 3, 3))
+
+
+class Diamonds(Lattice):
+    """Squares that stand on a corner; odd rows lie half a diagonal to the right."""
+
+    kind = "diamond"
+    forms = 2
+
+    def form(self, cells):
+        return cells[:, 1] % 2
+
+    def outline(self, form):
+        return self.cell_size / sqrt(2.0) * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]])
+
+    def centres(self, cells):
+        x = cells[:, 0] + 0.5 * (1 + self.form(cells))
+        return self.cell_size * sqrt(2.0) * np.stack([x, 0.5 * (cells[:, 1] + 1)], axis=1)
+
+
+def test_squares_on_a_corner_do_turned_what_squares_do():
+    """A load along a diagonal of the coordinates, far from any boundary."""
+    rule = PrescribedRule(threshold=1e-3)
+    body = {"cell_size": 0.01, "cells": [41, 41], "material": "steel", "allow_floating": True}
+    force = 2.0 / sqrt(2.0)
+    found = []
+    for lattice, cell, load in (
+        ("square", [20, 20], [2.0, 0.0]),
+        (Diamonds, [20, 20], [force, force]),
+    ):
+        scene = Scene(
+            body=body | {"lattice": lattice}, loads=[{"cell": cell, "force": load}], rule=rule
+        )
+        result = LoadModel(scene).run()
+        assert len(result.last.boundary_cells) == 0
+        middles = scene.lattice.centres(result.last.cells) - scene.lattice.centres(np.array([cell]))
+        taken = result.last.taken.sum(axis=1)
+        found.append((middles / 0.01, taken, result.strain))
+    (square, taken, strain), (turned, *others) = found
+    turn = sqrt(0.5) * np.array([[1.0, -1.0], [1.0, 1.0]])
+    order = np.lexsort(np.rint(square).T)
+    other = np.lexsort(np.rint(turned @ turn).T)
+    np.testing.assert_allclose((turned @ turn)[other], square[order], atol=1e-9)
+    np.testing.assert_allclose(others[0][other], taken[order], rtol=1e-12)
+    np.testing.assert_allclose(
+        (turn.T @ others[1] @ turn)[other], strain[order], rtol=1e-9, atol=1e-20
+    )
+
+
+def test_the_example_runs_and_draws(tmp_path, capsys):
+    folder = EXAMPLES / "triangles"
+    spec = util.spec_from_file_location("triangles_run", folder / "run.py")
+    example = util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    example.main(["--out", str(tmp_path / "pictures")])
+    assert capsys.readouterr().out.splitlines() == [
+        "every load ends within 14 generations",
+        "106 triangles and 14 boundary agents took part",
+        "32.4898 N taken, books off by less than 1e-15",
+    ]
+    drawn = {path.name: path.stat().st_size for path in (tmp_path / "pictures").iterdir()}
+    assert drawn.keys() == {"triangles.png", "triangles.gif", "triangles.html"}
+    assert min(drawn.values()) > 50_000
+    assert "python run.py" in (folder / "README.md").read_text()

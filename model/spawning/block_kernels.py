@@ -379,22 +379,18 @@ def upward(u, parents, child, halves):
 
 
 @njit(cache=True, fastmath=True)
-def curvature(u, blocks, lateral, shear, scale, stride, squares, loads):
+def curvature(u, blocks, next_to, lateral, shear, scale, stride, squares, loads):
     """Return the squares of blocks' errors; write those of their agents, and the loads they leave.
 
-    See `indicator`: second differences are taken within a block. What has no room is not written.
+    See `indicator`: second differences are taken within a block, and with its neighbours of the
+    same size and material, `next_to` its lower and upper end along every axis. What has no room is
+    not written.
     """
     d, n = u.shape[1:]
     b = SIDE - 2
-    ahead, middle = np.zeros((d, n)), np.zeros((d, n))
     square = np.zeros(len(blocks))
     for j in range(len(blocks)):
         k = blocks[j]
-        for a in range(d):
-            x, step = u[k, a], stride[a]
-            for i in range(n - step):
-                ahead[a, i] = x[i + step] - x[i]
-                middle[a, i] = 0.5 * (x[i + step] + x[i])
         whole = 0.0
         cell = 0
         for i in range(n):
@@ -408,13 +404,25 @@ def curvature(u, blocks, lateral, shear, scale, stride, squares, loads):
             for a in range(d):
                 step = stride[a]
                 place = (i // step) % SIDE
-                low = i - step if place > 1 else i
-                high = i + step if place < b else i
-                over = step / (high - low)
-                bend = (ahead[a, high] - ahead[a, low]) * over
-                volume = 0.0
+                before, low = k, i - step
+                if place == 1:
+                    before, low = next_to[j, 2 * a], i + (b - 1) * step
+                after, high = k, i + step
+                if place == b:
+                    after, high = next_to[j, 2 * a + 1], i - (b - 1) * step
+                over = 1.0 if before < 0 or after < 0 else 0.5
+                if before < 0:
+                    before, low = k, i
+                if after < 0:
+                    after, high = k, i
+                bend, volume = 0.0, 0.0
                 for c in range(d):
-                    volume += (ahead[c, high] - ahead[c, low]) * over
+                    across = stride[c]
+                    change = u[after, c, high + across] - u[after, c, high]
+                    change -= u[before, c, low + across] - u[before, c, low]
+                    volume += over * change
+                    if c == a:
+                        bend = over * change
                 part += 2.0 * shear[k] * bend * bend + lateral[k] * volume * volume
                 own = 4.0 * bend * bend
                 for c in range(d):
@@ -422,10 +430,16 @@ def curvature(u, blocks, lateral, shear, scale, stride, squares, loads):
                         continue
                     across = stride[c]
                     place = (i // across) % SIDE
-                    at = i + across if place == 1 else (i - across if place == b else i)
-                    bow = middle[a, at + across] - 2.0 * middle[a, at] + middle[a, at - across]
-                    part += shear[k] * bow * bow
-                    own += bow * bow
+                    at = i
+                    if place == 1 and next_to[j, 2 * c] < 0:
+                        at += across
+                    elif place == b and next_to[j, 2 * c + 1] < 0:
+                        at -= across
+                    bow = u[k, a, at + across] - 2.0 * u[k, a, at] + u[k, a, at - across]
+                    at += step
+                    bow += u[k, a, at + across] - 2.0 * u[k, a, at] + u[k, a, at - across]
+                    part += 0.25 * shear[k] * bow * bow
+                    own += 0.25 * bow * bow
                 largest = max(largest, own)
             if len(loads) > 0:
                 loads[j, cell] = scale[k] * shear[k] * np.sqrt(largest)

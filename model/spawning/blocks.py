@@ -329,7 +329,13 @@ class BlockBalance:
         forest, moduli = self.forest, self.forest.ground.moduli
         lateral = np.maximum(moduli.lateral[forest.kind], 0.0)
         law = (lateral, moduli.shear[forest.kind], self.scale)
-        found = kernels.curvature(u, forest.leaves, *law, self.layout.stride, squares, loads)
+        middle = 3**forest.dimension // 2
+        ahead = [middle + end * 3**a for a in range(forest.dimension) for end in (-1, 1)]
+        block = forest.leaves[:, None]
+        alike = forest.kinds[block, ahead] == forest.kinds[block, middle]
+        next_to = np.where(alike, forest.beside[block, ahead], -1)
+        around = (next_to, *law, self.layout.stride)
+        found = kernels.curvature(u, forest.leaves, *around, squares, loads)
         return np.asarray(found)
 
     def follow(self, old: Floats, rim: Index) -> Floats:

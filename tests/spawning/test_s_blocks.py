@@ -8,9 +8,11 @@ from kaju import Scene, solve
 from kaju.model.spawning import block_kernels as kernels
 from kaju.model.spawning.agent_fields import AgentFields
 from kaju.model.spawning.block_multigrid import BlockMultigrid
+from kaju.model.spawning.block_spawner import agents_errors
 from kaju.model.spawning.blocks import BlockBalance, Window
 from kaju.model.spawning.forest import first_forest
 from kaju.model.spawning.ground import ground_of
+from kaju.model.spawning.indicator import indicate
 
 
 def plate(**changes):
@@ -153,3 +155,28 @@ def test_a_mirror_image_has_the_image_of_the_answer():
     np.testing.assert_allclose(result.middle[order], image[turned], atol=1e-15)
     u = result.displacement
     np.testing.assert_array_equal(u[order], u[turned] * [-1.0, 1.0])
+
+
+@pytest.mark.parametrize("name", ["plate", "layered", "cube"])
+def test_agents_leave_unbalanced_what_single_agents_leave(name):
+    """Wherever neighbours are of one size and the body goes on: also across two blocks."""
+    forest = first_forest(ground_of(BODIES[name](), None, None))
+    forest = forest.refined(np.ones(len(forest), dtype=bool), 1)
+    blocks, window = BlockBalance(forest), Window(forest, forest.leaves)
+    u, free = blocks.zeros(), window.place >= 0
+    x = window.grid.place[free] / window.grid.place.max()  # bends alike everywhere
+    bent = np.random.default_rng(2).normal(size=(x.shape[1], x.shape[1], x.shape[1]))
+    moved = np.einsum("ni,nj,aij->na", x, x, bent)
+    u.ravel()[window.place[free]] = moved[np.arange(len(x)), window.grid.axis[free]]
+    ours = agents_errors(blocks, u)
+    theirs = indicate(window.balance, window.displacement(u))
+    grid = window.grid
+    beside = grid.beside
+    whole = np.all((beside >= 0) & (grid.leaves.kind[beside] == grid.leaves.kind[:, None]), axis=1)
+    for side in range(beside.shape[1]):  # nor may there be a surface at a corner
+        whole &= np.all(beside[beside[:, side]] >= 0, axis=1) & (beside[:, side] >= 0)
+    kinds = grid.leaves.kind
+    whole &= np.all(kinds[beside[beside]] == kinds[:, None, None], axis=(1, 2))
+    assert whole.sum() > 0.2 * len(whole)
+    np.testing.assert_allclose(ours.square[whole], theirs.square[whole], rtol=1e-7)
+    np.testing.assert_allclose(ours.load[whole], theirs.load[whole], rtol=1e-5)

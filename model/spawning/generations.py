@@ -235,8 +235,10 @@ class Spawner:
             runs.append(self._finish())
             self._ends()
             self._note_rest(runs[-1])
-        said = self._rounding()
-        self.notes += said if self.finished else []
+        # A few large agents may turn about a hinge that their children stiffen.
+        if self.finished or len(self.leaves) >= TELLING:
+            said = self._rounding()
+            self.notes += said if self.finished else []
         self._residuals = runs[-1].residuals
         self._chosen = None if self.finished else self.aimed.chosen
         self._remember(sum(run.iterations for run in runs))

@@ -32,6 +32,17 @@ BALANCED = 1e-6
 """Share of the largest stress that an answer may leave on a face, to be called balanced."""
 SETTLED = 1e-11
 """Algebraic error that is no part of the bounds any more."""
+MOST_PROVED = {2: 500_000, 3: 100_000}
+"""Of more boxes bounds are worked out only when they are asked for."""
+MORE = 8
+"""So many times more boxes than the estimate asks for may be spent on a proof."""
+FEW = 20_000
+"""So many boxes may be spent in any case."""
+
+
+def worth_proving(boxes: int, estimated: int) -> bool:
+    """Tell whether to go on for a proof, of boxes of which so many do by the estimate."""
+    return boxes <= max(MORE * estimated, FEW)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +96,6 @@ def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
     field = CompatibleField(boxes)
     if field.jumps:
         return "the supports give a corner two displacements at once"
-    field.settle()
     return _between(stress, field)
 
 
@@ -94,14 +104,16 @@ def _between(stress: BalancedStress, field: CompatibleField) -> Bracket:
     bed, wall_work = _at_supports(stress)
     own = stress.energies()
     complementary = float(own.sum()) + bed
+    field.settle(complementary - wall_work)
     moved = any(held.value.any() for held in stress.boxes.held)
     if not moved:
         field.displacement *= _best_share(field)
-    upper, lower = complementary - wall_work, field.work() - field.whole_energy()
+    work, whole = field.work(), field.whole_energy()
+    upper, lower = complementary - wall_work, work - whole
     radius = 0.5 * sqrt(max(2.0 * (upper - lower), 0.0))
     if moved:
         # ‖(σ + Cε(v))/2‖, the product of the two being the work of loads and walls.
-        both = complementary + field.whole_energy() + field.work() + wall_work
+        both = complementary + whole + work + wall_work
         middle = sqrt(max(0.5 * both, 0.0))
         smallest = max(middle - radius, 0.0)
         lower, upper = 0.5 * smallest**2, 0.5 * (middle + radius) ** 2

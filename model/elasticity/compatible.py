@@ -10,8 +10,6 @@ A box on which smaller ones hang is cut into quarters, so that it follows their 
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from kaju.model.scene.kinds import RIGID, ROLLER
@@ -19,8 +17,10 @@ from kaju.model.scene.kinds import RIGID, ROLLER
 from .boxes import Boxes, Index, corner_ends
 from .problem import Floats
 
-STEPS = 4
-"""Of conjugate gradients: more lower the energy by little."""
+STEPS, MOST_STEPS = 4, 60
+"""Of conjugate gradients, at least and at most."""
+WORTHWHILE = 0.1
+"""So much of the gap between the energies the last few steps must have closed for more."""
 
 
 class CompatibleField:
@@ -40,7 +40,7 @@ class CompatibleField:
     def __init__(self, boxes: Boxes) -> None:
         self.boxes, self.mesh = boxes, boxes.mesh
         self._ends = corner_ends(boxes.dimension)
-        self._strain, self._stiffness = _element(self._ends)
+        self._modes = _Modes(boxes.dimension)
         owner, power = self.mesh.owner, boxes.dimension - 2
         self._moduli = [modulus[owner] * self.mesh.edge**power for modulus in boxes.law]
         self._load = self._forces()
@@ -96,14 +96,9 @@ class CompatibleField:
 
     def force(self, v: Floats) -> Floats:
         """Return the forces that hold corners at a displacement."""
-        moved = self._element_values(v)
-        held = np.zeros_like(moved)
-        for matrix, modulus in zip(self._stiffness, self._moduli, strict=True):
-            held += (matrix @ moved) * modulus
+        stress = self._modes.stress(self._modes.of(v[self.mesh.element]), self._moduli)
+        out = self._gathered(self.mesh.element, self._modes.back(stress))
         d = self.boxes.dimension
-        out = self._gathered(
-            self.mesh.element, held.reshape(len(self._ends), d, -1).transpose(0, 2, 1)
-        )
         for bed in self.boxes.beds:
             axis = bed.side // 2
             node = self.boxes.side_nodes(bed.box, bed.side)
@@ -115,26 +110,34 @@ class CompatibleField:
     def _bed_stiffness(self, box: Index, stiffness: Floats) -> Floats:
         return stiffness * self.boxes.size[box] ** (self.boxes.dimension - 1)
 
-    def _element_values(self, v: Floats) -> Floats:
-        """Return the displacements of the elements' corners, shape (2^d · d, elements)."""
-        return v[self.mesh.element].transpose(0, 2, 1).reshape(-1, len(self.mesh.owner))
+    def settle(self, above: float) -> None:
+        """Let the field sink by conjugate gradients, as long as that is worth while.
 
-    def settle(self, steps: int = STEPS) -> None:
-        """Take some steps of conjugate gradients towards the least potential energy."""
+        Parameters
+        ----------
+        above : float
+            Complementary energy of a stress that balances, less the work at moved walls: the
+            potential energy of no field is below its negative.
+        """
         diagonal = self._diagonal()
         free = np.isnan(self._given) & (diagonal > 0.0)
         free[self.mesh.slave] = False
         weight = np.where(free, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
-        left = np.where(free, self._load - self.force(self.displacement), 0.0)
+        held = self.force(self.displacement)
+        gap = above + 0.5 * float(np.vdot(self.displacement, held)) - self.work()
+        left = np.where(free, self._load - held, 0.0)
         z = weight * left
         way, before = z.copy(), float(np.vdot(left, z))
-        for _ in range(steps):
-            if before <= 0.0:
-                return
+        gains: list[float] = []
+        while before > 0.0 and len(gains) < MOST_STEPS:
             self._straighten(way)
             pull = np.where(free, self.force(way), 0.0)
             step = before / float(np.vdot(way, pull))
             self.displacement += step * way
+            gains.append(0.5 * step * before)
+            gap -= gains[-1]
+            if len(gains) >= STEPS and sum(gains[-STEPS:]) < WORTHWHILE * gap:
+                return
             left -= step * pull
             z = weight * left
             now = float(np.vdot(left, z))
@@ -142,34 +145,30 @@ class CompatibleField:
 
     def _diagonal(self) -> Floats:
         d = self.boxes.dimension
-        own = np.stack(
-            [
-                sum(
-                    matrix[k, k] * modulus
-                    for matrix, modulus in zip(self._stiffness, self._moduli, strict=True)
-                )
-                for k in range(len(self._ends) * d)
-            ]
-        )
-        out = self._gathered(
-            self.mesh.element, own.reshape(len(self._ends), d, -1).transpose(0, 2, 1)
-        )
+        # Of a corner's own function every component has the same stiffness.
+        single = np.zeros((len(self._ends), 1, d))
+        single[0, 0, 0] = 1.0
+        one = [
+            float(
+                np.vdot(single, self._modes.back(self._modes.stress(self._modes.of(single), law)))
+            )
+            for law in ([np.array([float(k == own)]) for k in range(3)] for own in range(3))
+        ]
+        own = sum(share * modulus for share, modulus in zip(one, self._moduli, strict=True))
+        shape = (*self.mesh.element.shape, d)
+        out = self._gathered(self.mesh.element, np.broadcast_to(np.asarray(own)[:, None], shape))
         for bed in self.boxes.beds:
             node = self.boxes.side_nodes(bed.box, bed.side)
-            own = np.broadcast_to(
-                self._bed_stiffness(bed.box, bed.stiffness) / 3.0 ** (d - 1), node.shape
-            )
-            out[:, bed.side // 2] += np.bincount(node.ravel(), own.ravel(), len(out))
+            stiff = self._bed_stiffness(bed.box, bed.stiffness) / 3.0 ** (d - 1)
+            stiff = np.broadcast_to(stiff, node.shape)
+            out[:, bed.side // 2] += np.bincount(node.ravel(), stiff.ravel(), len(out))
         self._lead(out)
         return out
 
     def energies(self) -> Floats:
         """Return the strain energy of every box, scaled."""
-        moved = self._element_values(self.displacement)
-        energy = 0.5 * sum(
-            np.einsum("in,in->n", moved, matrix @ moved) * modulus
-            for matrix, modulus in zip(self._stiffness, self._moduli, strict=True)
-        )
+        modes = self._modes.of(self.displacement[self.mesh.element])
+        energy = 0.5 * np.einsum("wan,wan->n", modes, self._modes.stress(modes, self._moduli))
         return np.asarray(np.bincount(self.mesh.owner, energy, len(self.boxes.size)), np.float64)
 
     def work(self) -> float:
@@ -183,17 +182,69 @@ class CompatibleField:
     def mean_strains(self) -> Floats:
         """Return the mean strain tensors of the boxes, shape (boxes, d, d)."""
         mesh, d = self.mesh, self.boxes.dimension
-        moved = self.displacement[mesh.element]  # ends, elements, component
-        gradient = np.einsum("kb,kna->nab", self._strain, moved) / mesh.edge[:, None, None]
-        share = (mesh.edge / self.boxes.size[mesh.owner]) ** d
-        mean = np.stack(
-            [
-                np.bincount(mesh.owner, share * column, len(self.boxes.size))
-                for column in gradient.reshape(-1, d * d).T
-            ],
-            axis=1,
-        ).reshape(-1, d, d)
+        modes = self._modes.of(self.displacement[mesh.element])
+        share = (mesh.edge / self.boxes.size[mesh.owner]) ** d / mesh.edge
+        mean = np.empty((len(self.boxes.size), d, d))
+        for a in range(d):
+            for b in range(d):
+                slope = share * modes[self._modes.along(0, b), a]
+                mean[:, a, b] = np.bincount(mesh.owner, slope, len(mean))
         return np.asarray(0.5 * (mean + mean.transpose(0, 2, 1)))
+
+
+class _Modes:
+    """Functions that are linear along every axis of a box of unit edge, mode by mode.
+
+    Mode w is the product of X_i − ½ over the axes i whose bit is set in w. All modes are at
+    right angles to each other, and so are their strains' modes: that makes the stiffness short.
+    """
+
+    def __init__(self, dimension: int) -> None:
+        self.dimension = dimension
+        self._bit = [1 << (dimension - 1 - axis) for axis in range(dimension)]
+        self._square = [12.0 ** -bin(w).count("1") for w in range(1 << dimension)]
+
+    def along(self, mode: int, axis: int) -> int:
+        """Return the mode whose slope along an axis a mode is."""
+        return mode | self._bit[axis]
+
+    def of(self, values: Floats) -> Floats:
+        """Return the modes, shape (2^d, d, n), of values at the corners, (2^d, n, d)."""
+        modes = np.ascontiguousarray(values.transpose(0, 2, 1))
+        for bit in self._bit:
+            pairs = modes.reshape(-1, 2, bit, *modes.shape[1:])
+            low, high = pairs[:, 0], pairs[:, 1]
+            modes = np.stack([0.5 * (low + high), high - low], axis=1).reshape(modes.shape)
+        return modes
+
+    def back(self, force: Floats) -> Floats:
+        """Return forces at the corners, (2^d, n, d), by those on the modes."""
+        for bit in self._bit:
+            pairs = force.reshape(-1, 2, bit, *force.shape[1:])
+            half, slope = 0.5 * pairs[:, 0], pairs[:, 1]
+            force = np.stack([half - slope, half + slope], axis=1).reshape(force.shape)
+        return force.transpose(0, 2, 1)
+
+    def stress(self, modes: Floats, law: list[Floats]) -> Floats:
+        """Return the forces on the modes: the energy's derivatives by them."""
+        stretch, lateral, shear = law
+        out, d = np.zeros_like(modes), self.dimension
+        for w, square in enumerate(self._square):
+            open_axes = [a for a in range(d) if not w & self._bit[a]]
+            if not open_axes:
+                continue
+            strain = {a: modes[self.along(w, a), a] for a in open_axes}
+            volume = sum(strain.values())
+            for a in open_axes:
+                normal = lateral * volume + (stretch - lateral) * strain[a]
+                out[self.along(w, a), a] += square * normal
+            for a in range(d):
+                for b in range(a + 1, d):
+                    slopes = [(self.along(w, y), x) for x, y in ((a, b), (b, a)) if y in open_axes]
+                    stress = square * shear * sum(modes[slope] for slope in slopes)
+                    for slope in slopes:
+                        out[slope] += stress
+        return out
 
 
 def _bed_matrix(dimension: int) -> Floats:
@@ -201,36 +252,3 @@ def _bed_matrix(dimension: int) -> Floats:
     ends = corner_ends(dimension - 1)
     apart = np.abs(ends[:, None] - ends).sum(axis=2)
     return np.asarray(2.0**-apart / 3.0 ** (dimension - 1))
-
-
-def _element(ends: Index) -> tuple[Floats, tuple[Floats, Floats, Floats]]:
-    """Return the mean gradients of the corners' functions, and the three matrices of a box.
-
-    The stiffness of a box of unit edge is C₁₁ times the first, C₁₂ the second, μ the third.
-    """
-    d = ends.shape[1]
-    size = len(ends) * d
-    matrices = [np.zeros((size, size)) for _ in range(3)]
-    mean = np.zeros((len(ends), d))
-    points = np.array(list(product((0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)), repeat=d)))
-    for point in points:
-        gradient = np.ones((len(ends), d))
-        for axis in range(d):
-            for other in range(d):
-                value = np.where(ends[:, other] == 1, point[other], 1.0 - point[other])
-                slope = 2.0 * ends[:, other] - 1.0
-                gradient[:, axis] *= slope if other == axis else value
-        mean += gradient / len(points)
-        rows = np.zeros((d, size))
-        for axis in range(d):
-            rows[axis, axis::d] = gradient[:, axis]
-        along = rows.T @ rows
-        whole = rows.sum(axis=0)
-        matrices[0] += along / len(points)
-        matrices[1] += (np.outer(whole, whole) - along) / len(points)
-        for a in range(d):
-            for b in range(a + 1, d):
-                shear = np.zeros(size)
-                shear[a::d], shear[b::d] = gradient[:, b], gradient[:, a]
-                matrices[2] += np.outer(shear, shear) / len(points)
-    return mean, (matrices[0], matrices[1], matrices[2])

@@ -212,6 +212,27 @@ class ElasticResult(BodyResult):
         return None if isinstance(found, str) else found.error
 
     @property
+    def provable(self) -> bool:
+        """Whether its bounds are cheap enough to be worked out without being asked for."""
+        from .bracket import MOST_PROVED
+
+        return self.agents <= MOST_PROVED[self.scene.lattice.dimension]
+
+    @property
+    def tolerance_kept(self) -> str | None:
+        """Whether the tolerance is kept; None without one.
+
+        "proved": `error_bound` is within it; "estimated": there is no bound (`no_bound`), and the
+        estimated error is within it; "missed": the one or the other is above it.
+        """
+        if self.tolerance is None:
+            return None
+        bound = self.error_bound if self.tolerance_at is None and self.provable else None
+        if bound is not None:
+            return "proved" if bound <= self.tolerance else "missed"
+        return "estimated" if self.goal_error_estimate <= self.tolerance else "missed"
+
+    @property
     def no_bound(self) -> str:
         """Why there are no bounds, in words; empty if there are."""
         found = self.found.bracket
@@ -320,7 +341,22 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the solver decided by itself, and what is to be known of the answer."""
-        return tuple(self.found.notes)
+        return (*self.found.notes, *self._unproved)
+
+    @property
+    def _unproved(self) -> list[str]:
+        """Say where a tolerance is not known to be kept."""
+        if self.tolerance is None or self.tolerance_at is not None or not self.provable:
+            return []
+        bound = self.error_bound
+        if bound is None:
+            return [f"the error is an estimate, without a proof: {self.no_bound}"]
+        if bound <= self.tolerance or self.error_estimate > self.tolerance:
+            return []
+        return [
+            f"the error is estimated as {self.error_estimate:.2g}, and proved to be below "
+            f"{bound:.2g} only, above the tolerance of {self.tolerance:g}"
+        ]
 
     @property
     def max_displacement(self) -> float:
@@ -409,6 +445,9 @@ class ElasticResult(BodyResult):
         }
         if self.tolerance is not None:
             figures |= {"tolerance": self.tolerance, "tolerance_at": told(self.tolerance_at)}
+            figures["tolerance_kept"] = self.tolerance_kept
+            if self.tolerance_at is None and self.provable:
+                figures |= {"error_bound": self.error_bound, "energy_bounds": self.energy_bounds}
             figures["goal_error_estimate"] = self.goal_error_estimate
         if self.goals:
             figures["goals"] = [

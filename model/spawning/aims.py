@@ -10,6 +10,8 @@ from .composite import Composite, Floats
 from .leaves import Flags
 
 if TYPE_CHECKING:
+    from kaju.model.elasticity.bracket import Bracket
+
     from .generations import Spawner
 
 BULK = {2: 0.85, 3: 0.75}
@@ -82,6 +84,14 @@ class EnergyAim:
         allowed = 2 * spawner.energy * (SPARE * spawner.tolerance) ** 2
         chosen = choose(spawner.balance.grid, square, allowed)
         return Aimed(spawner.error, square, chosen, allowed)
+
+
+def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:
+    """Return what every agent contributes to a bound, and what all may contribute together.
+
+    The bound is half the distance of two stresses, of which the contributions are the squares.
+    """
+    return bracket.shares, 2 * bracket.lower * (2 * SPARE * tolerance) ** 2
 
 
 def choose(grid: Composite, part: Floats, allowed: float) -> Flags:

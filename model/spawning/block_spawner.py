@@ -12,13 +12,14 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.elasticity.bracket import MOST_PROVED, Bracket, worth_proving
 from kaju.model.elasticity.krylov import Iteration
 from kaju.model.elasticity.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
 
 from . import block_kernels as kernels
 from .agent_fields import AgentFields
-from .aims import BULK, SPARE, Aim, Aimed, choose_among
+from .aims import BULK, SPARE, Aim, Aimed, choose_among, unproved
 from .balance import Balance
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
@@ -41,6 +42,7 @@ from .nested import NestedMultigrid
 from .previous import LEAST, SUITS, WORTHWHILE, answered
 from .retire import RETURN, share_of
 from .settle import WORST
+from .tree_boxes import bracket_of_agents
 
 Floats = NDArray[np.float64]
 
@@ -132,6 +134,7 @@ class BlockSpawning(Spawning):
         self.reached = spawner.error <= spawner.tolerance and spawner.stopped != "iteration"
         self.stopped = "" if self.reached else spawner.stopped
         self.notes, self.retired = list(spawner.notes), 0
+        self.bracket = spawner.bracket
         self._allowed = spawner.allowed
         self._records = list(spawner.records)
 
@@ -352,6 +355,8 @@ class BlockSpawner:
         self.notes: list[str] = []
         self.error, self.energy = FIRST_GUESS, 0.0
         self.finished, self.stopped = False, ""
+        self.bracket: Bracket | str | None = None
+        self._estimated = 0
         self._chosen: Flags | None = None
         self._mirrors: tuple[int, ...] = ()
         self.residuals: list[float] = []
@@ -443,6 +448,7 @@ class BlockSpawner:
             part, loads = self._look(run.errors[-1])
             self._ends(part)
             self._note_rest(run)
+            self._prove()
         self.residuals = run.residuals
         forest = self.blocks.forest
         chosen = np.zeros(len(part), dtype=np.bool_) if self._chosen is None else self._chosen
@@ -490,6 +496,29 @@ class BlockSpawner:
                 f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
             )
         self.finished, self._chosen = True, None
+
+    def _prove(self) -> None:
+        """Go on where the mean stress may be further off than the tolerance."""
+        forest = self.blocks.forest
+        if self.error > self.tolerance or self.stopped == "iteration":
+            return
+        if forest.agents > MOST_PROVED[forest.dimension]:
+            return
+        self._estimated = self._estimated or forest.agents
+        window = Window(forest, forest.leaves)
+        self.bracket = bracket_of_agents(window.balance, window.displacement(self.displacement))
+        if isinstance(self.bracket, str) or self.bracket.error <= self.tolerance:
+            return
+        shares, allowed = unproved(self.bracket, self.tolerance)
+        smallest = forest.size[forest.leaves] <= forest.ground.smallest
+        part = shares.reshape(len(smallest), -1).sum(axis=1)
+        chosen = choose_among(part, allowed, smallest, BULK[forest.dimension])
+        many = ((1 << forest.dimension) - 1) * len(forest.corners)
+        agents = forest.agents + many * np.count_nonzero(chosen)
+        worth = worth_proving(int(agents), self._estimated)
+        on = chosen.any() and worth and agents <= self.most_agents
+        if on and len(self.records) + 2 < MOST_GENERATIONS:
+            self._chosen, self.finished = chosen, False
 
     def _spawn(self, chosen: Flags) -> None:
         before = self.blocks.forest

@@ -175,6 +175,8 @@ def solve_equal(
                 result_or_none, list(result_or_none.notes), tolerance, perf_counter() - start
             )
     best = cells.last
+    if best is not None and best.error_estimate <= tolerance:
+        return with_notes(best, list(best.notes), tolerance, perf_counter() - start)
     raise ConvergenceError(
         f"solve: a tolerance of {tolerance:g} needs about {cells.cells:.2g} equal cells, more than "
         "fit, or cells that cannot be solved; take a larger tolerance, or strategy='spawning'. The "

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ConvergenceError, SceneError
+from kaju.model.elasticity.bracket import worth_proving
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.solve import solve
 from kaju.model.scene import Scene
@@ -71,6 +72,7 @@ class EqualCells:
         self.last: ElasticResult | None = None
         self.error = inf
         self._order: float | None = None
+        self._estimated = 0
         self._method = method_of(scene)
         lower, upper = scene.bounds()
         self._cells = float(np.prod((upper - lower).astype(np.float64)))
@@ -109,8 +111,22 @@ class EqualCells:
             self._allowed = []
             return None
         self._learn(result)
-        enough = self.error <= self.tolerance or division == self.resolution
+        enough = self._enough(result) or division == self.resolution
         return result if enough else None
+
+    def _enough(self, result: ElasticResult) -> bool:
+        """Tell whether the error is within the tolerance, and proved to be if that can be."""
+        if self.error > self.tolerance:
+            return False
+        self._estimated = self._estimated or result.agents
+        many = 1 << self.scene.lattice.dimension
+        bound = result.error_bound if result.provable else None
+        if bound is None or bound <= self.tolerance:
+            return True
+        if not worth_proving(many * result.agents, self._estimated):
+            return True
+        self.error = bound
+        return False
 
     @property
     def _cost(self) -> Cost:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kaju.model.elasticity.bracket import MOST_PROVED, Bracket, worth_proving
 from kaju.model.elasticity.engine import lost_digits, rounding_notes
 from kaju.model.elasticity.krylov import Iteration
 from kaju.model.elasticity.problem import ACTIVE
 
 from .agent_fields import AgentFields
-from .aims import Aim, Aimed, EnergyAim
+from .aims import Aim, Aimed, EnergyAim, choose, unproved
 from .balance import Balance
 from .composite import Composite, Floats
 from .first import direct_limit, first_agents
@@ -25,6 +26,7 @@ from .leaves import Flags, Index, Leaves
 from .nested import NestedMultigrid
 from .previous import Heirs, Standing
 from .settle import energy_of, relative_error, settle
+from .tree_boxes import bracket_of_agents
 
 if TYPE_CHECKING:
     from .block_spawner import BlockSpawner
@@ -105,6 +107,8 @@ class Spawning:
         Serves for other loads on the same agents, unless these are many.
     retired : int
         Agents of the previous answer for which a parent has come back.
+    bracket : Bracket or str, optional
+        What is certain of the answer, if that has been looked for; in words why nothing is.
     """
 
     balance: Balance
@@ -121,6 +125,7 @@ class Spawning:
     notes: list[str] = field(default_factory=list)
     hierarchy: NestedMultigrid | None = field(default=None, repr=False)
     retired: int = 0
+    bracket: Bracket | str | None = field(default=None, repr=False)
 
     @property
     def leaves(self) -> Leaves:
@@ -211,6 +216,8 @@ class Spawner:
         self.error = FIRST_GUESS if previous is None else previous.error
         self.finished = False
         self.retired = 0
+        self.bracket: Bracket | str | None = None
+        self._estimated = 0
         self._chosen: Flags | None = None
         self._stopped = ""
 
@@ -235,6 +242,7 @@ class Spawner:
             runs.append(self._finish())
             self._ends()
             self._note_rest(runs[-1])
+            self._prove()
         # A few large agents may turn about a hinge that their children stiffen.
         if self.finished or len(self.leaves) >= TELLING:
             said = self._rounding()
@@ -286,7 +294,7 @@ class Spawner:
             self.balance, self.displacement, self.indicator, self.energy, self.error,
             self.aimed, list(self.generations), self._residuals, self.hierarchy.depth, reached,
             "" if reached else self._stopped, list(self.notes),
-            self._kept_hierarchy(), self.retired,
+            self._kept_hierarchy(), self.retired, self.bracket,
         )  # fmt: skip
 
     def _kept_hierarchy(self) -> NestedMultigrid | None:
@@ -339,6 +347,25 @@ class Spawner:
         free, right = self.balance.free, self.balance.load - self.balance.pull
         stiffness = self.hierarchy.matrix.diagonal()
         return rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
+
+    def _prove(self) -> None:
+        """Go on where the mean stress may be further off than the tolerance."""
+        leaves = self.balance.grid.leaves
+        few = len(leaves) <= MOST_PROVED[self.ground.dimension]
+        if self.aimed.error > self.tolerance or self._stopped == "iteration":
+            return
+        if not few or not isinstance(self.aim, EnergyAim):
+            return
+        self._estimated = self._estimated or len(leaves)
+        self.bracket = bracket_of_agents(self.balance, self.displacement)
+        if isinstance(self.bracket, str) or self.bracket.error <= self.tolerance:
+            return
+        chosen = choose(self.balance.grid, *unproved(self.bracket, self.tolerance))
+        agents = len(leaves) + ((1 << self.ground.dimension) - 1) * np.count_nonzero(chosen)
+        worth = worth_proving(int(agents), self._estimated)
+        on = chosen.any() and worth and agents <= self.most_agents
+        if on and len(self.generations) + 2 < MOST_GENERATIONS:
+            self.aimed, self.finished = self.aimed._replace(chosen=chosen), False
 
     def _remember(self, iterations: int) -> None:
         leaves, load = self.balance.grid.leaves, self.indicator.load

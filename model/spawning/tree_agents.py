@@ -27,6 +27,7 @@ from .indicator import indicate
 from .leaves import Index, Leaves
 from .places import located
 from .settle import relative_error
+from .tree_boxes import bracket_of_agents
 
 if TYPE_CHECKING:
     from kaju.model.elasticity.bracket import Bracket
@@ -116,9 +117,10 @@ class TreeAgents:
     @cached_property
     def bracket(self) -> Bracket | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
-        from .tree_boxes import bracket_of_agents
-
-        return bracket_of_agents(self.spawning)
+        spawning = self.spawning
+        if spawning.bracket is not None:
+            return spawning.bracket
+        return bracket_of_agents(spawning.balance, spawning.displacement)
 
     def history(self) -> dict[str, Any]:
         """Return how the agents came to be."""

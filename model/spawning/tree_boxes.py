@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,16 +26,12 @@ from .balance import Balance
 from .composite import Composite, Floats
 from .leaves import Flags, Index, morton
 
-if TYPE_CHECKING:
-    from .generations import Spawning
 
-
-def bracket_of_agents(spawning: Spawning, checked: bool = True) -> Bracket | str:
+def bracket_of_agents(balance: Balance, u: Floats) -> Bracket | str:
     """Hold the true energy between two that can be computed; see `bracket_of`."""
-    balance = spawning.balance
     if balance.grid.dimension == 3 and len(np.unique(balance.grid.leaves.size)) > 1:
         return "the agents of a solid are of many sizes"
-    return bracket_of(boxes_of_agents(balance, spawning.displacement), checked)
+    return bracket_of(boxes_of_agents(balance, u))
 
 
 def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:

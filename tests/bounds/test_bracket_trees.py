@@ -100,6 +100,47 @@ def test_bounds_do_not_depend_on_how_a_body_lies():
     assert results[0].energy_bounds == pytest.approx(results[1].energy_bounds, rel=1e-7)
 
 
+def test_a_tolerance_is_kept_by_its_bound():
+    # By the estimate a third of these agents would do.
+    result = solve(BODIES["two materials"], strategy="spawning", tolerance=0.06)
+    assert result.tolerance_kept == "proved"
+    assert result.error_bound <= 0.06
+    summary = result.summary()
+    assert summary["tolerance_kept"] == "proved"
+    assert summary["error_bound"] == result.error_bound
+    estimated = next(g for g in result.generations if g.error <= 0.06)
+    assert result.agents > 2 * estimated.agents
+
+
+def test_equal_cells_keep_a_tolerance_by_their_bound():
+    result = solve(BODIES["a block, dragged in its middle"], strategy="uniform", tolerance=0.1)
+    assert result.tolerance_kept == "proved"
+    assert result.error_bound <= 0.1
+
+
+def test_a_proof_that_would_cost_too_much_is_missed_and_said(monkeypatch):
+    from kaju.model.elasticity import bracket
+
+    monkeypatch.setattr(bracket, "MORE", 1)
+    monkeypatch.setattr(bracket, "FEW", 0)
+    result = solve(BODIES["two materials"], strategy="spawning", tolerance=0.06)
+    assert result.error_estimate < 0.06 < result.error_bound
+    assert result.tolerance_kept == "missed"
+    assert any("proved to be below" in note for note in result.notes)
+
+
+def test_a_solid_of_many_sizes_keeps_a_tolerance_by_estimate():
+    scene = Scene(
+        body={"cell_size": 0.25, "cells": [4, 4, 4], "material": "a"},
+        materials={"a": STEEL},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.25, 0.25, 1], [0.75, 0.75, 1]]}, "force": [0, 0, -1.0]}],
+    )
+    result = solve(scene, strategy="spawning", tolerance=0.15)
+    assert result.tolerance_kept == "estimated"
+    assert any("without a proof" in note for note in result.notes)
+
+
 def test_a_corner_alone_holds_nothing_together():
     scene = drawn(["a.aa", "aaa.", ".aa.", "aaaa"], PRESSED)
     truth = solve_graded(scene, 9, order=3).energy

@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-slow check format pictures pages clean
+.PHONY: demo test test-slow check format pictures bench bench-quick pages clean
 
 demo: $(VENV)/.kaju
 	$(BIN)/kaju demo --out demo --force
@@ -58,6 +58,13 @@ $(VENV)/.dev: pyproject.toml | $(VENV)/bin/pip
 
 pictures: $(VENV)/.test
 	for script in docs/draw_*.py; do $(BIN)/python $$script || exit 1; done
+
+# Time against error of every method: a quarter of an hour; `make bench-quick` a minute.
+bench: $(VENV)/.test
+	$(BIN)/python benchmarks/work_precision.py --publish benchmarks/results
+
+bench-quick: $(VENV)/.test
+	$(BIN)/python benchmarks/work_precision.py --quick benchmarks/results/quick
 
 pages: $(VENV)/.test
 	$(BIN)/python docs/make_pages.py

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from .finite_elements import RESIDUAL
-from .methods import METHODS
+from .methods import METHODS, Spawned
 from .problems import PROBLEMS
 
 REPEATS = 3
@@ -167,7 +167,7 @@ def measure(problem: str, method: str, division: int) -> Measurement:
         problem,
         method,
         division,
-        cells_of(problem, division),
+        answer.agents if isinstance(answer, Spawned) else cells_of(problem, division),
         statistics.median(times),
         memory,
         max_error,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from .problems import Problem
 
 if TYPE_CHECKING:
+    from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,8 @@ Prepare = Callable[[Problem, int], Callable[[], Answer]]
 WAVE_TOLERANCE = 2e-4
 """Agents rest when the loads left are this share, in energy: below the error of their grids."""
 FIT_EVALUATIONS = 300
+SPAWNED = 0.4
+"""Tolerance of agents that spawn, times the division."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,33 @@ def multigrid(problem: Problem, division: int) -> Callable[[], Answer]:
         return lambda: result.displacement_at(problem.points)
 
     return job
+
+
+def spawning(problem: Problem, division: int) -> Callable[[], Answer]:
+    """Let agents spawn to a tolerance that falls as the equal cells' error does."""
+    from kaju.model.solving import solve
+
+    def job() -> Answer:
+        return Spawned(solve(problem.scene(1), SPAWNED / division, strategy="spawning"), problem)
+
+    return job
+
+
+@dataclass(frozen=True, eq=False)
+class Spawned:
+    """An answer that tells how many agents it took."""
+
+    result: ElasticResult
+    problem: Problem
+
+    @property
+    def agents(self) -> int:
+        """Number of agents."""
+        return self.result.agents
+
+    def __call__(self) -> Floats:
+        """Return the displacements at the problem's points."""
+        return self.result.displacement_at(self.problem.points)
 
 
 def _agents(
@@ -161,6 +191,13 @@ METHODS = {
                 "pixels": (1, 2, 4, 8, 16, 32),
             },
             {"plate": (1, 4, 16), "block": (2, 4), "pixels": (1, 4)},
+        ),
+        Method(
+            "spawning",
+            "kaju.solve, agents that spawn",
+            spawning,
+            {"plate": (2, 4, 8, 16, 32, 64), "block": (2, 4, 8), "pixels": (2, 4, 8, 16)},
+            {"plate": (4, 16), "block": (2,), "pixels": (4,)},
         ),
         Method("wave", "agents, elastic rule, wave", _agents("wave"), _AGENTS, _AGENTS_QUICK),
         Method(

@@ -14,6 +14,7 @@ from .problems import PROBLEMS
 
 STYLES = {
     "multigrid": ("#0b5394", "o", "-"),
+    "spawning": ("#0b5394", "o", "--"),
     "wave": ("#5fa8d3", "^", "-"),
     "largest_first": ("#5fa8d3", "v", "--"),
     "prescribed": ("#c8963e", "s", "-"),

@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 import os
 import platform
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from shutil import copyfile
+from textwrap import fill
 
 import numpy as np
 
@@ -71,6 +74,59 @@ def read_csv(path: Path) -> list[Measurement]:
     return found
 
 
+PAGE = """# Work and precision: all rows
+
+Time, memory beyond the imports, and error of every run behind the picture in
+[comparison](comparison.md), as `make bench` writes them. What is measured is said there, and on
+which machine at the end. The same rows as a table: `work_precision.csv`.
+
+"""
+
+
+QUOTED = (
+    ("README.md", r"On that plate, with the load spread.*?\n\n"),
+    ("docs/comparison.md", r"- \*\*Steel plate.*?\n\n"),
+)
+"""Where the record is quoted, and what stands there."""
+
+
+def publish(folder: Path, root: Path) -> None:
+    """Make what a folder holds the record, and let the documents quote it."""
+    docs, found = root / "docs", read_csv(folder / "work_precision.csv")
+    (docs / "work-precision.md").write_text(
+        PAGE + (folder / "work_precision.md").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    copyfile(folder / "work_precision.csv", docs / "work_precision.csv")
+    copyfile(folder / "work_precision.png", docs / "pictures" / "work_precision.png")
+    for (name, pattern), said in zip(QUOTED, quotations(found), strict=True):
+        text = (root / name).read_text(encoding="utf-8")
+        text = re.sub(pattern, lambda _, said=said: f"{said}\n\n", text, count=1, flags=re.DOTALL)
+        (root / name).write_text(text, encoding="utf-8")
+
+
+def quotations(found: Sequence[Measurement]) -> tuple[str, str]:
+    """Return what README and docs/comparison.md say of the measurements."""
+    plate = [measurement for measurement in found if measurement.problem == "plate"]
+    target = 2e-4
+    ours = cost_at(target, _of(plate, "multigrid")) or float("nan")
+    direct, algebraic, hypre = (
+        (cost_at(target, _of(plate, name)) or float("nan")) / ours
+        for name in ("direct", "algebraic", "dolfinx")
+    )
+    readme = (
+        f"On that plate, with the load spread over 20 mm, at a largest error of {target:.0e}, "
+        f"`solve` took {1e3 * ours:.0f} ms; scikit-fem with a sparse direct solver {direct:.0f} "
+        f"times as long, with algebraic multigrid {algebraic:.0f} times, and dolfinx with hypre "
+        f"{hypre:.0f} times ([how it was measured](docs/comparison.md))."
+    ).replace("2e-04", "2e-4")
+    bullets = [
+        f"- **{problem.title[0].upper()}{problem.title[1:]}.** {' '.join(ratios(mine))}"
+        for name, problem in PROBLEMS.items()
+        if (mine := [measurement for measurement in found if measurement.problem == name])
+    ]
+    return fill(readme, 100, break_on_hyphens=False), "\n".join(bullets)
+
+
 def markdown(found: Sequence[Measurement], conditions: dict[str, str]) -> str:
     """Return tables of all problems, ratios at equal error, and the conditions."""
     parts = []
@@ -78,7 +134,7 @@ def markdown(found: Sequence[Measurement], conditions: dict[str, str]) -> str:
         mine = [measurement for measurement in found if measurement.problem == name]
         if mine:
             rows = [HEADER, "|---|---|---|---|---|---|", *map(_row, mine)]
-            parts.append("\n".join([f"## {problem.title}", "", *rows, "", *_ratios(name, mine)]))
+            parts.append("\n".join([f"## {problem.title}", "", *rows, "", *ratios(mine)]))
     told = "\n".join(f"- {name}: {value}" for name, value in conditions.items())
     parts.append(
         "Times are medians of three runs (of one, if it takes over 10 s), warm: imports and "
@@ -101,7 +157,7 @@ def _row(measurement: Measurement) -> str:
     )
 
 
-def _ratios(problem: str, found: Sequence[Measurement]) -> list[str]:
+def ratios(found: Sequence[Measurement]) -> list[str]:
     """Say how much longer each method takes than `kaju.solve` for the same error."""
     lines = []
     for target in (1e-2, 1e-3, 2e-4):

@@ -12,7 +12,7 @@ from kaju.files import check_writable
 
 from .measure import Measurement, in_a_fresh_process, jobs
 from .problems import PROBLEMS
-from .report import environment, markdown, write_csv
+from .report import environment, markdown, read_csv, write_csv
 
 
 def run(
@@ -20,8 +20,11 @@ def run(
     quick: bool = False,
     problems: tuple[str, ...] = (),
     tell: Callable[[str], None] = lambda line: None,
+    resume: bool = False,
 ) -> list[Measurement]:
     """Measure all jobs and write table, picture and environment into a folder.
+
+    Every row is written as soon as it is measured.
 
     Parameters
     ----------
@@ -33,6 +36,8 @@ def run(
         Some of the problems; all unless given.
     tell : function
         Is told a line about each job.
+    resume : bool
+        Keep the rows that the folder has, and measure the others.
 
     Raises
     ------
@@ -50,13 +55,16 @@ def run(
                 f"{', '.join(PROBLEMS)}"
             )
     check_writable(folder, ResultFileError)
-    found = []
-    for job in jobs(quick, problems):
-        found.append(in_a_fresh_process(*job))
-        tell(_line(found[-1]))
-    conditions = environment()
     folder.mkdir(parents=True, exist_ok=True)
-    write_csv(folder / "work_precision.csv", found)
+    table = folder / "work_precision.csv"
+    found = read_csv(table) if resume and table.exists() else []
+    done = {(m.problem, m.method, m.division) for m in found}
+    for job in jobs(quick, problems):
+        if job not in done:
+            found.append(in_a_fresh_process(*job))
+            write_csv(table, found)
+            tell(_line(found[-1]))
+    conditions = environment()
     (folder / "work_precision.md").write_text(markdown(found, conditions), encoding="utf-8")
     (folder / "environment.json").write_text(json.dumps(conditions, indent=2) + "\n", "utf-8")
     draw(found, folder / "work_precision.png")

@@ -1,6 +1,8 @@
 """The benchmark: its problems, its peers, its bookkeeping. Nothing here is timed."""
 
 import csv
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,17 @@ from peers.measure import Measurement, in_a_fresh_process, jobs, measure
 from peers.methods import METHODS
 from peers.picture import draw
 from peers.problems import BLOCK, PIXELS, PLATE, PROBLEMS
-from peers.report import cost_at, environment, markdown, read_csv, write_csv
+from peers.report import (
+    QUOTED,
+    cost_at,
+    environment,
+    markdown,
+    publish,
+    quotations,
+    ratios,
+    read_csv,
+    write_csv,
+)
 from peers.run import run
 
 from kaju.errors import ParameterError
@@ -173,3 +185,51 @@ def test_the_whole_benchmark_writes_table_and_picture(tmp_path, monkeypatch):
     table = {f"work_precision.{ending}" for ending in ("csv", "md", "png")}
     assert written == table | {"environment.json"}
     assert "scikit-fem, pyamg" in (tmp_path / "bench" / "work_precision.md").read_text()
+
+
+ROOT = Path(__file__).parents[2]
+QUOTES = [name for name, _ in QUOTED]
+
+
+def test_documents_quote_the_record():
+    record = read_csv(ROOT / "docs" / "work_precision.csv")
+    assert {(m.problem, m.method, m.division) for m in record} <= set(jobs(False))
+    for name, said in zip(QUOTES, quotations(record), strict=True):
+        assert said in (ROOT / name).read_text(encoding="utf-8"), f"{name} quotes other figures"
+
+
+def test_publishing_makes_documents_quote_what_was_measured(tmp_path, monkeypatch):
+    def pretend(problem, method, division):
+        pace = {"multigrid": 1e-3, "direct": 7e-3}.get(method, 2e-3)
+        return Measurement(
+            problem, method, division, 400, pace * division**2, 9.0, 0.1 / division**2
+        )
+
+    monkeypatch.setattr("peers.run.in_a_fresh_process", pretend)
+    (tmp_path / "docs" / "pictures").mkdir(parents=True)
+    for name in QUOTES:
+        shutil.copy(ROOT / name, tmp_path / name)
+    found = run(tmp_path / "bench", problems=("plate",))
+    publish(tmp_path / "bench", tmp_path)
+    assert "direct solver 7 times as long" in (tmp_path / "README.md").read_text()
+    assert ratios(found)[0] in (tmp_path / "docs/comparison.md").read_text()
+    assert read_csv(tmp_path / "docs/work_precision.csv") == found
+    assert "make bench" in (tmp_path / "docs/work-precision.md").read_text()
+
+
+def test_rows_are_written_as_they_come_and_taken_up_again(tmp_path, monkeypatch):
+    seen = []
+
+    def until_the_third(problem, method, division):
+        seen.append((problem, method, division))
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+        return Measurement(problem, method, division, 400, 0.5, 9.0, 0.1, 0.01, 3)
+
+    monkeypatch.setattr("peers.run.in_a_fresh_process", until_the_third)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path, quick=True, problems=("plate",))
+    assert len(read_csv(tmp_path / "work_precision.csv")) == 2
+    found = run(tmp_path, quick=True, problems=("plate",), resume=True)
+    assert seen[2:] == [seen[2], *[(m.problem, m.method, m.division) for m in found[2:]]]
+    assert len(found) == len(list(jobs(True, ("plate",))))

@@ -3,8 +3,8 @@
 python benchmarks/work_precision.py [--quick] [--resume] [--problem=plate] [--publish] [FOLDER]
 
 --quick takes about a minute. --resume keeps the rows that the folder has and measures the others.
---publish makes it the record in docs (table, page, picture), and README and docs/comparison.md quote
-it; a test compares them.
+--publish makes it the record in docs (table, page, picture) that README and docs/comparison.md
+quote; a test compares them.
 
 The finite elements are those of scikit-fem; they need the extra fem (pyamg comes with it).
 """

@@ -201,9 +201,8 @@ def test_documents_quote_the_record():
 def test_publishing_makes_documents_quote_what_was_measured(tmp_path, monkeypatch):
     def pretend(problem, method, division):
         pace = {"multigrid": 1e-3, "direct": 7e-3}.get(method, 2e-3)
-        return Measurement(
-            problem, method, division, 400, pace * division**2, 9.0, 0.1 / division**2
-        )
+        fall = division**-2
+        return Measurement(problem, method, division, 400, pace / fall, 9.0, 0.02 * fall, fall)
 
     monkeypatch.setattr("peers.run.in_a_fresh_process", pretend)
     (tmp_path / "docs" / "pictures").mkdir(parents=True)

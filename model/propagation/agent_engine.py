@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copyreg
 import weakref
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import networkx
@@ -21,6 +21,7 @@ from kaju.agents.load import Load, Sense
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError
+from kaju.model.engine_choice import Order, chosen
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 from kaju.model.scene.lattices import BUILT_IN
 
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
     from .transfer import Transfer
 
 A = TypeVar("A", MaterialAgent, BoundaryAgent)
-
-Order = Callable[[list[MaterialAgent]], Iterable[MaterialAgent]]
-"""Of the agents for which loads wait, those that act in this step, one after another."""
 
 BOUNDARY_AGENTS: dict[int, type[BoundaryAgent]] = {
     AIR: FreeBoundaryAgent,
@@ -99,7 +97,7 @@ class AgentEngine:
         transfer: Transfer,
         material_agent: type[MaterialAgent],
         boundary_agents: dict[int, type[BoundaryAgent]],
-        order: Order | None,
+        order: Order[MaterialAgent] | None,
     ) -> None:
         self.model = model
         self.scene = scene
@@ -173,13 +171,7 @@ class AgentEngine:
         if self.order is None:
             return everybody
         waiting = [agent for agent in everybody if agent.inbox or agent.pulls]
-        acting = list(dict.fromkeys(self.order(list(waiting))))
-        if not acting or not set(acting) <= set(waiting):
-            raise ParameterError(
-                f"order: must choose at least one of the {len(waiting)} agents that it is given, "
-                f"and no others; it chose {len(acting)}"
-            )
-        return acting
+        return chosen(self.order, waiting)
 
     def _arrived(self, acting: list[MaterialAgent]) -> list[tuple[MaterialAgent, int, float]]:
         """Return what these agents will take, added up by agent and state, ordered by place."""

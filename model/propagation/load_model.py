@@ -12,11 +12,11 @@ from kaju.agents.awake_cells import AwakeBoundary, AwakeCell
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
 from kaju.errors import StabilityError
-from kaju.model.engine_choice import takes_objects
+from kaju.model.engine_choice import Order, takes_objects
 from kaju.model.mesa_model import SteppedModel, Until
 from kaju.model.progress import progress_line
 
-from .agent_engine import AgentEngine, Order, boundary_classes
+from .agent_engine import AgentEngine, boundary_classes
 from .array_engine import ArrayEngine
 from .stability import Certificate, certify, not_known
 from .stage import News, Stage, Totals
@@ -117,7 +117,7 @@ class LoadModel(SteppedModel):
         rng: Any = None,
         *,
         boundary_agents: Mapping[str, type[BoundaryAgent]] | None = None,
-        order: Order | None = None,
+        order: Order[MaterialAgent] | None = None,
         rule: ShareRule | None = None,
         seed: int | None = None,
     ) -> None:
@@ -154,7 +154,7 @@ class LoadModel(SteppedModel):
         engine: str,
         material_agent: type[MaterialAgent],
         boundary_agents: Mapping[str, type[BoundaryAgent]],
-        order: Order | None,
+        order: Order[MaterialAgent] | None,
     ) -> AgentEngine | ArrayEngine:
         small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
         own: Any = next(iter(boundary_agents.values()), order) or MaterialAgent

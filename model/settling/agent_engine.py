@@ -10,6 +10,7 @@ import numpy as np
 from kaju._mesa import Cell, FixedAgent, Network
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
+from kaju.model.engine_choice import Order, chosen
 from kaju.model.scene.kinds import AIR
 
 from .kernels import replay, seat
@@ -105,6 +106,12 @@ class AgentPushEngine:
                     measured[face] = abs(ground.left[face]) * ground.weight[face]
                     replay(self.tree, measured, face)
         return count
+
+    def push_chosen(self, order: Order[FaceAgent]) -> None:
+        """Let those act whom an order chooses from the agents above the threshold, in turn."""
+        waiting = np.flatnonzero(self.state.measured(0) > self.state.threshold)
+        for agent in chosen(order, [self.agent(0, number) for number in waiting.tolist()]):
+            self._push(0, agent.place.number)
 
     def _push(self, level: int, number: int) -> FaceAgent:
         """Let one agent act, and book the energy that it releases."""

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
-from kaju.model.engine_choice import takes_objects
+from kaju.model.engine_choice import Order, takes_objects
 from kaju.model.mesa_model import SteppedModel, Until
 
 from .agent_engine import AgentPushEngine
 from .array_engine import ArrayPushEngine
 from .moments import Recorder
-from .orders import Visit, largest_first, multilevel, wave
+from .orders import Visit, largest_first, multilevel, own_order, wave
 from .records import StepRecord
 from .run import ElasticRun, collect
 from .stability import WaveCertificate, certify_waves
@@ -73,6 +73,9 @@ class ElasticModel(SteppedModel):
         Stage of loading; the last one by default.
     rng, seed : int, optional
         Seed of the model's random numbers; the rule itself draws none.
+    order : callable, optional
+        Your own order of work, instead of the rule's: from the face agents whose load is above
+        γ, it chooses those that act in this step, one after another. Parents take no part.
 
     Attributes
     ----------
@@ -108,16 +111,19 @@ class ElasticModel(SteppedModel):
         stage: int | None = None,
         rng: Any = None,
         seed: int | None = None,
+        *,
+        order: Order[FaceAgent] | None = None,
     ) -> None:
         super().__init__(rng, seed)
         if pushes_per_step < 1:
             raise ParameterError(f"pushes_per_step: must be 1 or more, got {pushes_per_step}")
         self.scene = scene
         self.stage = stage
-        self.table = PushTable(scene, stage)
+        self.order = order
+        self.table = PushTable(scene, stage, "own" if order else None)
         self.certificate: WaveCertificate | None = None
         self.share = 1.0
-        if self.table.rule.order == "wave":
+        if self.table.order == "wave":
             self.certificate = certify_waves(self.table, self.table.rule.share)
             self.share = self.certificate.share
             if not (self.certificate.stable or allow_unstable):
@@ -134,7 +140,8 @@ class ElasticModel(SteppedModel):
         self, engine: str, face_agent: type[FaceAgent]
     ) -> AgentPushEngine | ArrayPushEngine:
         small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
-        if takes_objects(engine, face_agent, FaceAgent, small):
+        own: Any = self.order if face_agent is FaceAgent and self.order else face_agent
+        if takes_objects(engine, own, FaceAgent, small):
             return AgentPushEngine(self, self.table, face_agent)
         return ArrayPushEngine(self.table)
 
@@ -152,9 +159,11 @@ class ElasticModel(SteppedModel):
         self.running = not self.outcome
 
     def _orders(self) -> Iterator[Visit]:
-        if self.table.rule.order == "wave":
+        if self.order and isinstance(self.engine, AgentPushEngine):
+            return own_order(self.engine, self.order)
+        if self.table.order == "wave":
             return wave(self.engine, self.share)
-        if self.table.rule.order == "largest first":
+        if self.table.order == "largest first":
             return largest_first(self.engine, self.pushes_per_step)
         return multilevel(self.engine)
 
@@ -225,7 +234,7 @@ class ElasticModel(SteppedModel):
     @property
     def outcome(self) -> str:
         """How the run ended, in words; empty while agents act."""
-        unit = {"wave": "waves", "largest first": "pushes"}.get(self.table.rule.order, "visits")
+        unit = {"wave": "waves", "multilevel": "visits"}.get(self.table.order, "pushes")
         count = self.state.pushes if unit == "pushes" else self.generation
         if self.at_rest:
             if self.generation == 0:
@@ -257,7 +266,7 @@ class ElasticModel(SteppedModel):
             "max_steps": self.max_steps,
             "stage": self.stage,
         }
-        return options, {"face_agent": None if own is FaceAgent else own}
+        return options, {"face_agent": None if own is FaceAgent else own, "order": self.order}
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: energies (J), loads (N)."""

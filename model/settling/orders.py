@@ -6,12 +6,18 @@ An order only says *who*; what an agent does when its turn comes is the agent's 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from .momentum import Momentum
 from .state import Floats, Integers, PushState
+
+if TYPE_CHECKING:
+    from kaju.agents.face_agent import FaceAgent
+    from kaju.model.engine_choice import Order
+
+    from .agent_engine import AgentPushEngine
 
 MOST_WHO_CONFER = 500
 """Up to this many topmost parents settle their loads at once; more of them take turns."""
@@ -55,6 +61,13 @@ def largest_first(engine: PushEngine, pushes: int) -> Iterator[Visit]:
     """
     while True:
         engine.push_largest(pushes)
+        yield Visit()
+
+
+def own_order(engine: AgentPushEngine, order: Order[FaceAgent]) -> Iterator[Visit]:
+    """Let those yield whom an order of one's own chooses: whoever it is, the energy falls."""
+    while True:
+        engine.push_chosen(order)
         yield Visit()
 
 

@@ -139,7 +139,7 @@ class ElasticRun(BodyResult):
         last = self.history[-1] if self.history else None
         return {
             "rule": "elastic",
-            "order": self.scene.rule.order,  # type: ignore[union-attr]
+            "order": self.result.found.method.removeprefix("agents, "),
             "plane": self.scene.plane,
             "outcome": self.outcome,
             "threshold": self.threshold,
@@ -303,7 +303,7 @@ def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
     solution = Solution(
         displacement=fields,
         energy=strain_energy(table.problem, fields),
-        method=f"agents, {table.rule.order}",
+        method=f"agents, {table.order}",
         discretisation=0.0,
         algebraic=model.error_estimate,
         levels=len(table.levels),

@@ -123,7 +123,7 @@ class PushTable:
         If a part of the body could move without straining.
     """
 
-    def __init__(self, scene: Scene, stage: int | None = None) -> None:
+    def __init__(self, scene: Scene, stage: int | None = None, order: str | None = None) -> None:
         scene_needed(scene)
         if not isinstance(scene.rule, ElasticRule):
             raise SceneError(
@@ -131,6 +131,7 @@ class PushTable:
                 f'{scene.rule.kind!r}; set kind = "elastic", or take LoadModel'
             )
         self.rule = scene.rule
+        self.order = order or self.rule.order
         self.grid, self.problem, self.origin, self.subdivision, _ = grid_of(scene, stage)
         scales = self.problem.scales
         self.unit = scales.force / scales.displacement
@@ -164,7 +165,7 @@ class PushTable:
         own = sp.csr_array(matrix[:n, :n] + sp.diags_array(spring))
         held = sp.csr_array(sp.hstack([matrix[:n, n:], -beds], format="csr"))
         levels = [make_level(self._numbering, own, held)]
-        while self.rule.order == "multilevel" and levels[-1].size > FEWEST_FACES:
+        while self.order == "multilevel" and levels[-1].size > FEWEST_FACES:
             parents, prolong = coarsen(levels[-1].numbering)
             if not 0 < prolong.shape[1] < 0.8 * prolong.shape[0]:
                 break

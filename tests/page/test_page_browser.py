@@ -1,8 +1,11 @@
 """The page in a browser without a network: what it asks for, shows and hands out."""
 
 import itertools
+from xml.etree import ElementTree
 
+import matplotlib.pyplot as plt
 import numpy as np
+import pandas
 import pytest
 
 import kaju
@@ -144,22 +147,68 @@ def test_scrubbing_shows_what_playing_shows(opened, plate):
         assert page.js(picture) == played[generation]
 
 
-def test_clicked_agents_tell_the_numbers_of_the_table(opened, plate):
-    result = LoadModel(Scene(**PLATE)).run()
-    table, stage = result.to_dataframe(), result.last
+def test_fifty_clicked_agents_tell_the_numbers_of_the_table(opened, tmp_path):
+    """With a finer threshold, and a wall that gives loads back."""
+    wall = PLATE | {"sides": {"bottom": "rigid", "right": "rigid"}}
+    wall["loads"] = [{"cell": [16, 19], "force": [0.4, -2.0]}]
+    scene = Scene(**wall, rule={"kind": "prescribed", "threshold": 0.001})
+    result = LoadModel(scene).run()
+    page = opened(kaju.export_page(scene, tmp_path / "wall.html"))
+    table = result.to_dataframe()
+    chosen = table.iloc[:: len(table) // 50][:50]
+    assert len(chosen) == 50
+    for row, agent in chosen.iterrows():
+        check_story(page, agent, result.last, row)
+
+
+def check_story(page, agent, stage, row):
+    """Click an agent; what its story tells is what the table says of it."""
+    page.click((agent.cell_x, agent.cell_y))
+    page.js("page.draw()")
+    told = page.tab.locator(".story data").evaluate_all("list => list.map(d => Number(d.value))")
+    taken = [agent[f"taken_{name}"] for name in ("-x", "+x", "-y", "+y")]
+    expected = [sum(taken), *(t for t in taken if t), 0.5 * sum(taken)]
+    expected += [*(p for p in stage.passed[row] if p), agent.dropped]
+    assert told[: len(expected)] == pytest.approx(expected, rel=1e-12, abs=1e-15)
+    assert f"in generation {agent.spawn_step} by" in page.tab.locator(".story").inner_text()
+
+
+def saved(page, tmp_path, name):
+    """Save something by its name in the menu; return the file."""
+    page.tab.get_by_text("Save", exact=True).click()
+    with page.tab.expect_download() as download:
+        page.tab.get_by_role("button", name=name).click()
+    path = tmp_path / download.value.suggested_filename
+    download.value.save_as(path)
+    return path
+
+
+def test_pictures_films_and_tables_are_taken_away(opened, plate, tmp_path):
     page = opened(plate)
-    for row, agent in table.iterrows():
-        page.click((agent.cell_x, agent.cell_y))
-        page.js("page.draw()")
-        told = page.tab.locator(".story data").evaluate_all(
-            "list => list.map(d => Number(d.value))"
-        )
-        taken = [agent[f"taken_{name}"] for name in ("-x", "+x", "-y", "+y")]
-        passed = stage.passed[row]
-        expected = [sum(taken), *(t for t in taken if t), 0.5 * sum(taken)]
-        expected += [*(p for p in passed if p), agent.dropped]
-        assert told[: len(expected)] == pytest.approx(expected, rel=1e-12, abs=1e-15)
-        assert f"in generation {agent.spawn_step} by" in page.tab.locator(".story").inner_text()
+    png = saved(page, tmp_path, "Picture (PNG)")
+    assert png.name == "A-plate.png"
+    picture = plt.imread(png)
+    size = page.js("[page.canvas.height, page.canvas.width]")
+    assert list(picture.shape[:2]) == size
+    assert (picture[..., 3] == 1.0).all()  # on paper, not on nothing
+    svg = ElementTree.parse(saved(page, tmp_path, "Picture (SVG)")).getroot()
+    cells = [e.get("fill") for e in svg.iter("{http://www.w3.org/2000/svg}polygon")]
+    assert len(cells) == 400
+    assert len([fill for fill in cells if fill.startswith("rgb")]) == 34
+    film = saved(page, tmp_path, "Film (WebM)").read_bytes()
+    assert film.startswith(b"\x1a\x45\xdf\xa3")  # the head of an EBML file
+    assert b"webm" in film[:64]
+    assert len(film) > 10_000
+    table = pandas.read_csv(saved(page, tmp_path, "Agents (CSV)"))
+    wanted = LoadModel(Scene(**PLATE)).run().to_dataframe()
+    both = ["cell_x", "cell_y"]
+    table, wanted = (t.sort_values(both).reset_index(drop=True) for t in (table, wanted))
+    for column in (*both, "material", "spawn_step"):
+        assert table[column].tolist() == wanted[column].tolist()
+    for column in ("taken_-x", "taken_+x", "taken_-y", "taken_+y", "dropped"):
+        np.testing.assert_allclose(table[column], wanted[column], rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(table["kept"], 0.5 * wanted.filter(like="taken_").sum(axis=1))
+    assert page.messages == []
 
 
 def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
@@ -175,11 +224,7 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
         page.click(cell)
     page.tab.get_by_label("right").select_option("roller")
     page.until("!page.due")
-    page.tab.get_by_text("Save").click()
-    with page.tab.expect_download() as download:
-        page.tab.get_by_role("button", name="Scene (TOML)").click()
-    download.value.save_as(tmp_path / "drawn.toml")
-    scene = kaju.load_scene(tmp_path / "drawn.toml")
+    scene = kaju.load_scene(saved(page, tmp_path, "Scene (TOML)"))
     assert scene.loads[0].cell == (6, 18)
     assert scene.kinds([[6, 15], [7, 15], [5, 14], [8, 15]]).tolist() == [-1, -1, -1, 0]
     last = LoadModel(scene).run().last
@@ -250,22 +295,40 @@ EVERYBODY = [
 
 @pytest.mark.parametrize(("width", "dark", "language"), EVERYBODY)
 def test_the_page_is_open_to_everybody(opened, plate, width, dark, language):
-    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
     height = {1280: 720, 420: 800}[width]
     page = opened(plate, width=width, height=height, dark=dark, language=language)
     for tab in page.tab.get_by_role("tab").all():
         tab.click()
-        found = axe.run(
-            page.tab, options={"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]}
-        )["violations"]
-        assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
-        assert page.js("document.documentElement.scrollWidth") <= width
-        clipped = page.js(
-            "[...page.root.querySelectorAll('button, select, label, h1, .verdict')]"
-            ".filter((e) => e.scrollWidth > e.clientWidth + 1 && e.clientWidth)"
-            ".map((e) => e.outerHTML.slice(0, 80))"
-        )
-        assert clipped == []
+        check_open_to_everybody(page, width)
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1280, True), (420, False)])
+def test_recorded_pages_are_open_to_everybody(opened, tmp_path, width, dark):
+    own = LoadModel(Scene(**PLATE), material_agent=Leaky)
+    spawned = kaju.SpawningModel(Scene(**PLATE), tolerance=0.3)
+    for name, of in {"own": own, "spawned": spawned}.items():
+        path = kaju.export_page(of, tmp_path / f"{name}.html", title="Kept", text="What is it?")
+        page = opened(path, width=width, height={1280: 720, 420: 800}[width], dark=dark)
+        box = page.tab.locator("canvas").first.bounding_box()
+        page.tab.mouse.click(box["x"] + 0.5 * box["width"], box["y"] + 0.3 * box["height"])
+        for tab in page.tab.get_by_role("tab").all():
+            tab.click()
+            check_open_to_everybody(page, width)
+
+
+def check_open_to_everybody(page, width):
+    """No violation of WCAG A and AA, nothing clipped, nothing beside the window."""
+    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+    rules = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+    found = axe.run(page.tab, options={"runOnly": rules})["violations"]
+    assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
+    assert page.js("document.documentElement.scrollWidth") <= width
+    clipped = page.js(
+        "[...page.root.querySelectorAll('button, select, label, h1, .verdict')]"
+        ".filter((e) => e.scrollWidth > e.clientWidth + 1 && e.clientWidth)"
+        ".map((e) => e.outerHTML.slice(0, 80))"
+    )
+    assert clipped == []
 
 
 def test_the_command_writes_a_page_of_a_scene_and_of_a_result(tmp_path, pytestconfig):

@@ -26,7 +26,7 @@ from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.settling.elastic_model import ElasticModel
 
-from .live import has_own
+from .live import certified, has_own
 from .motion_data import motion_data
 from .packing import pack
 from .scene_data import FORMAT, Account, history_columns, scene_data
@@ -170,8 +170,7 @@ def packed_page(
         header |= {
             "kind": "recorded",
             "outcome": shown.last.outcome,
-            "verdict": shown.certificate.verdict,
-            "stable": bool(shown.certificate.stable),
+            **certified(shown.certificate),
             "late": account is None,
         }
         columns |= history_columns(scene, shown.last, exact, account)

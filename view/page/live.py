@@ -26,6 +26,8 @@ from .scene_data import FORMAT, Account, Rows, scene_data
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from kaju.model.propagation.stability import Certificate
+
     from .scene_data import Columns
 
 log = logging.getLogger(__name__)
@@ -163,11 +165,7 @@ class LiveRun(Session):
             "outcome": model.outcome,
         }
         if fresh:
-            certificate = model.certificate
-            header["certificate"] = {
-                "stable": bool(certificate.stable),
-                "verdict": certificate.verdict,
-            }
+            header["certificate"] = certified(model.certificate)
         return header, columns
 
     def _elastic(self) -> tuple[dict[str, Any], Columns]:
@@ -294,6 +292,12 @@ def complaint(error: Exception) -> dict[str, Any]:
         return {"error": str(error)}
     log.error("agents or the scene failed", exc_info=error)
     return {"error": f"{type(error).__name__}: {error}"}
+
+
+def certified(certificate: Certificate) -> dict[str, Any]:
+    """Return what a page is told of a certificate; nobody knows whether own agents are stable."""
+    stable = bool(certificate.stable) if certificate.known else None
+    return {"stable": stable, "verdict": certificate.verdict}
 
 
 def has_own(model: LoadModel) -> bool:

@@ -105,7 +105,7 @@ export class MotionPage extends Page {
     }
     if (scale) paintLegend(view, scale, this.word(look.colour), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = [level > 0 && t("parents", { n: block }), this.times && t("magnified", { n: quantity(this.times, "") })].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") })].filter(Boolean).join(" · ");
     this.words();
     this.drawn = (this.drawn ?? 0) + 1;
   }
@@ -195,7 +195,7 @@ export class MotionPage extends Page {
     if (picked < 0 || !this.there(picked)) { parts.story.replaceChildren(make("p", { textContent: t("pickPart") })); return; }
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
     const rows = this.colours.flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
-    if (this.born) rows.push(...row(t("bornIn"), this.born[picked], ""));
+    if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
     parts.story.replaceChildren(make("b", { textContent: t("part", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
@@ -234,6 +234,7 @@ export class MotionPage extends Page {
     this.look.camera = { yaw: hold.yaw - (event.clientX - hold.x) / 150, pitch: Math.max(0.05, Math.min(1.5, hold.pitch + (event.clientY - hold.y) / 150)) };
     this.later();
   }
+  release() { this.hold = null; }
   walk(event) {                                // arrows go from part to part
     const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[event.key];
     if (!way) return false;

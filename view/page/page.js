@@ -12,7 +12,8 @@ import { buildAside, buildFooter, buildHeader, buildTries, icon, make } from "./
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", error: "m" };
 const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
-const MOST_GENERATIONS = 4000, PATIENCE = 24;              // ms of computing at a time: input must not wait
+const MOST_GENERATIONS = 4000, MOST_ROWS = 2e7, PLAYED = 30;   // more than that no page holds; computed ahead of what is played
+const PATIENCE = 24;              // ms of computing at a time: input must not wait
 
 export class Page {
   constructor(element, header) {
@@ -60,7 +61,8 @@ export class Page {
     const run = new Twin(this.scene, this.cells, this.stage).run(MOST_GENERATIONS, PATIENCE);
     clearTimeout(this.rest);
     const more = () => {
-      if (this.run !== run || run.atRest || run.grown || run.generation >= MOST_GENERATIONS) return;
+      if (this.run !== run || this.over) return;
+      if (this.playing && run.generation > this.g + PLAYED) { this.rest = setTimeout(more, 100); return; }   // what is played comes first
       const atEnd = this.g === run.generation;
       run.run(MOST_GENERATIONS, PATIENCE);
       this.scales.clear();
@@ -70,6 +72,8 @@ export class Page {
     this.rest = setTimeout(more, 30);
     return run;
   }
+  /** Whether the run goes no further. */
+  get over() { const { run } = this; return run.atRest || run.grown || run.generation >= MOST_GENERATIONS || run.taken?.n > MOST_ROWS; }
   adopt(run) {
     this.run = run; this.scales = new Map(); this.moved = null; this.curves = null;
     const { lattice: L, C } = run, size = { taken: L.size * C, passed: L.size * L.D, dropped: L.size, returned: L.size, kept: L.size * L.axes.length, stretch: L.size * L.axes.length };
@@ -131,7 +135,8 @@ export class Page {
   tellVerdict(text, stable) {
     const { verdict } = this.parts;
     verdict.textContent = text; verdict.hidden = !text;
-    verdict.classList.toggle("bad", !stable);
+    verdict.classList.toggle("bad", stable === false);
+    verdict.classList.toggle("open", stable === null);   // nobody knows
   }
 
   // ---------------------------------------------------------------------------- generations
@@ -148,7 +153,7 @@ export class Page {
   }
   toggle(on = !this.playing) {
     this.playing = on;
-    if (on && this.g >= this.run.generation && (this.run.atRest || this.run.grown)) this.goTo(0);
+    if (on && this.g >= this.run.generation && this.over) this.goTo(0);
     this.clock = null;
     if (on) requestAnimationFrame((now) => this.tick(now));
     this.later();
@@ -159,7 +164,7 @@ export class Page {
     const due = Math.floor((now - this.clock) * this.look.speed / 1000);
     if (due > 0) {
       this.clock += due * 1000 / this.look.speed;
-      const end = this.g >= this.run.generation && (this.run.atRest || this.run.grown || this.run.generation >= MOST_GENERATIONS);
+      const end = this.g >= this.run.generation && this.over;
       if (end) this.playing = false; else this.seek(this.g + due);
       this.later();
     }
@@ -253,7 +258,7 @@ export class Page {
     this.drawn = (this.drawn ?? 0) + 1;
   }
   words() {
-    const { run, t, parts, g } = this, done = run.atRest || run.grown || run.generation >= MOST_GENERATIONS;
+    const { run, t, parts, g } = this, done = this.over;
     parts.count.textContent = t(done ? "generation" : "running", { g, n: run.generation });
     parts.time.max = run.generation; parts.time.value = g; parts.time.ariaValueText = parts.count.textContent;
     this.tellPlaying();
@@ -292,7 +297,7 @@ export class Page {
     this.stageBox = make("div", { className: "stage" }, make("div", {}, this.canvas, this.parts.cap, this.parts.tip));
     this.canvas.addEventListener("pointerdown", (event) => this.press(event));
     this.canvas.addEventListener("pointermove", (event) => this.move(event));
-    this.canvas.addEventListener("pointerup", () => { this.hold = null; });
+    this.canvas.addEventListener("pointerup", (event) => this.release(event));
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });
   }
   rebuild() {
@@ -334,6 +339,11 @@ export class Page {
     this.hold = load ? { load } : { pen: true };
     if (!load) this.touch(cell);
   }
+  release({ clientX, clientY, offsetX, offsetY }) {
+    const { hold } = this;
+    this.hold = null;                          // who has not turned the cubes has clicked one
+    if (hold?.x !== undefined && Math.hypot(clientX - hold.x, clientY - hold.y) < 4) this.touch(this.view.cellAt?.(offsetX, offsetY));
+  }
   loadNear(px, py) {
     const { view } = this;
     return this.scene.loads.find(({ cell, force }) => {
@@ -343,8 +353,7 @@ export class Page {
   }
   move(event) {
     const { hold, view, run, parts } = this, L = run.lattice;
-    if (L.dimension === 3) {
-      if (!hold || !event.buttons) return;
+    if (L.dimension === 3 && hold && event.buttons) {
       this.look.camera = { yaw: hold.yaw - (event.clientX - hold.x) / 150, pitch: Math.max(0.05, Math.min(1.5, hold.pitch + (event.clientY - hold.y) / 150)) };
       this.later();
       return;

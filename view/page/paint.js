@@ -57,10 +57,16 @@ export class View {
     if (!this.lattice.hexagon) return cell.map((c) => c + 0.5);
     return [cell[0] + 0.5 + 0.5 * (cell[1] & 1), (cell[1] + 2 / 3) * ROWS];
   }
-  /** The cell under a pixel, or null; flat lattices only. */
+  /** The cell under a pixel, or null; of cubes the first that is shown. */
   cellAt(px, py) {
-    const x = (px - this.x0) / this.u, y = (this.y0 - py) / this.u, L = this.lattice;
-    if (L.dimension === 3) return null;
+    const x = (px - this.x0) / this.u, y = (this.y0 - py) / this.u, { lattice: L, axes, depth } = this;
+    if (L.dimension === 3) {
+      for (let far = L.shape.reduce((a, b) => a + b), t = -far; t < far; t += 0.05) {
+        const cell = axes.map(([right, up], a) => Math.floor(x * right + y * up + t * depth[a]));
+        if (L.contains(cell) && this.shown(L.key(cell), cell)) return cell;
+      }
+      return null;
+    }
     let cell = [Math.floor(x), Math.floor(y)];
     if (L.hexagon) {
       const row = Math.floor(y / ROWS - 1 / 6), far = (c) => Math.hypot(...this.centre(c).map((v, i) => v - [x, y][i]));
@@ -175,7 +181,7 @@ const shade = (c, f) => (0xff000000 | Math.round((c >> 16 & 255) * f) << 16 | Ma
 function paintCubes(view, kinds, colour, cut, values, moved, factor) {
   const { ctx, lattice: L, r, towards } = view, [nx, ny, nz] = L.shape, f = moved ? factor / L.h : 0;
   SHEET.start(ctx, view.W, view.H);
-  const shown = (k, cell) => kinds[k] >= 0 && !(cut?.only && !(values[k] >= 0))
+  const shown = view.shown = (k, cell) => kinds[k] >= 0 && !(cut?.only && !(values[k] >= 0))
     && !(cut && cut.axis >= 0 && (towards[cut.axis] > 0 ? cell[cut.axis] > cut.at : cell[cut.axis] < cut.at));
   const order = (n, a) => Array.from({ length: n }, (_, i) => (towards[a] > 0 ? i : n - 1 - i));
   const faces = [0, 1, 2].map((a) => ({ a, arm: 2 * a + (towards[a] > 0 ? 1 : 0), light: [0.82, 0.68, 1][a] }));
@@ -319,10 +325,12 @@ export function paintForces(view, loads, inks) {
 
 /** A frame round one cell. */
 export function paintPick(view, cell, inks) {
-  const { ctx, u } = view, [px, py] = view.point(view.centre(cell)), s = Math.max(6, u);
-  for (const [ink, width, grow] of [[inks.paper, 4, 3], [inks.ink, 2, 3]]) {
-    ctx.strokeStyle = ink; ctx.lineWidth = width;
-    ctx.strokeRect(px - s / 2 - grow, py - s / 2 - grow, s + 2 * grow, s + 2 * grow);
+  const { ctx, u, lattice: { hexagon } } = view, [px, py] = view.point(view.centre(cell));
+  const n = hexagon ? 6 : 4, r = Math.max(6, u) * (hexagon ? 0.5774 : Math.SQRT1_2) + 4;
+  for (const [ink, width] of [[inks.paper, 4], [inks.ink, 2]]) {
+    ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath();
+    for (let i = 0; i < n; i++) { const turn = (i + (hexagon ? 0 : 0.5)) * 2 * Math.PI / n; ctx.lineTo(px + r * Math.sin(turn), py + r * Math.cos(turn)); }
+    ctx.closePath(); ctx.stroke();
   }
 }
 

@@ -36,7 +36,7 @@ export function tellStory(page, element, make) {
   if (!story) { element.replaceChildren(make("b", { textContent: `${head}, ${material}` }), paragraph(t("asleep"))); return; }
   const name = (c) => L.names[c % L.D] + (run.C > L.D ? ` ${t(c < L.D ? "pushes" : "pulls")}` : "");
   const data = (value) => make("data", { value: String(value), textContent: quantity(value, "N") });
-  const several = (list) => list.flatMap(([word, value], i) => [`${i ? ", " : ""}${word} `, data(value)]);
+  const several = (list) => (list.length ? list.flatMap(([word, value], i) => [`${i ? ", " : ""}${word} `, data(value)]) : ["–"]);
   const nonzero = (list, word) => list.map((value, c) => [word(c), value]).filter(([, value]) => value > 0);
   const later = t(run.late ? "atEnd" : "unknown"), rows = [];
   const row = (word, ...content) => rows.push(make("dt", { textContent: t(word) }), make("dd", {}, ...content));

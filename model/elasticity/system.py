@@ -13,6 +13,7 @@ from .problem import ACTIVE, ElasticProblem, FaceFields
 from .staggered import internal_force
 
 Vector = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 @njit(cache=True)
@@ -61,7 +62,9 @@ class System:
         self.right = self.load
         self._given, self._lead = 0.0, problem.fixed
         if any(values.any() for values in problem.fixed):
-            self._lead = _lead(problem)
+            origin = np.zeros(problem.dimension, dtype=np.int64)
+            cells = np.array(problem.shape)
+            self._lead = lead(problem, _moved(problem), origin, cells)
             pull = internal_force(problem, self._lead)
             self._given = sum(float(np.vdot(a, b)) for a, b in zip(pull, self._lead, strict=True))
             self.right = self.load - self.gather(pull)
@@ -95,12 +98,39 @@ class System:
         return 2 * float(dot(x, self.load)) - float(dot(x, self.right)) + self._given
 
 
-def _lead(problem: ElasticProblem) -> FaceFields:
-    """Return displacements that fall linearly from those of moved sides to the sides opposite."""
-    d = problem.dimension
+def lead(problem: ElasticProblem, moved: Vector, origin: Index, cells: Index) -> FaceFields:
+    """Return displacements that fall linearly from those of moved sides to the sides opposite.
+
+    Parameters
+    ----------
+    problem : ElasticProblem
+        A whole body, or a window of one.
+    moved : array
+        Displacement of the body's sides, shape (axis, end, component).
+    origin : array
+        The window's first cell, counted from the body's.
+    cells : array
+        Cells of the body along each axis.
+    """
     fields = []
     for component, fixed in enumerate(problem.fixed):
         field = np.zeros_like(fixed)
+        for axis, (lower, upper) in enumerate(moved[:, :, component]):
+            # Faces along the axis lie between the cells, those across in their middle.
+            last = max(cells[axis] - (axis != component), 1)
+            share = (np.arange(fixed.shape[axis]) - 1 + origin[axis]) / last
+            share = np.clip(share, 0.0, 1.0)
+            along = lower * (1.0 - share) + upper * share
+            field += along.reshape([-1 if a == axis else 1 for a in range(problem.dimension)])
+        fields.append(np.where(problem.face_states()[component] == ACTIVE, field, fixed))
+    return tuple(fields)
+
+
+def _moved(problem: ElasticProblem) -> Vector:
+    """Return by what the sides of a body are moved."""
+    d = problem.dimension
+    moved = np.zeros((d, 2, d))
+    for component, fixed in enumerate(problem.fixed):
         for axis in range(d):
             lines = np.moveaxis(fixed, axis, 0)
             # The wall's own faces along the axis, ghosts beyond it across.
@@ -109,12 +139,8 @@ def _lead(problem: ElasticProblem) -> FaceFields:
             beside = tuple(
                 slice(2, -2) if a == component else slice(1, -1) for a in range(d) if a != axis
             )
-            ends = [_largest(lines[layer][beside]) for layer in (first, last)]
-            share = np.concatenate([[0.0], np.linspace(0.0, 1.0, len(lines) - 2), [1.0]])
-            along = ends[0] * (1.0 - share) + ends[1] * share
-            field += along.reshape([-1 if a == axis else 1 for a in range(d)])
-        fields.append(np.where(problem.face_states()[component] == ACTIVE, field, fixed))
-    return tuple(fields)
+            moved[axis, :, component] = [_largest(lines[layer][beside]) for layer in (first, last)]
+    return moved
 
 
 def _largest(values: Vector) -> float:

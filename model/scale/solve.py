@@ -210,13 +210,14 @@ def window_of(body: Body, level: Level, local: Any) -> Window:
     d = problem.dimension
     slots = [level.dm.getLocationSlot(name, 0) for name in ("left", "down", "back")[:d]]
     faces, owned = [], []
+    begin = body.lead(problem, origin)
     for axis, state in enumerate(problem.face_states()):
-        field = problem.fixed[axis].copy()
+        field = begin[axis]
         place = np.argwhere(state == ACTIVE)
         at = place + origin
         known = np.all((at >= level.ghosts[0]) & (at < level.ghosts[1]), axis=1)
         place, at = place[known], at[known] - level.ghosts[0]
-        field[tuple(place.T)] = values[..., slots[axis]].T[tuple(at.T)]
+        field[tuple(place.T)] += values[..., slots[axis]].T[tuple(at.T)]
         faces.append(field)
         mine = np.zeros(field.shape, dtype=bool)
         own = level.owned(axis) - origin

@@ -18,6 +18,7 @@ from kaju.model.elasticity.problem import (
     ACTIVE,
     CellLoads,
     ElasticProblem,
+    FaceFields,
     Scales,
     Side,
     problem_of,
@@ -27,6 +28,7 @@ from kaju.model.elasticity.staggered import (
     internal_force,
     stiffness_matrix,
 )
+from kaju.model.elasticity.system import lead
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
@@ -96,6 +98,18 @@ class Body:
             scales=self.scales,
         )
         return problem, lower - 1
+
+    def lead(self, problem: ElasticProblem, origin: Index) -> FaceFields:
+        """Return what leads from moved sides to those opposite, in a window's units."""
+        lattice, d = self.scene.lattice, len(self.shape)
+        moved = np.zeros((d, 2, d))
+        for index, name in enumerate(lattice.sides):
+            axis, high = divmod(index, 2)
+            end = self.lower[axis] + (self.shape[axis] if high else 0)
+            displacement = self.scene.side_condition(name).displacement
+            if displacement is not None and end == (lattice.shape[axis] if high else 0):
+                moved[axis, high] = np.array(displacement) / self.scales.displacement
+        return lead(problem, moved, origin + 1, np.array(self.shape))
 
     def _loads_in(self, lower: Index, upper: Index) -> CellLoads:
         cells, direction, force = self.loads
@@ -208,7 +222,7 @@ class Rows:
     start, column, value : arrays
         The rows, compressed, with PETSc's numbers as columns.
     right : array
-        Load less what given displacements take; 0 at faces that do not move.
+        Load less what the lead from moved sides takes; 0 at faces that do not move.
     active : array of bool
         Which faces move.
     """
@@ -227,8 +241,9 @@ def rows_of(body: Body, level: Level, cells: Box) -> Rows:
     numbering = Numbering(problem.face_states())
     stiffness = stiffness_matrix(problem, numbering).tocsr()
     force = problem.force
-    if any(values.any() for values in problem.fixed):
-        pull = internal_force(problem, problem.fixed)
+    begin = body.lead(problem, origin)
+    if any(values.any() for values in begin):
+        pull = internal_force(problem, begin)
         force = tuple(f - p for f, p in zip(force, pull, strict=True))
     load = numbering.gather(force)
     names = np.empty(numbering.size, dtype=np.int64)

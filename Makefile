@@ -29,7 +29,7 @@ test-scale: $(SCALE)/.scale
 
 $(SCALE)/.scale: pyproject.toml
 	/usr/bin/python3 -m venv --system-site-packages $(SCALE)
-	$(SCALE)/bin/pip install --quiet --editable . 'numpy>=1.26,<2' pytest hypothesis
+	$(SCALE)/bin/pip install --quiet --editable . 'numpy>=1.26,<2' pytest hypothesis vtk
 	touch $@
 
 check: $(VENV)/.dev

@@ -106,6 +106,31 @@ def test_written_in_parallel_and_read_in_pieces(tmp_path, task, seed):
     assert kaju.load_result(folder / "result.pvti").summary() == stored.summary()
 
 
+def test_vtk_reads_what_was_written(tmp_path):
+    """By the reader that ParaView has, all pieces as one image."""
+    vtk = pytest.importorskip("vtk")
+    numbers = pytest.importorskip("vtk.util.numpy_support").vtk_to_numpy
+    folder = tmp_path / "answer"
+    mpirun(4, WORK, "save", folder)
+    reader = vtk.vtkXMLPImageDataReader()
+    reader.SetFileName(str(folder / "result.pvti"))
+    reader.Update()
+    image = reader.GetOutput()
+    corners = np.array(image.GetDimensions()[:2])
+    stored = kaju.load_result(folder)
+    assert image.GetSpacing()[0] == stored.scene.lattice.cell_size
+    first = np.min([piece.lower for piece in stored.pieces], axis=0)
+    moved = numbers(image.GetPointData().GetArray("displacement"))
+    stress = numbers(image.GetCellData().GetArray("stress_xy")).reshape(corners - 1, order="F")
+    for piece in stored.pieces:
+        box = [slice(a, b) for a, b in zip(piece.lower - first, piece.upper - first, strict=True)]
+        ends = [slice(part.start, part.stop + 1) for part in box]
+        for a in range(2):
+            read = moved[:, a].reshape(corners, order="F")[tuple(ends)]
+            assert np.array_equal(read, piece.nodes["displacement"][..., a])
+        assert np.array_equal(stress[tuple(box)], piece.cells["stress"][..., 0, 1], equal_nan=True)
+
+
 def test_damaged_pieces_are_refused(tmp_path):
     folder = tmp_path / "answer"
     mpirun(2, WORK, "save", folder)

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
 
 from kaju import __version__
 from kaju.errors import KajuError, ResultFileError
@@ -28,9 +29,48 @@ FORMAT = 2
 PACKED_AT_MOST, SMALL = 200, 1 << 24
 """How many times larger than its file an archive may be, but for its first bytes."""
 
-Value = TypeVar("Value")
-Kind = Literal["f", "i", "b"]
-_NAMES = {"f": "floating-point numbers", "i": "whole numbers", "b": "true or false"}
+Kind = Literal["f", "s", "i", "b"]
+_NAMES = {
+    "f": "floating-point numbers of 64 bits",
+    "s": "floating-point numbers of 32 bits",
+    "i": "whole numbers of 64 bits",
+    "b": "true or false",
+}
+_TYPES = {"f": ("f8",), "s": ("f4",), "i": ("i8", "u8"), "b": ("b1",)}
+
+
+class Column(NamedTuple):
+    """What an array of a stored result must be.
+
+    Attributes
+    ----------
+    kind : {"f", "s", "i", "b"}
+        Floating-point numbers, those of single precision, whole numbers, true and false.
+    shape : str
+        The sizes along its axes, each a number or a name; arrays that use a name agree.
+    low, high : float or str, optional
+        The smallest and the largest value; a name is the size that whole numbers stay below.
+    finite : bool
+        Whether floating-point numbers must be finite.
+    optional : bool
+        Whether it may be missing: earlier versions did not write it, or not every result has it.
+    """
+
+    kind: Kind
+    shape: str
+    low: float | None = None
+    high: float | str | None = None
+    finite: bool = True
+    optional: bool = False
+
+    def told(self) -> str:
+        """Return the same in words."""
+        words = [f"({', '.join(self.shape.split())}) {_NAMES[self.kind]}"]
+        words += [f"from {self.low:g}"] if self.low is not None else []
+        if self.high is not None:
+            words += [f"below {self.high}" if isinstance(self.high, str) else f"to {self.high:g}"]
+        words += ["" if self.finite else "or NaN", "if there is one" if self.optional else ""]
+        return " ".join(word for word in words if word)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +95,20 @@ class Archive:
         shape: tuple[int | None, ...] | None,
         *,
         low: float | None = None,
-        high: float | None = None,
+        high: float | NDArray[Any] | None = None,
         finite: bool = True,
     ) -> NDArray[Any]:
-        """Return an array of 64-bit numbers (or of truth values) that is what it must be.
+        """Return an array that is what it must be.
 
         Parameters
         ----------
         name : str
-        kind : {"f", "i", "b"}
-            Floating-point numbers, whole numbers, or true and false.
+        kind : {"f", "s", "i", "b"}
+            As `Column` says.
         shape : tuple
             None stands for any length along an axis, or for any shape.
         low, high : float, optional
-            The smallest and the largest value allowed.
+            The smallest and the largest value allowed; `high` also one for each column.
         finite : bool
             Whether floating-point numbers must be finite.
 
@@ -80,9 +120,8 @@ class Archive:
         if name not in self.arrays:
             raise ResultFileError(f"{self.path}: the array {name!r} is missing")
         found = self.arrays[name]
-        kinds = {"f": "f", "i": "iu", "b": "b"}[kind]
-        if found.dtype.kind not in kinds or (kind != "b" and found.dtype.itemsize != 8):
-            raise self._wrong(name, f"hold {_NAMES[kind]} of 64 bits", f"is of {found.dtype}")
+        if found.dtype.str[1:] not in _TYPES[kind]:
+            raise self._wrong(name, f"hold {_NAMES[kind]}", f"is of {found.dtype}")
         fits = shape is None or (
             found.ndim == len(shape)
             and all(
@@ -92,29 +131,64 @@ class Archive:
         if not fits and shape is not None:
             told = tuple("any" if length is None else length for length in shape)
             raise self._wrong(name, f"be of shape {told}", f"is of shape {found.shape}")
-        if kind == "f" and finite and not np.isfinite(found).all():
+        if kind in "fs" and finite and not np.isfinite(found).all():
             raise self._wrong(name, "hold finite numbers", "does not")
         if low is not None and found.size and not np.nanmin(found) >= low:
             raise self._wrong(name, f"be {low:g} or more", f"holds {np.nanmin(found):g}")
-        if high is not None and found.size and not np.nanmax(found) <= high:
-            raise self._wrong(name, f"be {high:g} or less", f"holds {np.nanmax(found):g}")
-        return np.ascontiguousarray(found, dtype=found.dtype.newbyteorder("="))
+        if high is not None and not np.all((found <= high) | (found != found)):
+            raise self._wrong(name, f"be {high} or less", f"holds {np.nanmax(found):g}")
+        return np.asarray(found, dtype=found.dtype.newbyteorder("="), order="C")
 
-    def value(self, name: str, *types: type[Value]) -> Value:
-        """Return a plain value of one of some types; None counts as such if NoneType is one.
+    def columns(
+        self, table: Mapping[str, Column], sizes: Mapping[str, Any], prefix: str = ""
+    ) -> dict[str, NDArray[Any]]:
+        """Return the arrays of a table, every one looked at.
+
+        Parameters
+        ----------
+        table : mapping of str to Column
+        sizes : mapping of str to int
+            Sizes that are known; the others are those of the first array that names them.
+        prefix : str
+            What the arrays' names begin with in the file.
+        """
+        known, found = dict(sizes), {}
+        for name, column in table.items():
+            if column.optional and prefix + name not in self.arrays:
+                continue
+            axes = column.shape.split()
+            high = known[column.high] - 1 if isinstance(column.high, str) else column.high
+            shape = tuple(int(axis) if axis.isdigit() else known.get(axis) for axis in axes)
+            found[name] = self.array(
+                prefix + name, column.kind, shape, low=column.low, high=high, finite=column.finite
+            )
+            known |= dict(zip(axes, found[name].shape, strict=True))
+        return found
+
+    def part(self, prefix: str) -> dict[str, NDArray[Any]]:
+        """Return the arrays whose names begin so, by the rest of their names."""
+        found = [name for name in self.arrays if name.startswith(prefix)]
+        return {name.removeprefix(prefix): self.arrays[name] for name in found}
+
+    def value(self, name: str, form: Any) -> Any:
+        """Return a plain value of some form: a type, a union of types, a record.
 
         Raises
         ------
         ResultFileError
-            If it is missing, or of another type.
+            If it is missing, or of another form.
         """
-        found = self.about.get(name)
-        wanted = " or ".join(known.__name__ for known in types)
         if name not in self.about:
             raise ResultFileError(f"{self.path}: {name!r} is missing")
-        if not isinstance(found, types) or (isinstance(found, bool) and bool not in types):
-            raise self._wrong(name, f"be of {wanted}", f"is {found!r:.40}")
-        return found
+        try:
+            return TypeAdapter(form).validate_json(json.dumps(self.about[name]), strict=True)
+        except ValidationError as error:
+            first = error.errors()[0]
+            inside = ".".join(map(str, (name, *first["loc"])))
+            told = first["msg"].replace("Input should", "should").replace(" be a ", " be ")
+            raise self._wrong(
+                inside, told.removeprefix("should "), f"is {first['input']!r:.40}"
+            ) from error
 
     def _wrong(self, name: str, rule: str, found: str) -> ResultFileError:
         return ResultFileError(
@@ -154,14 +228,6 @@ def write_archive(
     return target
 
 
-def read_archive(
-    path: str | Path, kind: str | None = None
-) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Read what `write_archive` wrote; see `open_archive`."""
-    found = open_archive(path, *([] if kind is None else [kind]))
-    return found.arrays, found.about
-
-
 def open_archive(path: str | Path, *kinds: str) -> Archive:
     """Read what `write_archive` wrote.
 
@@ -180,7 +246,7 @@ def open_archive(path: str | Path, *kinds: str) -> Archive:
     """
     file = Path(path)
     try:
-        arrays = _unpacked(file)
+        arrays = unpacked(file)
         about = json.loads(arrays.pop("json").tobytes().decode())
     except FileNotFoundError as error:
         raise ResultFileError(f"{file}: there is no such file") from error
@@ -203,8 +269,14 @@ def open_archive(path: str | Path, *kinds: str) -> Archive:
     return Archive(file, arrays, about)
 
 
-def _unpacked(file: Path) -> dict[str, NDArray[Any]]:
-    """Return all arrays, every one read to the end, where its checksum is."""
+def unpacked(file: Path) -> dict[str, NDArray[Any]]:
+    """Return all arrays, every one read to the end, where its checksum is.
+
+    Raises
+    ------
+    ResultFileError
+        If they would be out of proportion to the file.
+    """
     with zipfile.ZipFile(file) as archive:
         entries = archive.infolist()
         whole, packed = sum(entry.file_size for entry in entries), file.stat().st_size
@@ -239,12 +311,8 @@ def reading(path: str | Path) -> Iterator[None]:
         yield
     except ResultFileError:
         raise
-    except (KajuError, ArithmeticError, AssertionError, AttributeError) as error:
-        raise ResultFileError(_damaged(path, error)) from error
-    except (IndexError, KeyError, TypeError, ValueError, MemoryError, RecursionError) as error:
-        raise ResultFileError(_damaged(path, error)) from error
-
-
-def _damaged(path: str | Path, error: BaseException) -> str:
-    told = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    return f"{path}: is damaged, or no result of kaju's ({told}); compute it again"
+    except Exception as error:
+        told = str(error) if isinstance(error, KajuError) else f"{type(error).__name__}: {error}"
+        raise ResultFileError(
+            f"{path}: is damaged, or no result of kaju's ({told.rstrip(': ')}); compute it again"
+        ) from error

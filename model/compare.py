@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kaju.errors import ResultError, ResultFileError
-from kaju.model.archive import read_archive
+from kaju.model.archive import open_archive
 from kaju.model.common_points import Stressed, check_comparable, common_points
 from kaju.model.pair import Pair, Profile
 from kaju.model.profile import line_of
@@ -166,7 +166,7 @@ def load_answer(path: str | Path) -> Field | Reference:
         If there is no such file, or it holds something that cannot be compared.
     """
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
-    if read_archive(source)[1]["kind"] == "reference":
+    if open_archive(source).about["kind"] == "reference":
         return Reference.load(source)
     result = load_result(source)
     if not isinstance(result, Field):

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError
+from kaju.stopping import keeping, stopped
 
 from . import checkpoint
+from .archive import Archive
 
+Answer = TypeVar("Answer")
 Until = Callable[[Any], bool]
 """A question about the model, asked before every step: whether to stop."""
 
@@ -128,11 +131,11 @@ class SteppedModel(Model):
         return arrays, {"scene": text}
 
     @staticmethod
-    def checkpoint_subject(arrays: dict[str, Any], about: dict[str, Any]) -> Any:
+    def checkpoint_subject(archive: Archive) -> Any:
         """Return the scene that `checkpoint_parts` took apart."""
         from kaju.model.scene import Scene
 
-        return Scene.from_archive(about["scene"], arrays)
+        return Scene.from_archive(archive.value("scene", str), archive.arrays)
 
     def save_checkpoint(self, path: str | Path) -> Path:
         """Write what it takes to go on from here later: continuing is as never having stopped.
@@ -167,17 +170,29 @@ class SteppedModel(Model):
         model: Self = checkpoint.load(cls, path, own)
         return model
 
-    def _step_until(self, until: Until | None, after: Callable[[], None] | None = None) -> None:
-        """Step until the end, or until a question about the model is answered with yes.
+    def _run(
+        self,
+        until: Until | None,
+        result: Callable[[], Answer],
+        after: Callable[[], None] | None = None,
+    ) -> Answer:
+        """Step until the end, or until a question is answered with yes; return what there is.
 
         `after` is called after every step.
         """
         if not (until is None or callable(until)):
             raise ParameterError(f"until: a function of the model is needed, got {until!r}")
-        while self.running and not (until is not None and until(self)):
-            self.step()
-            if after is not None:
-                after()
+
+        def steps() -> Answer:
+            while self.running and not (until is not None and until(self)):
+                self.step()
+                if after is not None:
+                    after()
+                if stopped():
+                    break
+            return result()
+
+        return keeping(steps)
 
 
 class _Figure:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kaju.errors import ParameterError, ResultError
-from kaju.model.archive import read_archive, reading, write_archive
+from kaju.model.archive import open_archive, reading, write_archive
+from kaju.model.formats import REFERENCE
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -153,9 +154,13 @@ class Reference:
         ResultFileError
             If the file is missing, or holds something else.
         """
-        arrays, about = read_archive(path, "reference")
+        archive = open_archive(path, "reference")
         with reading(path):
-            return cls(**arrays, strain_energy=about["strain_energy"], source=about["source"])
+            return cls(
+                **archive.columns(REFERENCE, {}),
+                strain_energy=archive.value("strain_energy", float | None),
+                source=archive.value("source", str),
+            )
 
 
 def _numbers(name: str, given: ArrayLike | None) -> Floats:

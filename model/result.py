@@ -232,10 +232,8 @@ class BodyResult(Described):
 
         archive = open_archive(path, *cls.kinds())
         with reading(path):
-            names = [name for name in archive.arrays if name.startswith(_SCENE)]
-            own = {name.removeprefix(_SCENE): archive.arrays.pop(name) for name in names}
-            archive.value("seconds", float, int)
-            return cls._from_archive(Scene.from_archive(archive.value("scene", str), own), archive)
+            scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
+            return cls._from_archive(scene, archive)
 
     @classmethod
     def kinds(cls) -> tuple[str, ...]:

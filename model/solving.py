@@ -9,6 +9,7 @@ import numpy as np
 
 from kaju.errors import OutOfMemoryError, ParameterError
 from kaju.model.scene import Scene
+from kaju.stopping import keeping
 
 if TYPE_CHECKING:
     from kaju.model.elasticity.elastic_result import ElasticResult
@@ -125,6 +126,8 @@ def solve(
         If an argument or the scene breaks a rule.
     OutOfMemoryError
         If there is not enough memory.
+    Interrupted
+        After Ctrl-C, a KeyboardInterrupt; `best` holds the result so far.
     """
     if isinstance(subject, Scene):
         _refuse(subject, increments=increments, method=method)
@@ -136,9 +139,8 @@ def solve(
 
             return solve_petsc(subject, tolerance, resolution, stage=stage)
         try:
-            return _solve_scene(
-                subject, tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents
-            )
+            asked = (tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents)
+            return keeping(lambda: _solve_scene(subject, *asked))
         except MemoryError as error:
             if isinstance(error, OutOfMemoryError):
                 raise
@@ -165,7 +167,7 @@ def solve(
     )
     how = {"tolerance": tolerance, "increments": increments, "method": method}
     given: dict[str, Any] = {name: value for name, value in how.items() if value is not None}
-    return solve_network(subject, **given)
+    return keeping(lambda: solve_network(subject, **given))
 
 
 def _refuse_beside_petsc(engine: str, strategy: str, **given: object) -> None:

@@ -19,12 +19,13 @@ from kaju.agents.rheology import ThreeElement
 from kaju.agents.rheology_steps import Laws
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
+from kaju.model.formats import TRANSFER_IN_TIME, sizes_of
 from kaju.model.propagation.deformation import DisplacementField, Squeeze, squeeze
 from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.result import BodyResult, cells_of_points
 
 from .elements import Elements
-from .state import BodyCourse
+from .state import BodyCourse, times_of
 
 Floats = NDArray[np.float64]
 
@@ -63,8 +64,9 @@ class TransferCreepResult(BodyCourse):
 
     @classmethod
     def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        growth = archive.array("growth", "f", (None, None))
-        return {**super()._from_own(archive), "growth": growth}
+        own = super()._from_own(archive)
+        sizes = sizes_of(own["static"].scene) | times_of(archive)
+        return own | archive.columns(TRANSFER_IN_TIME, sizes)
 
     def squeezed(self, record: int = -1) -> Squeeze:
         """Return how much the agents are squeezed, their pressures at a factor of 1."""

@@ -24,6 +24,7 @@ from kaju.model.elasticity.solve import solve
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
+from kaju.stopping import NOTE, keeping, stopped
 
 from .body import CreepingAgents, TransferCreepResult
 from .elastic_result import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
@@ -140,8 +141,12 @@ def creep(  # type: ignore[misc]
     _check_fits(state, system)
     if isinstance(system, CreepingNetwork):
         system.begin(state.fields, float(drives.displacements.at(state.time)))
-    log, state = march(system, method, drives, state, asked, pace)
-    return _result(system, history, log, state, perf_counter() - began)
+
+    def run() -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
+        log, end = march(system, method, drives, state, asked, pace)
+        return _result(system, history, log, end, perf_counter() - began)
+
+    return keeping(run)
 
 
 def _history_of(subject: ThreeElement | SpringNetwork | Scene, history: History | None) -> History:
@@ -208,6 +213,7 @@ def _result(
         "numerical": numerical,
         "state": state,
         "seconds": seconds,
+        "notes": (NOTE,) if stopped() else (),
     }
     if isinstance(system, CreepingAgents):
         return TransferCreepResult(**course, static=system.static, growth=records[0])

@@ -21,17 +21,17 @@ from kaju.model.archive import Archive
 from kaju.model.elasticity import fields
 from kaju.model.elasticity.cell_agents import CellAgents
 from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.elasticity.staggered import Strains, axis_pairs, edge_modulus
+from kaju.model.elasticity.problem import ElasticProblem
+from kaju.model.elasticity.staggered import Numbering, Strains, axis_pairs, edge_modulus
+from kaju.model.formats import ELASTIC_IN_TIME, sizes_of
 from kaju.model.result import BodyResult
 
 from .body import law_of
 from .elastic import CreepingBody
 from .elements import Elements
-from .state import BodyCourse
+from .state import BodyCourse, times_of
 
 Floats = NDArray[np.float64]
-
-_STORED = ("growth", "faces", "cells", "edges")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -68,14 +68,17 @@ class ElasticCreepResult(BodyCourse):
 
     def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = super()._own()
-        stored = {name: getattr(self, name) for name in _STORED}
+        stored = {name: getattr(self, name) for name in ELASTIC_IN_TIME}
         return arrays | {name: v for name, v in stored.items() if v is not None}, about
 
     @classmethod
     def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        own, arrays = super()._from_own(archive), archive.arrays
-        own |= {name: arrays.get(name) for name in _STORED}
-        return own if "growth" in arrays else {**own, "body": SteppedBody(own["static"])}
+        own = super()._from_own(archive)
+        sizes = sizes_of(own["static"].scene) | times_of(archive)
+        if "growth" not in archive.arrays:
+            own["body"] = SteppedBody(own["static"])
+            sizes |= _sizes_of(cells_of(own["static"]).problem, own["body"].numbering)
+        return own | archive.columns(ELASTIC_IN_TIME, sizes)
 
     def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
@@ -130,6 +133,14 @@ class ElasticCreepResult(BodyCourse):
         if values is None:
             raise ResultError("this run followed the correspondence principle: scale `static`")
         return values
+
+
+def _sizes_of(problem: ElasticProblem, numbering: Numbering) -> dict[str, int]:
+    """Return how many faces, cells and edges of a body are marched through time."""
+    moduli = [edge_modulus(problem, pair) for pair in axis_pairs(problem.dimension)]
+    edges = sum(int(np.count_nonzero(modulus)) for modulus in moduli)
+    solid = int(np.count_nonzero(problem.kinds >= 0))
+    return {"faces": numbering.size, "solid": solid, "edges": edges}
 
 
 def cells_of(static: ElasticResult) -> CellAgents:

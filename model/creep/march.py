@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from kaju.agents.history import History
 from kaju.agents.rheology_steps import Energy, Scheme
 from kaju.errors import ConvergenceError, KajuError, TangentError
+from kaju.stopping import stopped
 
 from .state import CreepState
 
@@ -145,8 +146,10 @@ def march(
             state = _keep_tolerance(system, method, drive, state, node, corner, pace)
         else:
             state = _go_evenly(system, method, drive, state, node, pace.step)
-        if node in wanted:
+        if node in wanted or stopped():
             log.note(system, state)
+        if stopped():
+            break
     return log, state
 
 
@@ -184,6 +187,8 @@ def _go_evenly(
         factors = drive.between(start, end)
         fields, booked = take_step(system, method, state.fields, length, factors)
         state = state.moved(end, fields, booked, _scale(system, state, fields))
+        if stopped():
+            break
     return state
 
 
@@ -198,7 +203,7 @@ def _keep_tolerance(
 ) -> CreepState:
     """Go on to `node` in steps whose estimated error keeps the tolerance."""
     wish = state.next_step or 1e-3 * (node - state.time)
-    while state.time < node:
+    while state.time < node and not stopped():
         left = node - state.time
         # Two equal steps to the node rather than a long one and a sliver.
         step = left if wish >= left else min(wish, 0.5 * left)

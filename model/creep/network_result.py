@@ -10,11 +10,17 @@ from numpy.typing import NDArray
 
 from kaju.model.archive import Archive
 from kaju.model.curves import Curves
+from kaju.model.formats import NETWORK_IN_TIME
 from kaju.model.network.geometry import spring_forces, spring_geometry
-from kaju.model.network.network_result import NetworkResult, network_archive, network_from
+from kaju.model.network.network_result import (
+    NetworkResult,
+    network_archive,
+    network_from,
+    sizes_of_network,
+)
 from kaju.model.network.springs import SpringNetwork
 
-from .state import Course
+from .state import Course, times_of
 
 Floats = NDArray[np.float64]
 
@@ -69,8 +75,9 @@ class NetworkCreepResult(Course):
 
     @classmethod
     def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        own = {name: archive.array(name, "f", None) for name in ("displacement", "force")}
-        return {"network": network_from(archive.arrays, archive.about), **own}
+        network = network_from(archive)
+        sizes = sizes_of_network(network) | times_of(archive)
+        return {"network": network, **archive.columns(NETWORK_IN_TIME, sizes)}
 
     def outside_forces(self, record: int = -1) -> Floats:
         """Return what acts on every node from outside (N), shape (n, dimension).

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +13,9 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_beside
-from kaju.model.archive import Archive, open_archive, reading, write_archive
+from kaju.model.archive import Archive, open_archive, reading, unpacked, write_archive
 from kaju.model.curves import Curves
+from kaju.model.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME, StateRecord
 from kaju.model.result import BodyResult, Described
 
 if TYPE_CHECKING:
@@ -24,18 +24,6 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
 Floats = NDArray[np.float64]
-
-_NUMBERS = (
-    "time",
-    "next_step",
-    "scale",
-    "error_estimate",
-    "work",
-    "dissipated",
-    "numerical",
-    "steps",
-    "rejected",
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +81,7 @@ class CreepState:
         """Write the state to one ``.npz`` file, whole or not at all."""
         target = Path(path)
         arrays = {f"field{i}": part for i, part in enumerate(self.fields)}
-        numbers = {name: np.asarray(getattr(self, name)) for name in _NUMBERS}
+        numbers = {name: np.asarray(getattr(self, name)) for name in CREEP_STATE}
         with scratch_beside(target, ResultFileError) as scratch, scratch.open("wb") as file:
             np.savez(file, **arrays, **numbers)  # type: ignore[arg-type]
         return target
@@ -101,19 +89,12 @@ class CreepState:
     @classmethod
     def load(cls, path: str | Path) -> CreepState:
         """Read a state that `save` wrote."""
-        try:
-            with np.load(Path(path), allow_pickle=False) as file:
-                count = sum(name.startswith("field") for name in file.files)
-                fields = tuple(file[f"field{i}"] for i in range(count))
-                numbers = {name: file[name].item() for name in _NUMBERS}
-        except (OSError, KeyError, ValueError, BadZipFile, EOFError) as error:
-            raise ResultFileError(
-                f"creep state: {path} is not a file that CreepState.save wrote ({error})"
-            ) from error
-        return cls(fields, **numbers)
-
-
-_COURSE = ("times", "factors", "work", "stored", "dissipated", "numerical")
+        with reading(path):
+            archive = Archive(Path(path), unpacked(Path(path)), {})
+            count = len(archive.part("field"))
+            fields = tuple(archive.array(f"field{i}", "f", None) for i in range(count))
+            numbers = archive.columns(CREEP_STATE, {})
+            return cls(fields, **{name: value.item() for name, value in numbers.items()})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -134,6 +115,8 @@ class Course(Described):
         has the number of steps and the sum of the estimated errors.
     seconds : float
         Time that the computation took (s).
+    notes : tuple of str
+        What a reader of the figures should know, in words.
     """
 
     kind: ClassVar[str]
@@ -147,6 +130,7 @@ class Course(Described):
     numerical: Floats
     state: CreepState
     seconds: float = 0.0
+    notes: tuple[str, ...] = ()
 
     @abstractmethod
     def largest_displacement(self) -> Floats:
@@ -206,7 +190,7 @@ class Course(Described):
             "error_estimate": self.state.error_estimate,
             "seconds": self.seconds,
             "kaju_version": __version__,
-        }
+        } | ({"notes": list(self.notes)} if self.notes else {})
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per time asked for: what the curves show."""
@@ -227,12 +211,11 @@ class Course(Described):
             If the file cannot be written.
         """
         arrays, about = self._own()
-        arrays |= {f"course.{name}": getattr(self, name) for name in _COURSE}
+        arrays |= {f"course.{name}": getattr(self, name) for name in COURSE}
         arrays |= {f"state.{i}": part for i, part in enumerate(self.state.fields)}
-        numbers = {name: getattr(self.state, name) for name in _NUMBERS}
-        return write_archive(
-            path, self.kind, arrays, {**about, "state": numbers, "course_seconds": self.seconds}
-        )
+        numbers = {name: getattr(self.state, name) for name in CREEP_STATE}
+        about |= {"course_seconds": self.seconds, "course_notes": self.notes}
+        return write_archive(path, self.kind, arrays, {**about, "state": numbers})
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -245,13 +228,15 @@ class Course(Described):
         """
         archive = open_archive(path, cls.kind)
         with reading(path):
-            arrays, about = archive.arrays, archive.about
-            course = {name: archive.array(f"course.{name}", "f", (None,)) for name in _COURSE}
-            count = sum(name.startswith("state.") for name in arrays)
+            course = archive.columns(COURSE, {}, "course.")
+            count = len(archive.part("state."))
             fields = tuple(archive.array(f"state.{i}", "f", None) for i in range(count))
-            state = CreepState(fields, **archive.value("state", dict))
+            state = CreepState(fields, **archive.value("state", StateRecord))
+            seconds = archive.value("course_seconds", float)
+            archive.about.setdefault("course_notes", [])  # written before there were notes
+            notes = tuple(archive.value("course_notes", list[str]))
             own = cls._from_own(archive)
-            return cls(**course, state=state, seconds=about["course_seconds"], **own)
+            return cls(**course, state=state, seconds=seconds, notes=notes, **own)
 
     @classmethod
     def kinds(cls) -> tuple[str, ...]:
@@ -335,13 +320,9 @@ class BodyCourse(Course):
     def _from_own(cls, archive: Archive) -> dict[str, Any]:
         from kaju.model.scene import Scene
 
-        def part(of: str) -> dict[str, NDArray[Any]]:
-            found = [name for name in archive.arrays if name.startswith(of)]
-            return {name.removeprefix(of): archive.arrays[name] for name in found}
-
-        scene = Scene.from_archive(archive.value("scene", str), part("scene."))
-        about = {**archive.value("static", dict), "kind": cls._static.kind}
-        static = Archive(archive.path, part("static."), about)
+        scene = Scene.from_archive(archive.value("scene", str), archive.part("scene."))
+        about = {**archive.value("static", dict[str, Any]), "kind": cls._static.kind}
+        static = Archive(archive.path, archive.part("static."), about)
         return {"static": cls._static._from_archive(scene, static)}
 
 
@@ -374,5 +355,9 @@ class CreepResult(Course):
 
     @classmethod
     def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        columns = ("displacement", "force")
-        return {name: archive.array(name, "f", (None,)) for name in columns}
+        return archive.columns(ELEMENT_IN_TIME, times_of(archive))
+
+
+def times_of(archive: Archive) -> dict[str, int]:
+    """Return how many times were asked for, which all arrays of a course share."""
+    return {"times": len(archive.arrays["course.times"])}

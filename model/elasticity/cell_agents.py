@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kaju.errors import ResultFileError
 from kaju.model.archive import Archive
+from kaju.model.formats import SolutionRecord
 from kaju.model.scene import Scene
 
 from . import fields, sampling
@@ -252,5 +253,5 @@ class CellAgents:
             archive.array(f"face.{axis}", "f", problem.face_shape(axis))
             for axis in range(problem.dimension)
         )
-        solution = Solution(displacement=faces, **archive.value("solution", dict))
+        solution = Solution(displacement=faces, **archive.value("solution", SolutionRecord))
         return cls(grid, stage, problem, origin, solution)

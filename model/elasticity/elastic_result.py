@@ -555,14 +555,14 @@ class ElasticResult(BodyResult):
         if storage not in ("cells", "tree"):
             raise ParameterError(f"storage: must be 'cells' or 'tree', got {storage!r}")
         holder = CellAgents if storage == "cells" else TreeAgents
-        stage = archive.value("stage", int, type(None))
+        stage = archive.value("stage", int | None)
         return cls(
             scene,
             stage,
             holder.of_archive(archive, scene, stage),
-            float(archive.value("seconds", float, int)),
-            about.get("tolerance"),
-            about.get("resolution"),
+            archive.value("seconds", float),
+            about.get("tolerance") and archive.value("tolerance", float),
+            about.get("resolution") and archive.value("resolution", int),
             asked_again(about.get("tolerance_at")),
         )
 

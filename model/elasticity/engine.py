@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import SceneError
+from kaju.stopping import stopped
 
 from .fallback import DIRECT_LIMIT, solve_direct
 from .krylov import Iteration, conjugate_gradients, dot
@@ -205,7 +206,7 @@ def _solve(system: System, tolerance: float | None, guess: Vector | None) -> Sol
     start, coarser = prepared.hierarchy.full_multigrid(system.right, guess)
     if not prepared.slow:
         solution = _solve_multigrid(system, start, coarser, tolerance)
-        if solution.converged or prepared.box is not None:
+        if solution.converged or prepared.box is not None or stopped():
             return solution
         prepared.slow = f"geometric multigrid was slow after {solution.iterations} iterations"
         start = system.unknown(solution.displacement)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.compiling import njit
+from kaju.stopping import stopped
 
 Vector = NDArray[np.float64]
 Operator = Callable[[Vector], Vector]
@@ -135,7 +136,7 @@ def conjugate_gradients(
             run.converged = True
             x += z
             return run
-        if step == most or product <= 0.0:
+        if step == most or product <= 0.0 or stopped():
             return run
         _turn(p, z, product / previous if step else 0.0)
         previous = product
@@ -190,7 +191,7 @@ def minimal_residuals(
         if run.residuals[-1] <= tolerance:
             run.converged = True
             return run
-        if gamma_new == 0.0:
+        if gamma_new == 0.0 or stopped():
             return run
         v_old, v, z = v, v_new, z_new
         gamma_old, gamma = gamma, gamma_new

@@ -7,6 +7,7 @@ from time import perf_counter
 
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
+from kaju.stopping import NOTE, stopped
 
 from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
@@ -68,6 +69,7 @@ def solve(
         scene, stage, found, perf_counter() - start, tolerance=None, resolution=resolution
     )
     if not solution.converged:
+        solution.notes += [NOTE] if stopped() else []
         raise ConvergenceError(_remedy(solution, tolerance), result.residuals, result)
     return result
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.errors import ConvergenceError, ParameterError, TangentError
+from kaju.stopping import stopped
 
 from .assembler import Assembler
 from .equilibrium import Balance, elastic_law, find_balance, solve_tangent, weakness_of
@@ -121,7 +122,7 @@ class IncrementalLoading:
 
     def run(self) -> NetworkResult:
         """Take all the steps that are left and return the result."""
-        while not self.finished:
+        while not (self.finished or stopped()):
             self.step()
         return self.result()
 

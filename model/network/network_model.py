@@ -14,6 +14,7 @@ import numpy as np
 
 from kaju._mesa import FixedAgent, Model, Network
 from kaju.errors import ParameterError, TangentError
+from kaju.model.archive import Archive
 from kaju.model.mesa_model import SteppedModel, Until
 
 from .increments import IncrementalLoading
@@ -157,8 +158,7 @@ class NetworkModel(SteppedModel):
 
     def run(self, until: Until | None = None) -> NetworkResult:
         """Take the steps that are left, or those before `until` is true; return the result."""
-        self._step_until(until)
-        return self.result
+        return self._run(until, lambda: self.result)
 
     def reset(self) -> None:
         """Take all loads off and start again."""
@@ -185,9 +185,9 @@ class NetworkModel(SteppedModel):
         return network_archive(self.network)
 
     @staticmethod
-    def checkpoint_subject(arrays: dict[str, Any], about: dict[str, Any]) -> Any:
+    def checkpoint_subject(archive: Archive) -> Any:
         """Return the network that `checkpoint_parts` took apart."""
-        return network_from(arrays, about)
+        return network_from(archive)
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: lengths (m), energy (J)."""

@@ -13,7 +13,8 @@ from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 
 from kaju import __version__
 from kaju.errors import ResultError
-from kaju.model.archive import read_archive, reading, write_archive
+from kaju.model.archive import Archive, open_archive, reading, write_archive
+from kaju.model.formats import NETWORK, RECORDS
 from kaju.model.result import Described
 
 from .geometry import spring_forces, spring_geometry
@@ -26,17 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Scheme = Literal["newton", "euler"]
-
-_ARRAYS = ("stage", "displacement", "tension", "residual", "corrections")
-_NETWORK_ARRAYS = (
-    "positions",
-    "springs",
-    "stiffness",
-    "rest_length",
-    "held",
-    "forces",
-    "displacements",
-)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -260,7 +250,7 @@ class NetworkResult(Described):
 
     def save(self, path: str | Path) -> Path:
         """Write network and result to one ``.npz`` file, whole or not at all."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        arrays = {name: getattr(self, name) for name in RECORDS}
         own, about = network_archive(self.network)
         arrays |= own
         text = {
@@ -280,12 +270,16 @@ class NetworkResult(Described):
         ResultFileError
             If the file is missing, or is no result of a spring network.
         """
-        arrays, text = read_archive(path, cls.kind)
+        archive = open_archive(path, cls.kind)
         with reading(path):
-            network = network_from(arrays, text)
-            answer: dict[str, Any] = {name: arrays[name] for name in _ARRAYS}
-            answer |= {name: text[name] for name in ("scheme", "method", "seconds")}
-            return cls(network=network, **answer)
+            network = network_from(archive)
+            return cls(
+                network=network,
+                **archive.columns(RECORDS, sizes_of_network(network)),
+                scheme=archive.value("scheme", Scheme),
+                method=archive.value("method", str),
+                seconds=archive.value("seconds", float),
+            )
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -305,15 +299,21 @@ class NetworkResult(Described):
 
 def network_archive(network: SpringNetwork) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return what a stored result keeps of its network: arrays, and plain values."""
-    arrays = {"network_" + name: getattr(network, name) for name in _NETWORK_ARRAYS}
+    arrays = {"network_" + name: getattr(network, name) for name in NETWORK}
     names = [encoded(name) for name in network.names]
     return arrays, {"names": names, "notes": list(network.notes)}
 
 
-def network_from(arrays: dict[str, NDArray[Any]], about: dict[str, Any]) -> SpringNetwork:
+def network_from(archive: Archive) -> SpringNetwork:
     """Return the network that `network_archive` took apart."""
     return SpringNetwork(
-        **{name: arrays["network_" + name] for name in _NETWORK_ARRAYS},
-        names=tuple(decoded(name) for name in about["names"]),
-        notes=tuple(about["notes"]),
+        **archive.columns(NETWORK, {}, "network_"),
+        names=tuple(decoded(name) for name in archive.value("names", list[Any])),
+        notes=tuple(archive.value("notes", list[str])),
     )
+
+
+def sizes_of_network(network: SpringNetwork) -> dict[str, int]:
+    """Return the sizes that a network gives to the arrays of its results."""
+    nodes, dimension = network.positions.shape
+    return {"nodes": nodes, "dimension": dimension, "springs": len(network.springs)}

@@ -393,14 +393,14 @@ class LoadModel(SteppedModel):
             Show a progress line; None: on a terminal, when the run takes over two seconds.
         """
         with progress_line(progress) as report:
-            self._step_until(
+            return self._run(
                 until,
+                self.result,
                 lambda: report(
                     f"stage {self.stage} of {self.scene.stages}, generation {self.generation}, "
                     f"{self.pending:.3g} N on the way"
                 ),
             )
-        return self.result()
 
     def result(self) -> TransferResult:
         """Return what has been computed so far."""

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import TypedDict
 
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
+from kaju.model.formats import HISTORY, STAGE, sizes_of
 from kaju.model.result import INSIDE, BodyResult, cells_of_points, idle_rheology
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
@@ -307,22 +309,30 @@ class TransferResult(BodyResult):
 
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> TransferResult:
-        arrays, about = archive.arrays, archive.about
-        stages = []
-        for number, described in enumerate(about["stages"]):
-            history = {f.name: arrays[f"{number}.history.{f.name}"] for f in fields(History)}
-            columns: dict[str, Any] = {
-                f.name: arrays[f"{number}.{f.name}"]
-                for f in fields(Stage)
-                if f"{number}.{f.name}" in arrays
-            }
+        sizes, stages = sizes_of(scene), []
+        for number, told in enumerate(archive.value("stages", list[StageRecord])):
+            columns: dict[str, Any] = archive.columns(STAGE, sizes, f"{number}.")
+            if not np.array_equal(scene.kinds(columns["cells"]), columns["material"]):
+                raise ResultError("its agents are of other materials than the scene's cells")
             if "arrived" not in columns:  # written before it was kept
                 unknown = (len(columns["returned"]), scene.lattice.directions)
                 columns["arrived"] = np.full(unknown, np.nan)
-            described["ledger"] = Ledger(**described["ledger"])
-            stages.append(Stage(**described, **columns, history=History(**history)))
-        certificate = Certificate(**about["certificate"])
-        return cls(scene, tuple(stages), certificate, about["seconds"])
+            agents = {"agents": len(columns["cells"])}
+            history = History(**archive.columns(HISTORY, sizes | agents, f"{number}.history."))
+            stages.append(Stage(**told, **columns, history=history))
+        if not 1 <= len(stages) <= scene.stages:
+            raise ResultError(f"it has {len(stages)} stages, the scene {scene.stages}")
+        certificate = archive.value("certificate", Certificate)
+        return cls(scene, tuple(stages), certificate, archive.value("seconds", float))
+
+
+class StageRecord(TypedDict):
+    """What is stored of a stage besides its arrays."""
+
+    factor: float
+    outcome: str
+    generations: int
+    ledger: Ledger
 
 
 PICTURES = (

@@ -15,6 +15,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 from xml.etree import ElementTree
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_folder, take_place
+from kaju.model.archive import Archive, open_archive, reading, write_archive
 from kaju.model.elasticity import sampling
 from kaju.model.elasticity.staggered import axis_pairs
 from kaju.model.result import BodyResult, cells_of_points
@@ -36,6 +38,16 @@ Fields = dict[str, NDArray[Any]]
 INDEX = "result.pvti"
 SUMMARY = "summary.json"
 SCENE = "scene.npz"
+FIGURES: dict[str, Any] = {
+    "seconds": float,
+    "subdivision": int,
+    "strain_energy": float,
+    "error_estimate": float,
+    "iterations": int,
+    "max_displacement": float,
+    "reaction": dict[str, list[float]],
+}
+"""What the summary must tell, and in which form."""
 _TYPES = {"Float64": "<f8", "Int32": "<i4"}
 _HEADER = b'<AppendedData encoding="raw">\n_'
 
@@ -68,39 +80,48 @@ class Piece:
 class StoredPiece(Piece):
     """A piece whose arrays are read when they are asked for, and not kept."""
 
-    def __init__(self, path: Path, dimension: int) -> None:
+    def __init__(self, path: Path, grid: Scene) -> None:
         header = _header_of(path)
         extent = _extent(header.find("ImageData/Piece"), path)
-        ends = [(extent[2 * a], extent[2 * a + 1]) for a in range(dimension)]
+        shape = grid.lattice.shape
+        ends = [(extent[2 * a], extent[2 * a + 1]) for a in range(len(shape))]
+        if not all(0 <= low < high <= n for (low, high), n in zip(ends, shape, strict=True)):
+            raise ResultFileError(f"{path}: holds cells that are not the body's: {ends}")
         object.__setattr__(self, "path", path)
         object.__setattr__(self, "lower", tuple(low for low, _ in ends))
         object.__setattr__(self, "upper", tuple(high for _, high in ends))
+        object.__setattr__(self, "materials", len(grid.cell_materials))
 
     path: Path
+    materials: int
 
     @property
     def nodes(self) -> Fields:
         """The fields at the corners, read from the file."""
         shape = tuple(b - a + 1 for a, b in zip(self.lower, self.upper, strict=True))
-        return {"displacement": self._vector("PointData", "displacement", shape)}
+        with reading(self.path):
+            return {"displacement": self._vector("PointData", "displacement", shape)}
 
     @property
     def cells(self) -> Fields:
         """The fields of the cells, read from the file."""
         shape = tuple(b - a for a, b in zip(self.lower, self.upper, strict=True))
         d = len(shape)
-        read = _read(self.path, "CellData")
-        stress = np.empty((*shape, d, d))
-        for a in range(d):
-            stress[..., a, a] = _shaped(read["stress_" + 2 * "xyz"[a]], shape)
-        for a, b in axis_pairs(d):
-            stress[..., a, b] = _shaped(read[f"stress_{'xyz'[a]}{'xyz'[b]}"], shape)
-            stress[..., b, a] = stress[..., a, b]
-        return {
-            "kind": _shaped(read["kind"], shape),
-            "displacement": self._vector("CellData", "displacement", shape),
-            "stress": stress,
-        }
+        with reading(self.path):
+            read = _read(self.path, "CellData")
+            stress = np.empty((*shape, d, d))
+            for a in range(d):
+                stress[..., a, a] = _shaped(read["stress_" + 2 * "xyz"[a]], shape)
+            for a, b in axis_pairs(d):
+                stress[..., a, b] = _shaped(read[f"stress_{'xyz'[a]}{'xyz'[b]}"], shape)
+                stress[..., b, a] = stress[..., a, b]
+            if read["kind"].max() >= self.materials:
+                raise ResultError("it holds materials that the scene does not have")
+            return {
+                "kind": _shaped(read["kind"], shape),
+                "displacement": self._vector("CellData", "displacement", shape),
+                "stress": stress,
+            }
 
     def _vector(self, kind: str, name: str, shape: tuple[int, ...]) -> Floats:
         values = _read(self.path, kind)[name].reshape(-1, 3)[:, : len(shape)]
@@ -331,8 +352,7 @@ class PiecedResult(BodyResult):
             pieces = sorted(place.glob("piece-*.vti"))
             (place / INDEX).write_bytes(_index(pieces, self.grid))
             text, arrays = self.scene.to_archive()
-            about = {"scene": text, "stage": self.stage}
-            np.savez(place / SCENE, about=np.array(json.dumps(about)), **arrays)  # type: ignore[arg-type]
+            write_archive(place / SCENE, "pieces", arrays, {"scene": text, "stage": self.stage})
             summary = json.dumps(self.figures, indent=2, allow_nan=False)
             (place / SUMMARY).write_text(summary + "\n", encoding="utf-8")
             take_place(place, target, replace=False)
@@ -350,21 +370,21 @@ class PiecedResult(BodyResult):
         """
         folder = Path(path)
         folder = folder.parent if folder.is_file() else folder
-        try:
-            with np.load(folder / SCENE, allow_pickle=False) as stored:
-                arrays = {name: stored[name] for name in stored.files}
-            about = json.loads(str(arrays.pop("about")))
-            figures = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        archive = open_archive(folder / SCENE, "pieces")
+        with reading(folder):
+            scene = Scene.from_archive(archive.value("scene", str), archive.arrays)
+            told = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+            figures = Archive(folder / SUMMARY, {}, told)
+            for name, form in FIGURES.items():
+                figures.value(name, form)
             index = ElementTree.parse(folder / INDEX)  # noqa: S314 (our own, refused if odd)
+            division = told["subdivision"]
+            if not 1 <= division <= 1 << 20:
+                raise ResultError("subdivision must be 1 or more")
+            grid = scene if division == 1 else scene.refine(division)
             names = [part.attrib["Source"] for part in index.iter("Piece")]
-        except (OSError, ValueError, KeyError, ElementTree.ParseError) as error:
-            raise ResultFileError(f"{folder}: is no result in pieces: {error}") from error
-        scene = Scene.from_archive(about["scene"], arrays)
-        division = figures["subdivision"]
-        grid = scene if division == 1 else scene.refine(division)
-        d = scene.lattice.dimension
-        pieces = [StoredPiece(folder / Path(name).name, d) for name in names]
-        return cls(scene, grid, about["stage"], pieces, figures)
+            pieces = [StoredPiece(folder / Path(name).name, grid) for name in names]
+            return cls(scene, grid, archive.value("stage", int | None), pieces, told)
 
 
 def _opened(holder: Any, target: Path) -> Path | None:
@@ -393,7 +413,9 @@ def _write(path: Path, piece: Piece, grid: Scene) -> None:
     for kind, group in (("PointData", points), ("CellData", fields)):
         lines = []
         for name, values in group.items():
-            lines.append(_described(name, values, f'format="appended" offset="{offset}"'))
+            checksum = crc32(np.ascontiguousarray(values).data)
+            place = f'format="appended" offset="{offset}" crc32="{checksum}"'
+            lines.append(_described(name, values, place))
             blocks.append(values)
             offset += 8 + values.nbytes
         described[kind] = f"<{kind}>{''.join(lines)}</{kind}>"
@@ -429,6 +451,7 @@ def _index(pieces: list[Path], grid: Scene) -> bytes:
         for item in group:
             item.attrib.pop("format")
             item.attrib.pop("offset")
+            item.attrib.pop("crc32")
             item.tag = "PDataArray"
         lines.append(
             f"<P{kind}>{''.join(ElementTree.tostring(i, 'unicode') for i in group)}</P{kind}>"
@@ -508,8 +531,10 @@ def _read(path: Path, kind: str) -> Fields:
                 size = int(np.frombuffer(file.read(8), dtype="<u8")[0])
                 if size > path.stat().st_size:
                     raise ValueError(f"{item.attrib['Name']} is said to have {size} bytes")
-                values = np.frombuffer(file.read(size), dtype=_TYPES[item.attrib["type"]])
-                fields[item.attrib["Name"]] = values
+                stored = file.read(size)
+                if crc32(stored) != int(item.attrib["crc32"]):
+                    raise ValueError(f"the checksum of {item.attrib['Name']} is wrong")
+                fields[item.attrib["Name"]] = np.frombuffer(stored, _TYPES[item.attrib["type"]])
     except (OSError, ValueError, KeyError, IndexError, AssertionError) as error:
         raise ResultFileError(f"{path}: is damaged: {error}") from error
     return fields

@@ -286,8 +286,7 @@ class ElasticModel(SteppedModel):
 
     def run(self, until: Until | None = None) -> ElasticRun:
         """Step until all agents rest, or `until` is true of the model; return what they did."""
-        self._step_until(until)
-        return self.result()
+        return self._run(until, self.result)
 
     def result(self) -> ElasticRun:
         """Return what has been done so far."""

@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.errors import ResultError
 from kaju.model.archive import Archive
 from kaju.model.curves import Curves
 from kaju.model.elasticity.cell_agents import CellAgents
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.engine import Solution
 from kaju.model.elasticity.staggered import strain_energy
+from kaju.model.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
 from kaju.model.result import BodyResult, idle_rheology
 
 from .moments import Moments
@@ -203,36 +205,32 @@ class ElasticRun(BodyResult):
 
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
-        arrays, about = archive.arrays, archive.about
-
-        def part(name: str) -> dict[str, Any]:
-            return {
-                key.partition(".")[2]: values
-                for key, values in arrays.items()
-                if key.partition(".")[0] == name
-            }
-
-        answer = {**about["answer"], "kind": "elastic", "seconds": about["answer_seconds"]}
-        ledger: dict[str, Any] = {
-            name: np.asarray(value) for name, value in about["ledger"].items()
-        }
-        ledger["turnover"] = float(about["ledger"]["turnover"])
-        certificate = about["certificate"]
+        plain = {"kind": "elastic", "seconds": archive.value("answer_seconds", float)}
+        answer = {**archive.value("answer", dict[str, Any]), **plain}
+        sizes = sizes_of(scene)
+        agents = FaceAgents(**archive.columns(FACE_AGENTS, sizes, "agents."))
+        sizes["agents"] = len(agents.level)
+        ledger = archive.value("ledger", LedgerRecord)
+        applied, resting, carried = (
+            np.array(total) for total in (ledger["applied"], ledger["resting"], ledger["carried"])
+        )
+        if not {(scene.lattice.dimension,)} == {applied.shape, resting.shape, carried.shape}:
+            raise ResultError("its ledger has other axes than the scene")
         return cls(
             scene=scene,
             result=ElasticResult._from_archive(
-                scene, Archive(archive.path, part("answer"), answer)
+                scene, Archive(archive.path, archive.part("answer."), answer)
             ),
-            outcome=about["outcome"],
-            threshold=about["threshold"],
-            agents=FaceAgents(**part("agents")),
-            boundary=BoundaryAgents(**part("boundary")),
-            history=tuple(StepRecord(*record) for record in about["history"]),
-            ledger=PushLedger(**ledger),
-            most_pushes=about["most_pushes"],
-            certificate=WaveCertificate(**certificate) if certificate else None,
-            moments=Moments(**part("moments")),
-            seconds=about["seconds"],
+            outcome=archive.value("outcome", str),
+            threshold=archive.value("threshold", float),
+            agents=agents,
+            boundary=BoundaryAgents(**archive.columns(BOUNDARY_AGENTS, sizes, "boundary.")),
+            history=tuple(archive.value("history", list[StepRecord])),
+            ledger=PushLedger(applied, resting, carried, ledger["turnover"]),
+            most_pushes=archive.value("most_pushes", float),
+            certificate=archive.value("certificate", WaveCertificate | None),
+            moments=Moments(**archive.columns(MOMENTS, sizes, "moments.")),
+            seconds=archive.value("seconds", float),
         )
 
 

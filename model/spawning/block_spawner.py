@@ -16,6 +16,7 @@ from kaju.model.elasticity.bracket import MOST_PROVED, Bracket, worth_proving
 from kaju.model.elasticity.krylov import Iteration
 from kaju.model.elasticity.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
+from kaju.stopping import stopped
 
 from . import block_kernels as kernels
 from .agent_fields import AgentFields
@@ -331,6 +332,8 @@ def spawn(
     spawner = spawner_of(ground, tolerance, most_agents, aim, previous)
     while not spawner.finished:
         spawner.step()
+        if stopped():
+            break
     spawning = spawner.outcome()
     if previous is not None and isinstance(spawning, BlockSpawning):
         spawning.retired = spawning.instead_of(previous)

@@ -18,6 +18,7 @@ from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.elasticity.solve import solve
 from kaju.model.scene import Scene
 from kaju.model.solving import SMALLEST_TOLERANCE, check_numbers
+from kaju.stopping import stopped
 
 from .block_spawner import FEWEST, BlockSpawner, spawner_of
 from .costs import cost_of_agents
@@ -89,7 +90,7 @@ class Agents:
             ground = ground_of(self.scene, self.stage, self.resolution)
             self._spawner = spawner_of(ground, self.tolerance, self.limit)
         self._spawner.step()
-        return self._spawner.outcome() if self._spawner.finished else None
+        return self._spawner.outcome() if self._spawner.finished or stopped() else None
 
 
 def solve_cheaply(

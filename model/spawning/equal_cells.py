@@ -14,6 +14,7 @@ from kaju.model.elasticity.solve import solve
 from kaju.model.scene import Scene
 from kaju.model.scene.applied import AppliedLoads
 from kaju.model.scene.lattice import Cells
+from kaju.stopping import stopped
 
 from .costs import CELLS, MOST_CELLS, Cost, method_of
 
@@ -111,7 +112,7 @@ class EqualCells:
             self._allowed = []
             return None
         self._learn(result)
-        enough = self._enough(result) or division == self.resolution
+        enough = stopped() or self._enough(result) or division == self.resolution
         return result if enough else None
 
     def _enough(self, result: ElasticResult) -> bool:
@@ -158,6 +159,8 @@ class EqualCells:
             before = None if self.last is not None else self.previous
             return solve(self.scene, resolution=division, stage=self.stage, previous=before)
         except (SceneError, ConvergenceError):
+            if stopped():
+                raise
             return None
 
     def _learn(self, result: ElasticResult) -> None:

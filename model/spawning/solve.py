@@ -8,6 +8,7 @@ from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elasticity.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 from kaju.model.solving import TOLERANCE, check_numbers
+from kaju.stopping import NOTE, stopped
 
 from .block_spawner import blocks_for, spawn
 from .generations import Spawning
@@ -120,6 +121,7 @@ def answer_of(
     ConvergenceError
         If they ended early; `best` holds the result.
     """
+    spawning.notes += [NOTE] if stopped() else []
     spawning.notes += rest_of(spawning, tolerance, resolution)
     spawning.notes += doubts_of(spawning, tolerance_at)
     found = TreeAgents(spawning, stage)

@@ -213,8 +213,7 @@ class SpawningModel(SteppedModel):
 
     def run(self, until: Until | None = None) -> ElasticResult:
         """Step until the error is within the tolerance, or the run was stopped."""
-        self._step_until(until)
-        return self.result()
+        return self._run(until, self.result)
 
     def result(self) -> ElasticResult:
         """Return the agents as they are.

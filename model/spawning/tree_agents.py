@@ -13,6 +13,7 @@ from kaju.errors import ResultFileError
 from kaju.model.archive import Archive
 from kaju.model.elasticity.moduli import Moduli
 from kaju.model.elasticity.problem import Scales
+from kaju.model.formats import AnswerRecord, SpawningRecord
 from kaju.model.scene import Scene
 
 from . import sampling
@@ -229,16 +230,16 @@ class TreeAgents:
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> TreeAgents:
         """Return what `archive` took apart; what follows from the agents is worked out again."""
-        ground = ground_of(scene, stage, archive.value("resolution", int, type(None)))
+        ground = ground_of(scene, stage, archive.value("resolution", int | None))
         leaves = _leaves_of(archive, ground)
         n, d = len(leaves), ground.dimension
         balance = Balance(Composite(ground, leaves))
         u = archive.array("displacement", "f", (balance.grid.size,))
         part = archive.array("part", "f", (n,), low=0.0)
-        error, allowed = archive.value("aimed", list)
+        error, allowed = archive.value("aimed", tuple[float, float])
         answers = tuple(
             Answer(np.array(value, dtype=np.float64), float(off), float(relative))
-            for value, off, relative in archive.value("answers", list)
+            for value, off, relative in archive.value("answers", list[AnswerRecord])
         )
         nobody = np.zeros(n, dtype=np.bool_)
         spawning = Spawning(
@@ -247,7 +248,7 @@ class TreeAgents:
             indicate(balance, u),
             aimed=Aimed(error, part, nobody, allowed, answers),
             generations=_generations_of(archive, (1 << 62) if d == 2 else (1 << 61)),
-            **archive.value("spawning", dict),
+            **archive.value("spawning", SpawningRecord),
         )
         return cls(spawning, stage)
 
@@ -276,7 +277,7 @@ def _leaves_of(archive: Archive, ground: Ground) -> Leaves:
 
 
 def _generations_of(archive: Archive, codes: int) -> list[Generation]:
-    told = archive.value("generations", list)
+    told = archive.value("generations", list[tuple[int, float, float, int, float]])
     count = [int(entry[0]) for entry in told]
     if not told or min(count) < 1:
         raise ResultFileError(f"{archive.path}: 'generations' must name agents")

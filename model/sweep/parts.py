@@ -88,7 +88,8 @@ class InFolder:
         """Return the runs that have no row in any part."""
         there = np.zeros(count, dtype=bool)
         for part in _parts(self.folder):
-            there[_read(part, [RUN])[RUN].to_numpy()] = True
+            runs = _read(part, [RUN])[RUN].to_numpy()
+            there[runs[runs < count]] = True
         return np.flatnonzero(~there)
 
     def add(self, rows: list[Row]) -> None:
@@ -293,16 +294,23 @@ def _write(table: pandas.DataFrame, path: Path) -> None:
     with scratch_beside(path, ResultFileError) as scratch:
         bare = table.copy(deep=False)
         bare.attrs = {}
-        bare.to_parquet(scratch, engine="pyarrow", index=False)
+        bare.to_parquet(scratch, engine="pyarrow", index=False, write_page_checksum=True)
 
 
 def _read(path: Path, columns: list[str] | None = None) -> pandas.DataFrame:
-    import pandas
-
     _parquet()
+    from pyarrow.parquet import read_table
+
     try:
-        return pandas.read_parquet(path, engine="pyarrow", columns=columns)
-    except (OSError, ValueError, KeyError) as error:
+        table: pandas.DataFrame = read_table(
+            path, columns=columns, page_checksum_verification=True
+        ).to_pandas()
+        if table[RUN].dtype != np.int64 or not (table[RUN] >= 0).all():
+            raise ValueError(f"its {RUN!r} are no whole numbers from 0 on")
+        if columns is None and ERROR not in table:
+            raise ValueError(f"it has no column {ERROR!r}")
+        return table
+    except Exception as error:
         raise ResultFileError(
             f"{path}: cannot be read ({error}); delete it, and its runs are computed again"
         ) from error

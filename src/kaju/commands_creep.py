@@ -57,7 +57,7 @@ def creep(
             else "--hold: the scene has a [history] of its own, so leave this out"
         )
 
-    def answer() -> tuple[Result, bool]:
+    def answer() -> Result:
         from kaju.agents.history import History
         from kaju.model.creep import creep as let_creep
 
@@ -66,6 +66,6 @@ def creep(
         console.say(f"the body of the {described.rule.kind} rule in time")
         if not any(material.rheology for material in described.cell_materials):
             console.say("no material has a rheology: all of them are elastic, nothing creeps")
-        return found, False
+        return found
 
     into_folder(out or Path(f"{scene.stem}-creep"), console, answer, pictures, force)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from kaju.errors import ConvergenceError, ParameterError
+from kaju.stopping import NOTE
 
 from .console import Console
 from .options import (
@@ -161,7 +162,7 @@ def solve(
         if solve_on_processes(described, folder, console, **how):
             return
 
-    def answer() -> tuple[Result, bool]:
+    def answer() -> Result:
         from kaju.model.solving import solve as solve_scene
 
         found: Result
@@ -170,7 +171,7 @@ def solve(
         else:
             found = solve_scene(described, tolerance, resolution, strategy.value)
         console.say("solved as linear elasticity")
-        return found, False
+        return found
 
     into_folder(folder, console, answer, pictures, force)
 
@@ -178,14 +179,14 @@ def solve(
 def into_folder(
     folder: Path,
     console: Console,
-    compute: Callable[[], tuple[Result, bool]],
+    compute: Callable[[], Result],
     pictures: bool,
     force: bool,
 ) -> Result:
     """Compute a result, print its key figures and write its folder.
 
-    `compute` also returns whether it was interrupted; then pictures are left out, and the exit
-    code is 130. An answer that missed its tolerance is kept before the error is told.
+    After Ctrl-C what there is is written without pictures, and the exit code is 130. An answer that
+    missed its tolerance is kept before the error is told.
     """
     from kaju.model.result import Result
 
@@ -193,30 +194,30 @@ def into_folder(
 
     target = Folder(folder, force)
     try:
-        result, interrupted = compute()
+        result = compute()
+    except KeyboardInterrupt as stop:
+        best = getattr(stop, "best", None)
+        if isinstance(best, Result):
+            console.figures(best.summary())
+            console.files(target.write(best, pictures=False))
+            typer.echo(f"{NOTE}; it is in {target.path}", err=True)
+        else:
+            typer.echo("interrupted before there was anything to keep", err=True)
+        raise typer.Exit(130) from None
     except ConvergenceError as error:
         if isinstance(error.best, Result):
             console.files(target.write(error.best, pictures=False))
         raise
     console.figures(result.summary())
-    console.files(target.write(result, pictures and not interrupted))
-    if interrupted:
-        typer.echo("interrupted: what was computed until then has been kept", err=True)
-        raise typer.Exit(130)
+    console.files(target.write(result, pictures))
     return result
 
 
-def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> tuple[Result, bool]:
-    """Let agents act; return the result, and whether it was interrupted."""
-    model = _model_of(scene, allow_unstable)
-    interrupted = False
-    try:
-        model.run()
-    except KeyboardInterrupt:
-        interrupted = True
-    result = model.result()
+def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
+    """Let agents act."""
+    result = _model_of(scene, allow_unstable).run()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
-    return result, interrupted
+    return result
 
 
 def _model_of(scene: Scene, allow_unstable: bool) -> LoadModel | ElasticModel:

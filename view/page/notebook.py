@@ -11,9 +11,11 @@ import base64
 import io
 from functools import cache
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kaju.errors import KajuError, MissingExtraError
+from kaju.model.archive import Archive
 from kaju.model.mesa_model import SteppedModel
 
 from .export import MODULES, joined, packed_page, page_html, worker
@@ -55,7 +57,12 @@ def _so_far(of: Any) -> Any:
     """Return what to show: of a model what has happened, or will; the model stays as it is."""
     if not isinstance(of, SteppedModel):
         return of
-    return of.result() if of.steps else of.again(of.checkpoint_subject(*of.checkpoint_parts()))
+    return of.result() if of.steps else _again(of)
+
+
+def _again(of: Any) -> Any:
+    subject = Archive(Path(), *of.checkpoint_parts())
+    return of.again(of.checkpoint_subject(subject))
 
 
 def _picture(of: Any) -> str:

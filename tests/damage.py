@@ -1,0 +1,342 @@
+"""Files that were damaged on their way, and what becomes of whoever reads them.
+
+`python tests/damage.py FOLDER SEED COUNT` makes one file of every stored kind, damages copies of
+them in COUNT ways and reads each. It ends with a line of JSON: how many were refused by name,
+how many read, and every other end. A crash ends the process; the last line printed names the file.
+"""
+
+import io
+import json
+import resource
+import signal
+import sys
+import warnings
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+import kaju
+from kaju import ElasticModel, LoadModel, Material, NetworkModel, Scene, ThreeElement, creep
+from kaju.errors import KajuError
+from kaju.model.creep.state import CreepState
+from kaju.model.network import triangular
+from kaju.model.reference import Reference
+from kaju.model.scale.pieces import Piece, PiecedResult
+from kaju.model.sweep.parts import load_sweep
+
+SECONDS = 20
+HISTORY = kaju.History.step()
+
+
+def plate(**changes):
+    body = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"}
+    return Scene(
+        **{
+            "body": body,
+            "sides": {"bottom": "rigid"},
+            "loads": [{"cell": [4, 7], "force": [0.3, -2.0], "steps": 2}],
+        }
+        | changes
+    )
+
+
+def slow(*laws):
+    """A body of layers that creep, each by its own law."""
+    drawing = "\n".join("ab"[k % len(laws)] * 5 for k in range(4))
+    materials = {
+        name: Material(f"of {name}", 2e5, 0.3, rheology=law)
+        for name, law in zip("ab", laws, strict=False)
+    }
+    return Scene.from_drawing(
+        drawing,
+        legend={name: f"layer {name}" for name in materials},
+        cell_size=0.01,
+        materials={f"layer {name}": material for name, material in materials.items()},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
+        rule={"kind": "elastic"},
+    )
+
+
+class Alone:
+    """One process, as mpi4py would show it."""
+
+    def Get_rank(self):
+        return 0
+
+    def Get_size(self):
+        return 1
+
+    def allgather(self, value):
+        return [value]
+
+    def bcast(self, value):
+        return value
+
+
+def in_pieces(folder):
+    scene = plate(rule={"kind": "elastic"})
+    found = kaju.solve(scene)
+    cells = found.cells()
+    fields = {
+        "kind": np.zeros((8, 8), dtype=np.int32),
+        "displacement": np.ascontiguousarray(cells.displacement),
+        "stress": np.ascontiguousarray(cells.stress),
+    }
+    nodes = {"displacement": np.zeros((9, 9, 2))}
+    piece = Piece((0, 0), (8, 8), nodes, fields)
+    figures = {
+        "seconds": 1.0, "subdivision": 1, "strain_energy": found.strain_energy,
+        "error_estimate": found.error_estimate, "iterations": 7,
+    }  # fmt: skip
+    whole = PiecedResult.of_processes(scene, scene, None, piece, found.reactions, figures, Alone())
+    return whole.save(folder / "pieces")
+
+
+def looked_at(result):
+    """Ask a result for what its users ask first."""
+    json.dumps(result.summary())
+    result.to_dataframe()
+    scene = getattr(result, "scene", None)
+    if scene is not None:
+        points = np.full((1, scene.lattice.dimension), 0.011)
+        result.displacement_at(points)
+        if hasattr(result, "stress_at"):
+            result.stress_at(points)
+    for more in ("von_mises", "load_path", "strain"):
+        if hasattr(result, more) and callable(getattr(result, more)):
+            getattr(result, more)()
+
+
+def samples(folder):
+    """Write one file of every kind; return, by kind, the file to damage and how it is read."""
+
+    def read(path):
+        looked_at(kaju.load_result(path))
+
+    soft, firm = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7), ThreeElement(K_f=1e6, D_f=1e6, D_d=9e7)
+    net = triangular(3)
+    net = kaju.SpringNetwork.build(
+        net.positions, net.springs, held=net.positions[:, 1] < 1e-9,
+        forces=np.where(net.positions[:, 1:] > 1.5, [[0.0, -0.01]], 0.0),
+    )  # fmt: skip
+    times = [0.5, 1.0]
+    element = creep(soft, HISTORY, 1.0, times=times, step=0.25)
+    elastic = {"rule": {"kind": "elastic", "threshold": 1e-3}}
+    walking, pushing = LoadModel(plate()), ElasticModel(plate(**elastic))
+    for _ in range(3):
+        walking.step()
+        pushing.step()
+    answers = {
+        "transfer": LoadModel(plate()).run(),
+        "cells": kaju.solve(plate()),
+        "tree": kaju.solve(plate(), tolerance=0.3, strategy="spawning"),
+        "pushes": ElasticModel(plate(**elastic)).run(),
+        "network": net.solve(),
+        "element in time": element,
+        "network in time": creep(net, HISTORY, 1.0, times=times, step=0.25, rheology=soft),
+        "transfer in time": creep(
+            slow(soft, firm).with_overrides({"rule.kind": "prescribed"}), HISTORY, 1.0, times=times,
+            step=0.25,
+        ),
+        "one layer in time": creep(slow(soft), HISTORY, 1.0, times=times, step=0.25),
+        "layers in time": creep(slow(soft, firm), HISTORY, 1.0, times=times, step=0.25),
+        "reference": Reference([[0.0, 0.0], [1.0, 1.0]], [[0.0, 1.0], [2.0, 3.0]], source="known"),
+    }  # fmt: skip
+    made = {
+        kind: (answer.save(folder / f"{kind}.npz"), read if kind != "reference" else Reference.load)
+        for kind, answer in answers.items()
+    }
+    element.state.save(folder / "state.npz")
+    made["state"] = folder / "state.npz", CreepState.load
+    made["walk half-way"] = walking.save_checkpoint(folder / "walk.npz"), LoadModel.load_checkpoint
+    made["pushes half-way"] = (
+        pushing.save_checkpoint(folder / "pushes half-way.npz"),
+        ElasticModel.load_checkpoint,
+    )
+    loading = NetworkModel(net, increments=3)
+    loading.step()
+    made["network half-way"] = (
+        loading.save_checkpoint(folder / "network half-way.npz"),
+        NetworkModel.load_checkpoint,
+    )
+    kaju.sweep(
+        plate(), {"loads.0.force": [[0.0, -1.0], [0.0, -2.0]]}, out=folder / "sweep", workers=1
+    )
+    made["sweep"] = folder / "sweep" / "table.parquet", lambda path: load_sweep(path.parent)
+    made["what a sweep was"] = (
+        folder / "sweep" / "sweep.json",
+        lambda path: load_sweep(path.parent),
+    )
+    pieces = in_pieces(folder)
+    for file in sorted(pieces.iterdir()):
+        made[f"pieces, {file.name}"] = file, lambda path: read(path.parent)
+    return made
+
+
+WORDS = [None, True, -1, 0, 10**30, float("nan"), "a", [], {}, [[]], 1e308]
+
+
+def of_bytes(data, rng):
+    """Turn bits over, cut the end off, or put noise in the middle."""
+    data = bytearray(data)
+    way = rng.integers(3)
+    if way == 0:
+        for place in rng.integers(len(data), size=rng.integers(1, 4)):
+            data[place] ^= 1 << int(rng.integers(8))
+    elif way == 1:
+        del data[int(rng.integers(len(data))) :]
+    else:
+        start = int(rng.integers(len(data)))
+        noise = rng.bytes(int(rng.integers(1, 64)))
+        data[start : start + len(noise)] = noise
+    return bytes(data)
+
+
+def of_array(values, others, rng):
+    """Misshape an array, change its kind, or put a number in that has no place there."""
+    way = rng.integers(9)
+    flat = values.ravel()
+    if way == 0:
+        return values[..., None]
+    if way == 1:
+        return flat if values.ndim != 1 else values.reshape(1, -1)
+    if way == 2:
+        return flat[: max(len(flat) - 1, 0)] if values.ndim < 2 else values[:-1]
+    if way == 3:
+        return values.astype(rng.choice(["f4", "i4", "u1", "c16", "U5", "i8", "f8", "?", ">f8"]))
+    if way == 4:
+        return others[int(rng.integers(len(others)))]
+    if way == 5:
+        return np.concatenate([values, values]) if values.ndim else np.array([values, values])
+    if way == 6:
+        return values[:0] if values.ndim else np.array([])
+    if len(flat) == 0:
+        return np.ones(3)
+    changed = flat.copy()
+    if values.dtype.kind == "f":
+        worst = [np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324, -1.0]
+    elif values.dtype.kind in "iu":
+        limits = np.iinfo(values.dtype)
+        worst = [limits.min, limits.max, -1 if limits.min else 0, 7, 100]
+    else:
+        worst = [True, False]
+    changed[int(rng.integers(len(changed)))] = worst[int(rng.integers(len(worst)))]
+    return changed.reshape(values.shape)
+
+
+def of_words(value, rng):
+    """Change one plain value somewhere inside."""
+    if isinstance(value, dict) and value and rng.random() < 0.9:
+        key = list(value)[int(rng.integers(len(value)))]
+        if rng.random() < 0.1:
+            return {name: part for name, part in value.items() if name != key}
+        return {**value, key: of_words(value[key], rng)}
+    if isinstance(value, list) and value and rng.random() < 0.9:
+        place = int(rng.integers(len(value)))
+        return [*value[:place], of_words(value[place], rng), *value[place + 1 :]]
+    if isinstance(value, str) and len(value) > 40:
+        return of_bytes(value.encode(), rng).decode(errors="replace")
+    return WORDS[int(rng.integers(len(WORDS)))]
+
+
+def of_archive(data, rng):
+    """Write an archive again, sound as such, with something wrong in it."""
+    with np.load(io.BytesIO(data)) as stored:
+        arrays = dict(stored)
+    about = json.loads(arrays.pop("json").tobytes()) if "json" in arrays else {}
+    names = sorted(arrays)
+    way = rng.integers(8)
+    if way == 0 and about:
+        about["format"] = [99, "2", -1, None, 0][int(rng.integers(5))]
+    elif way == 1 and names:
+        del arrays[names[int(rng.integers(len(names)))]]
+    elif way == 2:
+        arrays["bomb"] = np.zeros(200_000_000 // 8)
+    elif way in (3, 4) and about:
+        about = of_words(about, rng)
+    elif names:
+        name = names[int(rng.integers(len(names)))]
+        arrays[name] = of_array(arrays[name], list(arrays.values()), rng)
+    if about:
+        arrays["json"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    out = io.BytesIO()
+    np.savez_compressed(out, **arrays)
+    return out.getvalue()
+
+
+def of_table(data, rng):
+    """Write a table again with a wrong column."""
+    import pandas
+
+    table = pandas.read_parquet(io.BytesIO(data))
+    name = table.columns[int(rng.integers(len(table.columns)))]
+    way = rng.integers(4)
+    if way == 0:
+        table = table.drop(columns=name)
+    elif way == 1:
+        table[name] = "a"
+    elif way == 2:
+        table = table[:0]
+    else:
+        table[name] = -1.5
+    out = io.BytesIO()
+    table.to_parquet(out, engine="pyarrow", index=False)
+    return out.getvalue()
+
+
+def damaged(path, data, rng):
+    if rng.random() < 0.35:
+        return of_bytes(data, rng)
+    if path.suffix == ".npz":
+        return of_archive(data, rng)
+    if path.suffix == ".parquet":
+        return of_table(data, rng)
+    if path.suffix == ".json":
+        return json.dumps(of_words(json.loads(data), rng)).encode()
+    if rng.random() < 0.5:
+        return data.replace(*[(b"8", b"9"), (b"0 8", b"0 80000"), (b"Float64", b"Int32")][
+            int(rng.integers(3))])  # fmt: skip
+    return of_bytes(data, rng)
+
+
+def late(*_):
+    raise TimeoutError(f"took more than {SECONDS} s")
+
+
+def main(folder, seed, count):
+    warnings.simplefilter("ignore")
+    made = samples(folder)
+    for kind, (path, read) in made.items():
+        try:
+            read(path)
+        except Exception as error:
+            raise SystemExit(f"{kind}: whole, and {error!r}") from error
+    base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    signal.signal(signal.SIGALRM, late)
+    ends = {"refused": 0, "read": 0, "raw": []}
+    whole = {kind: path.read_bytes() for kind, (path, _) in made.items()}
+    for number in range(count):
+        kind = list(made)[number % len(made)]
+        path, read = made[kind]
+        data = damaged(path, whole[kind], np.random.default_rng([seed, number]))
+        path.write_bytes(data)
+        print(number, kind, zlib.crc32(data), flush=True)
+        signal.alarm(SECONDS)
+        try:
+            read(path)
+            ends["read"] += 1
+        except KajuError:
+            ends["refused"] += 1
+        except Exception as error:
+            ends["raw"].append(f"{number} {kind}: {type(error).__name__}: {error!s:.80}")
+        finally:
+            signal.alarm(0)
+            path.write_bytes(whole[kind])
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(json.dumps({**ends, "MB": (most - base) / 1024}))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))

@@ -1,0 +1,170 @@
+"""Ctrl-C ends a computation between two steps; what was computed is kept and marked."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju import ElasticModel, History, LoadModel, Scene, SpawningModel, ThreeElement, creep, solve
+from kaju.stopping import NOTE, Interrupted
+
+
+def plate(**changes):
+    return Scene(
+        **{
+            "body": {"size": [0.2, 0.2], "cells": [20, 20], "material": "steel"},
+            "sides": {"bottom": "rigid"},
+            "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+        }
+        | changes
+    )
+
+
+def interrupting(monkeypatch, place, at):
+    """Press Ctrl-C whenever `place` has been passed `at` times."""
+    home, name = place
+    usual, passed = getattr(home, name), []
+
+    def pressed(*args, **keywords):
+        passed.append(1)
+        if len(passed) == at:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0)  # where Python looks for signals
+        return usual(*args, **keywords)
+
+    monkeypatch.setattr(home, name, pressed)
+
+
+@pytest.mark.parametrize("model", [LoadModel, ElasticModel])
+def test_a_run_keeps_the_steps_that_were_taken(monkeypatch, model, capfd):
+    kind = "elastic" if model is ElasticModel else "prescribed"
+    run = model(plate(rule={"kind": kind}))
+    interrupting(monkeypatch, (model, "_note"), 4)
+    with pytest.raises(Interrupted) as stop:
+        run.run()
+    assert "interrupted after 4" in stop.value.best.outcome
+    assert run.steps == 4
+    assert "once more" in capfd.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_agents_that_spawn_keep_their_generation(monkeypatch):
+    whole = solve(plate(), tolerance=0.03, strategy="spawning")
+    run = SpawningModel(plate(), tolerance=0.03)
+    interrupting(monkeypatch, (SpawningModel, "_note"), 2)
+    with pytest.raises(Interrupted) as stop:
+        run.run()
+    assert len(stop.value.best.generations) == 2 < len(whole.generations)
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer"),
+    [
+        ({}, "cells"),
+        ({"tolerance": 0.02, "strategy": "uniform"}, "cells"),
+        ({"tolerance": 0.02, "strategy": "spawning"}, "tree"),
+        ({"tolerance": 0.02, "strategy": "spawning", "tolerance_at": "displacement"}, "tree"),
+    ],
+)
+def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, answer):
+    from kaju.model.elasticity import krylov
+
+    holed = plate(body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel", "regions": [
+        {"disk": {"centre": [0.1, 0.1], "radius": 0.04}, "material": "air"}]})  # fmt: skip
+    interrupting(monkeypatch, (krylov, "stopped"), 3)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        solve(holed, **asked)
+    best = stop.value.best
+    assert best.found.storage == answer
+    assert NOTE in best.notes
+    assert NOTE in kaju.load_result(best.save(tmp_path / "part.npz")).notes
+
+
+def test_time_ends_where_it_was(monkeypatch, tmp_path):
+    from kaju.model.creep import march
+
+    law = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
+    times = np.linspace(0.1, 1.0, 10)
+    whole = creep(law, History.step(), 1.0, times=times, step=0.1)
+    interrupting(monkeypatch, (march, "take_step"), 4)
+    with pytest.raises(Interrupted) as stop:
+        creep(law, History.step(), 1.0, times=times, step=0.1)
+    best = kaju.load_result(stop.value.best.save(tmp_path / "part.npz"))
+    assert best.notes == (NOTE,)
+    np.testing.assert_array_equal(best.displacement, whole.displacement[:4])
+    rest = creep(law, History.step(), 1.0, times=times[4:], step=0.1, resume=best.state)
+    np.testing.assert_allclose(rest.displacement, whole.displacement[4:], rtol=1e-12)
+
+
+def test_a_second_time_ends_at_once(monkeypatch):
+    run = LoadModel(plate())
+    interrupting(monkeypatch, (LoadModel, "_note"), 3)
+    interrupting(monkeypatch, (LoadModel, "_note"), 3)
+    with pytest.raises(KeyboardInterrupt) as stop:
+        run.run()
+    assert not isinstance(stop.value, Interrupted)
+
+
+def test_only_who_is_in_charge_of_signals_listens():
+    found = []
+    thread = threading.Thread(target=lambda: found.append(LoadModel(plate()).run()))
+    thread.start()
+    thread.join()
+    assert found[0].outcome.startswith("at rest")
+
+
+LARGE = """
+[body]
+size = [0.2, 0.2]
+cells = [{cells}, {cells}]
+material = "steel"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [{middle}, {last}]
+force = [0.0, -2.0]
+[rule]
+{rule}
+"""
+RUNS = {
+    "run": (200, "threshold = 1e-9", []),
+    "solve": (40, "kind = 'elastic'", ["--tolerance", "0.001", "--strategy", "spawning"]),
+    "creep": (60, "threshold = 1e-5", ["--hold", "10", "--step", "0.00001"]),
+}
+
+
+@pytest.mark.parametrize("verb", RUNS)
+@pytest.mark.parametrize("share", [0.2, pytest.param(0.7, marks=pytest.mark.slow)])
+def test_a_command_that_is_interrupted_leaves_a_whole_folder_or_none(tmp_path, verb, share):
+    """At any time: before there is anything to keep there is no folder, later a whole one."""
+    cells, rule, more = RUNS[verb]
+    scene = LARGE.format(cells=cells, middle=cells // 2, last=cells - 1, rule=rule)
+    (tmp_path / "scene.toml").write_text(scene)
+    command = [sys.executable, "-m", "kaju", verb, "scene.toml", "--out", "answer", *more]
+    with subprocess.Popen(
+        [*command, "--no-pictures"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    ) as run:
+        time.sleep(4.0 + 8.0 * share)
+        run.send_signal(signal.SIGINT)
+        told = run.communicate(timeout=120)[1]
+    folder = tmp_path / "answer"
+    if run.returncode == 0:
+        assert (folder / "result.npz").exists()
+        return
+    assert run.returncode == 130, told
+    assert "Traceback" not in told
+    assert ("answer" in told) == folder.exists()
+    if folder.exists():
+        summary = json.loads((folder / "summary.json").read_text())
+        words = [summary.get("outcome", ""), *summary.get("notes", [])]
+        result = kaju.load_result(folder)
+        words += [getattr(result, "outcome", "")]
+        assert any("interrupted" in word for word in words)
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []

@@ -1,0 +1,112 @@
+"""Nothing in a file or scene is run as code, and nothing goes over the network unasked."""
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import PackageNotFoundError, metadata
+from pathlib import Path
+
+import pytest
+
+import kaju
+
+HOME = Path(kaju.__file__).parent
+CODE = {"eval", "exec", "compile", "__import__"}
+FROM_ELSEWHERE = {
+    "pickle", "marshal", "shelve", "cloudpickle", "dill", "joblib", "socket", "ssl", "ftplib",
+    "urllib", "urllib3", "requests", "httpx", "aiohttp", "http", "smtplib", "telnetlib",
+}  # fmt: skip
+KNOWN = {
+    # Jobs between the processes of one user's own sweep.
+    ("model/sweep/crew.py", "pickle"),
+    # `kaju watch`, which listens on this computer alone.
+    ("view/page/server.py", "socket"),
+}
+
+
+def modules_of(node):
+    if isinstance(node, ast.Import):
+        return {alias.name.partition(".")[0] for alias in node.names}
+    if isinstance(node, ast.ImportFrom) and not node.level:
+        return {(node.module or "").partition(".")[0]}
+    return set()
+
+
+def test_no_code_is_made_and_nothing_is_fetched():
+    found = set()
+    files = [path for path in HOME.rglob("*.py") if "__pycache__" not in path.parts]
+    for room in ("agents", "model", "view"):  # links in a checkout, which rglob does not follow
+        files += (HOME / room).resolve().rglob("*.py")
+    assert len(files) > 200
+    for path in files:
+        inside = next((room for room in ("agents", "model", "view") if room in path.parts), None)
+        parts = path.parts[path.parts.index(inside) :] if inside else path.parts[-1:]
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            found |= {("/".join(parts), name) for name in modules_of(node) & FROM_ELSEWHERE}
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+                assert node.func.id not in CODE, f"{path}:{node.lineno}"
+            if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                assert isinstance(node.value, ast.Constant), path
+                assert node.value.value is False, path
+    assert found == KNOWN
+
+
+OFFLINE = """
+import sys
+def refuse(event, _):
+    if event.startswith(("socket.", "urllib.", "http.", "ftplib.", "smtplib.")):
+        raise SystemExit(f"the network was asked: {event}")
+sys.addaudithook(refuse)
+import kaju, kaju.__main__
+sys.argv = ["kaju", "demo", "--no-pictures", "--out", "demo"]
+try:
+    kaju.__main__.main()
+except SystemExit as end:
+    assert not end.code, end.code
+scene = kaju.load_scene(sys.argv[-1] + "/../plate.toml")
+found = kaju.solve(scene, tolerance=0.1)
+kaju.plot(found).savefig("plot.png")
+kaju.export_page(kaju.load_result("demo"), "page.html")
+print("done")
+"""
+
+
+def test_no_network_is_needed(tmp_path):
+    (tmp_path / "plate.toml").write_text((HOME / "plate.toml").read_text())
+    run = subprocess.run(
+        [sys.executable, "-c", OFFLINE],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "MPLBACKEND": "agg"},
+    )
+    assert run.stdout.endswith("done\n"), run.stderr[-800:]
+
+
+def test_licences_are_listed_as_they_are():
+    here = Path(__file__).parents[2]
+    if not (here / "docs" / "licences.md").exists() or not (here / "pyproject.toml").exists():
+        pytest.skip("the documents are not here")
+    project = tomllib.loads((here / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    asked = [*project["dependencies"], *(text for name in extras for text in extras[name])]
+    names = {re.split(r"[^\w.-]", text)[0] for text in asked} - {"kaju"}
+    lines = (here / "docs" / "licences.md").read_text().splitlines()
+    listed = {line.split("|")[1].strip(): line for line in lines if line.startswith("| `")}
+    assert {name.strip("`") for name in listed} == names
+    sys.path.insert(0, str(here / "docs"))
+    try:
+        from list_licences import licence_of
+    finally:
+        sys.path.pop(0)
+    for name, line in listed.items():
+        try:
+            metadata(name.strip("`"))
+        except PackageNotFoundError:
+            continue
+        # Versions of a package state the same licence at different lengths.
+        told, stated = line.split("|")[3].strip(), licence_of(name.strip("`"))
+        assert re.split(r"\W", told)[0] == re.split(r"\W", stated)[0], name

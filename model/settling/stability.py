@@ -85,7 +85,7 @@ def eigenvalue_bound(table: PushTable) -> float:
     used = np.unique(problem.kinds[problem.kinds >= 0])
     ratio = problem.moduli.lateral[used] / problem.moduli.stretch[used]
     volume = 1.0 + (problem.dimension - 1) * ratio
-    return float(max(4.0, 2.0 * volume.max(), 2.0 * (1.0 - ratio.min())))
+    return float(max(4.0, 2.0 * volume.max()))
 
 
 def largest_eigenvalue(table: PushTable) -> float:

@@ -1,0 +1,81 @@
+"""Lines whose change no other test noticed (see mutants.py): each would be wrong in silence."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from kaju import Scene, SpawningModel
+from kaju.model.elasticity.from_scene import problem_of_scene
+from kaju.model.spawning import generations
+from kaju.model.spawning.field import slope_weights
+
+
+def plate(**changes):
+    body = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"}
+    load = {"cell": [4, 7], "force": [0.0, -2.0]}
+    return Scene(**{"body": body, "sides": {"bottom": "rigid"}, "loads": [load]} | changes)
+
+
+def test_what_is_left_of_a_face_carries_all_of_its_load():
+    """Half of the loaded face turns out to be air when cells are halved."""
+    air = {"box": [[0.02, 0.07], [0.0449, 0.08]], "material": "air"}
+    body = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel", "regions": [air]}
+    load = {"cell": [4, 7], "side": "top", "force": [0.3, -2.0]}
+    finer = plate(body=body, loads=[load]).refine(2).applied()
+    np.testing.assert_allclose(finer.force.sum(axis=0), [0.3, -2.0])
+    assert len(finer.force) == 1
+
+
+@pytest.mark.parametrize(
+    "drawing", [".#.\n.#.\n###", "#..\n#..\n###", ".##\n.#.\n###", "###\n###\n###", "##.\n###\n###"]
+)
+@pytest.mark.parametrize("pull", [1.0, -1.0])
+def test_a_drag_turns_the_body_about_its_own_surface(drawing, pull):
+    """Whatever the surface ends at, the forces have the moment of the load."""
+    top = drawing.split("\n")[0]
+    cell = [top.index("#"), 2]
+    scene = Scene.from_drawing(
+        drawing,
+        legend={"#": "steel", ".": "air"},
+        cell_size=0.01,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": cell, "side": "top", "force": [pull, 0.0]}],
+    )
+    problem, _ = problem_of_scene(scene, None)
+    total, turning = [], 0.0
+    for axis, force in enumerate(problem.force):
+        place = np.indices(force.shape) - 0.5
+        place[axis] -= 0.5
+        total.append(force.sum())
+        turning += (1 - 2 * axis) * (place[1 - axis] * force).sum()
+    unit = abs(total[0])
+    np.testing.assert_allclose(total, [np.sign(pull) * unit, 0.0], atol=1e-12 * unit)
+    assert turning == pytest.approx(3.0 * total[0])  # the surface lies three cells above ground
+
+
+def test_agents_that_have_not_settled_are_as_far_off_as_that(monkeypatch):
+    usual = generations.settle
+
+    def settle(*args):
+        run = usual(*args)
+        run.errors[-1] = 0.5
+        return run
+
+    calm = SpawningModel(plate(), tolerance=0.05, tolerance_at="displacement")
+    calm.step()
+    monkeypatch.setattr(generations, "settle", settle)
+    rough = SpawningModel(plate(), tolerance=0.05, tolerance_at="displacement")
+    rough.step()
+    told = rough.result().error_estimate
+    assert told == pytest.approx(np.hypot(calm.result().error_estimate, 0.5), rel=0.05)
+
+
+@pytest.mark.parametrize("stiffer", [1.0, 10.0, 1e-3])
+def test_where_materials_change_along_both_axes_a_turn_strains_no_agent(stiffer):
+    """A turn has opposite slopes, and stays; a shear is shared out by the moduli."""
+    both = SimpleNamespace(jump=np.array([True]), valid=np.array([True]), one_sided=np.array([1.0]))
+    edges = SimpleNamespace(modulus=np.array([stiffer]))
+    first, second = slope_weights(edges, (both, both), np.array([0]), np.array([1.0]))
+    assert first - second == pytest.approx(1.0)
+    assert first + second == pytest.approx(stiffer)

@@ -18,6 +18,7 @@ from kaju._mesa import Agent
 
 from .boundary_agent import BoundaryAgent
 from .material_agent import MaterialAgent
+from .placed import PlacedAgent
 
 if TYPE_CHECKING:
     from .load import Load
@@ -25,8 +26,10 @@ if TYPE_CHECKING:
     from .shares import Shares
 
 
-class AwakeCell(MaterialAgent):
-    """A material agent that is a row of the model's arrays."""
+class _Row(PlacedAgent):
+    """An agent that is a row of the model's arrays."""
+
+    _column: str
 
     def __init__(self, model: Any, row: int) -> None:
         Agent.__init__(self, model)
@@ -38,9 +41,19 @@ class AwakeCell(MaterialAgent):
 
     @property
     def index(self) -> tuple[int, ...]:
-        """The scene's cell."""
-        cell: list[int] = self._stage.cells[self.row].tolist()
+        """The scene's cell; -1 is beside the first."""
+        cell: list[int] = getattr(self._stage, self._column)[self.row].tolist()
         return tuple(cell)
+
+    def remove(self) -> None:
+        """Forget the object; the row stays."""
+        Agent.remove(self)
+
+
+class AwakeCell(_Row, MaterialAgent):
+    """A material agent that is a row of the model's arrays."""
+
+    _column = "cells"
 
     @property
     def material(self) -> Material:
@@ -115,27 +128,11 @@ class AwakeCell(MaterialAgent):
         loads: list[Load] = self.model.engine.waiting_for(self.row)
         return loads
 
-    def remove(self) -> None:
-        """Forget the object; the row stays."""
-        Agent.remove(self)
 
-
-class AwakeBoundary(BoundaryAgent):
+class AwakeBoundary(_Row, BoundaryAgent):
     """A boundary agent that is a row of the model's arrays."""
 
-    def __init__(self, model: Any, row: int) -> None:
-        Agent.__init__(self, model)
-        self.row = row
-
-    @property
-    def _stage(self) -> Any:
-        return self.model.looked_at
-
-    @property
-    def index(self) -> tuple[int, ...]:
-        """The scene's cell; -1 is beside the first."""
-        cell: list[int] = self._stage.boundary_cells[self.row].tolist()
-        return tuple(cell)
+    _column = "boundary_cells"
 
     @property
     def name(self) -> str:
@@ -167,10 +164,6 @@ class AwakeBoundary(BoundaryAgent):
     def passed(self) -> dict[int, float]:
         """Loads given back (N), by the arm to the agent that takes them."""
         return _filled(self.model.engine.at_boundary()[1][self.row])
-
-    def remove(self) -> None:
-        """Forget the object; the row stays."""
-        Agent.remove(self)
 
 
 def _filled(row: NDArray[np.float64]) -> dict[int, float]:

@@ -1,4 +1,4 @@
-"""Draw and count the comparison of docs/comparison.md: agents against finite elements.
+"""Draw and count the comparison of comparison.md, and write its table: agents against elements.
 
 The worked plate (examples/plate.toml, load on one cell), with agents of the prescribed rule,
 of the same rule with fitted coefficients, and of the elastic rule. The finite elements were
@@ -9,6 +9,7 @@ computed by benchmarks/finite_element_truth.py. Run it with
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from kaju import load_scene
@@ -19,9 +20,8 @@ from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
 from kaju.model.settling.elastic_model import ElasticModel
 from kaju.view.comparison import Line, plot_profiles, plot_stress_ratio
-from kaju.view.comparison_maps import plot_error, plot_maps, plot_shapes
+from kaju.view.comparison_maps import plot_maps, plot_shapes
 from kaju.view.files import save
-from kaju.view.style import figure_of
 
 ROOT = Path(__file__).parent.parent
 PICTURES = Path(__file__).parent / "pictures"
@@ -45,48 +45,58 @@ def answers() -> tuple[dict[str, Comparison], Fit]:
 
 
 def draw(found: dict[str, Comparison]) -> list[Path]:
-    """Write the four figures of the comparison, and a map of the error."""
+    """Write the four figures of the comparison."""
     corners = Reference.load(DATA / "plate_finite_elements_corners.npz")
     column = Line("depth under the load", (0.105, 0.2), (0.105, 0.0))
-    rows = [
-        Line(f"x, {depth} mm below the top", (0.0, height), (0.2, height))
-        for depth, height in ((5, 0.195), (45, 0.155), (95, 0.105))
-    ]
+    row = Line("x, 5 mm below the top", (0.0, 0.195), (0.2, 0.195))
     pressure = 2.0 / (0.01 * 0.002)
     figures = {
         "stress_ratio": plot_stress_ratio(
             found, column, "yy", pressure, believed=BELIEVED, symbol=STRESS
         ),
         "stress": plot_maps(found, "stress", "yy", believed=BELIEVED, symbol=STRESS),
-        "stress_rows": plot_profiles(found, rows, "stress", "yy", believed=BELIEVED, symbol=STRESS),
         "deformed": plot_shapes(
             {name: comparison.result for name, comparison in found.items()},
             corners,
             name=BELIEVED,
         ),
         "displacement": plot_profiles(
-            found, [column, rows[0]], "displacement", "y", believed=BELIEVED, symbol=r"$u_y$"
+            found, [column, row], "displacement", "y", believed=BELIEVED, symbol=r"$u_y$"
         ),
-        "error": figure_of(plot_error(found["prescribed rule, fitted"])),
     }
     return [save(figure, PICTURES / f"comparison_{name}.png") for name, figure in figures.items()]
 
 
-def main() -> None:
-    """Print the figures of the page and draw its pictures."""
-    PICTURES.mkdir(exist_ok=True)
-    found, fit = answers()
-    print(fit)
-    print("| agents | largest error of u | r.m.s. | misfit of u | misfit of σ | energy norm |")
-    print("|---|---|---|---|---|---|")
+def table(found: dict[str, Comparison], fit: Fit) -> str:
+    """Return the table of the page, and what the fit found."""
+    lines = [
+        "| agents | largest error of u | r.m.s. | misfit of u | misfit of σ | energy norm |",
+        "|---|---|---|---|---|---|",
+    ]
     for name, comparison in found.items():
         u, stress = comparison.displacement, comparison.stress
         assert stress is not None
         assert comparison.energy_error is not None
-        print(
-            f"| {name} | {u.max_error:.1%} | {u.l2_error:.1%} | {u.misfit:.3g} "
-            f"| {stress.misfit:.3g} | {comparison.energy_error:.3g} |"
+        lines.append(
+            f"| {name} | {u.max_error:.1%} | {u.l2_error:.1%} | {u.misfit:.4f} "
+            f"| {stress.misfit:.4f} | {comparison.energy_error:.4f} |"
         )
+    alpha = ", ".join(f"{share:.4g}" for share in fit.rule.alpha or ())
+    return "\n".join([*lines, "", f"The fit found α = ({alpha}), β = {fit.rule.beta:.4g}."])
+
+
+def main() -> None:
+    """Write the table of the page, and draw its pictures."""
+    PICTURES.mkdir(exist_ok=True)
+    found, fit = answers()
+    written = table(found, fit)
+    print(written)
+    page = Path(__file__).with_name("comparison.md")
+    text, count = re.subn(
+        r"\| agents \|.*?The fit found [^\n]*", lambda _: written, page.read_text(), flags=re.DOTALL
+    )
+    assert count == 1
+    page.write_text(text)
     for path in draw(found):
         print(path)
 

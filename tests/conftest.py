@@ -1,6 +1,7 @@
 """What all tests share."""
 
 import os
+import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -24,3 +25,33 @@ def pytest_runtest_makereport(item, call):
         if any(words in reason for words in _WANTING):
             report.outcome = "failed"
             report.longrepr = f"may not be skipped here: {reason}"
+
+
+@pytest.fixture
+def kaju(monkeypatch, capsys, tmp_path):
+    """Type a command in an empty folder; return exit code, output and error output."""
+    from kaju.__main__ import main
+
+    monkeypatch.chdir(tmp_path)
+
+    def typed(*words):
+        monkeypatch.setattr(sys, "argv", ["kaju", *words])
+        with pytest.raises(SystemExit) as end:
+            main()
+        printed = capsys.readouterr()
+        return end.value.code or 0, printed.out, printed.err
+
+    return typed
+
+
+@pytest.fixture
+def typed():
+    """Type a command; return what `typer` tells of it. Errors are raised as they are."""
+    from typer.testing import CliRunner
+
+    from kaju.__main__ import app
+
+    def run(*words):
+        return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+    return run

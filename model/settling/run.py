@@ -152,7 +152,7 @@ class ElasticRun(BodyResult):
             "levels": len(levels),
             "boundary_agents": len(self.boundary.cells),
             "energy": last.energy if last else 0.0,
-            "residual": last.loudest if last else 0.0,
+            "residual_load": last.loudest if last else 0.0,
             "error_estimate": last.error_estimate if last else 0.0,
             "reaction": self.reaction.tolist(),
             "max_displacement": self.result.max_displacement,

@@ -19,6 +19,8 @@ UNITS = {
     "load_applied": "N",
     "reaction": "N",
     "max_displacement": "m",
+    "smallest_agent": "m",
+    "largest_agent": "m",
     "displacement_that_stays": "m",
     "displacement_error_estimate": "m",
     "energy": "J",
@@ -79,6 +81,8 @@ class Console:
 def _lines(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for key, value in summary.items():
+        if value is None and key not in WORDS:
+            continue  # nothing that could be known of this answer
         name, unit = WORDS.get(key, key), UNITS.get(key, "")
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "m", "J", "s", "Pa"):

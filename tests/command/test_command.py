@@ -8,26 +8,10 @@ from pathlib import Path
 import pytest
 
 from kaju import ElasticModel, ElasticRule, Scene, TransferResult, load_result, load_scene
-from kaju.__main__ import main
 from kaju.model.propagation.load_model import LoadModel
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLATE = str(EXAMPLES / "plate.toml")
-
-
-@pytest.fixture
-def kaju(monkeypatch, capsys, tmp_path):
-    """Type a command in an empty folder; return exit code, output and error output."""
-    monkeypatch.chdir(tmp_path)
-
-    def typed(*words):
-        monkeypatch.setattr(sys, "argv", ["kaju", *words])
-        with pytest.raises(SystemExit) as end:
-            main()
-        printed = capsys.readouterr()
-        return end.value.code or 0, printed.out, printed.err
-
-    return typed
 
 
 def names(folder):

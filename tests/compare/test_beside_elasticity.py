@@ -4,10 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from kaju import ElasticModel, ElasticRule, LoadModel, Scene, compare, load_scene, solve
-from kaju.__main__ import app
 from kaju.errors import KajuError, ParameterError
 from kaju.model.beside_elasticity import CHOSEN, DERIVED, FITTED, beside_elasticity
 from kaju.view.beside import pictures_beside, words_beside
@@ -110,13 +108,6 @@ def test_four_figures_show_both_stresses_shapes_and_displacements(study):
     assert cross.get_ydata()[0] == pytest.approx(stress[0, 0] / stress[1, 1])
 
 
-def typed(*words):
-    done = CliRunner().invoke(app, [str(word) for word in words])
-    if isinstance(done.exception, KajuError):
-        raise done.exception
-    return done
-
-
 @pytest.fixture
 def scene(tmp_path):
     path = tmp_path / "plate.toml"
@@ -124,7 +115,7 @@ def scene(tmp_path):
     return path
 
 
-def test_one_command_writes_figures_and_words(scene, tmp_path, study):
+def test_one_command_writes_figures_and_words(scene, tmp_path, study, typed):
     out = tmp_path / "beside"
     words = ("compare", scene, "--out", out, "--resolution", 4, "--fit", 30)
     done = typed(*words)
@@ -142,7 +133,7 @@ def test_one_command_writes_figures_and_words(scene, tmp_path, study):
     assert found == expected == json.loads((out / "comparison.json").read_text())
 
 
-def test_settings_change_the_scene_and_without_a_fit_there_is_none(scene, tmp_path):
+def test_settings_change_the_scene_and_without_a_fit_there_is_none(scene, tmp_path, typed):
     words = ("--fit", 0, "--resolution", 2, "--no-pictures", "--json")
     done = typed("compare", scene, "--out", tmp_path / "x", "--set", "rule.threshold=0.001", *words)
     found = json.loads(done.output)
@@ -165,7 +156,7 @@ def test_settings_change_the_scene_and_without_a_fit_there_is_none(scene, tmp_pa
         (["SCENE", "--json", "--quiet"], "--quiet"),
     ],
 )
-def test_what_does_not_belong_together_is_refused(scene, tmp_path, monkeypatch, words, told):
+def test_what_does_not_belong_together_is_refused(scene, tmp_path, monkeypatch, words, told, typed):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(KajuError, match=told):
         typed("compare", *(scene if word == "SCENE" else word for word in words))

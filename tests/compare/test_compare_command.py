@@ -4,10 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from kaju import LoadModel, Scene, compare, solve
-from kaju.__main__ import app
 from kaju.errors import ParameterError, ResultFileError
 
 DATA = Path(__file__).parent.parent / "data"
@@ -27,13 +25,9 @@ def stored(tmp_path):
     return tmp_path, results
 
 
-def kaju(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
-
-
-def test_folders_of_runs_are_compared(stored):
+def test_folders_of_runs_are_compared(stored, typed):
     folder, results = stored
-    done = kaju("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
+    done = typed("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
     assert done.exit_code == 0
     assert "prescribed rule against elasticity, 64 points" in done.output
     found = json.loads((folder / "errors" / "comparison.json").read_text())
@@ -42,19 +36,19 @@ def test_folders_of_runs_are_compared(stored):
         assert (folder / "errors" / name).stat().st_size > 5_000
 
 
-def test_nothing_is_replaced_unasked(stored):
+def test_nothing_is_replaced_unasked(stored, typed):
     folder, _ = stored
     words = ("compare", folder / "run", folder / "elastic", "--out", folder / "errors")
-    kaju(*words)
+    typed(*words)
     with pytest.raises(ResultFileError, match="--force"):
-        kaju(*words)
-    assert kaju(*words, "--force").exit_code == 0
+        typed(*words)
+    assert typed(*words, "--force").exit_code == 0
 
 
-def test_scenes_and_references_in_the_wrong_place_are_refused(stored):
+def test_scenes_and_references_in_the_wrong_place_are_refused(stored, typed):
     folder, _ = stored
     reference = DATA / "plate_finite_elements.npz"
     with pytest.raises(ParameterError, match=r"run it first \(kaju run plate.toml\)"):
-        kaju("compare", folder / "run", "plate.toml")
+        typed("compare", folder / "run", "plate.toml")
     with pytest.raises(ParameterError, match="name it second"):
-        kaju("compare", reference, folder / "run")
+        typed("compare", reference, folder / "run")

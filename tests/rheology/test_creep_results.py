@@ -7,7 +7,6 @@ import pytest
 from PIL import Image
 
 from kaju import ElasticModel, History, Scene, ThreeElement, animate, creep, load_result, plot
-from kaju.__main__ import app
 from kaju.agents.rheology import ElementState
 from kaju.errors import ParameterError, SceneError
 from kaju.model.network import triangular
@@ -223,13 +222,7 @@ def test_a_history_is_needed():
         creep(block("elastic", history=None))
 
 
-def typed(*words):
-    from typer.testing import CliRunner
-
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
-
-
-def test_the_command_lets_a_scene_creep(tmp_path):
+def test_the_command_lets_a_scene_creep(tmp_path, typed):
     scene = tmp_path / "jelly.toml"
     block("elastic").save(scene)
     done = typed("creep", scene, "--out", tmp_path / "here", "--json")
@@ -244,7 +237,7 @@ def test_the_command_lets_a_scene_creep(tmp_path):
     assert film.exit_code == 0
 
 
-def test_a_scene_without_a_history_is_pressed_and_held(tmp_path):
+def test_a_scene_without_a_history_is_pressed_and_held(tmp_path, typed):
     scene = tmp_path / "jelly.toml"
     block("elastic", history=None).save(scene)
     with pytest.raises(ParameterError, match="needs --hold SECONDS"):
@@ -256,7 +249,7 @@ def test_a_scene_without_a_history_is_pressed_and_held(tmp_path):
     np.testing.assert_allclose(found.growth, expected.growth)
 
 
-def test_a_run_says_that_it_leaves_time_out(tmp_path):
+def test_a_run_says_that_it_leaves_time_out(tmp_path, typed):
     scene = tmp_path / "jelly.toml"
     block("prescribed").save(scene)
     done = typed("run", scene, "--out", tmp_path / "here", "--no-pictures")

@@ -1,7 +1,6 @@
 """Spawned agents compared with other answers, and on the command line."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ from elastic_scenes import spawned_agents
 from PIL import Image
 
 from kaju import ElasticResult, LoadModel, Reference, Scene, compare, load_scene, solve
-from kaju.__main__ import main
 from kaju.errors import ResultError
 from kaju.model.compare import load_answer
 from kaju.model.spawning import solve as spawning
@@ -88,21 +86,6 @@ def test_large_bodies_are_compared_in_the_middles_of_agents():
         compare(coarse, fine)
     found = compare(coarse, fine, points=coarse.middle)
     assert 0.0 < found.displacement.l2_error < 0.05
-
-
-@pytest.fixture
-def kaju(monkeypatch, capsys, tmp_path):
-    """Type a command in an empty folder; return exit code, output and error output."""
-    monkeypatch.chdir(tmp_path)
-
-    def typed(*words):
-        monkeypatch.setattr(sys, "argv", ["kaju", *words])
-        with pytest.raises(SystemExit) as end:
-            main()
-        printed = capsys.readouterr()
-        return end.value.code or 0, printed.out, printed.err
-
-    return typed
 
 
 def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):

@@ -144,24 +144,7 @@ def plot_agents(
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw the body with its agents, coloured by the generation in which they spawned.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run; `result.at_stage(k)` shows an earlier stage of loading.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    cut : dict, optional
-        A place (m) in the layer of a three-dimensional body to show, such as ``{"y": 0.05}``.
-    crop : bool, optional
-        Whether to show only the surroundings of the agents; by itself for large bodies.
-
-    Returns
-    -------
-    matplotlib Axes
-        With the picture; its figure is ``ax.figure``.
-    """
+    """Draw the body with its agents, coloured by the generation in which they spawned."""
     stage = result.last
     section = section_of(result.scene, result.focus, cut, crop)
     ax = new_axes(ax)

@@ -29,21 +29,7 @@ class HasCurves(Protocol):
 
 
 def plot_curves(result: HasCurves, ax: Axes | None = None, *, panel: int = 0) -> Axes | Figure:
-    """Draw all curves of a result, or one panel of them on axes that are given.
-
-    Parameters
-    ----------
-    result : result with curves
-        Of a run in time, or of agents that settle.
-    ax : matplotlib Axes, optional
-        Where to draw one panel; a new figure with all of them unless given.
-    panel : int
-        Which panel, if `ax` is given.
-
-    Returns
-    -------
-    matplotlib Axes or Figure
-    """
+    """Draw all curves of a result, or one panel of them on axes that are given."""
     every = result.curves()
     if ax is not None:
         return draw_curves(ax, every[panel])

@@ -12,10 +12,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
 from kaju.errors import ParameterError
+from kaju.model.elasticity.export import same_points
 
 from .body import draw_body, finish
 from .cropping import section_of
 from .forces import draw_forces
+from .layers import Layer, Squares, draw_squares, layer_of, squares_of
 from .section import CORNERS, Section
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity, round_down, times
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
+    from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.result import Field
 
@@ -35,6 +38,7 @@ MovedAt = Callable[["Floats"], "Floats"]
 _LARGEST_SHIFT = 0.09  # of the picture's width
 _UNMOVED = 1e-4  # of the largest displacement
 _LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
+_FOLDED = 64  # agents smaller than this part of the picture may be drawn so
 
 
 def corner_displacements(
@@ -142,29 +146,7 @@ def plot_deformed(
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw the deformed grid over the outline of the body at rest.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    magnification : float, optional
-        How many times larger than true the deformation is drawn; a round number that makes
-        it visible unless given. The picture states it.
-    cut, crop
-        As for `plot_agents`.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ParameterError
-        If the magnification is not a positive number.
-    """
+    """Draw the deformed grid over the outline of the body at rest."""
     check_magnification(magnification)
     section = section_of(result.grid, result.focus, cut, crop)
     ax = new_axes(ax)
@@ -194,3 +176,60 @@ def draw_rest(ax: Axes, section: Section) -> None:
     rest = LineCollection(list(surface), colors=FAINT, linewidths=0.7, linestyles="--", zorder=2)
     rest.set_gid("at rest")
     ax.add_collection(rest)
+
+
+def plot_agents_deformed(
+    result: ElasticResult,
+    ax: Axes | None = None,
+    *,
+    magnification: float | None = None,
+    cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw the deformed agents over the outline of the body at rest."""
+    check_magnification(magnification)
+    layer = layer_of(result, cut, crop)
+    ax = new_axes(ax)
+    distance = np.linalg.norm(result.displacement, axis=1)
+    squares = squares_of(layer, result.tiles(distance))
+    moved = corner_moves(result, layer, squares)
+    factor = magnification or _magnification(layer, squares, moved)
+    largest = float(squares.value.max(initial=0.0))
+    entries = draw_body(ax, layer, filled=False)
+    draw_rest(ax, layer)
+    places = squares.corners + factor * moved
+    look = moved_colours(squares.value, Normalize(0.0, largest or 1.0))
+    drawn = draw_squares(ax, layer, squares, "moved", places, **look)
+    notes = draw_forces(ax, layer, result.stage)
+    colour_bar(ax, drawn, "displacement", "m")
+    told = f"deformation shown {times(factor)}; largest displacement {quantity(largest, 'm')}"
+    finish(ax, layer, "Deformed body", [told, *notes], entries)
+    return ax
+
+
+def corner_moves(result: ElasticResult, layer: Layer, squares: Squares) -> Floats:
+    """Return how the corners of squares move in the picture (m), shape (n, 4, 2).
+
+    Squares that stand for several agents move as a whole, as one of them does.
+    """
+    moved = np.repeat(layer.in_plane(result.displacement[squares.row])[:, None], 4, axis=1)
+    own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])
+    corners = squares.corners[own].reshape(-1, 2)
+    first, number = same_points(corners, float(result.size.min()))
+    at_corners = result.displacement_at(layer.in_body(corners[first]))
+    moved[own] = layer.in_plane(at_corners)[number].reshape(-1, 4, 2)
+    return moved
+
+
+def _magnification(layer: Layer, squares: Squares, moved: Floats) -> float:
+    """Return a round factor that makes a deformation visible, and folds no large agent."""
+    shift = float(np.abs(moved).max(initial=0.0))
+    if shift == 0.0:
+        return 1.0
+    low, high = layer.box
+    span = float((high - low).max())
+    wanted = largest_shift(span) / shift
+    large = squares.size > span / _FOLDED
+    edges = np.abs(np.diff(moved, axis=1)).max(axis=(1, 2)) / squares.size
+    strain = float(edges[large].max(initial=0.0))
+    return round_down(min(wanted, _LARGEST_STRAIN / strain) if strain > 0.0 else wanted)

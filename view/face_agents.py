@@ -55,28 +55,7 @@ def plot_face_agents(
     cut: Cut | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw the agents of one level, coloured by the step in which they spawned.
-
-    Parameters
-    ----------
-    run : ElasticRun
-        What the agents of an elastic rule have done.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    level : int
-        0 for the agents on the cells' own faces, 1 for their parents, and so on.
-    cut, crop
-        As for the other pictures.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ParameterError
-        If there is no such level.
-    """
+    """Draw the agents of one level, coloured by the step in which they spawned."""
     shown = _shown(run, level, cut, crop)
     ax = new_axes(ax)
     entries = draw_body(ax, shown.section)

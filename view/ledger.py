@@ -19,19 +19,7 @@ _HATCHES = ("", "///", "...", "xx")
 
 
 def plot_ledger(result: TransferResult, ax: Axes | None = None) -> Axes:
-    """Draw the ledger of the last stage: two bars of equal length, and what was passed on.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the ledger of the last stage: two bars of equal length, and what was passed on."""
     ledger = result.last.ledger
     small = ledger.emitted - ledger.passed - ledger.returned
     bars = {

@@ -116,21 +116,7 @@ def plot_load_path(
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw who passed how much to whom: the graph of `TransferResult.load_path`.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    cut, crop
-        As for `plot_agents`.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw who passed how much to whom: the graph of `TransferResult.load_path`."""
     whole = result.last
     stage = around_heaviest(whole)
     graph = load_path(result.scene, stage)

@@ -127,28 +127,7 @@ def plot_loads(
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw the applied forces, and the loads that each agent took, by direction.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    generation : int, optional
-        Only the loads taken in this generation, counted from 1; all unless given.
-    cut, crop
-        As for `plot_agents`.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ParameterError
-        If there was no such generation.
-    """
+    """Draw the applied forces, and the loads that each agent took, by direction."""
     stage = result.last
     if generation is not None and not 1 <= generation <= stage.generations:
         raise ParameterError(

@@ -1,4 +1,4 @@
-"""Maps: a value of every cell as a colour, with its unit."""
+"""Maps: a value of every cell, or agent, as a colour, with its unit."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from kaju.errors import ParameterError
 from .body import draw_body, finish
 from .cropping import section_of
 from .forces import draw_forces
+from .layers import Squares, draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import load_norm
 from .section import Floats, Ints, Section
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
     from kaju.model.elasticity.elastic_result import ElasticResult
     from kaju.model.propagation.transfer_result import TransferResult
+
+
+PEAK = 2e-3
+"""Values on this share of the picture may lie beyond the scale: stresses grow at corners."""
 
 
 class Quantity(NamedTuple):
@@ -131,31 +136,7 @@ def plot_map(
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw a field as colours; cells that have none stay light.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run.
-    what : {"displacement", "stress", "strain", "von_mises", "taken"}
-        The field.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    component : str, optional
-        Of displacements "magnitude" (as unless given) or an axis; of stresses and strains a
-        pair of axes such as "xy", unless given the one with the largest value.
-    cut, crop
-        As for `plot_agents`.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ParameterError
-        If there is no such component.
-    """
+    """Draw a field as colours; cells that have none stay light."""
     section = section_of(result.grid, result.focus, cut, crop)
     shown = quantity_of(result, what, component)
     ax = new_axes(ax)
@@ -163,10 +144,51 @@ def plot_map(
     notes = draw_forces(ax, section, result.stage)
     if len(shown.values):
         drawn = draw_map(ax, section, result.last.cells, shown)
-        colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit)
-        extreme = shown.values[np.argmax(np.abs(shown.values))]
-        notes = [f"largest value {quantity(float(extreme), shown.unit)}; " + "; ".join(notes)]
+        notes = _explain(ax, drawn, shown, notes)
     else:
         notes = ["no cell has taken a load", *notes]
     finish(ax, section, shown.title, notes, entries)
     return ax
+
+
+def _explain(
+    ax: Axes, drawn: PolyCollection, shown: Quantity, notes: list[str], extend: str = "neither"
+) -> list[str]:
+    """Add the colour bar; return the notes with the largest value."""
+    colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit, extend)
+    extreme = shown.values[np.argmax(np.abs(shown.values))]
+    return [f"largest value {quantity(float(extreme), shown.unit)}; " + "; ".join(notes)]
+
+
+def plot_agent_map(
+    result: ElasticResult,
+    what: str,
+    ax: Axes | None = None,
+    *,
+    component: str | None = None,
+    cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+) -> Axes:
+    """Draw a field as the colours of the agents."""
+    layer = layer_of(result, cut, crop)
+    shown = quantity_of(result, what, component)
+    ax = new_axes(ax)
+    entries = draw_surroundings(ax, layer)
+    notes = draw_forces(ax, layer, result.stage)
+    squares = squares_of(layer, result.tiles(shown.values))
+    top, beyond = _top(squares)
+    look = colours_of(shown, squares.value, top)
+    drawn = draw_squares(ax, layer, squares, "map", array=squares.value, **look)
+    extend = ("both" if shown.signed else "max") if beyond else "neither"
+    finish(ax, layer, shown.title, _explain(ax, drawn, shown, notes, extend), entries)
+    return ax
+
+
+def _top(squares: Squares) -> tuple[float, bool]:
+    """Return the largest value of the scale, and whether there are values beyond it."""
+    size = np.abs(squares.value)
+    order = np.argsort(-size, kind="stable")
+    area = np.cumsum(squares.size[order] ** 2)
+    usual = float(size[order[np.searchsorted(area, PEAK * area[-1])]])
+    largest = float(size.max())
+    return (usual, True) if 0.0 < 1.5 * usual < largest else (largest, False)

@@ -26,31 +26,7 @@ def plot_network(
     colour: Colour = "tension",
     magnification: float | None = None,
 ) -> Axes:
-    """Draw a loaded network over the one at rest, its springs coloured by tension or strain.
-
-    Parameters
-    ----------
-    result : NetworkResult
-        A loaded network, in the plane or in space.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    record : int
-        Which state; the last unless given.
-    colour : {"tension", "strain"}
-        What the colours mean: force (N), or elongation as a share of the initial length.
-    magnification : float, optional
-        How many times larger than true the displacements are drawn. Unless given, 1, or a
-        round number if nothing could be seen. The picture states it.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ParameterError
-        If there is no such record or colour.
-    """
+    """Draw a loaded network over the one at rest, its springs coloured by tension or strain."""
     stand = Stand(result, ax, colour, magnification)
     if not -len(stand.records) <= record < len(stand.records):
         raise ParameterError(
@@ -64,19 +40,7 @@ def plot_network(
 
 
 def plot_response(result: NetworkResult, ax: Axes | None = None) -> Axes:
-    """Draw how far the node that moves most has moved, along the load path.
-
-    Parameters
-    ----------
-    result : NetworkResult
-        A loaded network.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw how far the node that moves most has moved, along the load path."""
     name, _ = result.largest_displacement()
     moved = np.linalg.norm(result.displacement[:, result.network.node(name)], axis=1)
     ax = new_axes(ax, (6.4, 4.2))

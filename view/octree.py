@@ -53,26 +53,7 @@ def plot_octree(
     crop: bool | None = None,
     generation: int | None = None,
 ) -> Axes:
-    """Draw agents as cubes in space, with a quarter of the body cut away at small ones.
-
-    Parameters
-    ----------
-    result : ElasticResult
-        Agents of many sizes in three dimensions.
-    ax : matplotlib Axes3D, optional
-        Where to draw; a new figure unless given.
-    colour, crop, generation
-        As for `plot_quadtree`.
-
-    Returns
-    -------
-    matplotlib Axes3D
-
-    Raises
-    ------
-    ParameterError
-        As `plot_quadtree`.
-    """
+    """Draw agents as cubes in space, with a quarter of the body cut away at small ones."""
     agents = standing(result, colour, generation)
     view = view_of(result, crop)
     ax = new_axes(ax, SPACE, "3d")

@@ -15,19 +15,18 @@ from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.result import Result
 from kaju.model.scene import Scene
 
-from .agent_maps import plot_agent_map, plot_agents_deformed
 from .agents import plot_agents
 from .body import draw_scene
 from .creep import plot_body_at, plot_network_at
 from .cropping import section_of
 from .curves import plot_curves
-from .deformed import plot_deformed
+from .deformed import plot_agents_deformed, plot_deformed
 from .face_agents import plot_face_agents, plot_left
 from .files import save
 from .ledger import plot_ledger
 from .load_path import plot_load_path
 from .loads import plot_loads
-from .maps import plot_map
+from .maps import plot_agent_map, plot_map
 from .network_plots import plot_network, plot_response
 from .octree import plot_octree
 from .quadtree import plot_quadtree
@@ -189,14 +188,28 @@ def plot(
         "ledger", "stages" or "scene". Of elastic results those of them that are fields or
         the scene, and of agents of many sizes "agents" as well; of agents of the elastic rule
         also "left" and "curves"; of what creeps "curves" and, but for a single element,
-        "deformed", whose ``record=`` is the index of a time. Of a network's result
-        "deformed" or "response".
+        "deformed". Of a network's result "deformed" or "response".
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     **options
-        As the picture's own function takes them: ``cut={"y": 0.05}`` for the plane through a
-        body of cubes there (m), ``crop=False`` for
-        the whole of a large body, ``magnification=1e5``, ``colour="spawn_step"``, ...
+        What the picture takes; an option that it has not is refused by name.
+
+        - ``cut={"y": 0.05}``: the plane through a body of cubes to show (m); unless given
+          one through the agents, or the whole body in space.
+        - ``crop``: whether to show only the surroundings of the agents; by itself for
+          large bodies.
+        - ``component`` of maps: of displacements "magnitude" (as unless given) or an axis; of
+          stresses and strains a pair of axes such as "xy", unless given the largest.
+        - ``magnification`` of "deformed": how many times larger than true displacements are
+          drawn; unless given a round number that makes them visible. The picture states it.
+        - ``generation`` of "loads": only the loads taken in it, from 1; of agents of many
+          sizes: the generation to show, from 0.
+        - ``colour`` of agents of many sizes: "level" (as unless given), "spawn_step",
+          "unbalanced_load", "error_share" or "von_mises"; of networks "tension" or "strain".
+        - ``step`` of agents of many sizes in the plane: outline those that spawned then.
+        - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...
+        - ``record`` of networks and of what creeps: which state; the last unless given.
+        - ``panel`` of "curves", ``quantity_shown`` ("displacement" or "agents") of "stages".
 
     Returns
     -------
@@ -206,7 +219,8 @@ def plot(
     Raises
     ------
     ParameterError
-        If there is no such picture, or it has no such option.
+        If there is no such picture, it has no such option, or the option's value breaks its
+        rule.
     """
     known = pictures_of(subject)
     name = next(iter(known)) if what is None else what

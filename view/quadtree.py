@@ -67,37 +67,7 @@ def plot_quadtree(
     generation: int | None = None,
     step: int | None = None,
 ) -> Axes:
-    """Draw agents at their places and in their sizes.
-
-    Parameters
-    ----------
-    result : ElasticResult
-        Agents of many sizes.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    colour : {"level", "spawn_step", "unbalanced_load", "error_share", "von_mises"}
-        What the colours show.
-    cut : dict, optional
-        Of a three-dimensional body the plane to show, such as ``{"y": 0.05}`` (m); by
-        default through small agents.
-    crop : bool, optional
-        Whether to show only the surroundings of the smaller half of the agents; by itself
-        where they could not be seen otherwise.
-    generation : int, optional
-        The generation to show, from 0; by default the last.
-    step : int, optional
-        Outline boldly the agents that spawned in this step.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ParameterError
-        For an unknown colour or generation, a colour that is not known of an earlier
-        generation, a plane outside of the body, or a cut through two dimensions.
-    """
+    """Draw agents at their places and in their sizes."""
     agents = standing(result, colour, generation)
     layer = layer_of(result, cut, crop)
     ax = new_axes(ax)

@@ -48,21 +48,7 @@ def loaded_displacements(result: TransferResult) -> Floats:
 def plot_stages(
     result: TransferResult, ax: Axes | None = None, *, quantity_shown: Growing = "displacement"
 ) -> Axes:
-    """Draw how far the loaded cells give way, or how many agents there are, against the load.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run with staged loading.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-    quantity_shown : {"displacement", "agents"}
-        What is drawn against the load.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw how far the loaded cells give way, or how many agents there are, against the load."""
     if quantity_shown not in ("displacement", "agents"):
         raise ParameterError(f"quantity_shown: 'displacement' or 'agents', got {quantity_shown!r}")
     ax = new_axes(ax, (6.4, 4.2))

@@ -65,19 +65,6 @@ def plot_voxels(
 
     Only material agents are solid; of the body there is the outline. Boundary agents are
     marks, round where the body is free and triangular where it is held.
-
-    Parameters
-    ----------
-    result : TransferResult
-        A run of a three-dimensional scene.
-    ax : matplotlib Axes3D, optional
-        Where to draw; a new figure unless given.
-    crop : bool, optional
-        Whether to show only the surroundings of the agents; by itself for large bodies.
-
-    Returns
-    -------
-    matplotlib Axes3D
     """
     scene, stage = result.scene, result.last
     cells = result.focus

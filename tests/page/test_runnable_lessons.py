@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+import kaju
+
 HEADINGS = [
     "What is it?",
     "How it works",
@@ -70,3 +72,61 @@ def test_lesson_pages_show_the_same(builder, opened, tmp_path):
         page.until("page.g > 1")
         assert page.requests == [path.as_uri()]
         assert page.messages == []
+
+
+def test_a_whole_lesson_by_keyboard(builder, opened, tmp_path):
+    """Read it, try every preset, find where it turns red, play, step back, read a story, save."""
+    lesson = next(lesson for lesson in builder.lessons() if lesson.name == "blow-up")
+    page = opened(builder.build(lesson, tmp_path))
+    press = page.tab.keyboard.press
+
+    def go_to(name):
+        for _ in range(80):
+            press("Tab")
+            label = "((at) => at && (at.ariaLabel || (at.labels?.[0] ?? at).innerText))"
+            if (page.js(f"{label}(page.root.activeElement)") or "").strip().startswith(name):
+                return
+        raise AssertionError(f"no key leads to {name!r}")
+
+    def verdict():
+        page.until("!page.judging && !page.due")
+        return page.tab.locator(".verdict").inner_text().lower()
+
+    go_to("Rule")
+    press("ArrowLeft")  # round to the last tab
+    assert page.tab.get_by_role("heading", name="Things to notice").is_visible()
+    for preset in lesson.presets[1:]:
+        go_to(preset.name)
+        press("Enter")
+        assert verdict() == builder.observe(preset.scene)["verdict"].lower()
+    go_to("As it was")
+    press("Enter")
+    go_to("About")
+    press("ArrowRight")
+    go_to("α₂")
+    for _ in range(10):
+        press("ArrowRight")
+    assert "every load ends" in verdict()  # 0.5 + 2 · 0.2 + 2 · 0.3 · 0.3 · 0.5 = 0.99
+    press("ArrowRight")
+    assert "loads grow by 0 %" in verdict()
+    press("ArrowLeft")
+    go_to("Picture of the body")
+    press("Home")
+    press("Space")
+    page.until("page.g > 3")
+    press("Space")
+    shown = page.js("page.g")
+    press(",")
+    assert page.js("page.g") == shown - 1
+    press("ArrowDown")  # to the load, and down from it
+    press("ArrowDown")
+    page.until("page.parts.story.querySelector('dl')")
+    assert page.tab.locator(".story").inner_text().startswith("Cell (7, 13), steel")
+    go_to("Save")
+    press("Enter")
+    go_to("Scene")
+    with page.tab.expect_download() as download:
+        press("Enter")
+    download.value.save_as(tmp_path / "mine.toml")
+    assert kaju.load_scene(tmp_path / "mine.toml").rule.alpha[1] == pytest.approx(0.5)
+    assert page.messages == []

@@ -116,24 +116,36 @@ export class MotionPage extends Page {
   drawParts(view, ink) {
     const { corners, parts, count } = this, { ctx, r } = view, px = new Float64Array(8), py = new Float64Array(8), solid = corners === 8;
     SHEET.start(ctx, view.W, view.H);
+    if (!solid) { this.fillFlat(view, ink, px, py); ctx.putImageData(SHEET.image, 0, 0); return; }
     const order = Array.from({ length: count }, (_, i) => i).filter((i) => this.there(i));
-    if (solid) {
-      const far = new Float64Array(count);
-      for (const i of order) far[i] = this.middle(i).reduce((sum, x, a) => sum + x * view.depth[a], 0);
-      order.sort((a, b) => far[b] - far[a]);
-    }
+    const far = new Float64Array(count);
+    for (const i of order) far[i] = this.middle(i).reduce((sum, x, a) => sum + x * view.depth[a], 0);
+    order.sort((a, b) => far[b] - far[a]);
     for (const part of order) {
       const places = Array.from({ length: corners }, (_, i) => view.point(this.where(parts[part * corners + i])));
       const colour = ink(part);
-      for (const [n, face] of (solid ? FACES : [places.map((_, i) => i)]).entries()) {
+      for (const [n, face] of FACES.entries()) {
         let turn = 0;
         face.forEach((c, i) => { px[i] = places[c][0] * r; py[i] = places[c][1] * r; });
         for (let i = 0, j = face.length - 1; i < face.length; j = i++) turn += px[j] * py[i] - px[i] * py[j];
-        if (solid && (n === 0 || n === 3 || n === 4 ? turn < 0 : turn > 0)) continue;
-        this.fillRimmed(px, py, face.length, colour, solid ? LIGHT[n] : 1, view);
+        if (n === 0 || n === 3 || n === 4 ? turn < 0 : turn > 0) continue;
+        this.fillRimmed(px, py, face.length, colour, LIGHT[n], view);
       }
     }
     ctx.putImageData(SHEET.image, 0, 0);
+  }
+  /** Squares, hexagons, diamonds: 80,000 of them, so nothing is made for each. */
+  fillFlat({ r, u, x0, y0 }, ink, px, py) {
+    const { corners, parts, points, low, unit, times, each, count } = this, moved = times ? this.moved[this.g] : null;
+    for (let part = 0; part < count; part++) {
+      if (!this.there(part)) continue;
+      for (let i = 0; i < corners; i++) {
+        const p = 2 * parts[part * corners + i], from = moved ? 2 * Math.floor(p / each) : 0;
+        px[i] = r * (x0 + u * (points[p] - low[0] + (moved ? times * moved[from] : 0)) / unit);
+        py[i] = r * (y0 - u * (points[p + 1] - low[1] + (moved ? times * moved[from + 1] : 0)) / unit);
+      }
+      this.fillRimmed(px, py, corners, ink(part), 1, this.view);
+    }
   }
   fillRimmed(px, py, n, colour, light, view) {  // with a thin rim, so that single parts can be told
     const shade = (c, f) => (0xff000000 | Math.round((c >> 16 & 255) * f) << 16 | Math.round((c >> 8 & 255) * f) << 8 | Math.round((c & 255) * f)) >>> 0;
@@ -196,7 +208,7 @@ export class MotionPage extends Page {
     const row = (word, value, unit) => [make("dt", { textContent: word }), make("dd", {}, make("data", { value: String(value), textContent: quantity(value, unit) }))];
     const rows = this.colours.flatMap((name) => row(this.word(name), this.value(picked, name), this.unitOf(name)));
     if (this.born && !this.fields.spawn_step) rows.push(make("dt", { textContent: t("woken") }), make("dd", {}, `${t(`along_${this.along}`)} `, make("data", { value: String(this.born[picked]), textContent: String(this.born[picked]) })));
-    parts.story.replaceChildren(make("b", { textContent: t("part", { n: picked }) }), make("dl", {}, ...rows));
+    parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t("part", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
     const { parts: { charts: canvas }, curveList, inks, at, g } = this, r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;

@@ -23,7 +23,7 @@ def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: 
     columns : mapping of str to array
         Arrays of 8 to 32-bit integers or of floats.
     level : int
-        1 (quick) to 9 (small).
+        0 (as it is), 1 (quick) to 9 (small).
     """
     arrays = {name: np.ascontiguousarray(column).ravel() for name, column in columns.items()}
     listed = [[name, array.dtype.name, array.size] for name, array in arrays.items()]

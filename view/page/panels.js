@@ -184,7 +184,7 @@ function lookPanel(page) {
   if (page.deformable) list.push(tick(t("deformed"), look.deformed, (on) => { look.deformed = on; page.later(); }),
     slider(t("magnify"), { value: look.magnify, min: -1, max: 1, step: 0.05, show: (v) => `× ${two(10 ** v)}` }, set("magnify")));
   if (page.run.taken) list.push(tick(t("arrows"), look.arrows, set("arrows")));
-  if (page.run.passed) list.push(tick(t("path"), look.path, set("path")));
+  if (page.run.passed || (page.run.taken && page.kind === "live")) list.push(tick(t("path"), look.path, set("path")));
   if (page.solvable) list.push(tick(t("beside"), look.beside, (on) => page.showElastic(on)));
   if (solid) {
     const axes = ["none", "x", "y", "z"], shape = page.run.lattice.shape;

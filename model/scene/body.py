@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import isabstract
 from math import isclose, prod
 from typing import Annotated, Any, Literal
 
@@ -38,6 +39,9 @@ def _lattice(value: Any) -> Any:
         )
     if BUILT_IN.get(value.kind) is value:
         return value.kind
+    if isabstract(value):
+        missing = ", ".join(sorted(value.__abstractmethods__))
+        raise SceneError(f"{value.__name__} needs {missing}; see kaju.Lattice")
     if not value.kind or value.kind in BUILT_IN:
         raise SceneError(f"{value.__name__} needs a kind of its own, got {value.kind!r}")
     return value

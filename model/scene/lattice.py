@@ -130,12 +130,20 @@ class Lattice(ABC):
         return faces
 
     @cached_property
-    def distances(self) -> Floats:
-        """From a form's middle to its faces (m), 0 where it has none: (forms, directions)."""
-        distances = np.zeros(self.faces.shape)
+    def face_offsets(self) -> Floats:
+        """From a form's middle to those of its faces (m): (forms, directions, dimension)."""
+        offsets = np.zeros((*self.faces.shape, self.dimension))
         for form, edges in enumerate(self.faces):
-            corners, here = self.outline(form), edges >= 0
-            distances[form, here] = (corners[edges[here]] * self.normals[here]).sum(axis=1)
+            corners = self.outline(form)
+            middles = 0.5 * (corners + np.roll(corners, -1, axis=0))
+            offsets[form, edges >= 0] = middles[edges[edges >= 0]]
+        return offsets
+
+    @cached_property
+    def distances(self) -> Floats:
+        """From a form's middle to its faces (m), infinite where it has none."""
+        reach = (self.face_offsets * self.normals).sum(axis=2)
+        distances: Floats = np.where(self.faces < 0, np.inf, reach)
         return distances
 
     @cached_property
@@ -175,21 +183,22 @@ class Lattice(ABC):
         Where a form has no face the step is 0.
         """
         steps = np.zeros((*self.faces.shape, self.dimension), dtype=np.int64)
-        first = self._one_of_each
-        for form, direction in zip(*np.nonzero(self.faces >= 0), strict=True):
-            corners, edge = self.outline(form), self.faces[form, direction]
-            middle = 0.5 * (corners[edge] + corners[(edge + 1) % len(corners)])
-            beyond = self.centres(first)[form] + middle
-            beyond = beyond + 1e-3 * self.cell_size * self.normals[direction]
-            steps[form, direction] = self.locate(beyond[None])[0] - first[form]
+        for form, cell in enumerate(self._one_of_each):
+            arms = list(self.arms[form])
+            beyond = self.face_offsets[form, arms] + 1e-3 * self.cell_size * self.normals[arms]
+            steps[form, arms] = self.locate(self.centres(cell[None]) + beyond) - cell
         return steps
 
     @cached_property
+    def few(self) -> Cells:
+        """The first cells, ten along each coordinate: a whole pattern of forms."""
+        return np.array(list(product(range(10), repeat=self.dimension)), dtype=np.int64)
+
+    @cached_property
     def _one_of_each(self) -> Cells:
-        """A cell of each form, near the first of the array."""
-        cells = np.array(list(product(range(10), repeat=self.dimension)), dtype=np.int64)
-        found = self.form(cells)
-        return np.stack([cells[np.argmax(found == form)] for form in range(self.forms)])
+        """A cell of each form."""
+        found = self.form(self.few)
+        return np.stack([self.few[np.argmax(found == form)] for form in range(self.forms)])
 
     @cached_property
     def key_steps(self) -> Ints:
@@ -205,8 +214,8 @@ class Lattice(ABC):
 
     def face_middles(self, cells: Cells, direction: Ints) -> Floats:
         """Return the middles of faces (m), shape (n, dimension); direction -1: of the cells."""
-        reach = self.distances[self.form(cells), direction] * (direction >= 0)
-        return self.centres(cells) + reach[:, None] * self.normals[direction]
+        offsets = self.face_offsets[self.form(cells), direction]
+        return self.centres(cells) + offsets * (direction >= 0)[:, None]
 
     def way(self, direction: int, form: int) -> Way:
         """Return the neighbours of a cell as a load sees them that travels in a direction.
@@ -251,8 +260,7 @@ class Lattice(ABC):
     @cached_property
     def offsets(self) -> tuple[Floats, Floats]:
         """Least and largest difference of a cell's coordinates and those of its middle."""
-        few = np.array(list(product(range(10), repeat=self.dimension)), dtype=np.int64)
-        offsets = self.coordinates(self.centres(few)) - few
+        offsets = self.coordinates(self.centres(self.few)) - self.few
         return offsets.min(axis=0), offsets.max(axis=0)
 
     def locate(self, points: Floats) -> Cells:
@@ -263,9 +271,8 @@ class Lattice(ABC):
         nearest = np.full(len(points), np.inf)
         for step in product((0, -1, 1), repeat=self.dimension):
             cells = guess + np.array(step)
-            form = self.form(cells)
-            reach = np.where(self.faces[form] < 0, np.inf, self.distances[form])
-            out = ((points - self.centres(cells)) @ self.normals.T - reach).max(axis=1)
+            along = (points - self.centres(cells)) @ self.normals.T
+            out = (along - self.distances[self.form(cells)]).max(axis=1)
             better = out < nearest - _NEAR * self.cell_size
             found = np.where(better[:, None], cells, found)
             nearest = np.where(better, out, nearest)

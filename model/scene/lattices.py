@@ -36,19 +36,14 @@ class Boxes(Lattice):
         return np.concatenate([np.outer(signs, axis) for axis in np.eye(self.dimension)])
 
     @cached_property
-    def faces(self) -> Ints:
-        """Edge of a square's outline for each direction; cubes have no outline."""
-        return np.array([[3, 1, 0, 2, -1, -1][: 2 * self.dimension]], dtype=np.int64)
-
-    @cached_property
     def arms(self) -> tuple[tuple[int, ...], ...]:
         """All directions."""
         return (tuple(range(self.directions)),)
 
     @cached_property
-    def distances(self) -> Floats:
-        """From the middle to the faces: half a cell."""
-        return np.full((1, self.directions), 0.5 * self.cell_size)
+    def face_offsets(self) -> Floats:
+        """From the middle to those of the faces: half a cell."""
+        return 0.5 * self.cell_size * self.normals[None]
 
     @property
     def direction_names(self) -> tuple[str, ...]:
@@ -213,7 +208,7 @@ def check_lattice(lattice: Lattice) -> None:
     SceneError
         Naming the answer and what is wrong with it.
     """
-    few = np.argwhere(np.ones((10, 10), dtype=np.bool_)).astype(np.int64)
+    few = lattice.few
     for holds, answer, rule in chain(
         _of_forms(lattice, few), _of_places(lattice, few), _of_neighbours(lattice, few)
     ):
@@ -226,8 +221,9 @@ Conditions = Iterator[tuple[object, str, str]]
 
 
 def _of_forms(lattice: Lattice, few: Cells) -> Conditions:
-    forms = np.unique(lattice.form(few)).tolist()
-    wanted = list(range(lattice.forms))
+    given = np.asarray(lattice.form(few))
+    yield given.dtype.kind in "iu" and given.shape == (100,), "form", "must be whole numbers, (n,)"
+    forms, wanted = np.unique(given).tolist(), list(range(lattice.forms))
     yield forms == wanted, "form", f"must give all of {wanted}, gives {forms}"
     outlines = [np.asarray(lattice.outline(form)) for form in wanted]
     shapes = sorted({outline.shape for outline in outlines})

@@ -88,11 +88,9 @@ def faces_on_side(filling: Filling, side: str, where: str) -> Selection:
             f"{where}: no cell of the body lies at the {side} of the array; select the surface "
             "by a region = {box = [lower corner, upper corner]} without thickness"
         )
-    faces = [
-        cells[lattice.side_beyond(lattice.neighbours(cells, arm)) == number]
-        for arm in range(lattice.directions)
-    ]
-    direction = np.repeat(np.arange(lattice.directions), [len(some) for some in faces])
+    arms = [number] if lattice.boxes else list(range(lattice.directions))
+    faces = [cells[lattice.side_beyond(lattice.neighbours(cells, arm)) == number] for arm in arms]
+    direction = np.repeat(arms, [len(some) for some in faces])
     cells = np.concatenate(faces)
     _check_free(filling, cells, direction, where)
     return Selection(cells, direction, np.ones(len(cells)))

@@ -351,6 +351,8 @@ def changed(**answers):
         (Triangles((3, 3), 0.01), "body.lattice: must be .* or a subclass of kaju.Lattice"),
         (changed(kind="hexagon"), "needs a kind of its own, got 'hexagon'"),
         (changed(kind=""), "needs a kind of its own"),
+        (Lattice, "Lattice needs centres, outline; see kaju.Lattice"),
+        (changed(form=lambda self, cells: cells[:, 0] > 3), "form of Changed: must be whole"),
         (changed(forms=3), r"form of Changed: must give all of \[0, 1, 2\], gives \[0, 1\]"),
         (
             changed(outline=lambda self, form: Triangles.outline(self, form)[::-1]),
@@ -451,6 +453,29 @@ def test_squares_on_a_corner_do_turned_what_squares_do():
     np.testing.assert_allclose(
         (turn.T @ others[1] @ turn)[other], strain[order], rtol=1e-9, atol=1e-20
     )
+
+
+class Rhombi(Lattice):
+    """Squares sheared to the right until their slanted faces stand at 60°."""
+
+    kind = "rhombus"
+
+    def outline(self, form):
+        slant = np.array([0.5, 0.5 * sqrt(3.0)])
+        along = np.array([1.0, 0.0])
+        side = self.cell_size / slant[1]
+        signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        return 0.5 * side * np.array([a * along + b * slant for a, b in signs])
+
+    def centres(self, cells):
+        across, up = cells[:, 0] + 0.5 * cells[:, 1] + 0.75, cells[:, 1] + 0.5
+        return self.cell_size * np.stack([across / (0.5 * sqrt(3.0)), up], axis=1)
+
+
+def test_rhombi_lean_and_are_refused():
+    """They meet face to face, but the next along a normal lies beside the row."""
+    with pytest.raises(SceneError, match="centres of Rhombi: must lie in rows along 90°"):
+        sheet((6, 4), cell=(2, 3), lattice=Rhombi)
 
 
 def test_the_example_runs_and_draws(tmp_path, capsys):

@@ -200,9 +200,8 @@ def _poissons_ratio(rng: Generator) -> float:
 
 
 def _sides(rng: Generator, dimension: int) -> dict[str, Any]:
-    names = ["left", "right", *(["front", "back"] if dimension == 3 else []), "bottom", "top"]
     sides: dict[str, Any] = {}
-    for name in names:
+    for name in _names(dimension):
         kind = rng.random()
         if kind < 0.12:
             sides[name] = "rigid"
@@ -222,9 +221,46 @@ def _load(rng: Generator, codes: Codes) -> dict[str, Any]:
     force = rng.normal(0.0, 1.0, codes.ndim) * 10 ** rng.uniform(-3, 3)
     if rng.random() < 0.2:
         return {"side": "top", "pressure": float(abs(force[0]) + 1e-3)}
+    if rng.random() < 0.1:
+        turn = [float(f) for f in rng.normal(0.0, 1.0, 3)]
+        return {"side": "top", "couple": turn if codes.ndim == 3 else turn[0]}
     solid = np.argwhere(codes > 0)
     cell = solid[-1] if rng.random() < 0.3 else solid[rng.integers(len(solid))]
-    return {"cell": [int(i) for i in cell], "force": [float(f) for f in force]}
+    load = {"cell": [int(i) for i in cell], "force": [float(f) for f in force]}
+    return load if rng.random() < 0.2 else load | _surface(rng, codes, cell)
+
+
+def _surface(rng: Generator, codes: Codes, cell: Codes) -> dict[str, str]:
+    """Return a side of a cell with air or the outside beyond, if there is one."""
+    around = np.pad(codes, 1)
+    names = _names(codes.ndim)
+    for number in rng.permutation(len(names)):
+        beyond = cell + 1
+        beyond[number // 2] += 2 * (number % 2) - 1
+        if around[tuple(beyond)] == 0:
+            return {"side": names[number]}
+    return {}
+
+
+def _names(dimension: int) -> list[str]:
+    return ["left", "right", *(["front", "back"] if dimension == 3 else []), "bottom", "top"]
+
+
+def hexagon_scene(rng: Generator) -> Scene:
+    """Return a body of hexagons, at times with holes, pressed by its top."""
+    codes = np.ones(rng.integers(2, 8, 2), dtype=np.int64)
+    if rng.random() < 0.5:
+        codes[tuple(rng.integers(0, np.array(codes.shape)))] = 0
+    return Scene.from_array(
+        codes,
+        legend={0: "air", 1: "a"} if (codes == 0).any() else {1: "a"},
+        materials={"a": {"youngs_modulus": 1e6, "poissons_ratio": 1 / 3}},
+        lattice="hexagon",
+        cell_size=_size(rng),
+        thickness=0.002,
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [float(f) for f in rng.normal(0, 10, 2)]}],
+    )
 
 
 def transfer_scene(rng: Generator) -> Scene:
@@ -265,9 +301,12 @@ def _rule(rng: Generator, dimension: int, force: float) -> dict[str, Any]:
         stretch = (1.0 + rng.choice([-1e-3, -1e-9, 1e-9, 1e-3])) / max(sum_of_shares, 0.1)
         forward, friction = min(forward * stretch, 0.999), min(friction * stretch, 0.999)
         beta = float(rng.choice([beta, 1.0]))
+    accumulate = bool(rng.random() < 0.5)
+    # Loads judged by themselves, and hardly any too small: they become too many to count.
+    odds = [0.9, 0.05, 0.05] if accumulate else [0.95, 0.0, 0.05]
     return {
         "alpha": [own, float(forward), float(friction)],
         "beta": beta,
-        "threshold": float(force * 10 ** rng.uniform(-4, 1)),
-        "accumulate": bool(rng.random() < 0.5),
+        "threshold": float(force * rng.choice([10 ** rng.uniform(-4, 1), 1e-280, 1e30], p=odds)),
+        "accumulate": accumulate,
     }

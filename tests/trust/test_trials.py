@@ -9,11 +9,20 @@ import pytest
 
 from kaju import solve
 from kaju.__main__ import main
-from kaju.errors import ParameterError
+from kaju.errors import KajuError, ParameterError
 from kaju.model.trials import trial
 from kaju.model.trials.coefficients import stability_map
 from kaju.model.trials.run import tally, trials
 from kaju.model.trials.trial import ENGINES, FAILED, REFUSED, attempt
+
+
+def elastic_scene(rng, name):
+    """A scene of a family, drawn again until its parts are held and its loads lie free."""
+    while True:
+        try:
+            return trial.elastic_scene(rng, name)
+        except KajuError:
+            continue
 
 
 def number_of(engine, after=0):
@@ -113,3 +122,48 @@ def test_the_command_writes_a_row_a_trial(monkeypatch, capsys, tmp_path):
     assert (row["number"], row["verdict"]) == (str(first), "answered")
     assert (tmp_path / "here/outcomes.png").stat().st_size > 10_000
     assert "answered" in capsys.readouterr().out
+
+
+WITH_TRUTH = 164
+"""A pierced plate on equal cells whose truth finite elements tell."""
+
+
+def test_a_bound_below_the_truth_fails(monkeypatch):
+    pytest.importorskip("skfem")
+    sound = attempt(WITH_TRUTH)
+    assert sound.verdict == "answered"
+    assert 0.0 < sound.true_error < 2.0 * sound.estimate
+    truth = trial._true_energy
+    for wrong in (0.5, 1.5):
+        monkeypatch.setattr(trial, "_true_energy", lambda scene, wrong=wrong: wrong * truth(scene))
+        assert "lies outside of its bounds" in attempt(WITH_TRUTH).what
+
+
+def test_agents_of_ones_own_are_tried_too():
+    outcomes = [attempt(n) for n in range(3, 60, 10)]
+    own = [o for o in outcomes if o.family == "square, own agents"]
+    assert own
+    assert all(o.verdict == "answered" for o in own)
+
+
+def test_every_kind_of_scene_is_among_the_first():
+    from kaju.model.trials.scenes import BODIES, hexagon_scene, transfer_scene
+
+    rng = np.random.default_rng(0)
+    bodies = [elastic_scene(rng, name) for name in BODIES for _ in range(40)]
+    loads = [load for scene in bodies for load in scene.loads]
+    assert any(load.couple is not None for load in loads)
+    assert any(load.side and load.cell for load in loads)
+    kinds = {c.kind for scene in bodies for c in scene.sides.values()}
+    assert kinds >= {"rigid", "roller", "displaced"}
+    ratios = [m.poissons_ratio for scene in bodies for m in scene.cell_materials]
+    assert max(ratios) > 0.4999
+    assert min(ratios) < -0.99
+    stiff = [[m.youngs_modulus for m in scene.cell_materials] for scene in bodies]
+    assert max(max(e) / min(e) for e in stiff) > 1e7
+    assert min(scene.lattice.cell_size for scene in bodies) < 1e-7
+    assert max(scene.lattice.cell_size for scene in bodies) > 1e4
+    assert hexagon_scene(rng).lattice.kind == "hexagon"
+    thresholds = [transfer_scene(rng).rule.threshold for _ in range(200)]
+    assert min(thresholds) < 1e-200
+    assert max(thresholds) > 1e20

@@ -5,7 +5,7 @@ Equal cells and agents of many sizes are both told like this; scaled, lengths in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -63,6 +63,26 @@ class Bed(NamedTuple):
     stiffness: Floats
 
 
+class Corners(NamedTuple):
+    """Re-entrant edges between a pair of axes: three boxes round each, and the shear stress.
+
+    Attributes
+    ----------
+    own, along_b, along_a : int arrays, shape (edges,)
+        The box opposite to the air, and its neighbours along the second and the first axis.
+    low_a, low_b : bool arrays, shape (edges,)
+        Whether the box opposite to the air lies before the edge.
+    shear : array, shape (edges,)
+    """
+
+    own: Index
+    along_b: Index
+    along_a: Index
+    low_a: Flags
+    low_b: Flags
+    shear: Floats
+
+
 class Mesh(NamedTuple):
     """Where a displacement without gaps has its values.
 
@@ -115,6 +135,8 @@ class Boxes:
     held : list of Held
     beds : list of Bed
     mesh : Mesh
+    corners : dict from pair of axes to Corners
+        Re-entrant edges of solids.
     """
 
     size: Floats
@@ -130,6 +152,7 @@ class Boxes:
     held: list[Held]
     beds: list[Bed]
     mesh: Mesh
+    corners: dict[Pair, Corners] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:
@@ -210,8 +233,12 @@ def boxes_of_cells(problem: ElasticProblem, u: FaceFields, grid: Scene, stage: i
         beside[side], beyond[side] = number[tuple(next_to.T)], kinds[tuple(next_to.T)]
     body, loads = _loads_of_cells(problem, grid, stage, number)
     uneven = np.zeros(n, dtype=np.bool_)
+    corners = {}
     for pair in axis_pairs(d):
-        uneven |= _at_ends(reentrant_edges(problem, pair), cells, pair).any(axis=(0, 1))
+        edges = reentrant_edges(problem, pair)
+        uneven |= _at_ends(edges, cells, pair).any(axis=(0, 1))
+        if d == 3 and edges.any():
+            corners[pair] = _corners(np.argwhere(edges), pair, number, stress.edges[pair])
     nothing = np.zeros(0, dtype=np.int64)
     start = _corner_means(problem, u)
     if d == 2:
@@ -238,6 +265,7 @@ def boxes_of_cells(problem: ElasticProblem, u: FaceFields, grid: Scene, stage: i
         list(_held_cells(problem, cells, beyond)),
         list(_beds_of_cells(problem, cells, beyond)),
         Mesh(corner, corner, np.arange(n), np.ones(n), nothing, nothing.reshape(2, 0), start),
+        corners,
     )
 
 
@@ -249,6 +277,24 @@ def _at_ends(values: NDArray[Any], cells: Index, pair: Pair) -> NDArray[Any]:
         at[:, pair] += ends
         found.append(values[tuple(at.T)])
     return np.stack(found).reshape(2, 2, -1)
+
+
+def _corners(edges: Index, pair: Pair, number: Index, shear: Floats) -> Corners:
+    """Return the boxes round re-entrant edges."""
+    padded = np.pad(
+        number,
+        [(1, 1) if axis in pair else (0, 0) for axis in range(number.ndim)],
+        constant_values=-1,
+    )
+    around = np.empty((2, 2, len(edges)), dtype=np.int64)
+    for ends in product((0, 1), repeat=2):
+        at = edges.copy()
+        at[:, pair] += ends
+        around[ends] = padded[tuple(at.T)]
+    empty = np.argmax(around.reshape(4, -1) < 0, axis=0)
+    i, j, each = 1 - empty // 2, 1 - empty % 2, np.arange(len(edges))
+    own, along_b, along_a = around[i, j, each], around[i, 1 - j, each], around[1 - i, j, each]
+    return Corners(own, along_b, along_a, i == 0, j == 0, shear[tuple(edges.T)])
 
 
 def reentrant_edges(problem: ElasticProblem, pair: Pair) -> Flags:

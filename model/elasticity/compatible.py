@@ -45,7 +45,12 @@ class CompatibleField:
         self._moduli = [modulus[owner] * self.mesh.edge**power for modulus in boxes.law]
         self._load = self._forces()
         self._given, self.jumps = self._supports()
-        self.displacement = np.where(np.isnan(self._given), self.mesh.start, self._given)
+        self.displacement = self.mesh.start
+        self.hold()
+
+    def hold(self) -> None:
+        """Make the field fit: at the supports, and along straight sides."""
+        self.displacement = np.where(np.isnan(self._given), self.displacement, self._given)
         self._straighten(self.displacement)
 
     def _straighten(self, v: Floats) -> None:
@@ -72,11 +77,25 @@ class CompatibleField:
         load = self._gathered(mesh.element, np.broadcast_to(each, (len(self._ends), *each.shape)))
         for side in range(2 * d):
             on = boxes.loads.side == side
-            node = boxes.side_nodes(boxes.loads.box[on], side)
-            share = np.broadcast_to(boxes.loads.force[on] / len(node), (*node.shape, d))
+            box, force = boxes.loads.box[on], boxes.loads.force[on]
+            node = boxes.side_nodes(box, side)
+            middle = self._middles(box, side)
+            # Where smaller boxes hang half of a load is the middle's.
+            half = np.where(middle >= 0, 0.5, 0.0)[:, None] * force
+            load += self._gathered(middle[middle >= 0], half[middle >= 0])
+            share = np.broadcast_to((force - half) / len(node), (*node.shape, d))
             load += self._gathered(node, share)
         self._lead(load)
         return load
+
+    def _middles(self, box: Index, side: int) -> Index:
+        """Return the nodes in the middle of a side of boxes where smaller ones hang, else -1."""
+        hanging, found = self.boxes.hanging, np.full(len(self.boxes.size), -1)
+        here = hanging.side == side
+        if here.any():
+            fine = hanging.fine[here, 0]
+            found[hanging.box[here]] = self.boxes.side_nodes(fine, side ^ 1)[1]
+        return np.asarray(found[box])
 
     def _supports(self) -> tuple[Floats, bool]:
         """Return the given displacements (NaN where free), and whether they contradict."""

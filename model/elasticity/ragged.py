@@ -108,8 +108,10 @@ def _shear_ends(boxes: Boxes, box: Index, dragged: Floats) -> Floats:
     tau = boxes.shear[0, 1][..., box]
     ends = np.stack([tau[0], tau[1], tau[:, 0], tau[:, 1]]).transpose(2, 0, 1)
     kind = boxes.kind[:, box].T
-    slides = (boxes.beside[:, box].T < 0) & np.isin(kind, (AIR, ROLLER, FOUNDATION))
-    return np.where(slides[:, :, None], dragged[:, box].T[:, :, None], ends)
+    slides = (kind < 0) & np.isin(kind, (AIR, ROLLER, FOUNDATION))
+    own = dragged[:, box].T[:, :, None]
+    # A load on a side between two boxes parts their tractions.
+    return np.where(slides[:, :, None], own, np.where((kind >= 0)[:, :, None], ends + own, ends))
 
 
 def _taken(boxes: Boxes, normal: Floats, pressed: Floats, box: Index) -> Ragged:
@@ -130,6 +132,8 @@ def _taken(boxes: Boxes, normal: Floats, pressed: Floats, box: Index) -> Ragged:
     for half in (0, 1):
         fine = _shear_ends(boxes, hanging.fine[:, half], dragged)
         own = fine[np.arange(len(at)), hanging.side ^ 1]
+        parted = dragged[hanging.side, hanging.box]
+        own = own + (parted - dragged[hanging.side ^ 1, hanging.fine[:, half]])[:, None]
         shear[at, hanging.side, half] = own
         through[at, hanging.side, half] = own.mean(axis=1)
     body = 0.5 * boxes.body[:, box] * boxes.size[box]
@@ -146,14 +150,17 @@ def _taken(boxes: Boxes, normal: Floats, pressed: Floats, box: Index) -> Ragged:
     for side in range(4):
         other, kind = boxes.beside[side, box], boxes.kind[side, box]
         alike = (other >= 0) & (boxes.size[other] == boxes.size[box])
-        theirs = everyone[side ^ 1, other]
+        # A load on a side between two boxes parts their tractions.
+        theirs = everyone[side ^ 1, other] - pressed[side ^ 1, other] + pressed[side, box]
         mean = np.where(ragged[other], 0.5 * (mine[side] + theirs), theirs)
         free = (other < 0) & (kind == AIR)
         mine[side] = np.where(alike, mean, np.where(free, pressed[side, box], mine[side]))
     found.traction[..., :2] = mine.T[:, :, None, None]
     everyone[:, box] = mine
     for half in (0, 1):
-        theirs = everyone[hanging.side ^ 1, hanging.fine[:, half]]
+        small = hanging.fine[:, half]
+        theirs = everyone[hanging.side ^ 1, small] - pressed[hanging.side ^ 1, small]
+        theirs = theirs + pressed[hanging.side, hanging.box]
         found.traction[at, hanging.side, half, :2] = theirs[:, None]
     return found
 

@@ -245,12 +245,11 @@ def test_a_row_of_cells_between_two_moved_sides_is_solved():
         ),
         (
             pixels(
-                np.pad(np.ones((2, 2, 3), dtype=int), ((0, 2), (0, 0), (0, 0)))
-                + np.pad(np.ones((2, 2, 1), dtype=int), ((2, 0), (0, 0), (0, 2))),
+                np.ones((2, 2, 2), dtype=int),
                 [STEEL],
-                [{"cell": [0, 0, 2], "side": "top", "force": [0, 0, -1.0]}],
+                [{"cell": [0, 0, 1], "side": "top", "force": [1.0, 0, -1.0]}],
             ),
-            "re-entrant edges",
+            "along the surface",
         ),
     ],
 )

@@ -1,0 +1,174 @@
+"""Random bodies put to their bounds: is the truth inside, and is the tolerance kept.
+
+    python benchmarks/bounds.py [--bodies 200] [--first 0] [--tolerance 0.05] [--out FILE.csv]
+
+Plane bodies of 3 to 6 pixels a side: up to three materials of contrasts up to 1e6, Poisson's ratios
+from -0.5 to 0.4999, clamped, on rollers, or both, pressed, pulled and dragged on sides and within.
+The truth is that of elements of order 3 graded into every corner; what it is off by itself is taken
+from a second one with fewer levels.
+
+The mean stress is off by exactly half the distance of the two stresses (Prager and Synge), so that
+bound / true error is the root of true energy / lower bound. Needs scikit-fem.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+from kaju import Scene, solve
+from kaju.errors import ConvergenceError, KajuError
+from kaju.model.validation.graded_elements import solve_graded
+
+FEWER, LEVELS = 6, 10
+COLUMNS = (
+    "seed", "status", "agents", "estimate", "bound", "lower", "upper", "doubt", "inside", "ratio",
+    "true", "contrast", "ratio_most", "seconds", "why",
+)  # fmt: skip
+
+
+def body_of(seed: int) -> Scene:
+    """Return a random plane body."""
+    rng = np.random.default_rng([12, seed])
+    shape = rng.integers(3, 7, 2)
+    count = int(rng.integers(1, 4))
+    codes = rng.integers(1, count + 1, shape) * (rng.random(shape) < rng.choice([0.7, 0.85, 1.0]))
+    codes[:, 0] = np.maximum(codes[:, 0], 1)
+    contrast = 10 ** rng.uniform(0, rng.choice([0.5, 2, 6]))
+    plane = str(rng.choice(["stress", "strain"]))
+    highest = float(rng.choice([0.35, 0.47, 0.4999]))
+    materials = {
+        name: {
+            "youngs_modulus": 1e9 * contrast**power,
+            "poissons_ratio": float(rng.uniform(-0.5, highest)) if rng.random() < 0.7 else highest,
+        }
+        for name, power in zip("abc", (0.0, 1.0, 0.5), strict=True)
+    }
+    sides = [
+        {"bottom": "rigid"},
+        {"bottom": "rigid", "left": "roller"},
+        {"bottom": "roller", "left": "rigid"},
+        {"bottom": "rigid", "right": "rigid"},
+        {"bottom": "roller", "left": "roller"},
+    ][int(rng.integers(5))]
+    solid = np.argwhere(codes > 0)
+    loads = []
+    for _ in range(int(rng.integers(1, 4))):
+        column = int(rng.choice(solid[:, 0]))
+        top = int(np.flatnonzero(codes[column]).max())
+        along = float(rng.normal()) if rng.random() < 0.4 else 0.0
+        loads.append({"cell": [column, top], "side": "top", "force": [along, float(rng.normal())]})
+    if rng.random() < 0.3:
+        within = solid[int(rng.integers(len(solid)))]
+        loads.append({"cell": [int(i) for i in within], "force": [1.0, 0.5]})
+    names = {0: "air", 1: "a", 2: "b", 3: "c"}
+    used = np.unique(codes)
+    return Scene.from_array(
+        codes,
+        legend={int(code): names[int(code)] for code in used},
+        cell_size=0.01,
+        materials={names[int(c)]: materials[names[int(c)]] for c in used if c},
+        sides=sides,
+        loads=loads,
+        plane=plane,
+    )
+
+
+def put_to(seed: int, tolerance: float) -> dict[str, object] | None:
+    """Return what came of a body; None if it is not held, or its truth is not known."""
+    try:
+        scene = body_of(seed)
+        solve(scene, strategy="uniform", resolution=2)
+        truth = solve_graded(scene, LEVELS, order=3).energy
+        doubt = abs(truth / solve_graded(scene, FEWER, order=3).energy - 1.0)
+    except KajuError:
+        return None
+    began, why = process_time(), ""
+    try:
+        result = solve(scene, tolerance=tolerance)
+    except ConvergenceError as error:
+        why, result = str(error)[:80], error.best
+    except KajuError as error:
+        return {"seed": seed, "status": "refused", "why": str(error)[:80]}
+    seconds = process_time() - began
+    moduli = [m.youngs_modulus for m in scene.cell_materials]
+    row: dict[str, object] = {
+        "seed": seed,
+        "status": result.tolerance_kept if not why else "error",
+        "agents": result.agents,
+        "estimate": result.error_estimate,
+        "doubt": doubt,
+        "contrast": max(moduli) / min(moduli),
+        "ratio_most": max(m.poissons_ratio for m in scene.cell_materials),
+        "seconds": round(seconds, 2),
+        "why": why or result.no_bound,
+    }
+    if result.energy_bounds is not None:
+        lower, upper = result.energy_bounds
+        # Elements come from below, and are off by about what two of their meshes differ in.
+        low, high = lower / truth - 1.0, upper / truth - 1.0
+        row |= {"bound": result.error_bound, "lower": low, "upper": high}
+        row["inside"] = low <= 2.0 * doubt + 1e-8 and high >= -1e-8
+        row["ratio"] = float(np.sqrt(truth / lower)) if lower > 0.0 else float("inf")
+        row["true"] = float(result.error_bound / row["ratio"])
+    return row
+
+
+def told(rows: list[dict[str, object]], tolerance: float) -> str:
+    """Return the figures in a few lines."""
+    bounded = [row for row in rows if "bound" in row]
+    ratio = np.array([row["ratio"] for row in bounded], dtype=float)
+    true = np.array([row["true"] for row in bounded], dtype=float)
+    said = np.array([row["status"] == "proved" for row in bounded])
+    count = {s: sum(row["status"] == s for row in rows) for s in {str(r["status"]) for r in rows}}
+    seconds = np.array([row.get("seconds", 0.0) for row in rows], dtype=float)
+    return "\n".join(
+        [
+            f"bodies {len(rows)}: {count}",
+            f"with a bound {len(bounded)} ({len(bounded) / len(rows):.1%})",
+            f"truth inside {sum(bool(row['inside']) for row in bounded)} of {len(bounded)}",
+            f"bound / true error: median {np.median(ratio):.3f}, "
+            f"95 % {np.quantile(ratio, 0.95):.3f}, "
+            f"largest {ratio.max():.3f}",
+            f"true error above the tolerance of {tolerance:g} though proved: "
+            f"{np.count_nonzero((true > tolerance) & said)}",
+            f"seconds: median {np.median(seconds):.2f}, largest {seconds.max():.1f}",
+        ]
+    )
+
+
+def main() -> None:
+    """Put bodies to their bounds, and tell."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--bodies", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--tolerance", type=float, default=0.05)
+    parser.add_argument("--out", type=Path)
+    asked = parser.parse_args()
+    rows: list[dict[str, object]] = []
+    seed = asked.first
+    while len(rows) < asked.bodies:
+        row = put_to(seed, asked.tolerance)
+        seed += 1
+        if row is None:
+            continue
+        rows.append(row)
+        print(
+            " ".join(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items())
+        )
+        sys.stdout.flush()
+    if asked.out:
+        with asked.out.open("w", newline="") as stream:
+            writer = csv.DictWriter(stream, COLUMNS)
+            writer.writeheader()
+            writer.writerows(rows)
+    print(told(rows, asked.tolerance))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""A stress that balances does as much work on any displacement without gaps as the loads do."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from kaju import Scene, solve
+from kaju.model.elasticity.balanced import BalancedStress
+from kaju.model.elasticity.boxes import corner_ends
+from kaju.model.elasticity.compatible import CompatibleField
+from kaju.model.spawning.tree_boxes import boxes_of_agents
+
+STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
+SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
+INNER = [
+    {"cell": [1, 1], "side": "top", "force": [0.0, -30.0]},
+    {"cell": [2, 1], "side": "right", "force": [7.0, 3.0]},
+    {"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "force": [1.0, 2.0]},
+]
+DRAGGED = [{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [20.0, -50.0]}]
+
+
+def drawn(rows, loads, sides):
+    used = {letter for row in rows for letter in row}
+    legend = {"a": "a", "b": "b", ".": "air"}
+    return Scene(
+        body={"cell_size": 0.05, "drawing": "\n".join(rows)},
+        legend={letter: legend[letter] for letter in used},
+        materials={"a": STEEL, "b": SOFT},
+        sides=sides,
+        loads=loads,
+    )
+
+
+def work_of(stress, field, v):
+    """Add up the work of the tractions on the four sides of every box, and of the forces within."""
+    boxes, mesh = stress.boxes, stress.boxes.mesh
+    tau, n = boxes.shear[0, 1], len(boxes.size)
+    ends = np.stack([tau[0], tau[1], tau[:, 0], tau[:, 1]]).transpose(2, 0, 1)
+    traction = np.zeros((n, 4, 2, 4))
+    traction[..., :2] = stress.normal.T[:, :, None, None]
+    traction[:, :, 0, 2], traction[:, :, 1, 3] = ends[..., 0], ends[..., 1]
+    traction[:, :, 0, 3] = traction[:, :, 1, 2] = ends.mean(axis=-1)
+    traction[stress.ragged.box] = stress.ragged.traction
+    quarter = v[mesh.element].mean(axis=0) * mesh.edge[:, None] ** 2
+    total = float(np.vdot(boxes.body[:, mesh.owner].T, quarter))
+    for side in range(4):
+        axis, upper = divmod(side, 2)
+        low, high = v[boxes.side_nodes(np.arange(n), side)]
+        middle = 0.5 * (low + high)
+        here = boxes.hanging.side == side
+        across = corner_ends(2)[:, axis] == 1 - upper
+        corner = mesh.corner[across][1, boxes.hanging.fine[here, 0]]
+        middle[boxes.hanging.box[here]] = v[corner]
+        for half, (p, q) in enumerate(pairwise((low, middle, high))):
+            for kind, component in ((0, axis), (2, 1 - axis)):
+                s, t = (traction[:, side, half, kind + k] for k in (0, 1))
+                x, y = p[:, component], q[:, component]
+                part = (2 * s * x + s * y + t * x + 2 * t * y) / 12
+                total += (2 * upper - 1) * float((boxes.size * part).sum())
+    return total
+
+
+@pytest.mark.parametrize("how", [{"strategy": "uniform", "resolution": 2}, {"tolerance": 0.15}])
+@pytest.mark.parametrize("sides", [{"bottom": "rigid"}, {"left": "rigid", "bottom": "roller"}])
+@pytest.mark.parametrize("loads", [INNER, DRAGGED])
+@pytest.mark.parametrize(
+    "rows", [["aa..", "aa..", "aaaa", "aaaa"], ["bb..", "ab..", "aabb", "b.aa"], ["aaaa"] * 4]
+)
+def test_the_work_of_a_stress_that_balances_is_that_of_the_loads(rows, loads, sides, how):
+    result = solve(drawn(rows, loads, sides), **({"strategy": "spawning"} | how))
+    spawning = result.found.tree.spawning
+    boxes = boxes_of_agents(spawning.balance, spawning.displacement)
+    stress, field = BalancedStress(boxes), CompatibleField(boxes)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        field.displacement = rng.normal(size=field.displacement.shape)
+        field.hold()
+        own = work_of(stress, field, field.displacement)
+        size = np.abs(field.displacement).max() * np.abs(boxes.loads.force).sum()
+        assert own == pytest.approx(field.work(), abs=1e-8 * size)
+
+
+def solid(n, codes):
+    """Return a cube of 0.2 m, `n` cells a side, of pixels."""
+    cells = codes.repeat(n // len(codes), 0).repeat(n // len(codes), 1).repeat(n // len(codes), 2)
+    return Scene.from_array(
+        cells,
+        legend={0: "air", 1: "a"} if (codes == 0).any() else {1: "a"},
+        cell_size=0.2 / n,
+        materials={"a": STEEL},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.0, 0.0, 0.2], [0.1, 0.1, 0.2]]}, "force": [0, 0, -9.0]}],
+    )
+
+
+def test_a_long_edge_has_the_bounds_of_a_plane_corner():
+    rows = ["aa..", "aa..", "aaaa", "aaaa"]
+    flat = Scene(
+        body={"cell_size": 0.05, "drawing": "\n".join(rows), "plane": "strain", "thickness": 0.05},
+        legend={"a": "a", ".": "air"},
+        materials={"a": STEEL},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}],
+    )
+    codes = np.ones((4, 1, 4), dtype=int)
+    codes[2:, :, 2:] = 0
+    long = Scene.from_array(
+        codes,
+        legend={0: "air", 1: "a"},
+        cell_size=0.05,
+        materials={"a": STEEL},
+        sides={"bottom": "rigid", "front": "roller", "back": "roller"},
+        loads=[{"region": {"box": [[0, 0, 0.2], [0.1, 0.05, 0.2]]}, "force": [0, 0, -50.0]}],
+    )
+    (low, high), (below, above) = (
+        solve(scene, strategy="uniform", resolution=4).energy_bounds for scene in (flat, long)
+    )
+    assert below == pytest.approx(low, rel=1e-6)
+    # In the plane the stress within may bend more.
+    assert high < above < 1.01 * high
+
+
+@pytest.mark.parametrize("missing", [[(1, 1, 1)], [(0, 1, 1), (1, 1, 0)], [(1, 1, 1), (1, 0, 1)]])
+def test_bounds_of_solids_with_re_entrant_edges_lie_within_each_other(missing):
+    codes = np.ones((2, 2, 2), dtype=int)
+    for cell in missing:
+        codes[cell] = 0
+    bounds = [solve(solid(n, codes), strategy="uniform").energy_bounds for n in (4, 8, 16)]
+    for (low, high), (below, above) in pairwise(bounds):
+        assert low < below < above < high
+    assert bounds[-1][1] < 1.25 * bounds[-1][0]

@@ -2,7 +2,8 @@
 
 `python tests/mutants.py [COUNT] [SEED]` draws COUNT mutants of every file below (6 unless given),
 runs the tests of its room against each, and writes tests/data/mutants.json: how many were killed,
-and who survived. `python tests/mutants.py named` runs those of NAMED, which once survived.
+and who survived. `again` instead of numbers runs only the survivors of the record, after tests were
+added; `named` runs those of NAMED, which once survived.
 
 Each mutant lives in a forked process that compiles the changed source in place of the file, so
 nothing on the disk changes. None of these files is compiled by numba, whose cache would not see it.
@@ -28,13 +29,14 @@ SECONDS = 240
 """After which a mutant that does not end counts as killed."""
 
 ROOMS = {
-    "agents/rules.py": "propagation/test_agents.py propagation/test_stability.py "
+    "agents/rules.py": "trust/test_survivors.py propagation/test_agents.py "
+    "propagation/test_stability.py "
     "propagation/test_hexagon_shares.py scene/test_scene_errors.py propagation/test_load_model.py",
     "agents/shares.py": "propagation/test_agents.py propagation/test_hexagon_shares.py "
     "propagation/test_sense.py",
-    "model/propagation/stage.py": "propagation/test_hexagon_shares.py "
-    "propagation/test_load_model.py",
-    "model/propagation/stability.py": "propagation/test_hexagon_shares.py "
+    "model/propagation/stage.py": "propagation/test_hexagon_shares.py trust/test_survivors.py "
+    "propagation/test_own_agents.py propagation/test_load_model.py",
+    "model/propagation/stability.py": "trust/test_survivors.py propagation/test_hexagon_shares.py "
     "propagation/test_stability.py",
     "model/elasticity/staggered.py": "elasticity/test_e_twins.py elasticity/test_e_tables.py "
     "elasticity/test_e_solve.py",
@@ -82,7 +84,7 @@ NAMED = {
     ),
     "the bound of waves": (
         "model/settling/stability.py", "max(4.0, 2.0 * volume.max())", "4.0",
-        "elastic_rule/test_waves.py",
+        "trust/test_survivors.py",
     ),
     "a blocked face": (
         "model/scene/refinement.py", "f / len(body) for f", "f / len(children) for f",
@@ -216,15 +218,22 @@ def main(arguments):
             lives = survives((root / file).resolve(), text.replace(old, new), paths)
             print(f"{'SURVIVED' if lives else 'killed':9} {name}", flush=True)
         return
-    count, seed = (
-        [*map(int, arguments), 6, 13][:2] if len(arguments) != 1 else [int(*arguments), 13]
-    )
-    rng = np.random.default_rng(seed)
-    record = {"seed": seed, "files": {}}
+    again = arguments[:1] == ["again"]
+    record = json.loads(RECORD.read_text()) if again else {"count": 6, "seed": 13, "files": {}}
+    if not again:
+        record |= dict(zip(("count", "seed"), map(int, arguments), strict=False))
+    rng = np.random.default_rng(record["seed"])
     for file, tests in ROOMS.items():
         paths = [str(HERE / test) for test in tests.split()]
-        drawn = mutants((root / file).read_text(), count, rng)
-        alive = [told for told, text in drawn if survives((root / file).resolve(), text, paths)]
+        drawn = mutants((root / file).read_text(), record["count"], rng)
+        tried = [told for told, _ in drawn]
+        if again:
+            tried = record["files"][file]["survived"]
+        alive = [
+            told
+            for told, text in drawn
+            if told in tried and survives((root / file).resolve(), text, paths)
+        ]
         record["files"][file] = {"mutants": len(drawn), "survived": alive}
         print(file, len(drawn), alive, flush=True)
         total = sum(each["mutants"] for each in record["files"].values())

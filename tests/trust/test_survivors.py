@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kaju import Scene, SpawningModel
+import kaju
+from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
 from kaju.model.elasticity.from_scene import problem_of_scene
 from kaju.model.spawning import generations
 from kaju.model.spawning.field import slope_weights
@@ -79,3 +80,49 @@ def test_where_materials_change_along_both_axes_a_turn_strains_no_agent(stiffer)
     first, second = slope_weights(edges, (both, both), np.array([0]), np.array([1.0]))
     assert first - second == pytest.approx(1.0)
     assert first + second == pytest.approx(stiffer)
+
+
+def test_shares_that_a_rule_leaves_to_the_dimension():
+    assert PrescribedRule().alpha_in(2) == (0.5, 0.5, 0.25)
+    assert PrescribedRule().alpha_in(3) == (0.5, 0.5, 0.125)
+
+
+def test_boundaries_spawn_when_they_give_a_load_back():
+    """The second generation reaches the ground, and the third takes what it gave back."""
+    body = {"size": [0.01, 0.02], "cells": [1, 2], "material": "steel"}
+    pillar = plate(body=body, loads=[{"cell": [0, 1], "force": [0.0, -2.0]}])
+    stage = LoadModel(pillar).run().last
+    ground = stage.boundary_cells[:, 1] < 0
+    assert stage.boundary_spawn_step[ground].tolist() == [3]
+    assert stage.boundary_spawn_step.min() == 2
+
+
+def test_where_nothing_happens_no_boundary_wakes():
+    calm = LoadModel(plate(rule={"threshold": 10.0})).run()
+    assert len(calm.last.boundary_cells) == len(calm.last.returned) == 0
+    assert calm.summary()["boundary_agents"] == 0
+
+
+def test_small_shares_count_for_growth_too():
+    """Of one cell in the air everything comes back: loads grow by the sum of all shares."""
+    body = {"size": [0.01, 0.01], "cells": [1, 1], "material": "steel", "allow_floating": True}
+    rule = PrescribedRule((0.5, 0.3, 0.05))
+    alone = Scene(body=body, loads=[{"cell": [0, 0], "force": [0.0, -2.0]}], rule=rule)
+    shares = rule.shares(alone.cell_materials[0], 2)
+    passed = shares.forward + shares.backward + 2 * (shares.friction + shares.poisson)
+    assert kaju.stability(alone).spectral_radius == pytest.approx(passed)
+
+
+@pytest.mark.parametrize(("ratio", "bound"), [(0.2, 4.0), (0.45, 2.0 * (1.0 + 2 * 0.45 / 0.55))])
+def test_no_waves_of_nearly_incompressible_cubes_exceed_their_bound(ratio, bound):
+    gel = {"gel": {"youngs_modulus": 1e5, "poissons_ratio": ratio}}
+    block = Scene(
+        body={"size": [0.03] * 3, "cells": [3, 3, 3], "material": "gel"},
+        materials=gel,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 1, 2], "force": [0.0, 0.0, -1.0]}],
+        rule={"kind": "elastic", "order": "wave"},
+    )
+    certificate = ElasticModel(block).certificate
+    assert certificate.bound == pytest.approx(bound)
+    assert certificate.largest_eigenvalue <= bound

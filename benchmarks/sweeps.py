@@ -119,6 +119,8 @@ def peak(result: kaju.TransferResult) -> dict[str, float]:
 
 
 def memory(runs: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        kaju.sweep(scene(), {"loads[0].force[1]": forces(100)}, peak, workers=2, out=folder)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     with tempfile.TemporaryDirectory() as folder:
         varied = {"loads[0].force[1]": forces(runs)}
@@ -126,7 +128,7 @@ def memory(runs: int) -> None:
     after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     for until in (runs // 10, runs):
         print(f"largest worker after {until} runs: {table['memory'][:until].max():.1f} MB")
-    print(f"parent: {before:.1f} MB before, {after:.1f} MB after")
+    print(f"parent after a first sweep of 100 runs: {before:.1f} MB, after this: {after:.1f} MB")
 
 
 if __name__ == "__main__":

@@ -166,8 +166,17 @@ def _axis(ax: Axes, which: str, key: str, place: Floats, names: list[str]) -> No
     axis.set_label_text(key, fontsize=9)
     if names:
         axis.set_ticks(list(range(len(names))), names)
-    elif place.min() > 0.0 and place.max() >= 30.0 * place.min():
+    elif _in_ratios(place):
         (ax.set_xscale if which == "x" else ax.set_yscale)("log")
+
+
+def _in_ratios(place: Floats) -> bool:
+    """Tell whether values lie over decades, and evenly so: as many in the lowest as in the last."""
+    low, high = float(place.min()), float(place.max())
+    if not 0.0 < 30.0 * low <= high:
+        return False
+    middle = 0.5 * (low + high), np.sqrt(low * high)  # of even differences, of even ratios
+    return bool(np.median(place) < np.sqrt(middle[0] * middle[1]))
 
 
 def _size(where: Floats) -> float:

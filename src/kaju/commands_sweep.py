@@ -71,6 +71,8 @@ def sweep(
     typer.echo(table.head(20).to_string(index=False, max_colwidth=60))
     if len(table) > 20:
         typer.echo(f"... and {len(table) - 20} more")
+    if len(failed):
+        typer.echo(f"run {failed['run'].iloc[0]} failed: {failed['error'].iloc[0]}")
     typer.echo(folder / "table.parquet")
     if pictures:
         for picture in _draw(table, folder, measure):

@@ -7,6 +7,7 @@ cells. The V-cycle is symmetric, so it may precondition conjugate gradients.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
 from typing import Any, Literal
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID
 
+from .fallback import factorise
 from .hierarchy import Hierarchy
 from .krylov import best_of, dot
 from .moduli import Moduli
@@ -26,9 +28,12 @@ from .problem import (
     Scales,
     rim_layer,
 )
+from .staggered import Numbering, stiffness_matrix
 
 Vector = NDArray[np.float64]
 SMALLEST = 8
+DIRECT = 2_000
+"""A last box of at most so many faces is solved by factors of its matrix."""
 
 
 @dataclass
@@ -230,23 +235,31 @@ class BoxMultigrid:
 
 
 class _Coarsest:
-    """The last box, handed to the hierarchy for any body."""
+    """The last box: by factors of its matrix, or handed to the hierarchy for any body."""
 
     def __init__(
         self, level: BoxLevel, sides: list[int], plane: Literal["stress", "strain"] | None
     ) -> None:
         problem = _describe(level, sides, plane)
         self._shape = level.shape
-        self._solver = Hierarchy(problem)
-        self.depth = self._solver.depth
+        numbering = Numbering(problem.face_states())
+        # Factors serve small boxes without the loops for any body, which compile for long.
+        if numbering.size <= DIRECT:
+            factor = factorise(stiffness_matrix(problem, numbering))
+            self._gather, self._scatter = numbering.gather, numbering.scatter
+            self._solve: Callable[[Vector], Vector] = factor.solve
+            self.depth = 1
+        else:
+            hierarchy = Hierarchy(problem)
+            self._gather, self._scatter = hierarchy.gather, hierarchy.scatter
+            self._solve, self.depth = hierarchy.precondition, hierarchy.depth
 
     def solve(self, load: Vector) -> Vector:
         out = np.zeros_like(load)
         inner = (slice(1, -1),) * len(self._shape)
         loads = tuple(np.pad(view, 1) for view in face_views(load, self._shape))
-        answer = self._solver.precondition(self._solver.gather(loads))
         fields = tuple(np.zeros_like(values) for values in loads)
-        self._solver.scatter(answer, fields)
+        self._scatter(self._solve(self._gather(loads)), fields)
         for view, values in zip(face_views(out, self._shape), fields, strict=True):
             view[:] = values[inner]
         return out

@@ -9,6 +9,7 @@ preconditioner.
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
 
@@ -78,7 +79,7 @@ class Hierarchy:
         """Number of levels."""
         return len(self.levels)
 
-    @property
+    @cached_property
     def moving(self) -> NDArray[np.bool_]:
         """Which entries of a vector are faces that can move."""
         return np.asarray(self.levels[0].arrays[1] > 0.0)
@@ -93,9 +94,9 @@ class Hierarchy:
         """Return the values of the faces that can move; all else is 0."""
         level = self.levels[0]
         vector = np.zeros(level.arrays[1].size)
-        for view, values in zip(self.views(vector), fields, strict=True):
-            view[:] = values
-        vector *= self.moving
+        free = self.views(self.moving)
+        for view, values, moves in zip(self.views(vector), fields, free, strict=True):
+            np.copyto(view, values, where=moves)
         return vector
 
     def scatter(self, vector: Vector, fields: FaceFields) -> None:
@@ -103,7 +104,7 @@ class Hierarchy:
         for view, values in zip(self.views(vector), fields, strict=True):
             values += view
 
-    def views(self, vector: Vector) -> FaceFields:
+    def views(self, vector: NDArray[Any]) -> tuple[NDArray[Any], ...]:
         """Return a vector as one array per axis, the rim included."""
         level = self.levels[0]
         box = level.arrays[3]
@@ -144,17 +145,15 @@ class Hierarchy:
             loads.append(self.hand_over(at, loads[at]))
         x, energy = self._direct.solve(loads[-1]), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
-            coarser, left = self.follow(at, x), np.empty_like(loads[at])
-            sweeps.residual(coarser, loads[at], 1.0, self.levels[at].arrays, left)
+            x, left, more = self.follow(at, x), self.levels[at].load, self.levels[at].u
+            sweeps.residual(x, loads[at], 1.0, self.levels[at].arrays, left)
             if at == 0:
-                energy = -0.5 * float(dot(load, coarser) + dot(left, coarser))
+                energy = -0.5 * float(dot(load, x) + dot(left, x))
                 if guess is not None:
-                    held = load - left, self.apply(guess)
-                    coarser, force = best_of(load, coarser, held[0], guess, held[1])
+                    x, force = best_of(load, x, load - left, guess, self.apply(guess))
                     left = load - force
-            x = np.empty_like(left)
-            self._cycle(at, left, x)
-            x += coarser
+            self._cycle(at, left, more)
+            x += more
         return x, energy
 
     def follow(self, at: int, parents: Vector) -> Vector:
@@ -264,7 +263,7 @@ def _finest(problem: ElasticProblem, moduli: Moduli) -> Level:
     code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
     sweeps.lay_faces(code.ravel(), law, steps, inverse)
     arrays = (law.ravel(), inverse, _NO_COUPLINGS, box)
-    return Level(problem.shape, arrays, None, np.zeros(0), np.zeros(0))
+    return Level(problem.shape, arrays, None, np.empty(d * n), np.empty(d * n))
 
 
 def _table(moduli: Moduli) -> NDArray[np.float64]:

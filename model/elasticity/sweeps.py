@@ -41,28 +41,35 @@ def unbalanced_by_law(u, f, law, box, a, s, w, r):
     at = a * n + s
     x, ahead, behind = along(u, at), along(u, at + ea), along(u, at - ea)
     c, before, load = along(law, s), along(law, s - ea), along(f, at)
-    for j in range(w):
-        r[j] = load[j] + c[j] * (ahead[j] - x[j]) - before[j] * (x[j] - behind[j])
     d, back = along(law, n + s), along(law, n + s - ea)
     for b in range(box[COUNT]):
         if b == a:
             continue
         eb, to, edge = box[STEP + b], b * n + s, (1 + a + b) * n + s
-        y, up, low, corner = (
-            along(u, to),
-            along(u, to + eb),
-            along(u, to - ea),
-            along(u, to + eb - ea),
-        )
+        y, up = along(u, to), along(u, to + eb)
+        low, corner = along(u, to - ea), along(u, to + eb - ea)
         k, other = along(law, edge), along(law, edge + eb)
         above, below = along(u, at + eb), along(u, at - eb)
-        for j in range(w):
-            r[j] += (
-                d[j] * (up[j] - y[j])
-                - back[j] * (corner[j] - low[j])
-                + other[j] * (above[j] - x[j] + up[j] - corner[j])
-                - k[j] * (x[j] - below[j] + y[j] - low[j])
-            )
+        if b == (a == 0):
+            # The first of the other components: what the row's own cells feel comes with it.
+            for j in range(w):
+                r[j] = (
+                    load[j]
+                    + c[j] * (ahead[j] - x[j])
+                    - before[j] * (x[j] - behind[j])
+                    + d[j] * (up[j] - y[j])
+                    - back[j] * (corner[j] - low[j])
+                    + other[j] * (above[j] - x[j] + up[j] - corner[j])
+                    - k[j] * (x[j] - below[j] + y[j] - low[j])
+                )
+        else:
+            for j in range(w):
+                r[j] += (
+                    d[j] * (up[j] - y[j])
+                    - back[j] * (corner[j] - low[j])
+                    + other[j] * (above[j] - x[j] + up[j] - corner[j])
+                    - k[j] * (x[j] - below[j] + y[j] - low[j])
+                )
 
 
 @njit(cache=True, fastmath=True)

@@ -161,10 +161,11 @@ class MaterialAgent(PlacedAgent):
 
     def pass_on(self, load: Load) -> None:
         """Hand the other shares of a load to the neighbours, unless they are too small."""
-        model = self.model
+        model, copies = self.model, load.copies
+        least = -1.0 if model.accumulate else model.threshold
         for arm, direction, share, sense in self.emissions(load):
-            emission = Load(direction, share * load.magnitude, load.copies, sense)
-            if emission.magnitude > model.threshold or model.accumulate:
-                model.hand_over(self, arm, emission)
+            magnitude = share * load.magnitude
+            if magnitude > least:
+                model.hand_over(self, arm, Load(direction, magnitude, copies, sense))
             else:
-                self.dropped += emission.total
+                self.dropped += magnitude * copies

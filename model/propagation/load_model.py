@@ -293,7 +293,8 @@ class LoadModel(SteppedModel):
 
     def form(self, index: tuple[int, ...]) -> int:
         """Return the form of the cell with that index."""
-        return int(self.lattice.form(np.array([index]))[0])
+        several = self.lattice.forms > 1
+        return int(self.lattice.form(np.array([index]))[0]) if several else 0
 
     def axis_of(self, direction: int) -> int:
         """Return the number of the axis that a direction lies on."""

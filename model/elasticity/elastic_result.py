@@ -358,6 +358,23 @@ class ElasticResult(BodyResult):
             f"{bound:.2g} only, above the tolerance of {self.tolerance:g}"
         ]
 
+    @cached_property
+    def sharp_corners(self) -> Floats:
+        """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
+        from .corners import sharp_corners
+
+        return sharp_corners(self.scene)
+
+    @property
+    def _sharp(self) -> list[str]:
+        corners = self.sharp_corners.tolist()
+        places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3])
+        more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
+        return [
+            f"stress grows without limit under refinement at the corner {places} m{more}"
+            for _ in corners[:1]
+        ]
+
     @property
     def max_displacement(self) -> float:
         """Largest displacement of an agent's middle (m)."""
@@ -460,7 +477,7 @@ class ElasticResult(BodyResult):
             ]
         figures |= self.found.history()
         return figures | {
-            "notes": list(self.notes),
+            "notes": [*self.notes, *self._sharp],
             "seconds": self.seconds,
             "kaju_version": __version__,
         }

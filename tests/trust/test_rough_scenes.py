@@ -193,3 +193,27 @@ def test_a_bridge_that_hardly_resists_is_refused_at_once():
     for how in EVERY_WAY:
         with pytest.raises(SceneError, match="bring the stiffnesses of materials"):
             solve(scene, **how)
+
+
+def test_corners_whose_stress_has_no_limit_are_named():
+    def answer(drawing, **sides):
+        return solve(
+            Scene(
+                body={"cell_size": 0.01, "drawing": drawing},
+                legend={"#": "steel", ".": "air"},
+                sides=sides,
+                loads=[{"cell": [0, 3], "force": [0.0, -1.0]}],
+            )
+        )
+
+    bent = answer("##..\n##..\n####\n####\n", bottom="rigid")
+    assert bent.sharp_corners == pytest.approx(np.array([[0, 0], [0.02, 0.02], [0.04, 0]]))
+    (note,) = [note for note in bent.summary()["notes"] if "without limit" in note]
+    assert note.endswith("at the corner (0, 0), (0.02, 0.02), (0.04, 0) m")
+    # The stress there does grow; between rollers, or in a corner of walls, it does not.
+    tip = [[0.0199, 0.0199]]
+    stress = [np.abs(solve(bent.scene, resolution=n).stress_at(tip)).max() for n in (4, 16)]
+    assert stress[1] > 1.3 * stress[0]
+    smooth = answer("####\n####\n####\n####\n", bottom="roller", left="roller")
+    assert not len(smooth.sharp_corners)
+    assert not any("without limit" in note for note in smooth.summary()["notes"])

@@ -246,6 +246,25 @@ def test_elasticity_stands_beside_the_rule(opened, plate):
     assert page.messages == []
 
 
+def test_a_cube_that_is_clicked_is_the_foremost_that_is_shown(opened, tmp_path):
+    body = {"size": [0.04, 0.04, 0.04], "cells": [4, 4, 4], "material": "steel"}
+    loads = [{"side": "top", "force": [0.0, 0.0, -50.0]}]
+    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=loads)
+    page = opened(kaju.export_page(scene, tmp_path / "cubes.html"))
+    page.js("page.look.cut.axis = -1")
+    for cell in ((2, 1, 3), (1, 2, 3)):
+        page.js("page.draw()")
+        box = page.tab.locator("canvas").first.bounding_box()
+        x, y = page.js(f"page.view.point([{cell[0]} + 0.5, {cell[1]} + 0.5, 4])")  # its top
+        page.tab.mouse.click(box["x"] + x, box["y"] + y)
+        assert page.js("page.run.lattice.cell(page.picked)") == list(cell)
+    picked = page.js("page.picked")
+    page.tab.mouse.down()
+    page.tab.mouse.move(box["x"] + x + 60, box["y"] + y)
+    page.tab.mouse.up()
+    assert page.js("page.picked") == picked  # turned, not clicked
+
+
 def test_presets_load_by_one_click_and_everything_goes_back(opened, plate, tmp_path):
     page = opened(plate)
     page.tab.get_by_role("button", name="A finer threshold").click()

@@ -87,18 +87,20 @@ def test_shares_that_a_rule_leaves_to_the_dimension():
     assert PrescribedRule().alpha_in(3) == (0.5, 0.5, 0.125)
 
 
-def test_boundaries_spawn_when_they_give_a_load_back():
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_boundaries_spawn_when_they_give_a_load_back(engine):
     """The second generation reaches the ground, and the third takes what it gave back."""
     body = {"size": [0.01, 0.02], "cells": [1, 2], "material": "steel"}
     pillar = plate(body=body, loads=[{"cell": [0, 1], "force": [0.0, -2.0]}])
-    stage = LoadModel(pillar).run().last
+    stage = LoadModel(pillar, engine=engine).run().last
     ground = stage.boundary_cells[:, 1] < 0
     assert stage.boundary_spawn_step[ground].tolist() == [3]
     assert stage.boundary_spawn_step.min() == 2
 
 
-def test_where_nothing_happens_no_boundary_wakes():
-    calm = LoadModel(plate(rule={"threshold": 10.0})).run()
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_where_nothing_happens_no_boundary_wakes(engine):
+    calm = LoadModel(plate(rule={"threshold": 10.0}), engine=engine).run()
     assert len(calm.last.boundary_cells) == len(calm.last.returned) == 0
     assert calm.summary()["boundary_agents"] == 0
 

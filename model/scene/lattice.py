@@ -217,6 +217,12 @@ class Lattice(ABC):
         offsets = self.face_offsets[self.form(cells), direction]
         return self.centres(cells) + offsets * (direction >= 0)[:, None]
 
+    @cached_property
+    def _cosines(self) -> list[list[float]]:
+        """Between all directions, equal ones made exactly equal."""
+        cosines: list[list[float]] = np.round(self.normals @ self.normals.T, 12).tolist()
+        return cosines
+
     def way(self, direction: int, form: int) -> Way:
         """Return the neighbours of a cell as a load sees them that travels in a direction.
 
@@ -226,9 +232,8 @@ class Lattice(ABC):
         sin² of the angle between the load and their normal, and friction acts on those that
         look most along it.
         """
-        arms = list(self.arms[form])
-        cosine = np.round(self.normals[arms] @ self.normals[direction], 12).tolist()
-        faces = list(zip(arms, cosine, strict=True))
+        faces = [(arm, self._cosines[arm][direction]) for arm in self.arms[form]]
+        cosine = [c for _, c in faces]
         ahead, behind = (
             tuple((arm, 1.0 / cosine.count(end)) for arm, c in faces if c == end)
             for end in (max(cosine), min(cosine))

@@ -76,7 +76,8 @@ def _check_parts(filling: Filling, allow_floating: bool) -> None:
         raise SceneError(_empty(filling))
     if allow_floating:
         return
-    parts, held = (_parts_of_boxes if filling.lattice.boxes else _parts)(filling, raster)
+    framed = _framed(filling, raster)
+    parts, held = _parts_of_boxes(framed) if filling.lattice.boxes else _parts(filling, framed)
     loose = np.flatnonzero(~held[1:]) + 1
     if len(loose) == len(held) - 1:
         raise SupportError(f"sides: nothing holds the body; {_REMEDY}")
@@ -92,51 +93,58 @@ Parts = tuple[NDArray[np.integer], NDArray[np.bool_]]
 """The number of each cell's part, from 1 (0: no body), and which numbers something holds."""
 
 
-def _parts_of_boxes(filling: Filling, raster: NDArray[np.int16]) -> Parts:
-    """Return the connected parts of squares or cubes."""
-    from scipy.ndimage import label
-
+def _framed(filling: Filling, raster: NDArray[np.int16]) -> NDArray[np.int16]:
+    """Return the kinds of all cells in a frame of what lies beyond the sides."""
     framed = np.pad(raster, 1, constant_values=kinds.AIR)
     for side, kind in enumerate(filling.beyond):
         axis, upper_end = divmod(side, 2)
-        rim = [slice(1, -1)] * raster.ndim
+        rim = [slice(None)] * raster.ndim
         rim[axis] = slice(-1, None) if upper_end else slice(0, 1)
         framed[tuple(rim)] = kind
+    return framed
+
+
+def _parts_of_boxes(framed: NDArray[np.int16]) -> Parts:
+    """Return the connected parts of squares or cubes."""
+    from scipy.ndimage import label
+
     parts, number = label(framed >= 0)
     held = np.zeros(number + 1, dtype=np.bool_)
     holds = np.isin(framed, _HOLDS)
-    for axis in range(raster.ndim):
-        below = tuple(slice(None, -1) if a == axis else slice(None) for a in range(raster.ndim))
-        above = tuple(slice(1, None) if a == axis else slice(None) for a in range(raster.ndim))
+    for axis in range(framed.ndim):
+        below = tuple(slice(None, -1) if a == axis else slice(None) for a in range(framed.ndim))
+        above = tuple(slice(1, None) if a == axis else slice(None) for a in range(framed.ndim))
         held[parts[below][holds[above]]] = True
         held[parts[above][holds[below]]] = True
-    return parts[(slice(1, -1),) * raster.ndim], held
+    return parts[(slice(1, -1),) * framed.ndim], held
 
 
-def _parts(filling: Filling, raster: NDArray[np.int16]) -> Parts:
+def _parts(filling: Filling, framed: NDArray[np.int16]) -> Parts:
     """Return the connected parts of any cells, from face to face."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    lattice, body = filling.lattice, raster >= 0
-    cells, count = np.argwhere(body), np.count_nonzero(body)
-    number = np.zeros(raster.shape, dtype=np.int64)
+    lattice, kind = filling.lattice, framed.ravel()  # a cell's key is its place in the frame
+    body = np.flatnonzero(kind >= 0)
+    form, count = lattice.form(lattice.cells(body)), len(body)
+    number = np.zeros(len(kind), dtype=np.int32)
     number[body] = np.arange(count)
     touching, links = np.zeros(count, dtype=np.bool_), []
     for arm in range(lattice.directions):
-        reached = lattice.neighbours(cells, arm)
-        beyond = filling.kinds(reached)
+        reached = body + lattice.key_steps[form, arm]
+        beyond = kind[reached]
         touching |= np.isin(beyond, _HOLDS)
-        here = np.flatnonzero((beyond >= 0) & (arm < lattice.opposite[arm]))  # each face once
-        links.append(np.stack([here, number[tuple(reached[here].T)]]))
-    pairs = np.concatenate(links, axis=1).astype(np.int64)
+        if arm < lattice.opposite[arm]:  # each face once
+            inside = beyond >= 0
+            links.append(np.stack([number[body[inside]], number[reached[inside]]]))
+    pairs = np.concatenate(links, axis=1)
     graph = coo_array((np.ones(pairs.shape[1], dtype=np.bool_), tuple(pairs)), (count, count))
     some, part = connected_components(graph, directed=False)
-    parts = np.zeros(raster.shape, dtype=np.int64)
+    parts = np.zeros(len(kind), dtype=np.int32)
     parts[body] = part + 1
     held = np.zeros(some + 1, dtype=np.bool_)
     held[part[touching] + 1] = True
-    return parts, held
+    return parts.reshape(framed.shape)[1:-1, 1:-1], held
 
 
 def _empty(filling: Filling) -> str:

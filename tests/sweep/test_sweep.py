@@ -269,6 +269,9 @@ def test_pictures_show_what_was_swept(tmp_path):
     table = alone(scene(), vary, ["load_taken", "spectral_radius"])
     effects = plot_effects(table, "load_taken")
     assert [ax.get_xlabel() for ax in effects.axes] == list(vary)
+    assert effects.axes[1].get_xscale() == "log"
+    evenly = alone(scene(), {"rule.alpha[1]": [0.01, 0.3, 0.6, 0.9]}, "load_taken")
+    assert plot_effects(evenly, "load_taken").axes[0].get_xscale() == "linear"
     means = effects.axes[0].lines[1].get_ydata()
     worked = table[table["error"] == ""]
     np.testing.assert_allclose(means, worked.groupby("rule.alpha[1]")["load_taken"].mean())

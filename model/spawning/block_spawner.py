@@ -524,6 +524,7 @@ class BlockSpawner:
             self._chosen, self.finished = chosen, False
 
     def _spawn(self, chosen: Flags) -> None:
+        self.bracket = None  # of those that were there before
         before = self.blocks.forest
         marked = np.zeros(len(before), dtype=np.bool_)
         marked[before.leaves[chosen]] = True

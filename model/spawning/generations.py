@@ -303,6 +303,7 @@ class Spawner:
         return self.hierarchy.loaded_by(self.balance) if few else None
 
     def _spawn(self, chosen: Flags) -> None:
+        self.bracket = None  # of those that were there before
         number, leaves = len(self.generations), self.balance.grid.leaves
         cause = self.indicator.load * self.ground.scales.force
         leaves = leaves.split(chosen, number, cause)

@@ -1,6 +1,7 @@
 """What a body of equal cells costs beside a plain plate or cube: `python benchmarks/room.py`.
 
-Processor time of `kaju.solve` a cell, the least of several runs that take turns, so that a busy
+Processor time of `kaju.solve` a cell that is solved (where a member is one cell wide, the scene's
+cells are halved), the least of several runs that take turns, so that a busy
 machine slows all alike. Give another checkout's `src` folder by PYTHONPATH to see its figures;
 the ratios to the plain body of the same run are what can be compared.
 """
@@ -78,17 +79,18 @@ def main() -> None:
     scenes = {name: scene(name, asked.cells, asked.dimension) for name in names}
     kaju.solve(scene("hole", 16, asked.dimension), strategy="uniform")  # Compiles.
     least = dict.fromkeys(names, np.inf)
-    method = {}
+    method, finer = {}, {}
     for _ in range(asked.runs):
         for name, body in scenes.items():
             start = time.process_time()
             result = kaju.solve(body, strategy="uniform")
             least[name] = min(least[name], time.process_time() - start)
-            method[name] = result.summary()["method"]
-    print(f"{'body':8} {'µs a cell':>9} {'ratio':>6}  method")
-    for name in names:
-        price = 1e6 * least[name] / asked.cells**asked.dimension
-        print(f"{name:8} {price:9.3f} {least[name] / least['plain']:6.2f}  {method[name]}")
+            method[name], finer[name] = result.summary()["method"], result.subdivision
+    print(f"{'body':8} {'µs a cell':>9} {'ratio':>6} {'halved':>6}  method")
+    prices = {n: 1e6 * least[n] / (asked.cells * finer[n]) ** asked.dimension for n in names}
+    for name, price in prices.items():
+        ratio, halved = price / prices["plain"], "yes" if finer[name] > 1 else "no"
+        print(f"{name:8} {price:9.3f} {ratio:6.2f} {halved:>6}  {method[name]}")
 
 
 if __name__ == "__main__":

@@ -42,6 +42,8 @@ BALANCE, FIRST_RATE = 1e-2, 0.1
 correction that leaves the second share of what there was if nothing is known of it."""
 LOOSEST = 3e-3
 """But never stop above this."""
+MENDED = 300
+"""Iterations more, for forces of nearly incompressible bodies to balance."""
 PATIENCE = 8
 """After this many iterations the rate decides whether to change the method."""
 TOO_MANY = 60
@@ -351,10 +353,13 @@ def _solve_mixed(system: System, tolerance: float | None, guess: Vector | None) 
     tolerance = min(tolerance or 1e-8, 1e-8)
     run = mixed.solve(system.right, tolerance, guess)
     lost = _unbalanced(system, system.displacement(run.solution))
-    if run.converged and lost > NOTEWORTHY:
+    if run.converged and lost > NOTEWORTHY and len(system.right) <= SMALL:
         # Moved sides press a nearly incompressible body far harder than it yields.
         tolerance = max(0.1 * tolerance * NOTEWORTHY / lost, 1e-15)
-        run = mixed.solve(system.right, tolerance, run.solution)
+        more = mixed.solve(system.right, tolerance, run.solution, most=MENDED)
+        if _unbalanced(system, system.displacement(more.solution)) < lost:
+            more.converged = True  # as the first was: what is asked for here may not be reached
+            run = more
     rough = mixed.block.rough(run.solution)
     roughness = float(dot(rough, mixed.block.apply(rough)))
     whole = system.energy(run.solution)

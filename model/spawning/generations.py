@@ -331,7 +331,7 @@ class Spawner:
         agents = len(chosen) + ((1 << self.ground.dimension) - 1) * np.count_nonzero(chosen)
         if agents > self.most_agents or len(self.generations) + 1 == MOST_GENERATIONS:
             return "agents"
-        if self.aim.adds_up and out_of_reach(self, len(chosen)):
+        if isinstance(self.aim, EnergyAim) and out_of_reach(self, len(chosen)):
             return "agents"
         return "" if chosen.any() else "depth"
 
@@ -379,8 +379,11 @@ class Spawner:
 def out_of_reach(spawner: Spawner | BlockSpawner, agents: int) -> bool:
     """Tell whether a tolerance takes far more agents than allowed.
 
-    Their number grows at least with the error's fall to the power of the dimension.
+    Their number grows at least with the error's fall to the power of the dimension, unless a
+    resolution does not let them be smaller.
     """
+    if spawner.ground.smallest > 1:
+        return False
     ratio = spawner.error / spawner.tolerance
     expected = agents * ratio**spawner.ground.dimension
     return agents >= TELLING and expected > FAR * spawner.most_agents

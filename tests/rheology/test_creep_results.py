@@ -218,7 +218,7 @@ def test_what_is_wrong_with_a_history_is_told(text, told):
 
 
 def test_a_history_is_needed():
-    with pytest.raises(ParameterError, match="history: is needed"):
+    with pytest.raises(ParameterError, match="history: a History is needed, got None"):
         creep(block("elastic", history=None))
 
 

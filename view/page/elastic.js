@@ -22,12 +22,13 @@ export function elasticAnswer(scene, cells, loads) {
   if (kind !== "square") throw new Error("The elastic answer is for bodies of squares.");
   if (!cells.some((c) => c >= 0)) throw new Error("There is no body.");
   let grid = new StaggeredGrid(scene, cells, loads), k = 1;
-  if (grid.isSlender()) {
+  if (grid.isSlender() || !grid.isHeld()) {  // nor does a single rigid cell hold against turning
     k = 2;
     grid = new StaggeredGrid(...halved(scene, cells, loads));
     if (grid.isSlender()) throw new Error("A part of the body is too thin to carry shear.");
   }
-  grid.checkSupports();
+  if (!grid.isHeld())
+    throw new Error("A part of the body is held by nothing and could move: hold it by a rigid cell or side.");
   const { u, iterations } = grid.solve(), fine = grid.answer(u), Y = ny + 2;
   const mean = (field) => {
     const values = new Float64Array((nx + 2) * Y).fill(NaN);
@@ -159,9 +160,13 @@ class StaggeredGrid {
   /** Enter a force along a surface: it drags the faces below, and turns the surface's own. */
   drag(axis, side, cell, value) {
     const normal = side >> 1, upper = side & 1, beyond = shifted(cell, normal, 2 * upper - 1);
-    const free = [_AIR, _ROLLER, _BED].includes(this.kind(...beyond)), outward = 2 * upper - 1;
-    for (const end of [0, 1]) for (const layer of free ? [cell] : [cell, beyond])
-      this.add(axis, shifted(layer, axis, end), (free ? 0.5 : 0.25) * value);
+    const kind = this.kind(...beyond), outward = 2 * upper - 1;
+    const free = [_AIR, _ROLLER, _BED].includes(kind);
+    const own = free ? 0.5 : kind === _RIGID ? 0 : 0.25;  // ground takes all of it
+    for (const end of [0, 1]) {
+      this.add(axis, shifted(cell, axis, end), own * value);
+      this.add(axis, shifted(beyond, axis, end), (0.5 - own) * value);
+    }
     if (!free) return;
     for (const end of [0, 1]) {
       const [i, j] = shifted(shifted(cell, axis, end), normal, upper);
@@ -292,8 +297,8 @@ class StaggeredGrid {
     }
     return false;
   }
-  /** Refuse a body of which a part could move without straining anything. */
-  checkSupports() {
+  /** Tell whether no part of the body could move without straining anything. */
+  isHeld() {
     const part = this.parts(), stops = [];
     const stop = (p, row) => { (stops[p] ??= []).push(row); };
     const motion = (axis, i, j) => (axis ? [0, 1, i + 0.5] : [1, 0, -(j + 0.5)]);
@@ -320,8 +325,8 @@ class StaggeredGrid {
       if (p && row.some(Boolean)) stop(p, row);
     });
     for (let p = 1; p <= part.count; p++)
-      if (freeMotion(stops[p] ?? [], this.X, this.Y))
-        throw new Error("A part of the body is held by nothing and could move: hold it by a rigid cell or side.");
+      if (freeMotion(stops[p] ?? [], this.X, this.Y)) return false;
+    return true;
   }
   /** Number the parts of the body that are joined by faces, from 1. */
   parts() {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copyreg
+import operator
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -117,7 +118,7 @@ class AgentEngine:
         self.steps = self.lattice.steps.tolist()
         self.agents: dict[Cell, MaterialAgent] = {}
         self.boundaries: dict[Cell, BoundaryAgent] = {}
-        self._reached: dict[tuple[Cell, int], Cell] = {}
+        self._around: dict[Cell, dict[int, Cell]] = {}
 
     def start(self, cells: IntArray, state: IntArray, magnitude: FloatArray) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
@@ -188,19 +189,27 @@ class AgentEngine:
 
     def neighbour(self, cell: Cell, arm: int) -> Cell:
         """Return the cell over an arm."""
-        reached = self._reached.get((cell, arm))
+        around = self._around.get(cell)
+        if around is None:
+            around = self._around[cell] = self._neighbours(cell)
+        reached = around.get(arm)
         if reached is None:
-            # The rim shifts the space by one cell against the scene.
-            form = self.model.form(tuple(count - 1 for count in cell.coordinate))
-            if arm not in self.lattice.arms[form]:
-                raise ParameterError(
-                    f"arm: cell {tuple(count - 1 for count in cell.coordinate)} has no face along "
-                    f"direction {arm}; lattice.way(direction, agent.form) tells what lies ahead"
-                )
-            step = self.steps[form][arm]
-            place = tuple(count + by for count, by in zip(cell.coordinate, step, strict=True))
-            reached = self._reached[cell, arm] = self.space[place]
+            raise ParameterError(
+                f"arm: cell {tuple(count - 1 for count in cell.coordinate)} has no face along "
+                f"direction {arm}; lattice.way(direction, agent.form) tells what lies ahead"
+            )
         return reached
+
+    def _neighbours(self, cell: Cell) -> dict[int, Cell]:
+        """Return the cells over all arms of a cell of the body."""
+        at, form = cell.coordinate, 0
+        if self.lattice.forms > 1:  # the rim shifts the space by one cell against the scene
+            form = self.model.form(tuple(count - 1 for count in at))
+        steps = self.steps[form]
+        return {
+            arm: self.space[tuple(map(operator.add, at, steps[arm]))]
+            for arm in self.lattice.arms[form]
+        }
 
     def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
         """Keep a load until all agents have stepped."""

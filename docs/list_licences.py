@@ -31,12 +31,13 @@ WORDS = {
 def licence_of(name: str) -> str:
     """Return the licence that an installed package states."""
     told = metadata(name)
-    if told["License-Expression"]:
-        return str(told["License-Expression"])
+    expression = (told.get_all("License-Expression") or [""])[0]
+    if expression:
+        return str(expression)
     classes = [text for text in told.get_all("Classifier") or [] if text.startswith("License ::")]
     found = [text.rpartition(" :: ")[2] for text in classes]
     found = [WORDS.get(text, text) for text in found if text != "OSI Approved"]
-    short = str(told["License"] or "unstated").strip().splitlines()[0]
+    short = str((told.get_all("License") or ["unstated"])[0]).strip().splitlines()[0]
     return ", ".join(found) or short[:60]
 
 

@@ -166,9 +166,24 @@ class CellAgents:
         if solution.algebraic > SETTLED:
             solution = solve_problem(problem, SETTLED, Answered(problem, solution))
         if any(np.any(shear) for shear in problem.surface_shear.values()):
-            return replace(self, solution=solution).tree.bracket
+            return self._by_tree(replace(self, solution=solution).tree)
         u = solution.displacement
         return bracket_of(boxes_of_cells(problem, u, self.grid, self.stage))
+
+    def _by_tree(self, tree: TreeAgents) -> Bracket | str:
+        """Return the bracket of the same agents as a tree: in the order and units of these."""
+        found, units, own = tree.bracket, tree.scales, self.scales
+        if isinstance(found, str):
+            return found
+        force, moved = units.force / own.force, units.displacement / own.displacement
+        energy, stress = force * moved, units.modulus / own.modulus * moved
+        return replace(
+            found,
+            lower=energy * found.lower,
+            upper=energy * found.upper,
+            shares=energy * self.from_tree(found.shares),
+            stress=stress * self.from_tree(found.stress),
+        )
 
     @cached_property
     def corners(self) -> Floats:

@@ -285,3 +285,18 @@ def test_bounds_are_the_same_for_a_mirrored_body():
     other = plate(16, loads=[{"region": {"box": [[0.14, 0.2], [0.18, 0.2]]}, "force": [0.0, -2.0]}])
     bounds = [solve(s, strategy="uniform").energy_bounds for s in (scene, other)]
     assert bounds[0] == pytest.approx(bounds[1], rel=1e-9)
+
+
+def test_loads_that_meet_on_a_face_are_bounded_as_their_sum():
+    """Beside a load along a surface, where agents of many sizes and their units tell the bounds."""
+
+    def pressed(*forces):
+        loads = [{"cell": [5, 9], "side": "top", "force": list(force)} for force in forces]
+        return solve(plate(10, loads=loads), strategy="uniform")
+
+    one, two = pressed((0.5, -3.0)), pressed((0.5, -1.0), (0.0, -2.0))
+    np.testing.assert_allclose(two.energy_bounds, one.energy_bounds, rtol=1e-9)
+    largest = np.abs(one.mean_stress).max()
+    np.testing.assert_allclose(two.mean_stress, one.mean_stress, rtol=0, atol=1e-8 * largest)
+    off = np.linalg.norm(one.mean_stress - one.stress, axis=(1, 2))
+    assert np.median(off / np.linalg.norm(one.stress, axis=(1, 2))) < 0.1

@@ -1,10 +1,14 @@
 """What all tests share."""
 
 import os
+import signal
 import sys
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+# Jobs in the background of a shell ignore Ctrl-C, and so would all that they start.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Machines differ in speed: a slow example is no failure.
 settings.register_profile(

@@ -15,7 +15,7 @@ import numpy as np
 
 from kaju import Deflection, Reaction, Stress, solve
 from kaju.errors import ConvergenceError
-from kaju.model.spawning.quantities import described, quantities_of
+from kaju.model.elastic.spawning.quantities import described, quantities_of
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
 

@@ -21,8 +21,8 @@ from kaju.agents.rheology import ThreeElement
 from kaju.model.creep.elastic import CreepingBody
 from kaju.model.creep.march import take_step
 from kaju.model.creep.network import CreepingNetwork
-from kaju.model.elasticity.engine import solve_problem
-from kaju.model.elasticity.problem import CellLoads, make_problem
+from kaju.model.elastic.engine import solve_problem
+from kaju.model.elastic.problem import CellLoads, make_problem
 from kaju.model.network.lattices import triangular
 
 REPEATS = 5

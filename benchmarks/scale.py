@@ -87,7 +87,7 @@ def measured(processes: int, cells: tuple[int, ...], hole: bool = False) -> dict
 
 def own(cells: tuple[int, ...], hole: bool) -> tuple[int, float, float]:
     """Return iterations, energy and time of kaju's own solver at the same tolerance."""
-    from kaju.model.elasticity.solve import solve
+    from kaju.model.elastic.solve import solve
 
     solve(scene((16,) * len(cells), hole))
     began = process_time()

@@ -15,10 +15,10 @@ from pathlib import Path
 from kaju import load_scene
 from kaju.agents.rules import ElasticRule
 from kaju.model.compare import Comparison, compare
+from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.fitting import Fit, fit_rule
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
-from kaju.model.settling.elastic_model import ElasticModel
 from kaju.view.comparison import Line, plot_profiles, plot_stress_ratio
 from kaju.view.comparison_maps import plot_maps, plot_shapes
 from kaju.view.files import save

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from kaju.model.elastic.settling.elastic_model import ElasticModel
     from kaju.model.propagation.load_model import LoadModel
     from kaju.model.scene import Scene
-    from kaju.model.settling.elastic_model import ElasticModel
 
 
 def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
@@ -21,7 +21,7 @@ def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
         Handed to the model, such as ``engine="arrays"``.
     """
     if scene.rule.kind == "elastic":
-        from kaju.model.settling.elastic_model import ElasticModel
+        from kaju.model.elastic.settling.elastic_model import ElasticModel
 
         return ElasticModel(scene, **options)
     from kaju.model.propagation.load_model import LoadModel

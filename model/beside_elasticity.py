@@ -19,10 +19,10 @@ from kaju import __version__
 from kaju.agents.rules import ElasticRule
 from kaju.errors import ParameterError
 from kaju.model.compare import Comparison, compare
+from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.fitting import Fit, fit_rule
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.settling.elastic_model import ElasticModel
 from kaju.model.solving import solve
 
 if TYPE_CHECKING:

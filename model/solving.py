@@ -12,10 +12,10 @@ from kaju.model.scene import Scene
 from kaju.stopping import keeping
 
 if TYPE_CHECKING:
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.spawning.quantities import ToleranceAt
     from kaju.model.network import NetworkResult, SpringNetwork
     from kaju.model.scale.pieces import PiecedResult
-    from kaju.model.spawning.quantities import ToleranceAt
 
 Strategy = Literal["auto", "uniform", "spawning"]
 STRATEGIES = ("auto", "uniform", "spawning")
@@ -199,10 +199,10 @@ def _solve_scene(
     stage: int | None,
     most_agents: int | None,
 ) -> ElasticResult:
-    from kaju.model.elasticity.elastic_result import ElasticResult
-    from kaju.model.elasticity.solve import solve as solve_uniform
-    from kaju.model.spawning.choice import solve_cheaply, solve_equal
-    from kaju.model.spawning.solve import solve_spawning
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.solve import solve as solve_uniform
+    from kaju.model.elastic.spawning.choice import solve_cheaply, solve_equal
+    from kaju.model.elastic.spawning.solve import solve_spawning
 
     if strategy not in STRATEGIES:
         raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")

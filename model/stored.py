@@ -55,10 +55,10 @@ def _kinds() -> tuple[type[Storable], ...]:
     from kaju.model.creep.elastic_result import ElasticCreepResult
     from kaju.model.creep.network_result import NetworkCreepResult
     from kaju.model.creep.state import CreepResult
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.settling.run import ElasticRun
 
     static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)
     return *static, CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult

@@ -5,9 +5,9 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from kaju.errors import SupportError
-from kaju.model.elasticity.engine import solve_problem
-from kaju.model.elasticity.problem import CellLoads, make_problem
-from kaju.model.elasticity.supports import check_supports, slender_cell
+from kaju.model.elastic.engine import solve_problem
+from kaju.model.elastic.problem import CellLoads, make_problem
+from kaju.model.elastic.supports import check_supports, slender_cell
 
 
 def press(cells, direction, forces):

@@ -8,9 +8,9 @@ from scipy.sparse.linalg import spsolve
 
 from kaju.agents.rules import ElasticRule
 from kaju.errors import SceneError
-from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
+from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.staggered import Numbering, stiffness_matrix
 from kaju.model.scene import Scene
-from kaju.model.settling.elastic_model import ElasticModel
 
 LEGEND = {"a": "steel", "b": "soft", ".": "air", "=": "rigid"}
 SOFT = {"youngs_modulus": 2e10, "poissons_ratio": 0.45}

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import splu
 from skfem.helpers import ddot, div, sym_grad
 
-from kaju.model.elasticity.moduli import moduli_of
+from kaju.model.elastic.moduli import moduli_of
 
 ELEMENTS = {
     (2, 1): fem.ElementQuad1,

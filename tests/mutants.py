@@ -38,12 +38,12 @@ ROOMS = {
     "propagation/test_own_agents.py propagation/test_load_model.py",
     "model/propagation/stability.py": "trust/test_survivors.py propagation/test_hexagon_shares.py "
     "propagation/test_stability.py",
-    "model/elasticity/staggered.py": "elasticity/test_e_twins.py elasticity/test_e_tables.py "
+    "model/elastic/staggered.py": "elasticity/test_e_twins.py elasticity/test_e_tables.py "
     "elasticity/test_e_solve.py",
-    "model/elasticity/moduli.py": "elasticity/test_e_twins.py elasticity/test_e_solve.py",
-    "model/elasticity/balanced.py": "bounds/test_bracket.py",
-    "model/elasticity/compatible.py": "bounds/test_bracket.py",
-    "model/elasticity/bracket.py": "bounds/test_bracket.py",
+    "model/elastic/moduli.py": "elasticity/test_e_twins.py elasticity/test_e_solve.py",
+    "model/elastic/balanced.py": "bounds/test_bracket.py",
+    "model/elastic/compatible.py": "bounds/test_bracket.py",
+    "model/elastic/bracket.py": "bounds/test_bracket.py",
 }
 NAMED = {
     "friction on hexagons": (
@@ -59,31 +59,31 @@ NAMED = {
         "propagation/test_hexagon_shares.py",
     ),
     "moments made up for": (
-        "model/elasticity/loads.py", "np.where(turn, 0.5, 1.0) * share",
+        "model/elastic/loads.py", "np.where(turn, 0.5, 1.0) * share",
         "np.where(turn, 0.5, 0.5) * share", "trust/test_survivors.py",
     ),
     "share of the surface": (
-        "model/elasticity/fields.py", "SURFACE_SHARE = 0.5", "SURFACE_SHARE = 0.3",
+        "model/elastic/fields.py", "SURFACE_SHARE = 0.5", "SURFACE_SHARE = 0.3",
         "elasticity/test_e_result.py",
     ),
     "the algebraic part": (
-        "model/spawning/generations.py", "float(np.hypot(error, algebraic))", "error",
+        "model/elastic/spawning/generations.py", "float(np.hypot(error, algebraic))", "error",
         "trust/test_survivors.py",
     ),
     "helpless agents": (
-        "model/spawning/aims.py", "allowed - helpless if helpless < allowed else allowed",
+        "model/elastic/spawning/aims.py", "allowed - helpless if helpless < allowed else allowed",
         "allowed", "elasticity/test_e_result.py",
     ),
     "crossed jumps": (
-        "model/spawning/field.py", "np.where(crossed, 0.5 * ratio - 0.5, second)", "second",
+        "model/elastic/spawning/field.py", "np.where(crossed, 0.5 * ratio - 0.5, second)", "second",
         "trust/test_survivors.py",
     ),
     "the meter": (
-        "model/settling/state.py", "sqrt(total / work)", "0.5 * sqrt(total / work)",
+        "model/elastic/settling/state.py", "sqrt(total / work)", "0.5 * sqrt(total / work)",
         "elasticity/test_e_result.py",
     ),
     "the bound of waves": (
-        "model/settling/stability.py", "max(4.0, 2.0 * volume.max())", "4.0",
+        "model/elastic/settling/stability.py", "max(4.0, 2.0 * volume.max())", "4.0",
         "trust/test_survivors.py",
     ),
     "a blocked face": (

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import kaju
-from kaju.model.elasticity.solve import solve as own_solve  # the equations' own tolerance
+from kaju.model.elastic.solve import solve as own_solve  # the equations' own tolerance
 
 
 def plate(cells=(24, 20), **changes):

@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
 from kaju.errors import ParameterError
-from kaju.model.elasticity.export import same_points
+from kaju.model.elastic.export import same_points
 
 from .body import draw_body, finish
 from .cropping import section_of
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.result import Field
 

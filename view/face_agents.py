@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-    from kaju.model.settling.run import ElasticRun
+    from kaju.model.elastic.settling.run import ElasticRun
 
     from .section import Floats, Ints, Section
 

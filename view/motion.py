@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from kaju.model.creep.body import TransferCreepResult
     from kaju.model.creep.elastic_result import ElasticCreepResult
     from kaju.model.creep.network_result import NetworkCreepResult
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.result import Field

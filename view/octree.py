@@ -21,7 +21,7 @@ from .units import quantity
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.scene import Scene
 
 Flags = NDArray[np.bool_]

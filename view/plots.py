@@ -38,7 +38,7 @@ from .voxels import plot_body_in_space, plot_voxels
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
 
 Picture = Callable[..., "Axes | Figure"]
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
 
 
 class Colour(NamedTuple):

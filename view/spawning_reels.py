@@ -24,7 +24,7 @@ from .style import caption, figure_of, new_axes
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
 
 TITLE = "Agents spawn where load is left unbalanced"
 

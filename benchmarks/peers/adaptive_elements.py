@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from kaju.model.elasticity.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli
 from kaju.model.scene import Scene
 from kaju.model.validation.scene_elements import (
     ElementAnswer,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .problems import Problem
 
 if TYPE_CHECKING:
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Method:
 
 def multigrid(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let `kaju.solve` answer on equal cells."""
-    from kaju.model.elasticity.solve import solve
+    from kaju.model.elastic.solve import solve
 
     def job() -> Answer:
         result = solve(problem.scene(division))
@@ -108,7 +108,7 @@ def _agents(
 ) -> Callable[[Problem, int], Callable[[], Answer]]:
     def prepare(problem: Problem, division: int) -> Callable[[], Answer]:
         from kaju.agents.rules import ElasticRule
-        from kaju.model.settling.elastic_model import ElasticModel
+        from kaju.model.elastic.settling.elastic_model import ElasticModel
 
         rule = ElasticRule(order=order, tolerance=WAVE_TOLERANCE)
         pushes = 1000 if order == "largest first" else 1

@@ -20,7 +20,7 @@ from kaju.agents import rheology_steps
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
-from kaju.model.elasticity.solve import solve
+from kaju.model.elastic.solve import solve
 from kaju.model.network.springs import SpringNetwork
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene

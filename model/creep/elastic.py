@@ -32,12 +32,12 @@ from kaju.agents.rheology_steps import (
     stored_energy,
 )
 from kaju.errors import ConvergenceError
-from kaju.model.elasticity.fallback import DIRECT_LIMIT, algebraic_preconditioner
-from kaju.model.elasticity.hierarchy import Hierarchy
-from kaju.model.elasticity.krylov import Iteration, conjugate_gradients
-from kaju.model.elasticity.moduli import Moduli, moduli_of
-from kaju.model.elasticity.problem import ElasticProblem
-from kaju.model.elasticity.staggered import (
+from kaju.model.elastic.fallback import DIRECT_LIMIT, algebraic_preconditioner
+from kaju.model.elastic.hierarchy import Hierarchy
+from kaju.model.elastic.krylov import Iteration, conjugate_gradients
+from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.elastic.problem import ElasticProblem
+from kaju.model.elastic.staggered import (
     Numbering,
     axis_pairs,
     edge_modulus,

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from kaju.agents.rheology_steps import Laws
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
-from kaju.model.elasticity import fields
-from kaju.model.elasticity.cell_agents import CellAgents
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.elasticity.problem import ElasticProblem
-from kaju.model.elasticity.staggered import Numbering, Strains, axis_pairs, edge_modulus
+from kaju.model.elastic import fields
+from kaju.model.elastic.cell_agents import CellAgents
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.problem import ElasticProblem
+from kaju.model.elastic.staggered import Numbering, Strains, axis_pairs, edge_modulus
 from kaju.model.formats import ELASTIC_IN_TIME, sizes_of
 from kaju.model.result import BodyResult
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaju.errors import MissingExtraError, ResultError, ResultFileError
-from kaju.model.elasticity.export import corner_order, same_points
+from kaju.model.elastic.export import corner_order, same_points
 
 if TYPE_CHECKING:
     from .transfer_result import TransferResult

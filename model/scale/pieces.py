@@ -24,8 +24,8 @@ from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_folder, take_place
 from kaju.model.archive import Archive, open_archive, reading, write_archive
-from kaju.model.elasticity import sampling
-from kaju.model.elasticity.staggered import axis_pairs
+from kaju.model.elastic import sampling
+from kaju.model.elastic.staggered import axis_pairs
 from kaju.model.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
 

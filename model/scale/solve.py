@@ -25,14 +25,14 @@ from kaju.errors import (
     SupportError,
     WorkerError,
 )
-from kaju.model.elasticity import fields
-from kaju.model.elasticity.cell_agents import CellAgents
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.elasticity.engine import Solution
-from kaju.model.elasticity.grid import grid_of
-from kaju.model.elasticity.problem import ACTIVE, ElasticProblem, FaceFields, Floats
-from kaju.model.elasticity.reactions import INSIDE, reactions
-from kaju.model.elasticity.staggered import internal_force
+from kaju.model.elastic import fields
+from kaju.model.elastic.cell_agents import CellAgents
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.engine import Solution
+from kaju.model.elastic.grid import grid_of
+from kaju.model.elastic.problem import ACTIVE, ElasticProblem, FaceFields, Floats
+from kaju.model.elastic.reactions import INSIDE, reactions
+from kaju.model.elastic.staggered import internal_force
 from kaju.model.scene import Scene
 
 from .multigrid import Hierarchy, assembled, rows_on

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import SceneError
-from kaju.model.elasticity.problem import (
+from kaju.model.elastic.problem import (
     ACTIVE,
     CellLoads,
     ElasticProblem,
@@ -23,12 +23,12 @@ from kaju.model.elasticity.problem import (
     Side,
     problem_of,
 )
-from kaju.model.elasticity.staggered import (
+from kaju.model.elastic.staggered import (
     Numbering,
     internal_force,
     stiffness_matrix,
 )
-from kaju.model.elasticity.system import lead
+from kaju.model.elastic.system import lead
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 

@@ -190,7 +190,7 @@ def _within(rng: Generator, family: str, number: int) -> dict[str, Any]:
 def _agents(rng: Generator, family: str, number: int) -> dict[str, Any]:
     """Let elastic agents settle, in one of their orders of work."""
     from kaju.agents.elastic_rule import ElasticRule, Order
-    from kaju.model.settling.elastic_model import ElasticModel
+    from kaju.model.elastic.settling.elastic_model import ElasticModel
 
     orders: list[Order] = ["wave", "largest first", "multilevel"]
     order = orders[rng.integers(3)]

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kaju.model.elasticity.moduli import moduli_of
+from kaju.model.elastic.moduli import moduli_of
 from kaju.model.scene import Scene
 
 from .boundary import Floats

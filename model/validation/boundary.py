@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.elasticity.cell_agents import CellAgents
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.elasticity.engine import solve_problem
-from kaju.model.elasticity.from_scene import problem_of_scene
-from kaju.model.elasticity.problem import ElasticProblem, FaceFields
+from kaju.model.elastic.cell_agents import CellAgents
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.engine import solve_problem
+from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.problem import ElasticProblem, FaceFields
 from kaju.model.scene import Scene
 
 Floats = NDArray[np.float64]

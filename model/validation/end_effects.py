@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kaju.model.elasticity.elastic_result import ElasticResult
+from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 
 from .boundary import Floats

@@ -13,9 +13,9 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.elasticity.moduli import moduli_of
-from kaju.model.elasticity.solve import solve
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.moduli import moduli_of
+from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 
 from .boundary import Floats, solve_with_given_displacement, traction_loads

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ParameterError
-from kaju.model.elasticity.moduli import Moduli, moduli_of
+from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.factors import factors_of
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER

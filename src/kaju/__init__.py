@@ -28,7 +28,12 @@ if TYPE_CHECKING:
     from kaju.errors import KajuError as KajuError
     from kaju.model.compare import compare as compare
     from kaju.model.creep import creep as creep
-    from kaju.model.elasticity.elastic_result import ElasticResult as ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult as ElasticResult
+    from kaju.model.elastic.settling.elastic_model import ElasticModel as ElasticModel
+    from kaju.model.elastic.spawning.quantities import Deflection as Deflection
+    from kaju.model.elastic.spawning.quantities import Reaction as Reaction
+    from kaju.model.elastic.spawning.quantities import Stress as Stress
+    from kaju.model.elastic.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.fitting import fit_rule as fit_rule
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
@@ -41,12 +46,7 @@ if TYPE_CHECKING:
     from kaju.model.scene import Lattice as Lattice
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
-    from kaju.model.settling.elastic_model import ElasticModel as ElasticModel
     from kaju.model.solving import solve as solve
-    from kaju.model.spawning.quantities import Deflection as Deflection
-    from kaju.model.spawning.quantities import Reaction as Reaction
-    from kaju.model.spawning.quantities import Stress as Stress
-    from kaju.model.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.stored import load_result as load_result
     from kaju.model.sweep import sweep as sweep
     from kaju.view import animate as animate
@@ -58,9 +58,9 @@ if TYPE_CHECKING:
 # pandas with it, the views bring matplotlib.
 _HOME = {
     "Coefficients": "kaju.agents.rules",
-    "Deflection": "kaju.model.spawning.quantities",
-    "ElasticModel": "kaju.model.settling.elastic_model",
-    "ElasticResult": "kaju.model.elasticity.elastic_result",
+    "Deflection": "kaju.model.elastic.spawning.quantities",
+    "ElasticModel": "kaju.model.elastic.settling.elastic_model",
+    "ElasticResult": "kaju.model.elastic.elastic_result",
     "ElasticRule": "kaju.agents.elastic_rule",
     "FaceAgent": "kaju.agents.face_agent",
     "FreeBoundaryAgent": "kaju.agents.boundary_agent",
@@ -73,17 +73,17 @@ _HOME = {
     "NetworkModel": "kaju.model.network.network_model",
     "NetworkResult": "kaju.model.network",
     "PrescribedRule": "kaju.agents.rules",
-    "Reaction": "kaju.model.spawning.quantities",
+    "Reaction": "kaju.model.elastic.spawning.quantities",
     "Reference": "kaju.model.reference",
     "Result": "kaju.model.result",
     "RigidBoundaryAgent": "kaju.agents.boundary_agent",
     "RollerBoundaryAgent": "kaju.agents.boundary_agent",
     "Scene": "kaju.model.scene",
     "Shares": "kaju.agents.shares",
-    "SpawningModel": "kaju.model.spawning.spawning_model",
+    "SpawningModel": "kaju.model.elastic.spawning.spawning_model",
     "SpringNetwork": "kaju.model.network",
     "ThreeElement": "kaju.agents.rheology",
-    "Stress": "kaju.model.spawning.quantities",
+    "Stress": "kaju.model.elastic.spawning.quantities",
     "TransferResult": "kaju.model.propagation.transfer_result",
     "animate": "kaju.view",
     "compare": "kaju.model.compare",

@@ -27,10 +27,10 @@ from .options import (
 )
 
 if TYPE_CHECKING:
+    from kaju.model.elastic.settling.elastic_model import ElasticModel
     from kaju.model.propagation.load_model import LoadModel
     from kaju.model.result import Result
     from kaju.model.scene import Scene
-    from kaju.model.settling.elastic_model import ElasticModel
 
 
 class StrategyName(Enum):
@@ -222,7 +222,7 @@ def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Re
 
 def _model_of(scene: Scene, allow_unstable: bool) -> LoadModel | ElasticModel:
     if scene.rule.kind == "elastic":
-        from kaju.model.settling.elastic_model import ElasticModel
+        from kaju.model.elastic.settling.elastic_model import ElasticModel
 
         return ElasticModel(scene, allow_unstable=allow_unstable)
     from kaju.model.propagation.load_model import LoadModel

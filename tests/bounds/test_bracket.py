@@ -261,7 +261,7 @@ def test_where_the_theorem_does_not_reach_there_is_no_bound_and_it_says_why(scen
 
 
 def test_an_answer_that_does_not_balance_has_no_bound(monkeypatch):
-    from kaju.model.elasticity import bracket
+    from kaju.model.elastic import bracket
 
     monkeypatch.setattr(bracket, "BALANCED", 1e-20)
     result = solve(plate(8), strategy="uniform")

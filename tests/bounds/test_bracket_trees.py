@@ -119,7 +119,7 @@ def test_equal_cells_keep_a_tolerance_by_their_bound():
 
 
 def test_a_proof_that_would_cost_too_much_is_missed_and_said(monkeypatch):
-    from kaju.model.elasticity import bracket
+    from kaju.model.elastic import bracket
 
     monkeypatch.setattr(bracket, "MORE", 1)
     monkeypatch.setattr(bracket, "FEW", 0)

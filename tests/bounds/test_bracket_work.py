@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from kaju import Scene, solve
-from kaju.model.elasticity.balanced import BalancedStress
-from kaju.model.elasticity.boxes import corner_ends
-from kaju.model.elasticity.compatible import CompatibleField
-from kaju.model.spawning.tree_boxes import boxes_of_agents
+from kaju.model.elastic.balanced import BalancedStress
+from kaju.model.elastic.boxes import corner_ends
+from kaju.model.elastic.compatible import CompatibleField
+from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
 
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}

@@ -9,7 +9,7 @@ from kaju import LoadModel, Reference, Scene, compare, load_scene, solve
 from kaju.agents.rules import ElasticRule, PrescribedRule
 from kaju.errors import ParameterError, ResultError, ResultFileError
 from kaju.model.compare import load_answer
-from kaju.model.settling.elastic_model import ElasticModel
+from kaju.model.elastic.settling.elastic_model import ElasticModel
 
 ROOT = Path(__file__).parent.parent.parent
 DATA = ROOT / "tests" / "data"

@@ -12,8 +12,8 @@ from kaju.agents.elastic_rule import elastic_constants
 from kaju.agents.materials import LIBRARY, Material
 from kaju.agents.rules import ElasticRule, PrescribedRule, Shares
 from kaju.errors import ParameterError
-from kaju.model.elasticity.moduli import moduli_of
-from kaju.model.settling.table import PushTable
+from kaju.model.elastic.moduli import moduli_of
+from kaju.model.elastic.settling.table import PushTable
 
 STEEL = LIBRARY["steel"]
 ratios = st.floats(-0.95, 0.49)

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, SupportAgent
 from kaju.errors import ParameterError
+from kaju.model.elastic.settling.agent_engine import AgentPushEngine
+from kaju.model.elastic.settling.array_engine import ArrayPushEngine
+from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.settling.kernels import replay, seat
 from kaju.model.scene.kinds import AIR
-from kaju.model.settling.agent_engine import AgentPushEngine
-from kaju.model.settling.array_engine import ArrayPushEngine
-from kaju.model.settling.elastic_model import ElasticModel
-from kaju.model.settling.kernels import replay, seat
 
 ORDERS = ["wave", "largest first", "multilevel"]
 

@@ -8,10 +8,10 @@ from hypothesis import given, reject, settings
 from kaju.agents.materials import LIBRARY, Material
 from kaju.agents.rules import ElasticRule
 from kaju.errors import SceneError, StabilityError
+from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.settling.stability import certify_waves
+from kaju.model.elastic.settling.table import PushTable
 from kaju.model.scene import Scene
-from kaju.model.settling.elastic_model import ElasticModel
-from kaju.model.settling.stability import certify_waves
-from kaju.model.settling.table import PushTable
 
 STEEL = LIBRARY["steel"]
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import kaju
 from kaju.errors import ParameterError, SupportError
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.elasticity.solve import solve
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 
 STEEL = {"size": [0.2, 0.1], "cells": [40, 20], "thickness": 0.002, "material": "steel"}
@@ -189,7 +189,7 @@ def test_nothing_keeps_the_results_before_alive():
 
 
 def test_large_bodies_give_their_matrices_back(monkeypatch):
-    monkeypatch.setattr("kaju.model.elasticity.prepared.KEPT", 100)
+    monkeypatch.setattr("kaju.model.elastic.prepared.KEPT", 100)
     assert solve(BODIES["hole"]).found.solution.prepared is None
     assert solve(BODIES["box"]).found.solution.prepared is not None
     moved = BODIES["hole"].replace(loads=press(3))

@@ -5,10 +5,10 @@ import pytest
 from elastic_cases import cube, pixel_body, plate, press
 from scipy.sparse.linalg import spsolve
 
-from kaju.model.elasticity import hierarchy
-from kaju.model.elasticity.engine import solve_problem
-from kaju.model.elasticity.problem import make_problem
-from kaju.model.elasticity.staggered import Numbering, stiffness_matrix
+from kaju.model.elastic import hierarchy
+from kaju.model.elastic.engine import solve_problem
+from kaju.model.elastic.problem import make_problem
+from kaju.model.elastic.staggered import Numbering, stiffness_matrix
 
 
 def reference(problem):
@@ -96,7 +96,7 @@ def test_what_defeats_multigrid_is_solved_all_the_same(name):
 
 def test_algebraic_multigrid_takes_over_where_a_factor_would_be_too_large(monkeypatch):
     pytest.importorskip("pyamg")
-    monkeypatch.setattr("kaju.model.elasticity.engine.DIRECT_LIMIT", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.engine.DIRECT_LIMIT", {2: 0, 3: 0})
     problem = pixel_body("comb", 96)
     solution = solve_problem(problem, 1e-8)
     assert solution.method == "algebraic multigrid"
@@ -130,7 +130,7 @@ def test_half_of_its_modulus_is_the_best_for_a_reentrant_corner(monkeypatch):
 
 
 def test_by_default_the_iteration_stops_below_the_error_of_the_grid(monkeypatch):
-    monkeypatch.setattr("kaju.model.elasticity.engine.SMALL", 0)
+    monkeypatch.setattr("kaju.model.elastic.engine.SMALL", 0)
     for problem in (plate(160), pixel_body("hole", 100), pixel_body("inclusion 1e3", 64)):
         rough, exact = solve_problem(problem), solve_problem(problem, 1e-11)
         assert rough.iterations < exact.iterations

@@ -60,7 +60,7 @@ def test_a_hinge_that_hardly_resists_is_refused():
 
 def test_compiling_is_said_once(tmp_path):
     script = (
-        "import numpy as np; from kaju.model.elasticity.krylov import dot, _turn;"
+        "import numpy as np; from kaju.model.elastic.krylov import dot, _turn;"
         "print(dot(np.ones(3), np.ones(3))); _turn(np.ones(3), np.ones(3), 1.0)"
     )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

@@ -12,11 +12,11 @@ from kaju.errors import (
     SceneError,
     SupportError,
 )
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.elasticity.from_scene import problem_of_scene
-from kaju.model.elasticity.problem import make_problem
-from kaju.model.elasticity.solve import solve
-from kaju.model.elasticity.supports import check_supports, slender_cell
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.problem import make_problem
+from kaju.model.elastic.solve import solve
+from kaju.model.elastic.supports import check_supports, slender_cell
 
 PLATE = {
     "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
@@ -348,9 +348,9 @@ def test_slender_members_are_found():
 
 
 def test_no_convergence_gives_the_best_field(monkeypatch):
-    monkeypatch.setattr("kaju.model.elasticity.engine.DIRECT_LIMIT", {2: 0, 3: 0})
+    monkeypatch.setattr("kaju.model.elastic.engine.DIRECT_LIMIT", {2: 0, 3: 0})
     monkeypatch.setattr(
-        "kaju.model.elasticity.prepared.algebraic_preconditioner",
+        "kaju.model.elastic.prepared.algebraic_preconditioner",
         lambda matrix, numbering: lambda load: np.zeros_like(load),
     )
     kinds = np.zeros((96, 96), int)

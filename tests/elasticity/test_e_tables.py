@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from elastic_cases import cube, plate
 
-from kaju.model.elasticity.engine import solve_problem
+from kaju.model.elastic.engine import solve_problem
 
 
 def plate_values(n):

@@ -5,11 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from kaju.model.elasticity import sweeps
-from kaju.model.elasticity.box_multigrid import BoxMultigrid, face_count
-from kaju.model.elasticity.hierarchy import Hierarchy
-from kaju.model.elasticity.problem import ACTIVE, make_problem
-from kaju.model.elasticity.staggered import (
+from kaju.model.elastic import sweeps
+from kaju.model.elastic.box_multigrid import BoxMultigrid, face_count
+from kaju.model.elastic.hierarchy import Hierarchy
+from kaju.model.elastic.problem import ACTIVE, make_problem
+from kaju.model.elastic.staggered import (
     Numbering,
     axis_pairs,
     edge_modulus,
@@ -219,7 +219,7 @@ def test_the_matrix_is_the_plain_law_on_ragged_bodies(shape):
 
 @pytest.mark.parametrize("shape", [(8, 8), (9, 6), (8, 6, 7)])
 def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
-    from kaju.model.elasticity.fallback import rigid_motions
+    from kaju.model.elastic.fallback import rigid_motions
 
     problem = make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0)
     hierarchy = Hierarchy(problem)

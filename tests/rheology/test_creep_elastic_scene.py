@@ -8,7 +8,7 @@ from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
 from kaju.model.creep import creep
 from kaju.model.creep.elastic_result import SteppedBody
-from kaju.model.elasticity.solve import solve
+from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 
 SOFT = ThreeElement(K_f=2e5, D_f=3e5, D_d=4e6)

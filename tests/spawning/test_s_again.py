@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from kaju import Scene, solve
 from kaju.errors import ParameterError, SupportError
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.spawning.leaves import Leaves
-from kaju.model.spawning.previous import refined_by
-from kaju.model.spawning.retire import even_share, retired
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.spawning.leaves import Leaves
+from kaju.model.elastic.spawning.previous import refined_by
+from kaju.model.elastic.spawning.retire import even_share, retired
 
 BODY = {"size": [0.2, 0.1], "cells": [32, 16], "thickness": 0.002, "material": "steel"}
 HOLE = {"centre": [0.1, 0.05], "radius": 0.02}
@@ -290,7 +290,7 @@ def test_nothing_keeps_the_answers_before_alive():
 
 
 def test_many_agents_give_their_matrices_back(monkeypatch):
-    monkeypatch.setattr("kaju.model.spawning.generations.KEPT", {2: 10})
+    monkeypatch.setattr("kaju.model.elastic.spawning.generations.KEPT", {2: 10})
     first = spawned(plate())
     assert first.found.spawning.hierarchy is None
     scene = plate(loads=press(force=(0.3, -2.0)))

@@ -5,14 +5,14 @@ import pytest
 from spawning_bodies import BRASS, STEEL, blotched, drawn, pierced, quarter, ragged
 
 from kaju import Scene, solve
-from kaju.model.spawning import block_kernels as kernels
-from kaju.model.spawning.agent_fields import AgentFields
-from kaju.model.spawning.block_multigrid import BlockMultigrid
-from kaju.model.spawning.block_spawner import agents_errors
-from kaju.model.spawning.blocks import BlockBalance, Window
-from kaju.model.spawning.forest import first_forest
-from kaju.model.spawning.ground import ground_of
-from kaju.model.spawning.indicator import indicate
+from kaju.model.elastic.spawning import block_kernels as kernels
+from kaju.model.elastic.spawning.agent_fields import AgentFields
+from kaju.model.elastic.spawning.block_multigrid import BlockMultigrid
+from kaju.model.elastic.spawning.block_spawner import agents_errors
+from kaju.model.elastic.spawning.blocks import BlockBalance, Window
+from kaju.model.elastic.spawning.forest import first_forest
+from kaju.model.elastic.spawning.ground import ground_of
+from kaju.model.elastic.spawning.indicator import indicate
 
 
 def plate(**changes):

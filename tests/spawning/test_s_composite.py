@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from kaju import Scene
-from kaju.model.elasticity.solve import solve as solve_uniform
-from kaju.model.spawning.balance import Balance
-from kaju.model.spawning.composite import Composite
-from kaju.model.spawning.field import interpolation
-from kaju.model.spawning.ground import Ground
-from kaju.model.spawning.leaves import Leaves, morton
-from kaju.model.spawning.solve import solve_spawning
+from kaju.model.elastic.solve import solve as solve_uniform
+from kaju.model.elastic.spawning.balance import Balance
+from kaju.model.elastic.spawning.composite import Composite
+from kaju.model.elastic.spawning.field import interpolation
+from kaju.model.elastic.spawning.ground import Ground
+from kaju.model.elastic.spawning.leaves import Leaves, morton
+from kaju.model.elastic.spawning.solve import solve_spawning
 
 STEEL = {"material": "steel"}
 

@@ -22,10 +22,10 @@ from spawning_bodies import PLANE
 
 from kaju import Deflection, Reaction, Scene, SpawningModel, Stress, material, solve
 from kaju.errors import ParameterError
+from kaju.model.elastic.spawning.agent_fields import AgentFields
+from kaju.model.elastic.spawning.functionals import functional_of
+from kaju.model.elastic.spawning.quantities import quantities_of
 from kaju.model.reference import Reference
-from kaju.model.spawning.agent_fields import AgentFields
-from kaju.model.spawning.functionals import functional_of
-from kaju.model.spawning.quantities import quantities_of
 from kaju.model.stored import load_result
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"

@@ -6,9 +6,9 @@ import scipy.sparse.linalg as spla
 from spawning_bodies import BRASS, CELL, FOAM, STEEL, drawn, joined, on_top, ragged
 
 from kaju import Scene, solve
-from kaju.model.spawning.balance import Balance
-from kaju.model.spawning.composite import Composite
-from kaju.model.spawning.ground import ground_of
+from kaju.model.elastic.spawning.balance import Balance
+from kaju.model.elastic.spawning.composite import Composite
+from kaju.model.elastic.spawning.ground import ground_of
 from kaju.model.stored import load_result
 
 

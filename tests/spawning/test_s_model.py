@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from kaju import Scene, SpawningModel, solve
 from kaju.errors import ParameterError, ResultError
-from kaju.model.spawning import spawning_model
-from kaju.model.spawning.family import Family, corners
-from kaju.model.spawning.leaves import morton
+from kaju.model.elastic.spawning import spawning_model
+from kaju.model.elastic.spawning.family import Family, corners
+from kaju.model.elastic.spawning.leaves import morton
 from kaju.model.stored import load_result
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kaju import Scene, solve
-from kaju.model.spawning import sampling
+from kaju.model.elastic.spawning import sampling
 
 
 def spawned_by(scene, **how):

@@ -7,8 +7,8 @@ from elastic_scenes import spawned_agents
 import kaju
 from kaju import Scene, solve
 from kaju.errors import ConvergenceError, ParameterError, ResultFileError, SupportError
-from kaju.model.elasticity.elastic_result import ElasticResult
-from kaju.model.spawning.solve import solve_spawning
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.spawning.solve import solve_spawning
 from kaju.model.stored import load_result
 
 

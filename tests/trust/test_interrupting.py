@@ -74,7 +74,7 @@ def test_agents_that_spawn_keep_their_generation(monkeypatch):
     ],
 )
 def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, answer):
-    from kaju.model.elasticity import krylov
+    from kaju.model.elastic import krylov
 
     holed = plate(body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel", "regions": [
         {"disk": {"centre": [0.1, 0.1], "radius": 0.04}, "material": "air"}]})  # fmt: skip

@@ -74,7 +74,7 @@ def test_factors_that_do_not_fit_are_refused_by_name(monkeypatch, end):
 
 
 def test_arrays_that_do_not_fit_are_refused_by_name(monkeypatch):
-    from kaju.model.spawning import ground
+    from kaju.model.elastic.spawning import ground
 
     def full(*_):
         raise MemoryError("Unable to allocate 1 TiB")

@@ -7,9 +7,9 @@ import pytest
 
 import kaju
 from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
-from kaju.model.elasticity.from_scene import problem_of_scene
-from kaju.model.spawning import generations
-from kaju.model.spawning.field import slope_weights
+from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.spawning import generations
+from kaju.model.elastic.spawning.field import slope_weights
 
 
 def plate(**changes):

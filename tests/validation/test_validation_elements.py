@@ -17,8 +17,8 @@ from fem_peer import solve_elements
 from scipy.ndimage import label
 
 from kaju import Scene
-from kaju.model.elasticity.problem import CellLoads
-from kaju.model.elasticity.solve import solve
+from kaju.model.elastic.problem import CellLoads
+from kaju.model.elastic.solve import solve
 
 MATERIALS = [(1.0, 0.3), (3.0, 0.2), (0.5, 0.4)]
 NAMES = {-1: "air", 0: "plain", 1: "stiff", 2: "soft"}

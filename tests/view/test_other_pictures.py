@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kaju.errors import ParameterError
-from kaju.model.elasticity.solve import solve
+from kaju.model.elastic.solve import solve
 from kaju.model.network.lattices import face_centred, triangular
 from kaju.model.scene import Scene
 from kaju.view import plot, plot_all

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaju.errors import ParameterError
-from kaju.model.elasticity.problem import ABSENT
-from kaju.model.settling.elastic_model import ElasticModel
-from kaju.model.settling.run import curves_of
+from kaju.model.elastic.problem import ABSENT
+from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.elastic.settling.run import curves_of
 
 from .live import Session, complaint, generations_of, whole
 from .motion_data import Pictures, applied, curve_data, diamonds, picture_data
@@ -20,7 +20,7 @@ from .scene_data import FORMAT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from kaju.model.settling.table import PushTable
+    from kaju.model.elastic.settling.table import PushTable
 
     from .scene_data import Columns, FloatArray
 

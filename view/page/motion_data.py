@@ -21,11 +21,11 @@ from kaju.view import motion
 from .scene_data import Columns
 
 if TYPE_CHECKING:
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network import SpringNetwork
     from kaju.model.result import Result
     from kaju.model.scene import Scene
-    from kaju.model.settling.run import ElasticRun
     from kaju.view.motion import Motion
 
 Floats = NDArray[np.float64]
@@ -136,10 +136,10 @@ def _pictures(result: Result) -> Pictures:
     from kaju.model.creep.body import TransferCreepResult
     from kaju.model.creep.elastic_result import ElasticCreepResult
     from kaju.model.creep.network_result import NetworkCreepResult
-    from kaju.model.elasticity.elastic_result import ElasticResult
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.settling.run import ElasticRun
 
     if isinstance(result, NetworkResult):
         over, moved = ("stage", "", result.stage), _largest(result.displacement)

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError
+from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
-from kaju.model.settling.elastic_model import ElasticModel
 
 from .live import LiveRun, Session
 from .live_faces import LiveFaces

@@ -1,0 +1,272 @@
+"""Equal cells as agents: what they are, how they move, and how that was found; scaled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ResultFileError
+from kaju.model.archive import Archive
+from kaju.model.formats import SolutionRecord
+from kaju.model.scene import Scene
+
+from . import fields, sampling
+from .engine import Answered, Solution, solve_problem
+from .from_scene import problem_of_scene
+from .moduli import Moduli
+from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
+from .reactions import INSIDE, reactions
+from .staggered import Strains
+
+if TYPE_CHECKING:
+    from kaju.model.elastic.spawning.tree_agents import TreeAgents
+
+    from .bracket import Bracket
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class CellAgents:
+    """Agents of one size: arrays over the box around the body.
+
+    Attributes
+    ----------
+    grid : Scene
+        The scene on the cells that were solved.
+    stage : int or None
+    problem : ElasticProblem
+        The scaled arrays that were solved.
+    origin : tuple of int
+        The grid's cell that is the arrays' first.
+    solution : Solution
+        Displacements of the faces and the history of the iteration.
+    """
+
+    storage: ClassVar[str] = "cells"
+    grid: Scene
+    stage: int | None
+    problem: ElasticProblem
+    origin: tuple[int, ...]
+    solution: Solution
+
+    @property
+    def scales(self) -> Scales:
+        """Units of the scaled problem."""
+        return self.problem.scales
+
+    @property
+    def moduli(self) -> Moduli:
+        """Of every material."""
+        return self.problem.moduli
+
+    @property
+    def energy(self) -> float:
+        """Energy stored in body and foundation."""
+        return self.solution.energy
+
+    @property
+    def error(self) -> float:
+        """Estimated error in the energy norm, relative.
+
+        The difference to the answer of cells twice as large, with what the iteration left.
+        """
+        return self.solution.error_estimate
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """Relative residual before every iteration."""
+        return tuple(self.solution.residuals)
+
+    @property
+    def levels(self) -> int:
+        """Sizes of agents."""
+        return 1
+
+    @property
+    def method(self) -> str:
+        """How the equations were solved."""
+        return self.solution.method
+
+    @property
+    def notes(self) -> list[str]:
+        """What the solver decided by itself."""
+        return self.solution.notes
+
+    def history(self) -> dict[str, Any]:
+        """Return how the agents came to be: all at once."""
+        return {"generations": 1}
+
+    @property
+    def body(self) -> NDArray[np.bool_]:
+        """Which cells of the box are of a material."""
+        return np.asarray(self.problem.kinds[self.problem.inner] >= 0)
+
+    @cached_property
+    def cells(self) -> Index:
+        """The grid's cells that are agents, shape (agents, dimension), row by row."""
+        return np.asarray(np.argwhere(self.body) + np.asarray(self.origin), dtype=np.int64)
+
+    @cached_property
+    def count(self) -> int:
+        """Number of agents."""
+        return int(np.count_nonzero(self.body))
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners (m) of the agents."""
+        return np.asarray(self.cells * self.grid.lattice.cell_size)
+
+    @property
+    def size(self) -> Floats:
+        """Edges (m) of the agents."""
+        return np.full(self.count, self.grid.lattice.cell_size)
+
+    @property
+    def material(self) -> Index:
+        """Index of each agent's material."""
+        return np.asarray(self.problem.kinds[self.problem.inner][self.body], dtype=np.int64)
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Of the agents' middles."""
+        return fields.cell_means(self.problem, self.solution.displacement)[self.body]
+
+    @cached_property
+    def parts(self) -> Strains:
+        """Normal stresses of the box's cells, shear stresses of its edges."""
+        return fields.stress_parts(self.problem, self.solution.displacement)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents."""
+        return fields.cell_tensor(self.problem, self.parts)[self.body]
+
+    @cached_property
+    def faces(self) -> FaceFields:
+        """Normal displacement of the box's faces per axis; NaN where there is no body."""
+        return tuple(
+            np.where(state == ABSENT, np.nan, values)[self.problem.inner]
+            for values, state in zip(
+                self.solution.displacement, self.problem.face_states(), strict=True
+            )
+        )
+
+    @cached_property
+    def bracket(self) -> Bracket | str:
+        """What is certain about the answer; in words why nothing is, where nothing is."""
+        from .boxes import boxes_of_cells
+        from .bracket import SETTLED, bracket_of
+
+        problem, solution = self.problem, self.solution
+        if solution.algebraic > SETTLED:
+            solution = solve_problem(problem, SETTLED, Answered(problem, solution))
+        if any(np.any(shear) for shear in problem.surface_shear.values()):
+            return self._by_tree(replace(self, solution=solution).tree)
+        u = solution.displacement
+        return bracket_of(boxes_of_cells(problem, u, self.grid, self.stage))
+
+    def _by_tree(self, tree: TreeAgents) -> Bracket | str:
+        """Return the bracket of the same agents as a tree: in the order and units of these."""
+        found, units, own = tree.bracket, tree.scales, self.scales
+        if isinstance(found, str):
+            return found
+        force, moved = units.force / own.force, units.displacement / own.displacement
+        energy, stress = force * moved, units.modulus / own.modulus * moved
+        return replace(
+            found,
+            lower=energy * found.lower,
+            upper=energy * found.upper,
+            shares=energy * self.from_tree(found.shares),
+            stress=stress * self.from_tree(found.stress),
+        )
+
+    @cached_property
+    def corners(self) -> Floats:
+        """Displacement of the corners of the box's cells; NaN where there is no body."""
+        return fields.node_displacement(self.problem, self.solution.displacement)
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of each support on the body."""
+        lattice, shape = self.grid.lattice, self.problem.shape
+        names = []
+        for index, name in enumerate(lattice.sides):
+            axis, upper = divmod(index, 2)
+            end = self.origin[axis] + shape[axis] == lattice.shape[axis]
+            reached = end if upper else self.origin[axis] == 0
+            names.append(name if reached else INSIDE)
+        return reactions(self.problem, self.solution.displacement, tuple(names))
+
+    def displacement_at(self, points: Floats, cells: Index) -> Floats:
+        """Return the displacement at points (m) in or on cells of the grid."""
+        return sampling.at_nodes(self.corners, *self._within(points, cells))
+
+    def stress_at(self, points: Floats, cells: Index) -> Floats:
+        """Return stress tensors at points (m) in or on cells of the grid."""
+        kinds = self.problem.kinds[self.problem.inner]
+        return sampling.stress_at(self.parts, kinds, *self._within(points, cells))
+
+    def material_at(self, points: Floats, cells: Index) -> Index:
+        """Return the material of the cells in or on which points lie."""
+        kinds = self.problem.kinds[self.problem.inner]
+        return np.asarray(kinds[tuple((cells - np.asarray(self.origin)).T)], dtype=np.int64)
+
+    def _within(self, points: Floats, cells: Index) -> tuple[Index, Floats]:
+        local = points / self.grid.lattice.cell_size - cells
+        return cells - np.asarray(self.origin), np.clip(local, 0.0, 1.0)
+
+    @cached_property
+    def tree(self) -> TreeAgents:
+        """The same agents as the tree of one level, which knows their errors one by one."""
+        from kaju.model.elastic.spawning.tree_agents import tree_of_cells
+
+        return tree_of_cells(self)
+
+    def from_tree(self, values: Floats) -> Floats:
+        """Return values of the tree's agents in the order of these."""
+        tree = self.tree
+        return np.asarray(values[tree.leaves.find(self.cells * tree.ground.cell)])
+
+    @property
+    def level(self) -> Index:
+        """How often agents were halved: never."""
+        return np.zeros(self.count, dtype=np.int64)
+
+    @property
+    def spawn_step(self) -> Index:
+        """When agents spawned: all at first."""
+        return np.zeros(self.count, dtype=np.int64)
+
+    @property
+    def cause(self) -> Floats:
+        """For what load agents spawned: for none."""
+        return np.zeros(self.count)
+
+    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored: arrays, and plain values."""
+        described = {
+            name: value
+            for name, value in vars(self.solution).items()
+            if name not in ("displacement", "prepared")
+        }
+        faces = {f"face.{a}": values for a, values in enumerate(self.solution.displacement)}
+        return faces, {"solution": described}
+
+    @classmethod
+    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> CellAgents:
+        """Return what `archive` took apart."""
+        division = archive.value("subdivision", int)
+        if not 1 <= division <= 1 << 20:
+            raise ResultFileError(f"{archive.path}: 'subdivision' must be 1 or more")
+        grid = scene if division == 1 else scene.refine(division)
+        problem, origin = problem_of_scene(grid, stage)
+        faces = tuple(
+            archive.array(f"face.{axis}", "f", problem.face_shape(axis))
+            for axis in range(problem.dimension)
+        )
+        solution = Solution(displacement=faces, **archive.value("solution", SolutionRecord))
+        return cls(grid, stage, problem, origin, solution)

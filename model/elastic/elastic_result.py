@@ -1,0 +1,590 @@
+"""The answer of linear elasticity: one, whatever agents it was found with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju import __version__
+from kaju.errors import ParameterError, ResultError
+from kaju.model.archive import Archive
+from kaju.model.result import BodyResult, Tiles, cells_of_points
+from kaju.model.scene import Scene
+
+from . import fields
+from .problem import Floats
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from kaju.model.elastic.spawning.family import Family
+    from kaju.model.elastic.spawning.generations import Generation, Spawning
+    from kaju.model.elastic.spawning.goals import Asked, Goal
+    from kaju.model.elastic.spawning.quantities import Place, Quantity
+    from kaju.model.elastic.spawning.tree_agents import TreeAgents
+
+    from .cell_agents import CellAgents
+    from .equal_arrays import EqualArrays
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ElasticResult(BodyResult):
+    """Linear elasticity of a scene: agents on a staggered grid, equal cells or of many sizes.
+
+    Arrays over agents have one row for each, in the order of `lower`: equal cells row by row,
+    agents that spawned along a space-filling curve. `cells` gives arrays over equal cells.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    stage : int or None
+        Stage of loading; None is the last.
+    found : CellAgents or TreeAgents
+        The agents, how their faces move and how that was solved, as the solver keeps them.
+    seconds : float
+    tolerance : float or None
+        Relative error that was asked for: in the energy norm, unless `tolerance_at` says else.
+    resolution : int or None
+        Smallest agents allowed, per cell of the scene; None is no limit.
+    tolerance_at : str or tuple of Deflection, Stress and Reaction, or None
+        What the tolerance is about, if not the energy norm.
+    """
+
+    kind: ClassVar[str] = "elastic"
+    scene: Scene
+    stage: int | None
+    found: CellAgents | TreeAgents
+    seconds: float
+    tolerance: float | None = None
+    resolution: int | None = None
+    tolerance_at: Asked = None
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+        return ("agents", "deformed", *FIELDS, "scene")
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+        return ("generations", "loads", "loading") if self.spawned else ("loading",)
+
+    @property
+    def focus(self) -> None:
+        """The cells that pictures are about: all of the body."""
+
+    @property
+    def name(self) -> str:
+        """What it is called beside another answer."""
+        return "spawned agents" if self.spawned else "elasticity"
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is; none of the agents crosses one."""
+        return self.found.grid
+
+    @property
+    def subdivision(self) -> int:
+        """How many cells of `grid` there are per cell of the scene, along each axis."""
+        return round(self.scene.lattice.cell_size / self.grid.lattice.cell_size)
+
+    @property
+    def spawned(self) -> bool:
+        """Whether agents spawned; else all of them were there at once."""
+        return self.found.storage == "tree"
+
+    @property
+    def agents(self) -> int:
+        """Number of agents."""
+        return self.found.count
+
+    @cached_property
+    def lower(self) -> Floats:
+        """Lower corners (m) of the agents, shape (agents, dimension)."""
+        return self.found.lower
+
+    @cached_property
+    def size(self) -> Floats:
+        """Edges (m) of the agents, shape (agents,)."""
+        return self.found.size
+
+    @property
+    def middle(self) -> Floats:
+        """Middles (m) of the agents, shape (agents, dimension)."""
+        return self.lower + 0.5 * self.size[:, None]
+
+    @property
+    def material(self) -> Index:
+        """Index into `scene.cell_materials` of each agent."""
+        return self.found.material
+
+    @property
+    def level(self) -> Index:
+        """How often the largest of the first agents would be halved to give each agent."""
+        return self.found.level
+
+    @property
+    def spawn_step(self) -> Index:
+        """Step in which each agent spawned; 0 for the first, and those of a previous answer."""
+        return self.found.spawn_step
+
+    @property
+    def cause(self) -> Floats:
+        """Load (N) its parent left unbalanced, for which each agent spawned.
+
+        0 for the first agents, NaN for those that keep neighbours alike in size.
+        """
+        return self.found.cause
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement (m) of the agents' middles, shape (agents, dimension)."""
+        return np.asarray(self.found.scales.displacement * self.found.displacement)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors (Pa) of the agents, shape (agents, dimension, dimension)."""
+        return np.asarray(self._stress_unit * self.found.stress)
+
+    @cached_property
+    def strain(self) -> Floats:
+        """Strain tensors of the agents, shape (agents, dimension, dimension)."""
+        return self._strain_of(self.stress, self.material)
+
+    @cached_property
+    def principal_stress(self) -> Floats:
+        """Principal stresses (Pa) of the agents in the plane (space), smallest first."""
+        return np.asarray(np.linalg.eigvalsh(self.stress))
+
+    @cached_property
+    def von_mises(self) -> Floats:
+        """Equivalent stress (Pa) of the agents."""
+        return self._von_mises_of(self.stress, self.material)
+
+    @cached_property
+    def reactions(self) -> dict[str, Floats]:
+        """Force (N) of each support on the body; "rigid" are rigid cells inside the array."""
+        unit = self.found.scales.force
+        return {name: unit * force for name, force in self.found.reactions().items()}
+
+    @property
+    def strain_energy(self) -> float:
+        """Energy (J) stored in the body, and in a foundation if there is one."""
+        return self.found.energy * self._energy_unit
+
+    @property
+    def error_estimate(self) -> float:
+        """Estimated error in the energy norm, relative to the solution.
+
+        Its square estimates the relative error of the strain energy. On equal cells it is the
+        difference to the answer of cells twice as large, with what the iteration left.
+        """
+        return self.found.error
+
+    @property
+    def energy_bounds(self) -> tuple[float, float] | None:
+        """Energies (J) below and above the true one; None where there are none (`no_bound`).
+
+        Worked out when first asked for, from a stress that balances and a displacement without
+        gaps (Prager and Synge 1947).
+        """
+        found = self.found.bracket
+        if isinstance(found, str):
+            return None
+        return found.lower * self._energy_unit, found.upper * self._energy_unit
+
+    @property
+    def error_bound(self) -> float | None:
+        """Largest error that `mean_stress` can have: in the energy norm, relative to the truth.
+
+        A theorem where `error_estimate` is an opinion; None where there is none (`no_bound`).
+        """
+        found = self.found.bracket
+        return None if isinstance(found, str) else found.error
+
+    @property
+    def provable(self) -> bool:
+        """Whether its bounds are cheap enough to be worked out without being asked for."""
+        from .bracket import MOST_PROVED
+
+        return self.agents <= MOST_PROVED[self.scene.lattice.dimension]
+
+    @property
+    def tolerance_kept(self) -> str | None:
+        """Whether the tolerance is kept; None without one.
+
+        "proved": `error_bound` is within it; "estimated": there is no bound (`no_bound`), and the
+        estimated error is within it; "missed": the one or the other is above it.
+        """
+        if self.tolerance is None:
+            return None
+        bound = self.error_bound if self.tolerance_at is None and self.provable else None
+        if bound is not None:
+            return "proved" if bound <= self.tolerance else "missed"
+        return "estimated" if self.goal_error_estimate <= self.tolerance else "missed"
+
+    @property
+    def no_bound(self) -> str:
+        """Why there are no bounds, in words; empty if there are."""
+        found = self.found.bracket
+        return found if isinstance(found, str) else ""
+
+    @property
+    def mean_stress(self) -> Floats:
+        """Mean (Pa) of the stress that balances and that of a displacement without gaps.
+
+        Shape (agents, dimension, dimension); `error_bound` is about this stress.
+
+        Raises
+        ------
+        ResultError
+            If there are no bounds.
+        """
+        found = self.found.bracket
+        if isinstance(found, str):
+            raise ResultError(f"mean_stress: there are no bounds, since {found}")
+        return np.asarray(self._stress_unit * found.stress)
+
+    @cached_property
+    def displacement_error_estimate(self) -> float:
+        """Estimated largest displacement error anywhere, relative to the largest displacement.
+
+        Worked out when it is asked for, by one more solution with the same agents.
+        """
+        from kaju.model.elastic.spawning.displacement_error import displacement_error
+        from kaju.model.elastic.spawning.first import direct_limit
+        from kaju.model.elastic.spawning.nested import NestedMultigrid
+        from kaju.model.elastic.spawning.quantities import DISPLACEMENT
+
+        if self.tolerance_at == DISPLACEMENT:
+            return self.goal_error_estimate
+        spawning = self._spawning
+        hierarchy = spawning.hierarchy
+        if hierarchy is None:
+            hierarchy = NestedMultigrid(spawning.balance, direct_limit(self.found.tree.ground))
+        state = (spawning.balance, spawning.displacement, spawning.indicator)
+        return displacement_error(*state, hierarchy).largest
+
+    @property
+    def goal_error_estimate(self) -> float:
+        """Estimated error that the tolerance is about, relative: see `tolerance_at`."""
+        return self.error_estimate if self.tolerance_at is None else self._spawning.aimed.error
+
+    @property
+    def goals(self) -> tuple[Goal, ...]:
+        """What has been found of every quantity that the tolerance is about."""
+        from kaju.model.elastic.spawning.functionals import plain, unit_of
+        from kaju.model.elastic.spawning.goals import Goal
+
+        if not isinstance(self.tolerance_at, tuple):
+            return ()
+        found = []
+        for quantity, answer in zip(self.tolerance_at, self._spawning.aimed.answers, strict=True):
+            unit = unit_of(quantity, self.found.scales)
+            value = plain(unit * answer.value)
+            found.append(Goal(quantity, value, unit * answer.error, answer.relative_error))
+        return tuple(found)
+
+    @property
+    def goal_values(self) -> tuple[float | Floats, ...]:
+        """The quantities that the tolerance is about, in m, Pa or N."""
+        return tuple(goal.value for goal in self.goals)
+
+    @property
+    def unbalanced_load(self) -> Floats:
+        """Load (N) each agent leaves unbalanced, as its children would feel it."""
+        tree = self.found.tree
+        return self.found.from_tree(tree.spawning.indicator.load * tree.scales.force)
+
+    @property
+    def error_share(self) -> Floats:
+        """Share of each agent in the (squared) error that the tolerance is about; the sum is 1."""
+        part = self._spawning.aimed.part
+        return self.found.from_tree(part / (part.sum() or 1.0))
+
+    @property
+    def generations(self) -> tuple[Generation, ...]:
+        """Every step of spawning: its agents, estimated error, strain energy (J), load left (N)."""
+        scales = self.found.tree.scales
+        unit = scales.force * scales.displacement
+        return tuple(
+            g._replace(energy=g.energy * unit, load=g.load * scales.force)
+            for g in self._spawning.generations
+        )
+
+    @cached_property
+    def family(self) -> Family:
+        """Every agent that ever stood: who spawned whom, when and why."""
+        from kaju.model.elastic.spawning.family import Family
+
+        return Family.of(self.generations, self.scene.lattice.dimension, self.found.tree.metre)
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """Relative residual before every iteration, of the last generation."""
+        return self.found.residuals
+
+    @property
+    def iterations(self) -> int:
+        """Number of iterations, of the last generation if there were several."""
+        return max(len(self.residuals) - 1, 0)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the solver decided by itself, and what is to be known of the answer."""
+        return (*self.found.notes, *self._unproved)
+
+    @property
+    def _unproved(self) -> list[str]:
+        """Say where a tolerance is not known to be kept."""
+        if self.tolerance is None or self.tolerance_at is not None or not self.provable:
+            return []
+        bound = self.error_bound
+        if bound is None:
+            return [f"the error is an estimate, without a proof: {self.no_bound}"]
+        if bound <= self.tolerance or self.error_estimate > self.tolerance:
+            return []
+        return [
+            f"the error is estimated as {self.error_estimate:.2g}, and proved to be below "
+            f"{bound:.2g} only, above the tolerance of {self.tolerance:g}"
+        ]
+
+    @cached_property
+    def sharp_corners(self) -> Floats:
+        """Points (m) at which stresses grow without limit under refinement; of plane bodies."""
+        from .corners import sharp_corners
+
+        return sharp_corners(self.scene)
+
+    @property
+    def _sharp(self) -> list[str]:
+        corners = self.sharp_corners.tolist()
+        places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3])
+        more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
+        return [
+            f"stress grows without limit under refinement at the corner {places} m{more}"
+            for _ in corners[:1]
+        ]
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest displacement of an agent's middle (m)."""
+        return float(np.linalg.norm(self.displacement, axis=1).max())
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+        return self.found.scales.displacement * self.found.displacement_at(*self._located(points))
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+        return self._stress_unit * self.found.stress_at(*self._located(points))
+
+    def strain_at(self, points: Floats) -> Floats:
+        """Return strain tensors at points (m), shape (n, dimension, dimension)."""
+        place = self._located(points)
+        stress = self._stress_unit * self.found.stress_at(*place)
+        return self._strain_of(stress, self.found.material_at(*place))
+
+    def value_of(self, quantity: Quantity | Place) -> float | Floats:
+        """Return a quantity in m, Pa or N: of a place the displacement.
+
+        Raises
+        ------
+        ParameterError
+            If it is of another dimension, outside of the body, or unknown.
+        """
+        from kaju.model.elastic.spawning.functionals import functional_of, plain, unit_of
+        from kaju.model.elastic.spawning.quantities import quantities_of
+
+        tree = self.found.tree
+        (asked,) = quantities_of(quantity)
+        value = functional_of(asked, tree.ground).of(tree.fields).value
+        return plain(unit_of(asked, tree.scales) * value)
+
+    def cells(self, resolution: int | None = None) -> EqualArrays:
+        """Return the answer as arrays over equal cells.
+
+        Parameters
+        ----------
+        resolution : int, optional
+            Cells per cell of the scene, along each axis; by default those of `grid`, which are
+            the agents themselves where these are equal.
+
+        Returns
+        -------
+        EqualArrays
+            Values in the middles of the cells, worked out when they are first asked for.
+
+        Raises
+        ------
+        ParameterError
+            If the resolution is no whole number from 1 upwards.
+        ResultError
+            If there would be too many cells.
+        """
+        from .equal_arrays import arrays_of
+
+        return arrays_of(self, resolution)
+
+    def tiles(self, value: Floats) -> Tiles:
+        """Return the agents with a value each, as they are drawn."""
+        return Tiles(self.lower, self.size, value)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        from kaju.model.elastic.spawning.goals import told
+
+        size = self.size
+        figures: dict[str, Any] = {
+            "rule": "elastic",
+            "plane": self.scene.plane,
+            "agents": self.agents,
+            "levels": self.found.levels,
+            "smallest_agent": float(size.min()),
+            "largest_agent": float(size.max()),
+            "strain_energy": self.strain_energy,
+            "error_estimate": self.error_estimate,
+            "max_displacement": self.max_displacement,
+            "reaction": {name: force.tolist() for name, force in self.reactions.items()},
+            "method": self.found.method,
+            "iterations": self.iterations,
+            "residual": self.residuals[-1] if self.residuals else 0.0,
+            "subdivision": self.subdivision,
+        }
+        if self.tolerance is not None:
+            figures |= {"tolerance": self.tolerance, "tolerance_at": told(self.tolerance_at)}
+            figures["tolerance_kept"] = self.tolerance_kept
+            if self.tolerance_at is None and self.provable:
+                figures |= {"error_bound": self.error_bound, "energy_bounds": self.energy_bounds}
+            figures["goal_error_estimate"] = self.goal_error_estimate
+        if self.goals:
+            figures["goals"] = [
+                {
+                    "value": np.asarray(goal.value).tolist(),
+                    "error_estimate": goal.error_estimate,
+                    "relative_error": goal.relative_error,
+                }
+                for goal in self.goals
+            ]
+        figures |= self.found.history()
+        return figures | {
+            "notes": [*self.notes, *self._sharp],
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        }
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per agent: place, size, material, displacement, strain and stress."""
+        import pandas as pd
+
+        from .export import columns
+
+        return pd.DataFrame(columns(self))
+
+    def to_xarray(self, resolution: int | None = None) -> xarray.Dataset:
+        """Return `cells(resolution)` as labelled arrays with coordinates and units.
+
+        Raises
+        ------
+        MissingExtraError
+            If xarray is not installed.
+        """
+        from .export import dataset
+
+        return dataset(self, resolution)
+
+    def to_vtk(self, path: str | Path) -> Path:
+        """Write the agents as an unstructured grid that ParaView reads (.vtu or .vtk).
+
+        Raises
+        ------
+        MissingExtraError
+            If meshio is not installed.
+        """
+        from .export import write_mesh
+
+        return write_mesh(self, path)
+
+    @property
+    def _stress_unit(self) -> float:
+        scales = self.found.scales
+        return scales.modulus * scales.displacement / scales.length
+
+    @property
+    def _energy_unit(self) -> float:
+        return self.found.scales.force * self.found.scales.displacement
+
+    @property
+    def _spawning(self) -> Spawning:
+        return self.found.tree.spawning
+
+    def _located(self, points: Floats) -> tuple[Floats, Index]:
+        return cells_of_points(self.grid, points)
+
+    def _strain_of(self, stress: Floats, material: Index) -> Floats:
+        scaled = stress / self.found.scales.modulus
+        return fields.strain_of(scaled, self.found.moduli, material)
+
+    def _von_mises_of(self, stress: Floats, material: Index) -> Floats:
+        across: Floats | float = 0.0
+        if self.scene.plane == "strain":
+            moduli = self.found.moduli
+            lateral, shear = moduli.lateral[material], moduli.shear[material]
+            across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
+        return fields.von_mises(stress, across)
+
+    @classmethod
+    def kinds(cls) -> tuple[str, ...]:
+        """Return the labels of stored results that it reads: its own, and those of kaju 0.1."""
+        return (cls.kind, *_EARLIER)
+
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        from kaju.model.elastic.spawning.goals import told
+
+        arrays, about = self.found.archive()
+        asked = {
+            "stage": self.stage,
+            "tolerance": self.tolerance,
+            "tolerance_at": told(self.tolerance_at),
+            "resolution": self.resolution,
+            "subdivision": self.subdivision,
+        }
+        return arrays, asked | about | {"storage": self.found.storage}
+
+    @classmethod
+    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
+        from kaju.model.elastic.spawning.goals import asked_again
+        from kaju.model.elastic.spawning.tree_agents import TreeAgents
+
+        from .cell_agents import CellAgents
+
+        about = archive.about
+        storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)
+        if storage not in ("cells", "tree"):
+            raise ParameterError(f"storage: must be 'cells' or 'tree', got {storage!r}")
+        holder = CellAgents if storage == "cells" else TreeAgents
+        stage = archive.value("stage", int | None)
+        return cls(
+            scene,
+            stage,
+            holder.of_archive(archive, scene, stage),
+            archive.value("seconds", float),
+            about.get("tolerance") and archive.value("tolerance", float),
+            about.get("resolution") and archive.value("resolution", int),
+            asked_again(about.get("tolerance_at")),
+        )
+
+
+FIELDS = ("displacement", "strain", "stress", "von_mises")
+"""What is known of every agent."""
+_EARLIER = {"elasticity": "cells", "spawned": "tree"}
+"""Kinds of results that kaju 0.1 has stored, and how their agents are kept."""

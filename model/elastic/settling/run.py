@@ -1,0 +1,375 @@
+"""What a run of the elastic rule leaves behind, gathered from its model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju import __version__
+from kaju.errors import ResultError
+from kaju.model.archive import Archive
+from kaju.model.curves import Curves
+from kaju.model.elastic.cell_agents import CellAgents
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.engine import Solution
+from kaju.model.elastic.staggered import strain_energy
+from kaju.model.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
+from kaju.model.result import BodyResult, idle_rheology
+
+from .moments import Moments
+from .records import BoundaryAgents, FaceAgents, PushLedger, StepRecord
+from .stability import WaveCertificate
+
+if TYPE_CHECKING:
+    import pandas
+
+    from kaju.model.scene import Scene
+
+    from .elastic_model import ElasticModel
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ElasticRun(BodyResult):
+    """What the agents of the elastic rule have done.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    result : ElasticResult
+        Displacements, stresses and reactions, as of `kaju.solve`.
+    outcome : str
+        How the run ended, in words.
+    threshold : float
+        γ (N).
+    agents : FaceAgents
+        Who spawned.
+    boundary : BoundaryAgents
+        Supports and air that loads have reached.
+    history : tuple of StepRecord
+        How things stood after every step.
+    ledger : PushLedger
+        The account of every newton.
+    most_pushes : float
+        What the order "largest first" cannot exceed: load·displacement·k₀/γ².
+    certificate : WaveCertificate or None
+        What was known of waves before the run.
+    moments : Moments
+        What was left, and who had taken how much, on the way.
+    seconds : float
+        Time that the run took (s).
+    """
+
+    kind: ClassVar[str] = "elastic agents"
+    scene: Scene
+    result: ElasticResult
+    outcome: str
+    threshold: float
+    agents: FaceAgents
+    boundary: BoundaryAgents
+    history: tuple[StepRecord, ...]
+    ledger: PushLedger
+    most_pushes: float
+    certificate: WaveCertificate | None
+    moments: Moments
+    seconds: float
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+        return ("agents", "left", "curves", *self.result.pictures[1:])
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+        return ("waves",)
+
+    @property
+    def name(self) -> str:
+        """What it is called beside another answer."""
+        return "elastic agents"
+
+    @property
+    def focus(self) -> None:
+        """The cells that pictures are about: all of the body."""
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells whose faces the agents stand on."""
+        return self.result.grid
+
+    @property
+    def stage(self) -> int | None:
+        """Stage of loading; None is the last."""
+        return self.result.stage
+
+    @property
+    def displacement(self) -> tuple[Floats, ...]:
+        """Per axis the displacement (m) of the faces normal to it; NaN where there is no body."""
+        return self.result.cells().face_displacement
+
+    @property
+    def energy(self) -> Floats:
+        """Energy of body and loads (J) after every step."""
+        return np.array([record.energy for record in self.history])
+
+    @property
+    def pushes(self) -> int:
+        """How often agents have yielded."""
+        return self.history[-1].pushes if self.history else 0
+
+    @property
+    def reaction(self) -> Floats:
+        """Sum of the supports' forces on the body (N), shape (dimension,)."""
+        return -self.ledger.carried
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the figures should know, in words."""
+        return tuple(idle_rheology(self.scene))
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        levels = np.bincount(self.agents.level)
+        last = self.history[-1] if self.history else None
+        return {
+            "rule": "elastic",
+            "order": self.result.found.method.removeprefix("agents, "),
+            "plane": self.scene.plane,
+            "outcome": self.outcome,
+            "threshold": self.threshold,
+            "steps": len(self.history),
+            "pushes": self.pushes,
+            "agents": len(self.agents.level),
+            "agents_by_level": levels.tolist(),
+            "levels": len(levels),
+            "boundary_agents": len(self.boundary.cells),
+            "energy": last.energy if last else 0.0,
+            "residual_load": last.loudest if last else 0.0,
+            "error_estimate": last.error_estimate if last else 0.0,
+            "reaction": self.reaction.tolist(),
+            "max_displacement": self.result.max_displacement,
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        } | ({"notes": list(self.notes)} if self.notes else {})
+
+    def curves(self) -> list[Curves]:
+        """Return energy, largest load left, and the error meter after every step."""
+        return curves_of(self.history, 0, self.threshold)
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+        return self.result.displacement_at(points)
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+        return self.result.stress_at(points)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per face agent: level, spawn step, place, loads and displacement."""
+        import pandas as pd
+
+        columns: dict[str, Any] = {}
+        for field in fields(self.agents):
+            values = getattr(self.agents, field.name)
+            if values.ndim == 1:
+                columns[field.name] = values
+            else:
+                columns |= {f"{field.name}_{a}": c for a, c in zip("xyz", values.T, strict=False)}
+        return pd.DataFrame(columns)
+
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays, answer = self.result._archive()
+        arrays = {f"answer.{name}": values for name, values in arrays.items()}
+        for name, table in _tables(self).items():
+            for field in fields(table):
+                arrays[f"{name}.{field.name}"] = getattr(table, field.name)
+        ledger = {name: np.asarray(value).tolist() for name, value in asdict(self.ledger).items()}
+        return arrays, {
+            "answer": answer,
+            "answer_seconds": self.result.seconds,
+            "outcome": self.outcome,
+            "threshold": self.threshold,
+            "history": [list(record) for record in self.history],
+            "ledger": ledger,
+            "most_pushes": self.most_pushes,
+            "certificate": asdict(self.certificate) if self.certificate else None,
+        }
+
+    @classmethod
+    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
+        plain = {"kind": "elastic", "seconds": archive.value("answer_seconds", float)}
+        answer = {**archive.value("answer", dict[str, Any]), **plain}
+        sizes = sizes_of(scene)
+        agents = FaceAgents(**archive.columns(FACE_AGENTS, sizes, "agents."))
+        sizes["agents"] = len(agents.level)
+        ledger = archive.value("ledger", LedgerRecord)
+        applied, resting, carried = (
+            np.array(total) for total in (ledger["applied"], ledger["resting"], ledger["carried"])
+        )
+        if not {(scene.lattice.dimension,)} == {applied.shape, resting.shape, carried.shape}:
+            raise ResultError("its ledger has other axes than the scene")
+        return cls(
+            scene=scene,
+            result=ElasticResult._from_archive(
+                scene, Archive(archive.path, archive.part("answer."), answer)
+            ),
+            outcome=archive.value("outcome", str),
+            threshold=archive.value("threshold", float),
+            agents=agents,
+            boundary=BoundaryAgents(**archive.columns(BOUNDARY_AGENTS, sizes, "boundary.")),
+            history=tuple(archive.value("history", list[StepRecord])),
+            ledger=PushLedger(applied, resting, carried, ledger["turnover"]),
+            most_pushes=archive.value("most_pushes", float),
+            certificate=archive.value("certificate", WaveCertificate | None),
+            moments=Moments(**archive.columns(MOMENTS, sizes, "moments.")),
+            seconds=archive.value("seconds", float),
+        )
+
+
+def curves_of(history: Sequence[StepRecord], known: int, threshold: float) -> list[Curves]:
+    """Return energy, largest load left, and the error meter after steps.
+
+    Parameters
+    ----------
+    history : sequence of StepRecord
+        The steps.
+    known : int
+        How many steps came before them.
+    threshold : float
+        γ (N).
+    """
+    step = np.arange(known + 1.0, known + len(history) + 1.0)
+    every = np.array([(r.energy, r.loudest, r.error_estimate, r.pushes) for r in history])
+    energy, loudest, meter, pushes = every.reshape(-1, 4).T
+    told = (meter > 0.0) & np.isfinite(meter)  # no work is done yet in the first visits
+    return [
+        Curves("Energy of body and loads", "step", "", step, {"energy": energy}, "J"),
+        Curves(
+            "Largest load left",
+            *("step", "", step[told]),
+            {"load left": loudest[told], "threshold": np.full(told.sum(), threshold)},
+            "N",
+            logarithmic=True,
+        ),
+        Curves("Error left", "step", "", step[told], {"meter": meter[told]}, "", True),
+        Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
+    ]
+
+
+def _tables(run: ElasticRun) -> dict[str, FaceAgents | BoundaryAgents | Moments]:
+    return {"agents": run.agents, "boundary": run.boundary, "moments": run.moments}
+
+
+def collect(model: ElasticModel) -> ElasticRun:
+    """Gather what a model has done so far."""
+    state, table = model.state, model.table
+    work = -2.0 * state.energy
+    outcome = model.outcome or f"interrupted after {model.generation} steps"
+    agents = _face_agents(model)
+    starts = np.cumsum([0, *(level.size for level in table.levels)])
+    return ElasticRun(
+        scene=model.scene,
+        result=_elastic_result(model, outcome),
+        outcome=outcome,
+        threshold=model.threshold,
+        agents=agents,
+        boundary=_boundary_agents(model),
+        history=tuple(model.history),
+        ledger=_ledger(model),
+        most_pushes=max(work, 0.0) * table.reference / model.threshold**2,
+        certificate=model.certificate,
+        moments=model.recorder.moments(model.visit.level, starts[agents.level] + agents.number),
+        seconds=model.seconds,
+    )
+
+
+def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
+    """Return the faces' displacements as the answer of an elastic solver."""
+    table, scales = model.table, model.table.problem.scales
+    fields = tuple(values.copy() for values in table.problem.fixed)
+    moved = model.state.grounds[0].displacement / scales.displacement
+    table.levels[0].numbering.scatter(moved, fields)
+    meters = [record.error_estimate for record in model.history]
+    solution = Solution(
+        displacement=fields,
+        energy=strain_energy(table.problem, fields),
+        method=f"agents, {table.order}",
+        discretisation=0.0,
+        algebraic=model.error_estimate,
+        levels=len(table.levels),
+        residuals=meters,
+        converged=model.at_rest,
+        notes=[outcome, "the error estimate is of the loads left; the grid's own is not in it"],
+    )
+    found = CellAgents(table.grid, model.stage, table.problem, table.origin, solution)
+    return ElasticResult(model.scene, model.stage, found, model.seconds)
+
+
+def _face_agents(model: ElasticModel) -> FaceAgents:
+    columns: list[list[NDArray[Any]]] = [[] for _ in range(8)]
+    for number, (level, ground) in enumerate(
+        zip(model.table.levels, model.state.grounds, strict=True)
+    ):
+        awake = np.flatnonzero(ground.spawn_step)
+        awake = awake[np.argsort(ground.spawn_step[awake], kind="stable")]
+        values = (
+            np.full(len(awake), number),
+            ground.spawn_step[awake],
+            awake,
+            level.place[0][awake],
+            model.table.positions(number)[awake],
+            ground.taken[awake],
+            ground.left[awake],
+            ground.displacement[awake],
+        )
+        for column, value in zip(columns, values, strict=True):
+            column.append(value)
+    return FaceAgents(*(np.concatenate(column) for column in columns))
+
+
+def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
+    table, state = model.table, model.state
+    dimension = table.problem.dimension
+    holding, air = table.holding, table.open_air
+    left, faces = state.grounds[0].left, table.levels[0].size
+    reaction = np.zeros((len(holding.cells), dimension))
+    for axis in range(dimension):
+        carried = np.where(table.place_axes == axis, left[faces:], 0.0)
+        reaction[:, axis] = -(holding.links @ carried)
+    returned: Floats = np.asarray(air.links @ state.grounds[0].taken)
+    steps = holding.first(state.place_step), air.first(state.grounds[0].spawn_step)
+    orders = [_awake(step) for step in steps]
+    cells: Integers = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
+    cells = cells + np.asarray(table.origin, dtype=np.int64)
+    nothing = np.zeros((len(orders[1]), dimension))
+    return BoundaryAgents(
+        cells=cells,
+        kind=table.grid.kinds(cells),
+        spawn_step=np.concatenate([step[o] for step, o in zip(steps, orders, strict=True)]),
+        reaction=np.concatenate([reaction[orders[0]], nothing]),
+        returned=np.concatenate([np.zeros(len(orders[0])), returned[orders[1]]]),
+    )
+
+
+def _awake(step: Integers) -> Integers:
+    awake = np.flatnonzero(step)
+    return awake[np.argsort(step[awake], kind="stable")]
+
+
+def _ledger(model: ElasticModel) -> PushLedger:
+    table, left = model.table, model.state.grounds[0].left
+    n, dimension = table.levels[0].size, table.problem.dimension
+    axis = table.levels[0].place[0]
+    resting, carried = np.zeros(dimension), np.zeros(dimension)
+    np.add.at(resting, axis, left[:n])
+    np.add.at(carried, table.place_axes, left[n:])
+    turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
+    return PushLedger(table.applied, resting, carried, turnover)

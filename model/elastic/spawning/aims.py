@@ -1,0 +1,125 @@
+"""What the tolerance is about: how far off the answer is, and who spawns to mend it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from .composite import Composite, Floats
+from .leaves import Flags
+
+if TYPE_CHECKING:
+    from kaju.model.elastic.bracket import Bracket
+
+    from .generations import Spawner
+
+BULK = {2: 0.85, 3: 0.75}
+"""The agents that spawn children stand for this share of the error (Dörfler 1996)."""
+SPARE = 0.9
+"""The last generation aims at this share of the tolerance."""
+ALIKE = 0.01
+"""Who contributes as much as the last one chosen, but for this share, spawns as well.
+
+So children keep the symmetry of their parents."""
+GAIN = 0.7
+"""Share of its part of the error that an agent's children are expected to take away."""
+
+
+class Answer(NamedTuple):
+    """What has been found of a quantity: its components, and their error; both scaled."""
+
+    value: Floats
+    error: float
+    relative_error: float
+
+
+class Aimed(NamedTuple):
+    """How far off a generation is.
+
+    Attributes
+    ----------
+    error : float
+        Estimated error, relative: what the tolerance is compared with.
+    part : array, shape (agents,)
+        What every agent contributes to it.
+    chosen : bool array, shape (agents,)
+        Who has to spawn children, if the tolerance is to be kept; nobody, if none may.
+    allowed : float
+        What all may contribute together.
+    answers : tuple of Answer
+        The quantities that the tolerance is about, if it is about any.
+    """
+
+    error: float
+    part: Floats
+    chosen: Flags
+    allowed: float
+    answers: tuple[Answer, ...] = ()
+
+
+class Aim(Protocol):
+    """Something that the tolerance can be about.
+
+    Attributes
+    ----------
+    adds_up : bool
+        Whether the error, or its square, is the sum of the agents' parts.
+    """
+
+    adds_up: bool
+
+    def look(self, spawner: Spawner) -> Aimed:
+        """Return how far off the agents are, after they have settled."""
+
+
+class EnergyAim:
+    """The error in the energy norm, over the whole body."""
+
+    adds_up = True
+
+    def look(self, spawner: Spawner) -> Aimed:
+        """Return how far off the agents are, after they have settled."""
+        square = spawner.indicator.square
+        allowed = 2 * spawner.energy * (SPARE * spawner.tolerance) ** 2
+        chosen = choose(spawner.balance.grid, square, allowed)
+        return Aimed(spawner.error, square, chosen, allowed)
+
+
+def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:
+    """Return what every agent contributes to a bound, and what all may contribute together.
+
+    The bound is half the distance of two stresses, of which the contributions are the squares.
+    """
+    return bracket.shares, 2 * bracket.lower * (2 * SPARE * tolerance) ** 2
+
+
+def choose(grid: Composite, part: Floats, allowed: float) -> Flags:
+    """Choose the agents that spawn children: those with the largest parts in an error.
+
+    What the smallest agents leave cannot be helped: the others make up for it, unless it is
+    more than what is allowed.
+
+    Parameters
+    ----------
+    grid : Composite
+    part : array, shape (agents,)
+        What every agent contributes; parts add up.
+    allowed : float
+        What may be left of them all.
+    """
+    smallest = grid.leaves.size <= grid.ground.smallest
+    return choose_among(part, allowed, smallest, BULK[grid.dimension])
+
+
+def choose_among(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
+    """Choose those with the largest parts in an error, but none of the `smallest`."""
+    helpless = float(part[smallest].sum())
+    part = np.where(smallest, 0.0, part)
+    total = float(part.sum())
+    excess = total - (allowed - helpless if helpless < allowed else allowed)
+    goal = max(min(bulk * total, excess / GAIN), 0.0)
+    order = np.argsort(-part, kind="stable")
+    count = int(np.searchsorted(np.cumsum(part[order]), goal)) + 1
+    enough = part[order[count - 1]] if count <= len(part) else 0.0
+    return (part >= (1.0 - ALIKE) * enough) & (part > 0.0) & (excess > 0.0)

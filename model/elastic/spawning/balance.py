@@ -1,0 +1,164 @@
+"""The balance of forces on composite faces: stiffness, loads, and what supports take."""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.model.elastic.krylov import dot
+from kaju.model.elastic.problem import ACTIVE, FIXED
+from kaju.model.elastic.reactions import INSIDE
+from kaju.model.elastic.staggered import Pair
+
+from .composite import Composite, Floats
+from .ground import Ground
+from .leaves import Flags, Index
+from .loads import FaceLoads, face_loads
+from .rows import stiffness_of, sum_rows
+
+
+class Balance:
+    """Energy and forces of a composite grid, as matrices; all scaled.
+
+    Attributes
+    ----------
+    grid : Composite
+    strains : sparse array
+        Strains of the leaves, axis by axis, then of the edges, pair by pair, by the faces.
+    offset : array
+        The strains that displaced walls cause by themselves.
+    """
+
+    def __init__(self, grid: Composite) -> None:
+        self.grid = grid
+        n, d = len(grid.leaves), grid.dimension
+        sides = np.arange(n) * 2 * d
+        stretches = []
+        for axis in range(d):
+            ends = np.stack([sides + 2 * axis, sides + 2 * axis + 1], axis=1)
+            stretches.append(
+                sum_rows(grid.mean, ends, np.array([-1.0, 1.0]) / grid.length[:, None])
+            )
+        shears, constants = [], [np.zeros(n * d)]
+        for edges in grid.edges.values():
+            first, second = edges.gradients
+            both = sp.vstack([first.matrix, second.matrix], format="csr")
+            stiff, each = edges.modulus > 0, np.arange(len(edges.modulus))
+            pair = np.stack([each, each + len(each)], axis=1)
+            shears.append(sum_rows(both, pair, np.repeat(stiff[:, None], 2, axis=1).astype(float)))
+            constants.append(np.where(stiff, first.constant + second.constant, 0.0))
+        self.strains = sp.csr_array(sp.vstack([*stretches, *shears], format="csr"))
+        self.offset = np.concatenate(constants)
+
+    @cached_property
+    def _entered(self) -> FaceLoads:
+        return face_loads(self.grid)
+
+    @property
+    def load(self) -> Floats:
+        """External force on every face."""
+        return self._entered.face
+
+    @property
+    def wall_load(self) -> Floats:
+        """External force on the sides of the array, and on rigid cells inside of it."""
+        return self._entered.wall
+
+    @property
+    def surface_shear(self) -> dict[Pair, Floats]:
+        """Shear stress that loads along the surface put on the edges."""
+        return self._entered.surface_shear
+
+    def loaded_by(self, ground: Ground) -> Balance:
+        """Return the same agents and matrices under the loads of other ground of the same body."""
+        twin = copy(self)
+        twin.grid = copy(self.grid)
+        twin.grid.ground = ground
+        twin.__dict__.pop("_entered", None)
+        return twin
+
+    @cached_property
+    def _moduli(self) -> tuple[Floats, Floats, Floats]:
+        """Moduli times volumes: of stretches along an axis and across it, and of shear."""
+        grid = self.grid
+        moduli, kind = grid.ground.moduli, grid.leaves.kind
+        volume = grid.length**grid.dimension
+        shear = np.concatenate([e.modulus * e.weight for e in grid.edges.values()])
+        return volume * moduli.stretch[kind], volume * moduli.lateral[kind], shear
+
+    def stress(self, strain: Floats) -> Floats:
+        """Return the stresses times volumes by strains."""
+        along, cross, shear = self._moduli
+        d, n = self.grid.dimension, len(along)
+        stretch = strain[: n * d].reshape(d, n)
+        normal = cross * stretch.sum(axis=0) + (along - cross) * stretch
+        return np.concatenate([normal.ravel(), shear * strain[n * d :]])
+
+    def stiffness(self, faces: Index | None = None) -> sp.csr_array:
+        """Return the forces on faces by displacements of these faces: symmetric.
+
+        `faces` are all of them unless some are given.
+        """
+        faces = np.arange(self.grid.size) if faces is None else faces
+        matrix = stiffness_of(self.strains, faces, *self._moduli, self.grid.dimension)
+        bed = self.grid.spring[faces]
+        return sp.csr_array(matrix + sp.diags_array(bed)) if bed.any() else matrix
+
+    @cached_property
+    def free(self) -> Index:
+        """Faces that are free to move."""
+        return np.flatnonzero(self.grid.state == ACTIVE)
+
+    @cached_property
+    def pull(self) -> Floats:
+        """Force that holds every face while the free ones rest."""
+        grid = self.grid
+        if not grid.value.any() and not self.offset.any():
+            return np.zeros(grid.size)
+        given = self.strains @ grid.value + self.offset
+        return np.asarray(self.strains.T @ self.stress(given))
+
+    @cached_property
+    def given_energy(self) -> float:
+        """Twice the energy stored while the free faces rest."""
+        given = self.strains @ self.grid.value + self.offset
+        return float(dot(given, self.stress(given)))
+
+    def force(self, displacement: Floats) -> Floats:
+        """Return the force that holds every face at a displacement."""
+        stress = self.stress(self.strains @ displacement + self.offset)
+        return np.asarray(self.strains.T @ stress + self.grid.spring * displacement)
+
+    def energy(self, displacement: Floats) -> float:
+        """Return the energy stored in body and foundation."""
+        strain = self.strains @ displacement + self.offset
+        bed = float(dot(self.grid.spring, displacement**2))
+        return 0.5 * (float(dot(strain, self.stress(strain))) + bed)
+
+    def reactions(self, displacement: Floats, own: Flags | None = None) -> dict[str, Floats]:
+        """Return the force of every support on the body: on all agents, or on some of them."""
+        grid, d = self.grid, self.grid.dimension
+        own = np.ones(len(grid.leaves), dtype=np.bool_) if own is None else own
+        names = [*grid.ground.scene.lattice.sides, INSIDE]
+        totals = -self.wall_load
+        touched = np.asarray(self.wall_load.any(axis=1))
+        held = grid.state == FIXED
+        hold = np.where(held, self.force(displacement) - self.load, -grid.spring * displacement)
+        some = (grid.support >= 0) & own[grid.owner]
+        np.add.at(totals, (grid.support[some], grid.axis[some]), hold[some])
+        touched[grid.support[some]] = True
+        stress = self.stress(self.strains @ displacement + self.offset)
+        start = len(grid.leaves) * d
+        for pair, edges in grid.edges.items():
+            shear = stress[start : start + len(edges.modulus)]
+            start += len(edges.modulus)
+            counts = np.zeros(len(shear), dtype=np.bool_)
+            counts[edges.of_leaf[own]] = True
+            for a, gradient in zip(pair, edges.gradients, strict=True):
+                wall = (gradient.wall >= 0) & counts
+                np.add.at(totals[:, a], gradient.wall[wall], (gradient.pull * shear)[wall])
+                touched[gradient.wall[wall]] = True
+        return {name: totals[i] for i, name in enumerate(names) if touched[i]}

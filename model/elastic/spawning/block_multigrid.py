@@ -1,0 +1,211 @@
+"""Multigrid on blocks of agents: conjugate gradients, preconditioned by one symmetric V-cycle.
+
+Every level of blocks is smoothed with the larger agents at rest (Brandt 1977); a block takes its
+neighbours' latest displacements and goes two Chebyshev steps within itself, which keeps its
+places in the fastest memory. The first level is one of equal cells, with the hierarchy of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.model.elastic.hierarchy import Hierarchy
+from kaju.model.elastic.krylov import Iteration
+from kaju.model.elastic.problem import ElasticProblem
+from kaju.model.elastic.supports import check_supports
+from kaju.model.scene.kinds import AIR
+
+from . import block_kernels as kernels
+from .blocks import BlockBalance, Window
+from .forest import ACROSS, ways
+from .held import check_held
+from .leaves import Index
+from .pages import PLACES, rims
+
+Floats = NDArray[np.float64]
+
+STEPS = 3
+"""Chebyshev steps within a block."""
+STIFF = 1.5
+"""Forces of rows are frozen while a block is smoothed; so many times their diagonal stands in."""
+SAFETY = 1.03
+
+
+class Root:
+    """The first level: equal cells, and their hierarchy.
+
+    Attributes
+    ----------
+    problem : ElasticProblem
+        The first blocks' agents as cells, without loads.
+    """
+
+    def __init__(self, balance: BlockBalance) -> None:
+        forest, ground = balance.forest, balance.forest.ground
+        d, last = forest.dimension, int(forest.start[1])
+        block: Index = (forest.lower[:last] - forest.lower[:last].min(axis=0)) // forest.edge
+        kinds: Index = np.full(block.max(axis=0) + 3, AIR)
+        for way, step in enumerate(ways(d)):
+            kinds[tuple((block + 1 + step).T)] = forest.kinds[:last, way]
+        for axis in range(d):
+            kinds = kinds.repeat(ACROSS, axis=axis)
+        rim = kinds[(slice(ACROSS - 1, 1 - ACROSS),) * d]
+        shapes = [[n + (a == b) for b, n in enumerate(rim.shape)] for a in range(d)]
+        nothing = tuple(np.zeros(shape) for shape in shapes)
+        self.problem = ElasticProblem(
+            np.ascontiguousarray(rim, dtype=np.int32), ground.moduli, nothing, nothing, nothing, {},
+            ground.scales, ground.scene.plane,
+        )  # fmt: skip
+        self._hierarchy = Hierarchy(self.problem)
+        self._scale = float(balance.scale[0])
+        # Where every unknown place is in the hierarchy's vectors.
+        at = np.argwhere(balance.pages.mask[balance.page[0, :last]] > 0)
+        number: Index = np.asarray(np.ravel_multi_index(tuple(at.T), balance.shape))
+        place: Index = np.stack(np.unravel_index(at[:, 2], (PLACES,) * d), axis=1)
+        cell: Index = block[at[:, 0]] * ACROSS + place
+        fields = [np.zeros(shape) for shape in shapes]
+        for axis in range(d):
+            own = at[:, 1] == axis
+            fields[axis][tuple(cell[own].T)] = number[own] + 1.0
+        vector = self._hierarchy.gather(tuple(fields))
+        self._index = np.flatnonzero(vector)
+        self._place = vector[self._index].astype(np.int64) - 1
+        self._load = np.zeros_like(vector)
+
+    def solve(self, load: Floats, u: Floats) -> None:
+        """Write the answer to a load, both over places."""
+        self._load[self._index] = load[self._place]
+        u[self._place] = self._hierarchy.precondition(self._load)[self._index] / self._scale
+
+    def check_held(self, balance: BlockBalance) -> None:
+        """Refuse a body of which a part could move without straining.
+
+        Raises
+        ------
+        SupportError
+            Naming a cell of the part and how it could move.
+        """
+        forest, cell = balance.forest, balance.forest.ground.cell
+        size = int(forest.size[0])
+        if size <= cell:
+            origin = forest.lower[: forest.start[1]].min(axis=0) // cell
+            check_supports(self.problem, tuple(int(i) for i in origin), cell // size)
+        else:
+            check_held(Window(forest, np.arange(forest.start[1])).balance)
+
+
+class BlockMultigrid:
+    """The V-cycle on a forest, and conjugate gradients with it."""
+
+    def __init__(self, balance: BlockBalance, root: Root | None = None) -> None:
+        self.balance, forest = balance, balance.forest
+        self.root = root or Root(balance)
+        self.rim = rims(forest.kinds, forest.states(composite=False))
+        self._parents = [
+            np.flatnonzero(~forest.leaf[a:b]) + a
+            for a, b in zip(forest.start[:-1], forest.start[1:], strict=True)
+        ]
+        self._diagonals()
+        moduli, d = forest.ground.moduli, forest.dimension
+        ratio = (moduli.lateral + moduli.shear) / (moduli.stretch + (d - 1) * moduli.shear)
+        radius = SAFETY * (2.0 + 2.0 * (d - 1) * float(ratio.max()))
+        k = np.arange(1, STEPS + 1)
+        self._keep = np.where(k > 1, (2 * k - 3) / (2 * k + 1), 0.0)
+        self._length = (8 * k - 4) / (2 * k + 1) / radius
+        self._u, self._load = balance.zeros(), balance.zeros()
+        self._stress = np.zeros(len(balance.rows.modulus))
+
+    def _diagonals(self) -> None:
+        """Work out the diagonals of blocks with rows, which share no page."""
+        balance, rows = self.balance, self.balance.rows
+        places = balance.shape[1] * balance.shape[2]
+        row = np.repeat(np.arange(len(rows.modulus)), np.diff(rows.start))
+        of_row = np.repeat(np.arange(balance.forest.depth), np.diff(rows.level))
+        block = rows.column // places
+        fine = balance.forest.level[block] == of_row[row]
+        concerned = np.unique(block[fine])
+        self._own = np.full(len(balance.forest), -1, dtype=np.int64)
+        self._own[concerned] = np.arange(len(concerned))
+        square = (rows.modulus[row] * rows.value**2)[fine]
+        at = self._own[block[fine]] * places + rows.column[fine] % places
+        extra = np.bincount(at, square, len(concerned) * places)
+        extra = extra.reshape(-1, *balance.shape[1:])
+        page = balance.page[0, concerned]
+        diagonal = balance.pages.diagonal[page] * balance.scale[concerned, None, None] + extra
+        mask = (balance.pages.mask[page] > 0) & (diagonal > 0)
+        self._inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=mask)
+        self._extra = STIFF * extra
+
+    def precondition(self, residual: Floats) -> Floats:
+        """Return one V-cycle's answer to a residual; it is overwritten by the next one."""
+        balance, forest, rows = self.balance, self.balance.forest, self.balance.rows
+        layout, page, u, load = balance.layout, balance.page[0], self._u, self._load
+        start, octant = forest.start, forest.octant
+        around = (layout.layer, layout.stride)
+        strains = (rows.start, rows.column, rows.value)
+        stress, force = self._stress, load.ravel()
+        kernels.begin(u, load, residual, forest.leaf)
+        for level in range(forest.depth - 1, 0, -1):
+            blocks, some = (
+                (start[level], start[level + 1]),
+                (rows.level[level], rows.level[level + 1]),
+            )
+            self._smooth(level, True)
+            kernels.strain_rows(u.ravel(), *some, *strains, rows.modulus, stress)
+            kernels.pull_rows(force, *some, *strains, stress, -1.0)
+            kernels.hand_up(
+                u, load, *blocks, forest.parent, octant, forest.beside, page, balance.pages,
+                balance.scale, layout.layer, layout.ties,
+            )  # fmt: skip
+            kernels.come_back(load, self._parents[level - 1], forest.beside, self.rim, *around)
+        self.root.solve(force, u.ravel())
+        for level in range(1, forest.depth):
+            some = (rows.level[level], rows.level[level + 1])
+            kernels.go_on(u, self._parents[level - 1], forest.beside, self.rim, *around)
+            blocks_of = np.arange(start[level], start[level + 1])
+            kernels.hand_down(u, blocks_of, forest.parent, octant, layout.ties)
+            before = stress[some[0] : some[1]].copy()
+            kernels.strain_rows(u.ravel(), *some, *strains, rows.modulus, stress)
+            stress[some[0] : some[1]] -= before
+            kernels.pull_rows(force, *some, *strains, stress, -1.0)
+            self._smooth(level, False)
+        return u
+
+    def _smooth(self, level: int, forward: bool) -> None:
+        balance, forest = self.balance, self.balance.forest
+        kernels.smooth(
+            self._u, self._load, forest.start[level], forest.start[level + 1], forward,
+            forest.beside, balance.page[0], balance.pages, self._own, self._extra, self._inverse,
+            balance.scale, balance.layout.layer, self._keep, self._length,
+        )  # fmt: skip
+
+    def solve(
+        self, load: Floats, u: Floats, done: Callable[[Iteration], bool], most: int = 100
+    ) -> Iteration:
+        """Solve for the displacement in place, by conjugate gradients."""
+        balance, leaves = self.balance, self.balance.forest.leaves
+        p, q = balance.zeros(), balance.zeros()
+        balance.apply(u, q)
+        r = load - q
+        scale = sqrt(kernels.dot(load, load, leaves)) or 1.0
+        square, before, energy = kernels.dot(r, r, leaves), 1.0, 0.0
+        run = Iteration(u)
+        for step in range(most + 1):
+            z = self.precondition(r)
+            product = kernels.dot(r, z, leaves)
+            if step % 4 == 0 or energy <= 0.0:
+                energy = kernels.dot(load, u, leaves)
+            run.residuals.append(sqrt(square) / scale)
+            run.errors.append(sqrt(max(product, 0.0) / energy) if energy > 0.0 else inf)
+            if done(run) or product <= 0.0:
+                run.converged = True
+                break
+            kernels.turn(p, z, leaves, product / before if step else 0.0)
+            before = product
+            length = product / balance.apply(p, q)
+            square = kernels.descend(u, r, p, q, leaves, length)
+        return run

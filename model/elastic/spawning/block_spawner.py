@@ -1,0 +1,535 @@
+"""Agents that spawn in blocks: the same steps as in `generations`, on a forest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf, sqrt
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.model.elastic.bracket import MOST_PROVED, Bracket, worth_proving
+from kaju.model.elastic.krylov import Iteration
+from kaju.model.elastic.problem import STIFF_PRESSURE
+from kaju.model.scene.kinds import RIGID, ROLLER
+from kaju.stopping import stopped
+
+from . import block_kernels as kernels
+from .agent_fields import AgentFields
+from .aims import BULK, SPARE, Aim, Aimed, choose_among, unproved
+from .balance import Balance
+from .block_multigrid import BlockMultigrid, Root
+from .blocks import BlockBalance, Window
+from .forest import ACROSS, Forest, evenly_loaded, first_forest
+from .generations import (
+    ALGEBRAIC_SHARE,
+    FIRST_GUESS,
+    MOST_GENERATIONS,
+    ROUGH,
+    Generation,
+    Spawner,
+    Spawning,
+    out_of_reach,
+)
+from .ground import Ground
+from .indicator import Indicator
+from .leaves import Flags, Index, Leaves, morton
+from .mirror import mirrors, symmetrise
+from .nested import NestedMultigrid
+from .previous import LEAST, SUITS, WORTHWHILE, answered
+from .retire import RETURN, share_of
+from .settle import WORST
+from .tree_boxes import bracket_of_agents
+
+Floats = NDArray[np.float64]
+
+LAST = 1e-9
+"""The last generation's forces balance to this share of the loads."""
+FEWEST = {2: 1.0, 3: 0.5}
+"""Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
+SPREAD = 3.0
+"""Agents, of which fewer are expected at least, are about this many times more."""
+AT_ONCE = 2_000
+"""Blocks of which the stresses are worked out at a time."""
+MANY = 3_000
+"""Of fewer agents each may as well stand for itself."""
+CONTRAST = 100.0
+"""Of materials, up to which the parents' own stiffness serves as a coarse level."""
+
+
+def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
+    """Return the first blocks for a scene; None where single agents do better.
+
+    These do what blocks cannot do yet: bodies on foundations or with displaced sides, materials
+    of a contrast above 100 or nearly incompressible. They also stand where a tolerance asks for
+    few agents, or fewer than the first blocks hold, for instance in bodies of fine shape.
+    """
+    moduli, scene = ground.moduli, ground.scene
+    conditions = [scene.side_condition(name) for name in scene.lattice.sides]
+    unusual = any(c.displacement is not None or c.stiffness for c in conditions)
+    ratio = moduli.lateral / moduli.shear
+    rubber = scene.plane != "stress" and (ratio > STIFF_PRESSURE).any()
+    contrast = moduli.shear.max() / moduli.shear.min()
+    expected = FEWEST[ground.dimension] / tolerance**ground.dimension
+    if rubber or unusual or contrast > CONTRAST or expected < MANY:
+        return None
+    forest = first_forest(ground)
+    return forest if forest is not None and forest.agents <= SPREAD * expected else None
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One step of spawning, agents told by their blocks; see `Generation`."""
+
+    error: float
+    energy: float
+    iterations: int
+    forest: Forest
+    load: NDArray[np.float32]
+    chosen: Flags
+
+    def generation(self) -> Generation:
+        """Return it agent by agent."""
+        cells, many = self.forest.cells(self.forest.leaves), len(self.forest.corners)
+        return Generation(
+            self.forest.agents, self.error, self.energy, self.iterations, self.error,
+            cells.code, cells.size, self.load.ravel().astype(np.float64),
+            np.repeat(self.chosen, many),
+        )  # fmt: skip
+
+
+class Records(Sequence[Generation]):
+    """Generations, laid out agent by agent when they are asked for."""
+
+    def __init__(self, records: Sequence[Record] = ()) -> None:
+        self.records = list(records)
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    @overload
+    def __getitem__(self, at: int) -> Generation: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[Generation]: ...
+    def __getitem__(self, at: int | slice) -> Generation | list[Generation]:
+        if isinstance(at, slice):
+            return [record.generation() for record in self.records[at]]
+        return self.records[at].generation()
+
+
+class BlockSpawning(Spawning):
+    """Agents that stand in blocks, and how they came to be.
+
+    What stands agent by agent is laid out when it is asked for.
+    """
+
+    def __init__(self, spawner: BlockSpawner) -> None:
+        self.blocks, self.u = spawner.blocks, spawner.displacement
+        self.root = spawner.root
+        self.energy, self.error = spawner.energy, spawner.error
+        self.residuals, self.levels = spawner.residuals, spawner.blocks.forest.depth
+        self.reached = spawner.error <= spawner.tolerance and spawner.stopped != "iteration"
+        self.stopped = "" if self.reached else spawner.stopped
+        self.notes, self.retired = list(spawner.notes), 0
+        self.bracket = spawner.bracket
+        self._allowed = spawner.allowed
+        self._records = list(spawner.records)
+
+    def under(self, ground: Ground, tolerance: float) -> BlockSpawning | None:
+        """Return this answer on ground that differs by the unit of its loads; else None."""
+        suits = self.reached and SUITS * tolerance <= self.error <= tolerance
+        if not (suits and ground.loaded_like(self.ground) and self.stands_on(ground)):
+            return None
+        twin, last = copy(self), self._records[-1]
+        for name in ("_cells", "_window", "displacement", "indicator", "fields", "stress"):
+            twin.__dict__.pop(name, None)
+        forest = self.blocks.forest.loaded_by(ground)
+        twin.blocks = copy(self.blocks)
+        twin.blocks.forest = forest
+        twin.blocks.__dict__.pop("load", None)
+        twin._records = [replace(last, iterations=0, forest=forest)]
+        twin.residuals, twin.retired = self.residuals[-1:], 0
+        return twin
+
+    def stands_on(self, ground: Ground) -> bool:
+        """Tell whether the agents may stay as they are, whatever their loads."""
+        large = int(self.blocks.forest.size.min()) >= ground.smallest
+        return large and ground.scene.same_body(self.ground.scene)
+
+    def instead_of(self, previous: Spawning) -> int:
+        """Return for how many of the previous agents a larger one stands now."""
+        forest = self.blocks.forest
+        leaf, code = forest.leaves, morton(forest.lower[forest.leaves])
+        before = previous.leaves
+        at = leaf[np.maximum(np.searchsorted(code, before.code, side="right") - 1, 0)]
+        inside = before.lower - forest.lower[at]
+        here = np.all((inside >= 0) & (inside < ACROSS * forest.size[at, None]), axis=1)
+        return int(np.count_nonzero(here & (forest.size[at] > before.size)))
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents."""
+        return self._cells
+
+    @cached_property
+    def _cells(self) -> Leaves:
+        forest = self.blocks.forest
+        cells, cause = forest.cells(forest.leaves), self._causes()
+        return replace(cells, cause=cause.ravel())
+
+    def _causes(self) -> Floats:
+        """Return for every agent the load (N) for which it spawned, block by block."""
+        forest, d = self.blocks.forest, self.blocks.forest.dimension
+        many, force = len(forest.corners), forest.ground.scales.force
+        leaves = forest.leaves
+        found = np.repeat(forest.cause[leaves][:, None], many, axis=1)
+        for step in np.unique(forest.step[leaves]):
+            here = np.flatnonzero((forest.step[leaves] == step) & (forest.cause[leaves] > 0))
+            if step == 0 or not len(here):
+                continue
+            before, block = self._records[step - 1], leaves[here]
+            code = morton(before.forest.lower[before.forest.leaves])
+            parent = np.searchsorted(code, morton(forest.lower[forest.parent[block]]))
+            # In the order of the codes the cells of an octant follow one another.
+            cell = forest.octant[block][:, None] * (many >> d) + (np.arange(many) >> d)
+            found[here] = before.load[parent[:, None], cell] * force
+        return found
+
+    @property
+    def ground(self) -> Ground:
+        """What they stand on."""
+        return self.blocks.forest.ground
+
+    @cached_property
+    def _window(self) -> Window:
+        return Window(self.blocks.forest, self.blocks.forest.leaves)
+
+    @property
+    def generations(self) -> Records:  # type: ignore[override]
+        """The steps of spawning."""
+        return Records(self._records)
+
+    @property
+    def balance(self) -> Balance:  # type: ignore[override]
+        """The composite grid of all agents."""
+        return self._window.balance
+
+    @cached_property
+    def displacement(self) -> Floats:  # type: ignore[override]
+        """Displacement of all its faces."""
+        return self._window.displacement(self.u)
+
+    def near(self, agent: Index) -> tuple[AgentFields, Index]:
+        """Return the fields of agents and of those about them, and which of these they are."""
+        forest = self.blocks.forest
+        block = forest.leaves[np.unique(agent // len(forest.corners))]
+        around = forest.with_neighbours(block)
+        if 2 * len(around) > len(forest.leaves):
+            return self.fields, agent
+        window = Window(forest, around)
+        fields = AgentFields(window.balance, window.displacement(self.u))
+        return fields, window.leaves.find(self.leaves.lower[agent])
+
+    @property
+    def moved(self) -> Floats:
+        """Displacement of the agents' middles, shape (agents, dimension)."""
+        blocks, forest, u = self.blocks, self.blocks.forest, self.u.copy()
+        blocks.everywhere(u)
+        stride = blocks.layout.stride
+        place = (forest.corners + 1) @ stride
+        found = np.empty((len(forest.leaves), len(place), forest.dimension))
+        for a in range(forest.dimension):
+            own = u[forest.leaves, a]
+            found[:, :, a] = 0.5 * (own[:, place] + own[:, place + stride[a]])
+        return found.reshape(-1, forest.dimension)
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents, shape (agents, dimension, dimension)."""
+        many, leaves = len(self.blocks.forest.corners), self.blocks.forest.leaves
+        parts = []
+        for first in range(0, len(leaves), AT_ONCE):
+            agent = np.arange(first * many, min(first + AT_ONCE, len(leaves)) * many)
+            fields, agent = self.near(agent)
+            parts.append(fields.stress[agent])
+        return np.concatenate(parts)
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of every support on the body."""
+        forest, leaves = self.blocks.forest, self.blocks.forest.leaves
+        held = np.isin(forest.kinds[leaves], (RIGID, ROLLER)).any(axis=1)
+        block = leaves[held | forest.loaded]
+        window = Window(forest, forest.with_neighbours(block))
+        own = np.isin(window.block, block)
+        return window.balance.reactions(window.displacement(self.u), own)
+
+    @cached_property
+    def indicator(self) -> Indicator:  # type: ignore[override]
+        """What each agent leaves unbalanced."""
+        square = agents_errors(self.blocks, self.u).square
+        load = self._records[-1].load
+        return Indicator(square, load.ravel().astype(np.float64))
+
+    @property
+    def aimed(self) -> Aimed:  # type: ignore[override]
+        """The error that the tolerance is about, and who contributes to it."""
+        nobody = np.zeros(self.blocks.forest.agents, dtype=np.bool_)
+        return Aimed(self.error, self.indicator.square, nobody, self._allowed)
+
+    @property
+    def hierarchy(self) -> NestedMultigrid | None:  # type: ignore[override]
+        """None: other questions to the same agents get a hierarchy of their own."""
+        return None
+
+
+def agents_errors(blocks: BlockBalance, u: Floats) -> Indicator:
+    """Return what every agent of the leaf blocks leaves unbalanced."""
+    forest, u = blocks.forest, u.copy()
+    blocks.everywhere(u)
+    shape = (len(forest.leaves), len(forest.corners))
+    squares, loads = np.empty(shape), np.empty(shape)
+    blocks.errors(u, squares, loads)
+    order = forest.corners @ ACROSS ** np.arange(forest.dimension)[::-1]
+    return Indicator(squares[:, order].ravel(), loads[:, order].ravel())
+
+
+def spawner_of(
+    ground: Ground,
+    tolerance: float,
+    most_agents: int,
+    aim: Aim | None = None,
+    previous: Spawning | None = None,
+) -> Spawner | BlockSpawner:
+    """Return agents that will spawn: in blocks, where these can do what is asked."""
+    forest = blocks_for(ground, tolerance) if aim is None else None
+    if forest is not None and forest.agents <= most_agents:
+        before = previous if isinstance(previous, BlockSpawning) else None
+        if before is not None and not before.stands_on(ground):
+            before = None
+        return BlockSpawner(forest, tolerance, most_agents, before)
+    return Spawner(ground, tolerance, most_agents, aim, previous)
+
+
+def spawn(
+    ground: Ground,
+    tolerance: float,
+    most_agents: int,
+    aim: Aim | None = None,
+    previous: Spawning | None = None,
+) -> Spawning:
+    """Solve with agents that are small only where the error asks for it; see `Spawner`."""
+    if previous is not None and aim is None:
+        if isinstance(previous, BlockSpawning):
+            answer: Spawning | None = previous.under(ground, tolerance)
+        else:
+            answer = answered(previous, ground, tolerance)
+        if answer is not None:
+            return answer
+    spawner = spawner_of(ground, tolerance, most_agents, aim, previous)
+    while not spawner.finished:
+        spawner.step()
+        if stopped():
+            break
+    spawning = spawner.outcome()
+    if previous is not None and isinstance(spawning, BlockSpawning):
+        spawning.retired = spawning.instead_of(previous)
+    return spawning
+
+
+class BlockSpawner:
+    """Blocks of agents that settle, look for what they leave unbalanced, and spawn, step by step.
+
+    See `generations.Spawner`, whose steps and attributes these are.
+    """
+
+    def __init__(
+        self,
+        forest: Forest,
+        tolerance: float,
+        most_agents: int,
+        previous: BlockSpawning | None = None,
+    ) -> None:
+        self.ground, self.tolerance, self.most_agents = forest.ground, tolerance, most_agents
+        self.records: list[Record] = []
+        self.notes: list[str] = []
+        self.error, self.energy = FIRST_GUESS, 0.0
+        self.finished, self.stopped = False, ""
+        self.bracket: Bracket | str | None = None
+        self._estimated = 0
+        self._chosen: Flags | None = None
+        self._mirrors: tuple[int, ...] = ()
+        self.residuals: list[float] = []
+        if previous is None:
+            blocks = BlockBalance(forest)
+            self.root = Root(blocks)
+            self.root.check_held(blocks)
+            self._stand(blocks)
+        else:
+            self.root = previous.root
+            self._take_up(previous)
+        self._mirrors = mirrors(self.blocks)
+
+    def _stand(self, blocks: BlockBalance, old: Floats | None = None) -> None:
+        """Take blocks for the agents of this generation, `old` being how those before moved."""
+        self.blocks = blocks
+        self.multigrid = BlockMultigrid(blocks, self.root)
+        self.displacement = (
+            blocks.zeros() if old is None else blocks.follow(old, self.multigrid.rim)
+        )
+
+    def _take_up(self, previous: BlockSpawning) -> None:
+        """Begin with the agents of a previous answer, without those that may as well retire."""
+        unit = previous.ground.scales.displacement / self.ground.scales.displacement
+        old = unit * previous.u
+        previous.blocks.everywhere(old)
+        forest = evenly_loaded(previous.blocks.forest.loaded_by(self.ground)).as_first()
+        self._stand(BlockBalance(forest), old)
+        run = self._settle(lambda run: run.errors[-1] <= ROUGH)
+        part, _ = self._look(run.errors[-1])
+        fewer = self._regrouped(part)
+        if fewer is not None:
+            self._stand(BlockBalance(fewer), self.displacement)
+
+    def _regrouped(self, part: Floats) -> Forest | None:
+        """Return the forest in which agents that leave little retire, and those with much spawn.
+
+        None if those that stand may as well stay.
+        """
+        forest, smallest = self.blocks.forest, self.ground.smallest
+        parts = np.zeros(len(forest))
+        parts[forest.leaves] = part
+        for level in range(forest.depth - 2, -1, -1):
+            block = np.arange(forest.start[level], forest.start[level + 1])
+            block = block[~forest.leaf[block]]
+            parts[block] = RETURN * parts[forest.child[block]].sum(axis=1)
+        stuck = forest.leaf & (forest.size <= smallest)
+        spread = float(parts[forest.leaf & ~stuck].sum())
+        allowed = max(self.allowed, LEAST * float(part.sum()))
+        share = share_of(parts[~stuck], spread / RETURN + float(parts[stuck].sum()), allowed)
+        pruned = evenly_loaded(forest.pruned(parts <= share))
+        much = parts[pruned.origin] > share
+        fewer = pruned.refined(much & (pruned.origin >= 0) & (pruned.size > smallest), 0)
+        chosen = choose_among(part, self.allowed, stuck[forest.leaves], BULK[forest.dimension])
+        many = (1 << forest.dimension) - 1
+        otherwise = len(part) + many * np.count_nonzero(chosen)
+        if len(fewer.leaves) > WORTHWHILE * otherwise:
+            return None
+        return fewer.after(pruned).as_first()
+
+    @property
+    def allowed(self) -> float:
+        """What all agents may leave together."""
+        return 2 * self.energy * (SPARE * self.tolerance) ** 2
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents of this generation."""
+        forest = self.blocks.forest
+        return forest.cells(forest.leaves)
+
+    @property
+    def generations(self) -> Records:
+        """The steps so far."""
+        return Records(self.records)
+
+    def step(self) -> None:
+        """Spawn, but for the first time, and settle."""
+        if self._chosen is not None:
+            self._spawn(self._chosen)
+        share = min(ALGEBRAIC_SHARE * self.error, WORST)
+        run = self._settle(lambda run: run.errors[-1] <= share)
+        part, loads = self._look(run.errors[-1])
+        iterations = len(run.residuals) - 1
+        self._ends(part)
+        if self.finished:
+            run = self._settle(lambda run: max(run.residuals[-1], run.errors[-1]) <= LAST)
+            iterations += len(run.residuals) - 1
+            part, loads = self._look(run.errors[-1])
+            self._ends(part)
+            self._note_rest(run)
+            self._prove()
+        self.residuals = run.residuals
+        forest = self.blocks.forest
+        chosen = np.zeros(len(part), dtype=np.bool_) if self._chosen is None else self._chosen
+        record = Record(self.error, self.energy, iterations, forest, loads, chosen)
+        self.records.append(record)
+
+    def _settle(self, done: Any) -> Iteration:
+        run = self.multigrid.solve(self.blocks.load, self.displacement, done)
+        symmetrise(self.blocks, self.displacement, self._mirrors)
+        return run
+
+    def _look(self, algebraic: float) -> tuple[Floats, NDArray[np.float32]]:
+        """See what is left unbalanced; return the blocks' squares and the agents' loads."""
+        forest, u = self.blocks.forest, self.displacement
+        self.energy = 0.5 * float(kernels.dot(self.blocks.load, u, forest.leaves))
+        self.blocks.everywhere(u)
+        loads = np.empty((len(forest.leaves), len(forest.corners)), dtype=np.float32)
+        part = self.blocks.errors(u, np.empty((0, 0)), loads)
+        order = forest.corners @ ACROSS ** np.arange(forest.dimension)[::-1]
+        total = float(part.sum())
+        if self.energy > 0.0:
+            self.error = float(np.hypot(sqrt(total / (2 * self.energy)), algebraic))
+        else:
+            self.error = 0.0 if total == 0.0 else inf
+        return part, loads[:, order]
+
+    def _ends(self, part: Floats) -> None:
+        forest = self.blocks.forest
+        smallest = forest.size[forest.leaves] <= forest.ground.smallest
+        chosen = choose_among(part, self.allowed, smallest, BULK[forest.dimension])
+        many = (1 << forest.dimension) - 1
+        agents = forest.agents + many * np.count_nonzero(chosen) * len(forest.corners)
+        self.stopped = "" if chosen.any() else "depth"
+        full = agents > self.most_agents or len(self.records) + 1 == MOST_GENERATIONS
+        if full or out_of_reach(self, self.blocks.forest.agents):
+            self.stopped = "agents"
+        self.finished = self.error <= self.tolerance or bool(self.stopped)
+        self._chosen = None if self.finished else chosen
+
+    def _note_rest(self, run: Iteration) -> None:
+        if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
+            self.stopped = "iteration"
+        if not run.converged:
+            self.notes.append(
+                f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
+            )
+        self.finished, self._chosen = True, None
+
+    def _prove(self) -> None:
+        """Go on where the mean stress may be further off than the tolerance."""
+        forest = self.blocks.forest
+        if self.error > self.tolerance or self.stopped == "iteration":
+            return
+        if forest.agents > MOST_PROVED[forest.dimension]:
+            return
+        self._estimated = self._estimated or forest.agents
+        window = Window(forest, forest.leaves)
+        self.bracket = bracket_of_agents(window.balance, window.displacement(self.displacement))
+        if isinstance(self.bracket, str) or self.bracket.error <= self.tolerance:
+            return
+        shares, allowed = unproved(self.bracket, self.tolerance)
+        smallest = forest.size[forest.leaves] <= forest.ground.smallest
+        part = shares.reshape(len(smallest), -1).sum(axis=1)
+        chosen = choose_among(part, allowed, smallest, BULK[forest.dimension])
+        many = ((1 << forest.dimension) - 1) * len(forest.corners)
+        agents = forest.agents + many * np.count_nonzero(chosen)
+        worth = worth_proving(int(agents), self._estimated)
+        on = chosen.any() and worth and agents <= self.most_agents
+        if on and len(self.records) + 2 < MOST_GENERATIONS:
+            self._chosen, self.finished = chosen, False
+
+    def _spawn(self, chosen: Flags) -> None:
+        self.bracket = None  # of those that were there before
+        before = self.blocks.forest
+        marked = np.zeros(len(before), dtype=np.bool_)
+        marked[before.leaves[chosen]] = True
+        self._stand(BlockBalance(before.refined(marked, len(self.records))), self.displacement)
+
+    def outcome(self) -> BlockSpawning:
+        """Return the agents as they are."""
+        return BlockSpawning(self)

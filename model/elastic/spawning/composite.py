@@ -1,0 +1,131 @@
+"""The faces of leaves of several sizes.
+
+Unknown is, as on equal cells, the normal displacement of every face. Where a large leaf
+meets small ones, the small ones' faces are the unknowns and the large leaf's side moves by
+their mean. The edges between the faces are laid in `edges`. All this is exact for
+displacements that vary linearly, so shifts and turns of the whole body strain nothing, and
+the energy's gradient is a symmetric matrix whose forces balance.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from kaju.model.elastic.problem import ACTIVE, FIXED
+from kaju.model.elastic.staggered import Pair, axis_pairs
+from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
+
+from . import face_kernels
+from .edges import Edges, lay_edges
+from .ground import Ground
+from .leaves import Flags, Index, Leaves
+
+Floats = NDArray[np.float64]
+
+
+class Composite:
+    """Faces, edges and strains of leaves; lengths in the scene's cells.
+
+    Attributes
+    ----------
+    ground : Ground
+    leaves : Leaves
+    length : array, shape (leaves,)
+        Edge of each leaf.
+    beside : int array, shape (leaves, 2·dimension)
+        A leaf on each side, -1 for none.
+    master : int array, shape (leaves, 2·dimension)
+        The leaf's own face on each side, -1 where smaller ones take its place.
+    mean : sparse array, shape (leaves · 2·dimension, faces)
+        Displacement of the leaves' sides.
+    axis, place, area : arrays, shape (faces,), (faces, dimension) and (faces,)
+        Normal, middle (units) and area of every face.
+    state, value, spring, support : arrays, shape (faces,)
+        ACTIVE or FIXED, the displacement given, the foundation's stiffness, and the side of
+        the array that holds the face (2·dimension: rigid cells inside; -1: none).
+    edges : dict from pair of axes to Edges
+    """
+
+    def __init__(self, ground: Ground, leaves: Leaves) -> None:
+        self.ground, self.leaves = ground, leaves
+        self.dimension = leaves.dimension
+        self.length = leaves.size / ground.cell
+        self._lay_faces()
+        self._hold_faces()
+        self.edges: dict[Pair, Edges] = {
+            pair: lay_edges(self, pair) for pair in axis_pairs(self.dimension)
+        }
+
+    @cached_property
+    def slopes(self) -> tuple[sp.csr_array, dict[Pair, int]]:
+        """The rows of `mean`, then of every pair's two gradients; where each pair starts."""
+        blocks, start, end = [self.mean], {}, self.mean.shape[0]
+        for pair, edges in self.edges.items():
+            start[pair] = end
+            blocks += [gradient.matrix for gradient in edges.gradients]
+            end += 2 * len(edges.modulus)
+        return sp.csr_array(sp.vstack(blocks, format="csr")), start
+
+    @property
+    def upper(self) -> Index:
+        """Whether a face is at the upper (1) or lower (0) side of its owner."""
+        return np.asarray(self._side % 2)
+
+    @property
+    def size(self) -> int:
+        """Number of faces."""
+        return len(self.axis)
+
+    def _lay_faces(self) -> None:
+        leaves, d = self.leaves, self.dimension
+        tree = (leaves.code, leaves.lower, leaves.size)
+        self.beside = face_kernels.neighbours(*tree)
+        self.master, self.owner, self._side = face_kernels.number_faces(self.beside, leaves.size)
+        start, face, weight = face_kernels.mean_of_faces(self.beside, self.master, *tree)
+        shape = (len(leaves) * 2 * d, len(self.owner))
+        self.mean = sp.csr_array((weight, face, start), shape=shape)
+        self.axis = self._side // 2
+        self.area = self.length[self.owner] ** (d - 1)
+        self.place = leaves.lower[self.owner] + 0.5 * leaves.size[self.owner, None]
+        outward = np.where(self._side % 2, 0.5, -0.5)
+        self.place[np.arange(self.size), self.axis] += outward * leaves.size[self.owner]
+
+    def _past(self, side: int) -> Index:
+        """Return the unit cell beyond the lower corner of a side of every leaf."""
+        axis, upper = divmod(side, 2)
+        point = self.leaves.lower.copy()
+        point[:, axis] += self.leaves.size if upper else -1
+        return point
+
+    def beyond(self, side: int, leaf: Index) -> Index:
+        """Return unit cells beyond a side of leaves."""
+        return self._past(side)[leaf]
+
+    def _hold_faces(self) -> None:
+        d = self.dimension
+        self.state = np.full(self.size, ACTIVE, dtype=np.int8)
+        self.value, self.spring = np.zeros(self.size), np.zeros(self.size)
+        self.support = np.full(self.size, -1, dtype=np.int64)
+        for side in range(2 * d):
+            bare = np.flatnonzero((self._side == side) & (self.beside[self.owner, side] < 0))
+            point = self._past(side)[self.owner[bare]]
+            kind = self.ground.kinds_at(point)
+            outside = self.outside(point, side)
+            held = np.isin(kind, (RIGID, DISPLACED, ROLLER))
+            self.state[bare[held]] = FIXED
+            moved = np.isin(kind, (DISPLACED, ROLLER))
+            self.value[bare[moved]] = self.ground.given(side)[side // 2]
+            bed = bare[kind == FOUNDATION]
+            self.spring[bed] = self.ground.bed(side) * self.area[bed]
+            some = held | (kind == FOUNDATION)
+            self.support[bare[some]] = np.where(outside[some], side, 2 * d)
+
+    def outside(self, point: Index, side: int) -> Flags:
+        """Tell which unit cells lie beyond a side of the array."""
+        axis, upper = divmod(side, 2)
+        end = self.ground.scene.lattice.shape[axis] * self.ground.cell
+        return np.asarray(point[:, axis] >= end if upper else point[:, axis] < 0)

@@ -1,0 +1,270 @@
+"""Quantities of a body of agents: their values, and their derivatives by every face."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from kaju.agents.materials import suggestion
+from kaju.errors import ParameterError
+from kaju.model.elastic import fields as solid
+from kaju.model.elastic.problem import FIXED, Scales
+from kaju.model.elastic.reactions import INSIDE
+
+from . import sampling
+from .agent_fields import AgentFields
+from .balance import Balance
+from .composite import Composite, Floats
+from .field import interpolation
+from .ground import Ground
+from .leaves import Flags
+from .places import Site, Spots, site_of
+from .quantities import Deflection, Quantity, Reaction, Stress, component_of, ways_of
+
+NEGLIGIBLE = 0.01
+"""Of the largest: the error of a smaller value is told relative to this share."""
+
+
+class Value(NamedTuple):
+    """A quantity and what it depends on; scaled.
+
+    Attributes
+    ----------
+    value : array, shape (components,)
+    scale : float
+        What its error is relative to.
+    derivatives : array, shape (components, faces)
+    doubt : float
+        By how much the mean over large agents may be off.
+    held : array, shape (components, faces), optional
+        Influence of forces on the faces that supports hold; by default none.
+    walls : array, shape (components, 2·dimension + 1, dimension), optional
+        The same for the sides of the array, and rigid cells inside.
+    """
+
+    value: Floats
+    scale: float
+    derivatives: Floats
+    doubt: float = 0.0
+    held: Floats | None = None
+    walls: Floats | None = None
+
+
+class Functional(Protocol):
+    """A quantity, asked grid by grid; `ways` has a row for each of its components."""
+
+    ways: Floats
+
+    def coarse(self, grid: Composite) -> Flags:
+        """Tell which leaves are too large for the quantity to be seen."""
+
+    def of(self, fields: AgentFields) -> Value:
+        """Return the quantity, and what it depends on."""
+
+
+class _Displaced:
+    """The mean displacement of a place, along some directions."""
+
+    def __init__(self, quantity: Deflection, ground: Ground) -> None:
+        self._name, self._site = f"{quantity.at}", site_of(quantity.at, ground)
+        self.ways = ways_of(quantity.along, ground.dimension)
+
+    def coarse(self, grid: Composite) -> Flags:
+        return self._site.coarse(grid)
+
+    def of(self, fields: AgentFields) -> Value:
+        grid = fields.balance.grid
+        spots = _spots(self._site, grid, self._name)
+        moved = sampling.displacement_at(fields, spots.points, spots.leaf)
+        value = self.ways @ (spots.weight @ moved)
+        doubt = float(np.linalg.norm(self.ways @ (spots.weight @ _bulge(fields, spots, moved))))
+        point, leaf = sampling.touching(grid, spots.points, spots.leaf)
+        weight = (spots.weight / np.bincount(point))[point]
+        along = np.stack([
+            interpolation(grid, spots.points[point], leaf, axis)[0].T @ weight
+            for axis in range(grid.dimension)
+        ])  # fmt: skip
+        largest = float(np.linalg.norm(fields.displacement, axis=1).max())
+        return Value(value, _scale(value, largest), self.ways @ along, doubt)
+
+
+class _Stressed:
+    """The mean stress of a place: a component, or the equivalent stress."""
+
+    def __init__(self, quantity: Stress, ground: Ground) -> None:
+        self._name, self._site = f"{quantity.at}", site_of(quantity.at, ground)
+        self._component = component_of(quantity.component, ground.dimension)
+        self.ways = np.ones((1, 1))
+
+    def coarse(self, grid: Composite) -> Flags:
+        return self._site.coarse(grid)
+
+    def of(self, fields: AgentFields) -> Value:
+        balance = fields.balance
+        spots = _spots(self._site, balance.grid, self._name)
+        stress = sampling.stress_at(fields, spots.points, spots.leaf)
+        found, slope = self._measured(stress, balance.grid, spots)
+        value = np.array([spots.weight @ found])
+        largest = float(np.sqrt((fields.stress**2).sum(axis=(1, 2)).max()))
+        row = _pulled(balance, spots, spots.weight[:, None, None] * slope)
+        return Value(value, _scale(value, largest), row[None])
+
+    def _measured(self, stress: Floats, grid: Composite, spots: Spots) -> tuple[Floats, Floats]:
+        """Return what is wanted of stress tensors, and its derivative by each of them."""
+        if self._component is not None:
+            a, b = self._component
+            slope = np.zeros_like(stress)
+            slope[:, a, b] = 1.0
+            return stress[:, a, b], slope
+        d, across = grid.dimension, np.zeros(len(stress))
+        if grid.ground.scene.plane == "strain":
+            moduli, kind = grid.ground.moduli, grid.leaves.kind[spots.leaf]
+            across = moduli.lateral[kind] / (2 * (moduli.lateral[kind] + moduli.shear[kind]))
+        trace = np.trace(stress, axis1=1, axis2=2)
+        found = solid.von_mises(stress, across * trace)
+        pressure = (1.0 + across) * trace / 3.0
+        own = stress - pressure[:, None, None] * np.eye(d)
+        own = own + (across * (across * trace - pressure))[:, None, None] * np.eye(d)
+        return found, 1.5 * own / np.maximum(found, 1e-300)[:, None, None]
+
+
+class _Supported:
+    """The force of a support on the body."""
+
+    def __init__(self, quantity: Reaction, ground: Ground) -> None:
+        names = [*ground.scene.lattice.sides, INSIDE]
+        if quantity.side not in names:
+            raise ParameterError(
+                f"tolerance_at: there is no support {quantity.side!r}"
+                f"{suggestion(quantity.side, names)}; there may be {', '.join(names)}"
+            )
+        self._name, self._side = quantity.side, names.index(quantity.side)
+        self.ways = ways_of(quantity.along, ground.dimension)
+
+    def coarse(self, grid: Composite) -> Flags:
+        return np.zeros(len(grid.leaves), dtype=np.bool_)
+
+    def of(self, fields: AgentFields) -> Value:
+        """Return the reaction: the energy's derivative by the support's own displacement.
+
+        So what it depends on is how the body follows the support, moved against its axis.
+        """
+        balance, grid = fields.balance, fields.balance.grid
+        reactions = balance.reactions(fields.u)
+        if self._name not in reactions:
+            raise ParameterError(
+                f"tolerance_at: nothing holds the body at {self._name!r}; supports are "
+                f"{', '.join(reactions) or 'missing'}"
+            )
+        d = grid.dimension
+        here = grid.support == self._side
+        rows, held, walls = [], [], np.zeros((d, 2 * d + 1, d))
+        for axis in range(d):
+            mine = here & (grid.axis == axis)
+            moved = (mine & (grid.state == FIXED)).astype(np.float64)
+            walls[axis, self._side, axis] = -1.0
+            strain = balance.strains @ moved + _wall_strain(balance, self._side, axis)
+            rows.append(balance.strains.T @ balance.stress(strain) - mine * grid.spring)
+            held.append(-moved)
+        value = self.ways @ reactions[self._name]
+        largest = max(float(np.linalg.norm(force)) for force in reactions.values())
+        turned = np.tensordot(self.ways, walls, 1)
+        scale = _scale(value, largest)
+        return Value(value, scale, self.ways @ rows, 0.0, self.ways @ held, turned)
+
+
+def functional_of(quantity: Quantity, ground: Ground) -> Functional:
+    """Return a quantity on some ground.
+
+    Raises
+    ------
+    ParameterError
+        If it is of another dimension, outside of the body, or unknown.
+    """
+    if isinstance(quantity, Deflection):
+        return _Displaced(quantity, ground)
+    if isinstance(quantity, Stress):
+        return _Stressed(quantity, ground)
+    return _Supported(quantity, ground)
+
+
+def unit_of(quantity: Quantity, scales: Scales) -> float:
+    """Return the unit of a quantity's scaled value: m, Pa or N."""
+    if isinstance(quantity, Deflection):
+        return scales.displacement
+    if isinstance(quantity, Stress):
+        return scales.modulus * scales.displacement / scales.length
+    return scales.force
+
+
+def plain(value: Floats) -> float | Floats:
+    """Return a single component as a number."""
+    return value if len(value) > 1 else float(value[0])
+
+
+def _scale(value: Floats, largest: float) -> float:
+    return max(float(np.linalg.norm(value)), NEGLIGIBLE * largest)
+
+
+def _spots(site: Site, grid: Composite, name: str) -> Spots:
+    spots = site.spots(grid)
+    if not len(spots.leaf):
+        raise ParameterError(f"tolerance_at: there is no body at {name}")
+    return spots
+
+
+def _bulge(fields: AgentFields, spots: Spots, middle: Floats) -> Floats:
+    """Return by how much the mean over each spot's part differs from its middle, roughly.
+
+    The displacement in the middle is that of a face, which stands for a point as well as for
+    a mean: half-way between them lies h²u″/48 for every axis. The slopes at an agent's edges,
+    taken from its middle on, give six times as much at the quarters.
+    """
+    total = np.zeros_like(middle)
+    if not spots.span.any():
+        return total
+    for axis, end in product(range(middle.shape[1]), (-0.25, 0.25)):
+        points = spots.points.copy()
+        points[:, axis] += end * spots.span[:, axis]
+        total += sampling.displacement_at(fields, points, spots.leaf) - middle
+    return total / 12.0
+
+
+def _pulled(balance: Balance, spots: Spots, weight: Floats) -> Floats:
+    """Return the derivative by the faces of stresses that are weighted and added up.
+
+    Parameters
+    ----------
+    weight : array, shape (spots, dimension, dimension)
+    """
+    grid, d = balance.grid, balance.grid.dimension
+    n, kind = len(grid.leaves), grid.leaves.kind
+    point, leaf = sampling.touching(grid, spots.points, spots.leaf)
+    alike = kind[leaf] == kind[spots.leaf[point]]
+    point, leaf = point[alike], leaf[alike]
+    part = weight[point] / np.bincount(point)[point, None, None]
+    normal = np.stack([np.bincount(leaf, part[:, a, a], n) for a in range(d)])
+    moduli = grid.ground.moduli
+    lateral = moduli.lateral[kind]
+    pulls = [(lateral * normal.sum(axis=0) + (moduli.stretch[kind] - lateral) * normal).ravel()]
+    for (a, b), edges in grid.edges.items():
+        shear = part[:, a, b] + part[:, b, a]
+        around = edges.of_leaf[leaf].reshape(len(leaf), -1)
+        share = np.repeat(shear / around.shape[1], around.shape[1])
+        pulls.append(edges.modulus * np.bincount(around.ravel(), share, len(edges.modulus)))
+    return np.asarray(balance.strains.T @ np.concatenate(pulls))
+
+
+def _wall_strain(balance: Balance, side: int, axis: int) -> Floats:
+    """Return the strains if what lies beyond a side moved along an axis by 1."""
+    grid = balance.grid
+    parts = [np.zeros(len(grid.leaves) * grid.dimension)]
+    for pair, edges in grid.edges.items():
+        strain = np.zeros(len(edges.modulus))
+        for a, gradient in zip(pair, edges.gradients, strict=True):
+            if a == axis:
+                strain += np.where(gradient.wall == side, gradient.pull, 0.0)
+        parts.append(np.where(edges.modulus > 0, strain, 0.0))
+    return np.concatenate(parts)

@@ -1,0 +1,224 @@
+"""Errors of what a tolerance is about, by influence: the solution for a force that asks for it.
+
+A quantity J depends on the displacement by its derivative j. The displacement z = K⁻¹ j that j
+would cause as a force tells how much J feels a force anywhere (Maxwell's influence function;
+the dual solution of Becker & Rannacher 2001). With the second differences C u and C z of both,
+as in `displacement_error`, J is off by about
+
+    z·C'C u = Σ C u · C z,
+
+a sum over the agents. Where its terms differ in sign they make up for each other, which no agent
+can rely on; the estimate is half-way between the sum and that of their sizes. An agent
+spawns for the product of the two errors, η(u)·η(z), which has no sign to change.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from kaju.errors import ParameterError
+from kaju.model.elastic.krylov import Iteration, dot
+
+from .agent_fields import AgentFields
+from .aims import SPARE, Aim, Aimed, Answer, choose
+from .balance import Balance
+from .composite import Floats
+from .curvature import Curvature
+from .displacement_error import DisplacementAim
+from .functionals import Value, functional_of
+from .ground import Ground
+from .nested import NestedMultigrid
+from .quantities import DISPLACEMENT, Quantity, ToleranceAt, described, quantities_of, quantity_from
+
+if TYPE_CHECKING:
+    from .generations import Spawner
+
+FACTOR = 1.25
+"""Of the estimate, found on the bodies of `benchmarks/goals.py`."""
+MOST = 50
+"""Quantities at a time."""
+ALGEBRAIC_SHARE, FIRST_GUESS = 0.05, 0.3
+"""Influences are solved to this share of their own error, at first of a guess at it."""
+
+
+Asked = str | tuple[Quantity, ...] | None
+"""What `tolerance_at` asks for in its shortest form."""
+
+
+class Goal(NamedTuple):
+    """What has been found of a quantity.
+
+    Attributes
+    ----------
+    quantity : Deflection, Stress or Reaction
+    value : float, or array of shape (dimension,)
+        In m, Pa or N.
+    error_estimate : float
+        Estimated error of the value, of a vector in length.
+    relative_error : float
+        The same relative to the value or, where that is smaller, to a hundredth of the largest
+        displacement, stress or reaction of all.
+    """
+
+    quantity: Quantity
+    value: float | Floats
+    error_estimate: float
+    relative_error: float
+
+
+class Influence:
+    """How much a component of a quantity feels forces anywhere, generation by generation."""
+
+    def __init__(self) -> None:
+        self._balance: Balance | None = None
+        self._displacement = np.zeros(0)
+        self._off = FIRST_GUESS
+
+    def of(self, derivative: Floats, balance: Balance, hierarchy: NestedMultigrid) -> Floats:
+        """Return the displacement of the free faces for the derivative as a force."""
+        if balance is self._balance:
+            return self._displacement
+        share = ALGEBRAIC_SHARE * self._off
+
+        def done(run: Iteration) -> bool:
+            return run.errors[-1] <= share
+
+        start = hierarchy.followed(self._displacement)
+        self._displacement = hierarchy.solve(derivative, start, done).solution
+        self._balance = balance
+        return self._displacement
+
+    def remember(self, off: float) -> None:
+        """Take note of its own error in the energy norm, relative."""
+        self._off = min(off, 1.0)
+
+
+class GoalAim:
+    """The largest relative error of some quantities.
+
+    Parameters
+    ----------
+    quantities : tuple of Quantity
+    ground : Ground
+
+    Raises
+    ------
+    ParameterError
+        If a quantity is of another dimension, outside of the body, or unknown.
+    """
+
+    adds_up = True
+
+    def __init__(self, quantities: tuple[Quantity, ...], ground: Ground) -> None:
+        self._functionals = [functional_of(quantity, ground) for quantity in quantities]
+        self._influences = [[Influence() for _ in f.ways] for f in self._functionals]
+
+    def look(self, spawner: Spawner) -> Aimed:
+        """Return how far off the agents are, after they have settled."""
+        grid = spawner.balance.grid
+        large = np.any([f.coarse(grid) for f in self._functionals], axis=0)
+        large &= grid.leaves.size > grid.ground.smallest
+        if large.any():
+            return Aimed(inf, large.astype(np.float64), large, 0.0)
+        fields = AgentFields(spawner.balance, spawner.displacement)
+        felt = _Felt(spawner)
+        answers, parts = [], []
+        for functional, influences in zip(self._functionals, self._influences, strict=True):
+            value = functional.of(fields)
+            errors, part = felt.by(value, influences)
+            error = float(np.linalg.norm(errors)) + value.doubt
+            scale = value.scale or 1.0
+            answers.append(Answer(value.value, error, error / scale))
+            parts.append(part / scale)
+        return _aimed(spawner, answers, parts)
+
+
+class _Felt:
+    """The errors of agents that have settled, as quantities feel them."""
+
+    def __init__(self, spawner: Spawner) -> None:
+        self._balance, self._hierarchy = spawner.balance, spawner.hierarchy
+        self._square = spawner.indicator.square
+        self._curvature = Curvature(spawner.balance)
+        self._bends = self._curvature.of(spawner.displacement)
+
+    def by(self, value: Value, influences: list[Influence]) -> tuple[list[float], Floats]:
+        """Return the errors of a quantity's components, and what every agent adds at most."""
+        balance, curvature, free = self._balance, self._curvature, self._balance.free
+        errors, part = [], np.zeros(len(self._square))
+        for row, influence in enumerate(influences):
+            derivative = value.derivatives[row, free]
+            z = np.zeros(balance.grid.size) if value.held is None else value.held[row].copy()
+            z[free] = influence.of(derivative, balance, self._hierarchy)
+            walls = curvature.resting if value.walls is None else value.walls[row]
+            bends = curvature.of(z, walls)
+            own = curvature.energy(bends, bends)
+            whole = float(dot(derivative, z[free]))
+            square = float(own.sum()) / whole if whole > 0.0 else 0.0
+            influence.remember(sqrt(square))
+            both = curvature.energy(self._bends, bends)
+            # The body's own stiffness, K + C'C, lets a force go less far than K alone.
+            error = 0.5 * (abs(float(both.sum())) + float(np.abs(both).sum())) / (1.0 + square)
+            errors.append(FACTOR * error)
+            part += np.sqrt(self._square * own)
+        return errors, part
+
+
+def _aimed(spawner: Spawner, answers: list[Answer], parts: list[Floats]) -> Aimed:
+    """Return what is left to do for the quantities that are not within the tolerance."""
+    wanted = SPARE * spawner.tolerance
+    worst = max(answer.relative_error for answer in answers)
+    open_parts = [p for p, a in zip(parts, answers, strict=True) if a.relative_error > wanted]
+    part = np.sum(open_parts or parts, axis=0)
+    allowed = float(part.sum()) * (wanted / worst if worst > 0.0 else 1.0)
+    chosen = choose(spawner.balance.grid, part, allowed)
+    return Aimed(worst, part, chosen, allowed, tuple(answers))
+
+
+def aim_of(tolerance_at: Asked, ground: Ground) -> Aim | None:
+    """Return what the tolerance is about, None for the energy norm.
+
+    Raises
+    ------
+    ParameterError
+        If a quantity is of another dimension, outside of the body, or unknown.
+    """
+    if tolerance_at is None:
+        return None
+    if isinstance(tolerance_at, str):
+        return DisplacementAim()
+    return GoalAim(tolerance_at, ground)
+
+
+def asked(tolerance_at: ToleranceAt | None) -> Asked:
+    """Return what the tolerance is about in its shortest form.
+
+    Raises
+    ------
+    ParameterError
+        If it is nothing that a tolerance could be about, or too much.
+    """
+    if tolerance_at is None or (isinstance(tolerance_at, str) and tolerance_at == DISPLACEMENT):
+        return tolerance_at
+    quantities = quantities_of(tolerance_at)
+    if len(quantities) > MOST:
+        raise ParameterError(
+            f"tolerance_at: {len(quantities)} quantities are more than {MOST}, and each takes a "
+            f"solution of its own; ask for the mean of a region, or for {DISPLACEMENT!r}"
+        )
+    return quantities
+
+
+def told(tolerance_at: Asked) -> str | list[dict[str, Any]] | None:
+    """Return what the tolerance is about as plain values."""
+    if isinstance(tolerance_at, tuple):
+        return [described(quantity) for quantity in tolerance_at]
+    return tolerance_at
+
+
+def asked_again(told: str | list[dict[str, Any]] | None) -> Asked:
+    """Return what `told` has told of."""
+    return tuple(quantity_from(values) for values in told) if isinstance(told, list) else told

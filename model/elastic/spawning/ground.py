@@ -1,0 +1,252 @@
+"""What the agents stand on: body, supports and loads of a scene, asked box by box."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from math import ceil, log2
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import SceneError
+from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.elastic.problem import Scales
+from kaju.model.scene import Scene
+from kaju.model.scene.lattices import check_boxes
+from kaju.model.scene.purity import MIXED
+
+from .leaves import Flags, Index, Leaves
+from .tree_kernels import BITS
+
+Floats = NDArray[np.float64]
+
+ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
+"""The first agents are at least this many along the body's longest and shortest side."""
+ROUNDING = 1e-14
+"""Loads that differ by less, of their largest, are the same."""
+DEEPEST = 16
+"""An agent's edge is at least the scene's cell divided by 2 to this power."""
+
+
+class LeafForces(NamedTuple):
+    """Forces on leaves: leaf, side by which they enter (-1: the middle), and force (scaled)."""
+
+    leaf: Index
+    direction: Index
+    force: Floats
+
+
+class Ground:
+    """A scene, asked for the boxes in which agents stand.
+
+    Attributes
+    ----------
+    scene : Scene
+        On the cells that describe the body.
+    cell : int
+        Edge of the scene's cells (units).
+    smallest : int
+        Edge of the smallest agents allowed (units).
+    scales : Scales
+        Scaled units, as in the solver on equal cells.
+    moduli : Moduli
+        Scaled moduli of the materials.
+    """
+
+    def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
+        lattice = scene.lattice
+        check_boxes(lattice)
+        self.scene, self.dimension = scene, lattice.dimension
+        digits = max(1, ceil(log2(max(lattice.shape))))
+        spare = BITS[self.dimension] - digits
+        if spare < 1:
+            raise SceneError(
+                f"body.cells: {max(lattice.shape)} cells along an axis are more than the "
+                f"2^{BITS[self.dimension] - 1} that agents can be counted in; use larger cells"
+            )
+        self.cell = 1 << min(spare, DEEPEST)
+        self.smallest = self.cell if at_cells else 1
+        self._purity = scene.purity()
+        self._collect_loads(stage)
+        self._scale()
+
+    def kinds_at(self, points: Index) -> Index:
+        """Return the kinds of unit cells, also outside the array."""
+        return self._purity.kinds(points // self.cell, 0)
+
+    def kinds_of(self, boxes: Index, exponent: int) -> Index:
+        """Return the kinds of boxes of 2^exponent of the scene's cells, or MIXED."""
+        return self._purity.kinds(boxes, exponent)
+
+    @property
+    def loaded(self) -> Index:
+        """The scene's cells that take loads, shape (n, dimension)."""
+        return self._cells
+
+    @property
+    def youngs_modulus(self) -> Floats:
+        """Of every material (Pa)."""
+        return np.array([m.youngs_modulus for m in self.scene.cell_materials])
+
+    def given(self, side: int) -> Floats:
+        """Return the scaled displacement of what lies beyond a side."""
+        condition = self.scene.side_condition(self.scene.lattice.sides[side])
+        if condition.displacement is None:
+            return np.zeros(self.dimension)
+        return np.asarray(condition.displacement) / self.scales.displacement
+
+    def bed(self, side: int) -> float:
+        """Return the scaled stiffness per area of the foundation beyond a side."""
+        stiffness = self.scene.side_condition(self.scene.lattice.sides[side]).stiffness
+        return (stiffness or 0.0) * self.scales.length / self.scales.modulus
+
+    def loaded_like(self, other: Ground) -> bool:
+        """Tell whether the loads are those on other ground, but for their unit."""
+        if not np.array_equal(self._key, other._key):
+            return False
+        return float(np.abs(self._force - other._force).max(initial=0.0)) <= ROUNDING
+
+    def start(self) -> Leaves:
+        """Return the first agents: as large as body, supports and loads let them be."""
+        lower, upper = self.scene.bounds()
+        spans = upper - lower
+        widest = max(1.0, min(spans.max() / ACROSS_LONGEST, spans.min() / ACROSS_SHORTEST))
+        exponent = int(log2(widest))
+        first, last = lower >> exponent, -((-upper) >> exponent)
+        ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
+        boxes = np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1)
+        leaves = self._pure(boxes << exponent, exponent)
+        leaves = self._until(leaves, self._beside_mixed)
+        leaves = self._until(leaves, self.unevenly_loaded)
+        return leaves.balanced(0)
+
+    def parents(self, leaves: Leaves) -> Leaves:
+        """Return leaves of up to twice the size, as far as body and supports let them be."""
+        return self._until(leaves.merged(), self._beside_mixed).balanced(0)
+
+    def _pure(self, boxes: Index, exponent: int) -> Leaves:
+        """Split boxes of cells until each is of one kind; keep those of material."""
+        lower, size, kind = [], [], []
+        corners = np.array(list(product((0, 1), repeat=self.dimension)), dtype=np.int64)
+        while len(boxes):
+            found = self._purity.kinds(boxes, exponent)
+            body = found >= 0
+            lower.append(boxes[body] * self.cell)
+            size.append(np.full(np.count_nonzero(body), self.cell << exponent, dtype=np.int64))
+            kind.append(found[body])
+            exponent -= 1
+            mixed = boxes[found == MIXED]
+            boxes = (mixed[:, None] + corners * (1 << max(exponent, 0))).reshape(-1, self.dimension)
+        sizes = np.concatenate(size)
+        if not len(sizes):
+            raise SceneError("body: no cell is of a material, so there is nothing to solve")
+        zeros = np.zeros(len(sizes))
+        return Leaves.of(
+            np.concatenate(lower), sizes, np.concatenate(kind), zeros.astype(np.int64), zeros
+        )
+
+    def _until(self, leaves: Leaves, unfit: Callable[[Leaves], Flags]) -> Leaves:
+        """Split leaves until none is unfit."""
+        while True:
+            chosen = unfit(leaves)
+            if not chosen.any():
+                return leaves
+            leaves = leaves.split(chosen, 0, np.zeros(len(leaves)))
+
+    def _beside_mixed(self, leaves: Leaves) -> Flags:
+        """Tell which leaves have a box of their own size beside them that is not of one kind."""
+        unfit = np.zeros(len(leaves), dtype=np.bool_)
+        for size in np.unique(leaves.size[leaves.size > self.cell]):
+            here = np.flatnonzero(leaves.size == size)
+            exponent = int(size // self.cell).bit_length() - 1
+            for way in product((-1, 0, 1), repeat=self.dimension):
+                if any(way):
+                    box = (leaves.lower[here] + np.array(way) * size) // self.cell
+                    unfit[here] |= self._purity.kinds(box, exponent) == MIXED
+        return unfit
+
+    def unevenly_loaded(self, leaves: Leaves) -> Flags:
+        """Tell which leaves larger than a cell take loads on a part only, or unequal ones."""
+        unfit = np.zeros(len(leaves), dtype=np.bool_)
+        if not len(self._cells):
+            return unfit
+        owner = leaves.find(self._cells * self.cell)
+        large = (owner >= 0) & (leaves.size[owner] > self.cell)
+        owner, way = owner[large], self._direction[large]
+        offset = self._cells[large] * self.cell - leaves.lower[owner]
+        axis, end = np.maximum(way, 0) // 2, np.maximum(way, 0) % 2
+        depth = offset[np.arange(len(owner)), axis]
+        edge = np.where(end == 1, leaves.size[owner] - self.cell, 0)
+        unfit[owner[(way >= 0) & (depth != edge)]] = True
+        group, inverse, count = np.unique(
+            owner * (2 * self.dimension + 1) + way + 1, return_inverse=True, return_counts=True
+        )
+        leaf = group // (2 * self.dimension + 1)
+        power = np.where(group % (2 * self.dimension + 1) == 0, self.dimension, self.dimension - 1)
+        unfit[leaf[count != (leaves.size[leaf] // self.cell) ** power]] = True
+        first = np.zeros((len(group), self.dimension))
+        first[inverse[::-1]] = self._force[large][::-1]
+        largest = np.abs(first).max(initial=0.0)
+        unlike = np.abs(self._force[large] - first[inverse]) > 1e-9 * largest
+        unfit[owner[unlike.any(axis=1)]] = True
+        return unfit
+
+    def forces(self, leaves: Leaves) -> LeafForces:
+        """Return the loads on leaves; a cell's load is spread evenly over smaller ones."""
+        nothing = np.empty(0, dtype=np.int64)
+        if not len(self._cells):
+            return LeafForces(nothing, nothing, np.empty((0, self.dimension)))
+        owner = leaves.find(self._cells * self.cell)
+        large = (owner >= 0) & (leaves.size[owner] >= self.cell)
+        parts = [LeafForces(owner[large], self._direction[large], self._force[large])]
+        small = np.flatnonzero(leaves.size < self.cell)
+        cells = leaves.lower[small] // self.cell
+        offset = leaves.lower[small] - cells * self.cell
+        share = leaves.size[small] / self.cell
+        for way in range(-1, 2 * self.dimension):
+            touches = np.ones(len(small), dtype=np.bool_)
+            if way >= 0:
+                depth = offset[:, way // 2]
+                end = self.cell - leaves.size[small]
+                touches = depth == (end if way % 2 else 0)
+            key = self._keys(cells[touches], np.full(np.count_nonzero(touches), way))
+            at = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
+            hit = self._key[at] == key
+            part = share[touches][hit] ** (self.dimension - (way >= 0))
+            leaf = small[touches][hit]
+            force = self._force[at[hit]] * part[:, None]
+            parts.append(LeafForces(leaf, np.full(len(leaf), way), force))
+        return LeafForces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _keys(self, cells: Index, direction: Index) -> Index:
+        return self.scene.lattice.key(cells) * (2 * self.dimension + 1) + direction + 1
+
+    def _collect_loads(self, stage: int | None) -> None:
+        """Add up the forces that enter by the same face of a cell, in the order of their keys."""
+        applied = self.scene.applied(stage)
+        keys = self._keys(applied.cells, applied.direction)
+        self._key, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        self._cells, self._direction = applied.cells[first], applied.direction[first]
+        self._force = np.zeros((len(first), self.dimension))
+        np.add.at(self._force, inverse, applied.force)
+
+    def _scale(self) -> None:
+        """Choose units and divide by them; see `kaju.model.elastic.problem`."""
+        scene, h = self.scene, self.scene.lattice.cell_size
+        modulus = float(self.youngs_modulus.max())
+        stretch = modulus * (scene.thickness if self.dimension == 2 else h)
+        sides = [scene.side_condition(name) for name in scene.lattice.sides]
+        moved = max((abs(v) for s in sides for v in s.displacement or ()), default=0.0)
+        peak = float(np.abs(self._force).max(initial=0.0))
+        self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
+        self._force /= self.scales.force
+        ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
+        self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)
+
+
+def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> Ground:
+    """Return the ground of a scene: on finer cells, and not below them, at a resolution."""
+    grid = scene if resolution in (None, 1) else scene.refine(int(resolution or 1))
+    return Ground(grid, stage, at_cells=resolution is not None)

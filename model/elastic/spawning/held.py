@@ -1,0 +1,182 @@
+"""Whether supports hold every part of a body, and whether its members can carry shear."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from kaju.errors import SupportError
+from kaju.model.elastic.problem import FIXED
+from kaju.model.scene.kinds import DISPLACED, RIGID
+
+from .balance import Balance
+from .composite import Composite, Floats
+from .field import oriented
+from .leaves import Flags, Index
+
+FREE = 1e-13
+"""A motion that strains supports by less than this share of what another one does is free."""
+
+
+def check_held(balance: Balance) -> None:
+    """Refuse a body of which a part could move without straining.
+
+    Raises
+    ------
+    SupportError
+        Naming a cell of the part and how it could move.
+    """
+    loose = loose_part(balance)
+    if loose is not None:
+        leaf, motion = loose
+        grid = balance.grid
+        place = ", ".join(str(int(i)) for i in grid.leaves.lower[leaf] // grid.ground.cell)
+        raise SupportError(
+            f"sides: the supports do not hold the part of the body with cell ({place}): it "
+            f"could {motion}; hold it by a rigid cell or side, or join it to the rest by a "
+            "face (cells that touch at a corner are not joined)"
+        )
+
+
+def loose_part(balance: Balance) -> tuple[int, str] | None:
+    """Return a leaf of a part that could move without straining, and how; None if all are held.
+
+    A rigid motion strains nothing but what holds the body: faces that stay where they are.
+    """
+    grid, d = balance.grid, balance.grid.dimension
+    part = _parts(grid)
+    modes = rigid_motions(grid, part)
+    modes[grid.state == FIXED] = 0.0
+    count = int(part.max()) + 1
+    of_rows = [part] * d
+    for edges in grid.edges.values():
+        of_edge = np.zeros(len(edges.modulus), dtype=np.int64)
+        of_edge[edges.of_leaf] = part[:, None, None]
+        of_rows.append(of_edge)
+    bed, of_face = grid.spring > 0, part[grid.owner]
+    mass = _products(modes, of_face, count)
+    resistance = _products(balance.strains @ modes, np.concatenate(of_rows), count)
+    resistance += _products(modes[bed], of_face[bed], count)
+    for number in range(count):
+        motion = _free_motion(mass[number], resistance[number], d)
+        if motion:
+            return int(np.flatnonzero(part == number)[0]), motion
+    return None
+
+
+def rebalance(balance: Balance, matrix: sp.csr_array, u: Floats) -> None:
+    """Shift all free faces as one, so that the supports bear exactly the loads: in place.
+
+    What an iteration leaves unbalanced then adds up to no force. Of all shifts it is the one
+    that comes nearest to the solution.
+    """
+    free, axes = balance.free, range(balance.grid.dimension)
+    axis = balance.grid.axis[free]
+    left = (balance.load - balance.pull)[free] - matrix @ u[free]
+    forces = [matrix @ (axis == a).astype(np.float64) for a in axes]
+    gram = np.array([np.bincount(axis, force, len(axes)) for force in forces])
+    shift = np.linalg.lstsq(gram, np.bincount(axis, left, len(axes)))[0]
+    u[free] += shift[axis]
+
+
+def _products(rows: Floats, part: Index, count: int) -> Floats:
+    """Return the sums, part by part, of the products of all columns; shape (count, k, k)."""
+    some = rows.any(axis=1)
+    rows, part, k = rows[some], part[some], rows.shape[1]
+    total = np.zeros((count, k, k))
+    for i, j in np.ndindex(k, k):
+        total[:, i, j] = np.bincount(part, rows[:, i] * rows[:, j], minlength=count)
+    return total
+
+
+def rigid_motions(grid: Composite, part: Index) -> Floats:
+    """Return the faces' displacements in every rigid motion, one column each.
+
+    Every part turns about its own middle, by as much as moves its ends by about one.
+    """
+    d = grid.dimension
+    of_face = part[grid.owner]
+    place = grid.place / grid.ground.cell
+    count = np.bincount(of_face)
+    for axis in range(d):
+        place[:, axis] -= (np.bincount(of_face, place[:, axis]) / count)[of_face]
+    reach = np.ones(len(count))
+    np.maximum.at(reach, of_face, np.abs(place).max(axis=1))
+    place /= reach[of_face, None]
+    columns = [(grid.axis == a).astype(np.float64) for a in range(d)]
+    for a, b in grid.edges:
+        turn = np.where(grid.axis == a, -place[:, b], 0.0)
+        columns.append(np.where(grid.axis == b, place[:, a], turn))
+    return np.stack(columns, axis=1)
+
+
+def _parts(grid: Composite) -> Index:
+    """Return the part of the body that each leaf belongs to: leaves joined by faces."""
+    leaf, side = np.nonzero(grid.beside >= 0)
+    links = sp.coo_array(
+        (np.ones(len(leaf)), (leaf, grid.beside[leaf, side])), shape=(len(grid.leaves),) * 2
+    )
+    # A large leaf names only one small neighbour, but each of these names it in turn.
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+
+
+def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
+    """Return in words a rigid motion that nothing resists, "" if there is none.
+
+    Only those count that move a face that is free (by its mass).
+    """
+    size, motion = np.linalg.eigh(mass)
+    moves = size > 1e-12 * size[-1]
+    if size[-1] <= 0:
+        return ""
+    motion = motion[:, moves] / np.sqrt(size[moves])
+    values = np.linalg.eigvalsh(motion.T @ resistance @ motion)
+    if values[-1] <= 0:
+        return "move anywhere"
+    if values[0] > FREE * values[-1]:
+        return ""
+    for a in range(dimension):
+        if mass[a, a] > 0 and resistance[a, a] <= FREE * values[-1] * mass[a, a]:
+            return f"move along {'xyz'[a]}"
+    return "turn"
+
+
+def beside_rigid_cells(grid: Composite) -> Flags:
+    """Tell which leaves touch rigid cells inside the array, of which a single one is a pin."""
+    beside = np.zeros(len(grid.leaves), dtype=np.bool_)
+    for side in range(2 * grid.dimension):
+        bare = np.flatnonzero(grid.beside[:, side] < 0)
+        point = grid.beyond(side, bare)
+        beside[bare] |= (grid.ground.kinds_at(point) == RIGID) & ~grid.outside(point, side)
+    return beside
+
+
+def slender(grid: Composite) -> Flags:
+    """Tell which leaves can slide past a neighbour because no edge between them carries shear."""
+    n, d = len(grid.leaves), grid.dimension
+    loose = np.zeros(n, dtype=np.bool_)
+    rigid = np.zeros((n, 2 * d), dtype=np.bool_)
+    pinned = np.zeros((n, d), dtype=np.bool_)
+    for side in range(2 * d):
+        bare = np.flatnonzero(grid.beside[:, side] < 0)
+        kind = grid.ground.kinds_at(grid.beyond(side, bare))
+        rigid[bare, side] = (kind == RIGID) | (kind == DISPLACED)
+        fixed = (grid.master[:, side] >= 0) & (grid.state[grid.master[:, side]] == FIXED)
+        pinned[:, side // 2] |= fixed
+    for side in range(2 * d):
+        axis, end = divmod(side, 2)
+        other = grid.beside[:, side]
+        for across in range(d):
+            if across == axis:
+                continue
+            edges = grid.edges[min(axis, across), max(axis, across)]
+            table = oriented(edges, axis < across)[1]
+            smooth = ~(edges.modulus[table[:, end]] > 0).any(axis=1)
+            held = pinned[:, across] & (rigid[:, side] | pinned[other, across])
+            # Between a large leaf and small ones, those tell: the edges between them carry too.
+            divided = (other >= 0) & (grid.length[other] < grid.length)
+            sliding = smooth & ((other >= 0) | rigid[:, side]) & ~held & ~divided
+            loose |= sliding
+            loose[other[sliding & (other >= 0)]] = True
+    return loose

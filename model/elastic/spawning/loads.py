@@ -1,0 +1,249 @@
+"""How forces on agents enter the faces; the twin on equal cells is `elasticity.loads`.
+
+Moments are entered by gradients of the displacement at edges, which are exact for turns of
+the whole body whatever the sizes of the agents, so that no moment is lost.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.model.elastic.problem import ACTIVE
+from kaju.model.elastic.staggered import Pair
+from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
+
+from .composite import Composite, Floats
+from .field import oriented
+from .leaves import Flags, Index
+
+ROUNDING = 1e-9
+
+
+class FaceLoads(NamedTuple):
+    """What the scene's loads put on the faces of agents; scaled.
+
+    Attributes
+    ----------
+    face : array, shape (faces,)
+        External force on every face.
+    wall : array, shape (2·dimension + 1, dimension)
+        Force that goes straight into what holds the body: the sides of the array, and rigid
+        cells inside of it.
+    surface_shear : dict from pair of axes to array, shape (edges,)
+        Shear stress that loads along the surface put on the edges.
+    """
+
+    face: Floats
+    wall: Floats
+    surface_shear: dict[Pair, Floats]
+
+
+def face_loads(grid: Composite) -> FaceLoads:
+    """Enter the scene's loads into the faces of agents."""
+    entering = _Entering(grid)
+    forces = grid.ground.forces(grid.leaves)
+    leaf, way = forces.leaf, forces.direction
+    for axis in range(grid.dimension):
+        value = forces.force[:, axis]
+        middle = (way < 0) & (value != 0)
+        normal = (way >= 0) & (way // 2 == axis) & (value != 0)
+        along = (value != 0) & ~middle & ~normal
+        for end in (0, 1):
+            entering.push(leaf[middle], 2 * axis + end, 0.5 * value[middle])
+        entering.push(leaf[normal], way[normal], value[normal])
+        for side in np.unique(way[along]):
+            here = along & (way == side)
+            entering.drag(axis, int(side), leaf[here], value[here])
+    return entering.loads()
+
+
+class _Dragged(NamedTuple):
+    """Leaves with forces along a side.
+
+    Attributes
+    ----------
+    axis, normal : int
+        Axis of the forces, and normal of the side.
+    upper : int
+        Whether it is the upper one of the two sides.
+    leaf : array, shape (n,)
+    moment : array, shape (n,)
+        Of the forces about the leaves' middles, positive from `normal` to `axis`.
+    outer, inner : arrays, shape (2, n)
+        Edges of the side, and of the opposite one, at the lower and upper end along `axis`.
+    """
+
+    axis: int
+    normal: int
+    upper: int
+    leaf: Index
+    moment: Floats
+    outer: Index
+    inner: Index
+
+    @property
+    def opposite(self) -> int:
+        """Side of the leaves across from the dragged one."""
+        return 2 * self.normal + 1 - self.upper
+
+    def only(self, some: Flags) -> _Dragged:
+        """Return some of the leaves."""
+        return self._replace(
+            leaf=self.leaf[some],
+            moment=self.moment[some],
+            outer=self.outer[:, some],
+            inner=self.inner[:, some],
+        )
+
+
+class _Entering:
+    """Forces on sides of leaves, and moments at edges, added up."""
+
+    def __init__(self, grid: Composite) -> None:
+        self.grid = grid
+        d = grid.dimension
+        self._share = np.zeros(len(grid.leaves) * 2 * d)
+        self._wall = np.zeros((2 * d + 1, d))
+        self._turn = {p: np.zeros((2, len(e.modulus))) for p, e in grid.edges.items()}
+        self._shear = {p: np.zeros(len(e.modulus)) for p, e in grid.edges.items()}
+
+    def loads(self) -> FaceLoads:
+        """Return what has been entered."""
+        force = self.grid.mean.T @ self._share
+        for pair, edges in self.grid.edges.items():
+            for gradient, weight in zip(edges.gradients, self._turn[pair], strict=True):
+                if weight.any():
+                    force = force + gradient.matrix.T @ weight
+        return FaceLoads(np.asarray(force), self._wall, self._shear)
+
+    def push(self, leaf: Index, side: Index | int, value: Floats) -> None:
+        """Enter forces normal to sides of leaves."""
+        np.add.at(self._share, leaf * 2 * self.grid.dimension + side, value)
+
+    def drag(self, axis: int, side: int, leaf: Index, value: Floats) -> None:
+        """Enter forces along `axis` by the side `side`, which is normal to another axis.
+
+        The faces that they drag lie half a leaf below the side: there is a moment with them.
+        """
+        normal, upper = divmod(side, 2)
+        kind = self._kind_beyond(leaf, side)
+        held, inside = _holds(kind), kind >= 0
+        for end in (0, 1):
+            self.push(leaf, 2 * axis + end, np.where(held, 0.0, 0.5) * value)
+        self._into_wall(leaf[held], side, axis, value[held])
+        edges = self.grid.edges[_pair(axis, normal)]
+        table = oriented(edges, axis < normal)[1][leaf]
+        moment = (upper - 0.5) * self.grid.length[leaf] * value
+        outer, inner = table[:, :, upper].T, table[:, :, 1 - upper].T
+        dragged = _Dragged(axis, normal, upper, leaf, moment, outer, inner)
+        for edge in outer:
+            self._slope(dragged, edge, np.where(inside, 0.5 * moment, 0.0))
+        # Smooth walls take no shear either: all of it stays with the body.
+        self._drag_surface(dragged.only(np.isin(kind, (AIR, ROLLER, FOUNDATION))))
+
+    def _drag_surface(self, dragged: _Dragged) -> None:
+        """Note the shear of a surface, and add -moment·∂u_n/∂s."""
+        axis, normal, upper, leaf, moment, outer, _ = dragged
+        length = self.grid.length[leaf]
+        stress = moment / length**self.grid.dimension
+        lost, running = np.zeros_like(moment), []
+        for end, edge in enumerate(outer):
+            np.add.at(self._shear[_pair(axis, normal)], edge, stress)
+            runs_on = self._free(dragged, edge, normal)
+            walled = ~runs_on & _holds(self._kind_beyond(leaf, 2 * axis + end))
+            self._tilt(dragged, edge, np.where(runs_on, -0.5 * moment, 0.0))
+            pull = np.where(walled, (2 * end - 1) * moment / length, 0.0)
+            self.push(leaf, 2 * normal + upper, pull)
+            self._into_wall(leaf, 2 * axis + end, normal, -pull)
+            lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
+            running.append(runs_on)
+            self._mend_wall(dragged.only(walled), end)
+        ended = lost != 0.0
+        left = self._make_up(dragged.only(ended)._replace(moment=lost[ended]))
+        for edge, runs_on in zip(outer, running, strict=True):
+            self._tilt(dragged, edge[ended], np.where(runs_on[ended], -left, 0.0))
+
+    def _mend_wall(self, dragged: _Dragged, end: int) -> None:
+        """Move a force on a wall from half a leaf beyond it to the wall."""
+        edge = dragged.inner[end]
+        both = self._two_sided(dragged, edge, dragged.axis)
+        there = both | _holds(self._kind_beyond(dragged.leaf, dragged.opposite))
+        self._lift(dragged, edge, np.where(there, -0.5 * dragged.moment, 0.0))
+
+    def _make_up(self, dragged: _Dragged) -> Floats:
+        """Enter moments that were lost where a surface ends; return what finds no place."""
+        axis, normal, moment = dragged.axis, dragged.normal, dragged.moment
+        turns = np.stack(
+            [self._free(dragged, e, axis) & self._free(dragged, e, normal) for e in dragged.inner]
+        )
+        kind = self._kind_beyond(dragged.leaf, dragged.opposite)
+        lifts = ~turns.any(axis=0) & (_holds(kind) | (kind >= 0))
+        for edge, turn in zip(dragged.inner, turns, strict=True):
+            share = turn / np.maximum(2 * turns.sum(axis=0), 1) * moment
+            self._slope(dragged, edge, share)
+            self._tilt(dragged, edge, -share)
+            self._lift(dragged, edge, np.where(lifts, 0.5 * moment, 0.0))
+        return np.where(lifts | turns.any(axis=0), 0.0, moment)
+
+    def _lift(self, dragged: _Dragged, edge: Index, weight: Floats) -> None:
+        """Enter moments by ∂u/∂n at edges of the opposite side, where a wall may lie beyond."""
+        self._slope(dragged, edge, weight)
+        side = dragged.opposite
+        held = _holds(self._kind_beyond(dragged.leaf, side))
+        pull = np.where(held, self._sums(dragged, edge, dragged.axis)[0] * weight, 0.0)
+        self._into_wall(dragged.leaf, side, dragged.axis, -pull)
+
+    def _slope(self, dragged: _Dragged, edge: Index, weight: Floats) -> None:
+        """Enter moments by ∂u/∂n of the displacement along the forces."""
+        turn = self._turn[_pair(dragged.axis, dragged.normal)]
+        np.add.at(turn[int(dragged.axis > dragged.normal)], edge, weight)
+
+    def _tilt(self, dragged: _Dragged, edge: Index, weight: Floats) -> None:
+        """Enter moments by ∂u_n/∂s along the surface."""
+        turn = self._turn[_pair(dragged.axis, dragged.normal)]
+        np.add.at(turn[int(dragged.axis < dragged.normal)], edge, weight)
+
+    def _rows(self, dragged: _Dragged, edge: Index, component: int) -> sp.csr_array:
+        """Return the gradient of one component at edges."""
+        pair = _pair(dragged.axis, dragged.normal)
+        return sp.csr_array(self.grid.edges[pair].gradients[pair.index(component)].matrix[edge])
+
+    def _sums(self, dragged: _Dragged, edge: Index, component: int) -> tuple[Floats, Floats]:
+        """Return the sum of a gradient's weights, zero with faces on both sides, and their size."""
+        rows = self._rows(dragged, edge, component)
+        return np.asarray(rows.sum(axis=1)), np.asarray(abs(rows).sum(axis=1))
+
+    def _two_sided(self, dragged: _Dragged, edge: Index, component: int) -> Flags:
+        """Tell at which edges a component has faces on both sides."""
+        sums, size = self._sums(dragged, edge, component)
+        return np.asarray((size > 0) & (np.abs(sums) < ROUNDING * size))
+
+    def _free(self, dragged: _Dragged, edge: Index, component: int) -> Flags:
+        """Tell at which edges a component has faces on both sides that are free to move."""
+        held = abs(self._rows(dragged, edge, component)) @ (self.grid.state != ACTIVE)
+        return np.asarray(self._two_sided(dragged, edge, component) & (held == 0))
+
+    def _kind_beyond(self, leaf: Index, side: int) -> Index:
+        """Return what lies beyond a side of leaves."""
+        beside = self.grid.beside[leaf, side]
+        bare = beside < 0
+        kind = self.grid.leaves.kind[beside]
+        kind[bare] = self.grid.ground.kinds_at(self.grid.beyond(side, leaf[bare]))
+        return np.asarray(kind)
+
+    def _into_wall(self, leaf: Index, side: int, axis: int, value: Floats) -> None:
+        """Enter forces along an axis into what lies beyond a side of leaves."""
+        outside = self.grid.outside(self.grid.beyond(side, leaf), side)
+        wall = np.where(outside, side, 2 * self.grid.dimension)
+        np.add.at(self._wall[:, axis], wall, value)
+
+
+def _pair(first: int, second: int) -> Pair:
+    return min(first, second), max(first, second)
+
+
+def _holds(kind: Index) -> Flags:
+    return np.isin(kind, (RIGID, DISPLACED))

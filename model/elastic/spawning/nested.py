@@ -1,0 +1,215 @@
+"""Multigrid on the generations of agents.
+
+Every generation of agents holds the one before: their stiffness matrices, and the
+interpolation from parents to children, are the levels of one symmetric V-cycle, which
+preconditions conjugate gradients. The first generation is factorised. Where materials differ
+the parents' stiffness is what their children feel when they follow them, P'AP (Galerkin's
+condition), which copes with large contrasts; in one material their own does as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import SuperLU
+
+from kaju.model.compiling import njit
+from kaju.model.elastic.krylov import Iteration, conjugate_gradients
+from kaju.model.factors import factors_of
+
+from .balance import Balance
+from .composite import Composite, Floats
+from .field import prolongation
+
+WORTHWHILE = 0.7
+"""Parents that are more than this share of their children are not worth a level."""
+SWEEPS = 2
+FACTORISED = {2: 400_000, 3: 30_000}
+PATIENCE, MOST = 40, 400
+"""A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
+larger ones get MOST iterations."""
+DIRECT = {2: 1_500, 3: 2_500}
+"""Generations of fewer faces are factorised, and serve as the coarsest level."""
+
+
+class NestedMultigrid:
+    """A hierarchy that grows by a generation at a time, the finest last."""
+
+    def __init__(self, balance: Balance, direct: int) -> None:
+        self._direct_limit = direct
+        self._levels: list[_Level] = []
+        ancestors = [balance]
+        while len(ancestors[-1].free) > direct:
+            grid = ancestors[-1].grid
+            leaves = grid.ground.parents(grid.leaves)
+            if len(leaves) > WORTHWHILE * len(grid.leaves):
+                break
+            ancestors.append(Balance(Composite(grid.ground, leaves)))
+        self._balance = ancestors[-1]
+        self._factorise(ancestors[-1])
+        for younger in reversed(ancestors[:-1]):
+            self.grow(younger)
+
+    @property
+    def depth(self) -> int:
+        """Number of levels."""
+        return len(self._levels)
+
+    @property
+    def matrix(self) -> sp.csr_array:
+        """Stiffness among the free faces of the finest generation."""
+        return self._levels[-1].matrix
+
+    def loaded_by(self, balance: Balance) -> NestedMultigrid:
+        """Return the same hierarchy, to grow by itself, for the same agents under other loads."""
+        twin = copy(self)
+        twin._balance, twin._levels = balance, [copy(level) for level in self._levels]
+        return twin
+
+    def grow(self, balance: Balance) -> sp.csr_array:
+        """Add a generation; return the interpolation to all its faces."""
+        whole = prolongation(self._balance.grid, balance.grid)
+        if len(balance.free) <= self._direct_limit:
+            self._factorise(balance)
+        else:
+            prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
+            self._levels.append(_level(balance, prolong))
+            if len(np.unique(balance.grid.ground.moduli.stretch)) > 1:
+                self._project()
+        self._balance = balance
+        return whole
+
+    def solve(
+        self,
+        right: Floats,
+        start: Floats,
+        done: Callable[[Iteration], bool],
+        energy: Callable[[Floats], float] | None = None,
+    ) -> Iteration:
+        """Return the displacements of the free faces of the finest generation."""
+        matrix = self._levels[-1].matrix
+
+        def apply(x: Floats) -> Floats:
+            return np.asarray(matrix @ x)
+
+        small = len(right) <= FACTORISED[self._balance.grid.dimension]
+        most = PATIENCE if small else MOST
+        run = conjugate_gradients(apply, self.precondition, right, start, done, most, energy)
+        if run.converged or not small:
+            return run
+        self._factorise(self._balance)
+        return conjugate_gradients(
+            apply, self.precondition, right, run.solution, done, PATIENCE, energy
+        )
+
+    def followed(self, displacement: Floats) -> Floats:
+        """Return the displacement of the free faces if they only follow their parents'."""
+        level = self._levels[-1]
+        if level.prolong is None or level.prolong.shape[1] != len(displacement):
+            return np.zeros(level.matrix.shape[0])
+        return np.asarray(level.prolong @ displacement)
+
+    def precondition(self, load: Floats) -> Floats:
+        """Return one V-cycle's answer to a load."""
+        return self._cycle(len(self._levels) - 1, load)
+
+    def _project(self) -> None:
+        """Give the parents, from the finest on, the stiffness that their children feel."""
+        for at in range(len(self._levels) - 1, 0, -1):
+            prolong = self._levels[at].prolong
+            assert prolong is not None
+            felt = sp.csr_array(prolong.T @ (self._levels[at].matrix @ prolong))
+            self._levels[at - 1].matrix = felt
+        self._direct = _factor(self._levels[0].matrix)
+
+    def _factorise(self, balance: Balance) -> None:
+        self._levels = [_level(balance)]
+        self._direct = _factor(self._levels[0].matrix)
+
+    def _cycle(self, at: int, load: Floats) -> Floats:
+        level = self._levels[at]
+        if level.prolong is None:
+            return np.asarray(self._direct.solve(load))
+        x = np.zeros_like(load)
+        for _ in range(SWEEPS):
+            level.sweep(load, x, backward=False)
+        left = load - level.matrix @ x
+        x += level.prolong @ self._cycle(at - 1, np.asarray(level.prolong.T @ left))
+        for _ in range(SWEEPS):
+            level.sweep(load, x, backward=True)
+        return x
+
+
+# Rows are short: sums that may be reordered become vectors, which costs more than it saves.
+@njit(cache=True)
+def _sweep(rows, start, column, value, inverse, load, x):  # type: ignore[no-untyped-def]
+    """Let some rows in turn yield to their residuals: one Gauss-Seidel sweep in place."""
+    for i in rows:
+        left = load[i]
+        for at in range(start[i], start[i + 1]):
+            left -= value[at] * x[column[at]]
+        x[i] += left * inverse[i]
+
+
+@njit(cache=True)
+def _touched(fresh, start, column):  # type: ignore[no-untyped-def]
+    """Mark rows with an entry in a column of those marked."""
+    marked = np.zeros(len(fresh), np.bool_)
+    for i in range(len(fresh)):
+        for at in range(start[i], start[i + 1]):
+            marked[i] |= fresh[column[at]]
+    return marked
+
+
+class _Level:
+    """One generation: its stiffness, the way to its parents, and the faces that it changed.
+
+    Only these yield to their residuals, for the others did so among their parents (Brandt
+    1977): so that a cycle over all generations costs little more than one sweep over the last.
+    """
+
+    def __init__(self, matrix: sp.csr_array, prolong: sp.csr_array | None = None) -> None:
+        self.prolong = prolong
+        rows = np.ones(matrix.shape[0], dtype=np.bool_)
+        if prolong is not None:
+            kept = np.diff(prolong.indptr) == 1
+            kept[kept] = prolong.data[prolong.indptr[:-1][kept]] == 1.0
+            rows = _touched(~kept, matrix.indptr, matrix.indices)
+        self.rows = np.flatnonzero(rows)
+        self.matrix = matrix
+
+    @property
+    def matrix(self) -> sp.csr_array:
+        """Stiffness among the free faces."""
+        return self._matrix
+
+    @matrix.setter
+    def matrix(self, matrix: sp.csr_array) -> None:
+        self._matrix = matrix
+        self._inverse = _inverse(matrix)
+
+    def sweep(self, load: Floats, x: Floats, *, backward: bool) -> None:
+        """One Gauss-Seidel sweep, in the opposite order if `backward`."""
+        rows = self.rows[::-1] if backward else self.rows
+        m = self._matrix
+        _sweep(rows, m.indptr, m.indices, m.data, self._inverse, load, x)
+
+
+def _level(balance: Balance, prolong: sp.csr_array | None = None) -> _Level:
+    return _Level(balance.stiffness(balance.free), prolong)
+
+
+def _inverse(matrix: sp.csr_array) -> Floats:
+    diagonal = matrix.diagonal()
+    inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
+    return np.asarray(inverse)
+
+
+def _factor(matrix: sp.csr_array) -> SuperLU:
+    # Guarded against parents that no child depends on.
+    diagonal = matrix.diagonal()
+    guard = np.where(diagonal > 0, 1e-15 * diagonal, 1.0)
+    return factors_of(matrix + sp.diags_array(guard))

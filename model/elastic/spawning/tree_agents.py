@@ -1,0 +1,328 @@
+"""Agents of many sizes: what they are, how they move, and how they came to be; scaled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.errors import ResultFileError
+from kaju.model.archive import Archive
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.problem import Scales
+from kaju.model.formats import AnswerRecord, SpawningRecord
+from kaju.model.scene import Scene
+
+from . import sampling
+from .agent_fields import AgentFields
+from .aims import Aimed, Answer
+from .balance import Balance
+from .composite import Composite, Floats
+from .family import levels
+from .generations import Generation, Spawning
+from .ground import Ground, ground_of
+from .indicator import indicate
+from .leaves import Index, Leaves
+from .places import located
+from .settle import relative_error
+from .tree_boxes import bracket_of_agents
+
+if TYPE_CHECKING:
+    from kaju.model.elastic.bracket import Bracket
+    from kaju.model.elastic.cell_agents import CellAgents
+
+_LEAVES = ("lower", "size", "kind", "step", "cause")
+_HISTORY = (
+    "energy", "error", "residuals", "levels", "reached", "stopped", "notes", "retired",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class TreeAgents:
+    """Agents as the leaves of a tree, along a space-filling curve.
+
+    Attributes
+    ----------
+    spawning : Spawning
+        Agents, displacements and history.
+    stage : int or None
+    """
+
+    storage: ClassVar[str] = "tree"
+    spawning: Spawning
+    stage: int | None
+
+    @property
+    def ground(self) -> Ground:
+        """What the agents stand on."""
+        return self.spawning.ground
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents."""
+        return self.spawning.leaves
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that describe the body to the agents."""
+        return self.ground.scene
+
+    @property
+    def scales(self) -> Scales:
+        """Units of the scaled problem."""
+        return self.ground.scales
+
+    @property
+    def moduli(self) -> Moduli:
+        """Of every material."""
+        return self.ground.moduli
+
+    @property
+    def metre(self) -> float:
+        """Length (m) of the unit in which agents are counted."""
+        return self.grid.lattice.cell_size / self.ground.cell
+
+    @property
+    def energy(self) -> float:
+        """Energy stored in body and foundation."""
+        return self.spawning.energy
+
+    @property
+    def error(self) -> float:
+        """Estimated error in the energy norm, relative."""
+        return self.spawning.error
+
+    @property
+    def residuals(self) -> tuple[float, ...]:
+        """Relative residual before every iteration of the last generation."""
+        return tuple(self.spawning.residuals)
+
+    @property
+    def levels(self) -> int:
+        """Sizes of agents."""
+        return len(np.unique(self.leaves.size))
+
+    @property
+    def method(self) -> str:
+        """How the equations were solved."""
+        return "spawning"
+
+    @property
+    def notes(self) -> list[str]:
+        """What the solver decided by itself."""
+        return self.spawning.notes
+
+    @cached_property
+    def bracket(self) -> Bracket | str:
+        """What is certain about the answer; in words why nothing is, where nothing is."""
+        spawning = self.spawning
+        if spawning.bracket is not None:
+            return spawning.bracket
+        return bracket_of_agents(spawning.balance, spawning.displacement)
+
+    def history(self) -> dict[str, Any]:
+        """Return how the agents came to be."""
+        return {"generations": len(self.spawning.generations), "retired": self.spawning.retired}
+
+    @property
+    def count(self) -> int:
+        """Number of agents."""
+        return len(self.leaves)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners (m) of the agents."""
+        return np.asarray(self.leaves.lower * self.metre)
+
+    @property
+    def size(self) -> Floats:
+        """Edges (m) of the agents."""
+        return np.asarray(self.leaves.size * self.metre)
+
+    @property
+    def material(self) -> Index:
+        """Index of each agent's material."""
+        return self.leaves.kind
+
+    @property
+    def fields(self) -> AgentFields:
+        """Strains, stresses and displacements."""
+        return self.spawning.fields
+
+    @property
+    def displacement(self) -> Floats:
+        """Of the agents' middles."""
+        return self.spawning.moved
+
+    @property
+    def stress(self) -> Floats:
+        """Stress tensors of the agents."""
+        return self.spawning.stress
+
+    @property
+    def level(self) -> Index:
+        """How often the largest of the first agents would be halved to give each agent."""
+        return levels(self.leaves.size, self.spawning.generations[0].size.max())
+
+    @property
+    def spawn_step(self) -> Index:
+        """Step in which each agent spawned; 0 for the first."""
+        return self.leaves.step
+
+    @property
+    def cause(self) -> Floats:
+        """Load (N) for which each agent spawned."""
+        return self.leaves.cause
+
+    def reactions(self) -> dict[str, Floats]:
+        """Return the force of each support on the body."""
+        return self.spawning.reactions()
+
+    def displacement_at(self, points: Floats, cells: Index) -> Floats:
+        """Return the displacement at points (m) in or on cells of the grid."""
+        place, agent = self._located(points, cells)
+        fields, agent = self.spawning.near(agent)
+        return sampling.displacement_at(fields, place, agent)
+
+    def stress_at(self, points: Floats, cells: Index) -> Floats:
+        """Return stress tensors at points (m) in or on cells of the grid."""
+        place, agent = self._located(points, cells)
+        fields, agent = self.spawning.near(agent)
+        return sampling.stress_at(fields, place, agent)
+
+    def material_at(self, points: Floats, cells: Index) -> Index:
+        """Return the material of the agents in or on which points lie."""
+        return self.leaves.kind[self._located(points, cells)[1]]
+
+    def _located(self, points: Floats, cells: Index) -> tuple[Floats, Index]:
+        """Return points in units, and the agent that each lies in or on."""
+        place, unit = located(self.ground, points, cells)
+        return place, self.leaves.find(unit)
+
+    @property
+    def tree(self) -> TreeAgents:
+        """Itself."""
+        return self
+
+    def from_tree(self, values: Floats) -> Floats:
+        """Return values of the tree's agents in the order of these: the same."""
+        return values
+
+    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored: arrays, and plain values."""
+        spawning = self.spawning
+        arrays = {name: getattr(self.leaves, name) for name in _LEAVES}
+        arrays |= {"displacement": spawning.displacement, "part": spawning.aimed.part}
+        for name in Generation._fields[5:]:
+            arrays[f"history.{name}"] = np.concatenate(
+                [getattr(generation, name) for generation in spawning.generations]
+            )
+        return arrays, {
+            "spawning": {name: getattr(spawning, name) for name in _HISTORY},
+            "aimed": [spawning.aimed.error, spawning.aimed.allowed],
+            "answers": [[a.value.tolist(), *a[1:]] for a in spawning.aimed.answers],
+            "generations": [list(g[:5]) for g in spawning.generations],
+        }
+
+    @classmethod
+    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> TreeAgents:
+        """Return what `archive` took apart; what follows from the agents is worked out again."""
+        ground = ground_of(scene, stage, archive.value("resolution", int | None))
+        leaves = _leaves_of(archive, ground)
+        n, d = len(leaves), ground.dimension
+        balance = Balance(Composite(ground, leaves))
+        u = archive.array("displacement", "f", (balance.grid.size,))
+        part = archive.array("part", "f", (n,), low=0.0)
+        error, allowed = archive.value("aimed", tuple[float, float])
+        answers = tuple(
+            Answer(np.array(value, dtype=np.float64), float(off), float(relative))
+            for value, off, relative in archive.value("answers", list[AnswerRecord])
+        )
+        nobody = np.zeros(n, dtype=np.bool_)
+        spawning = Spawning(
+            balance,
+            u,
+            indicate(balance, u),
+            aimed=Aimed(error, part, nobody, allowed, answers),
+            generations=_generations_of(archive, (1 << 62) if d == 2 else (1 << 61)),
+            **archive.value("spawning", SpawningRecord),
+        )
+        return cls(spawning, stage)
+
+
+def _leaves_of(archive: Archive, ground: Ground) -> Leaves:
+    """Return agents that stand side by side where the body is, and nowhere else."""
+    d = ground.dimension
+    ends = [n * ground.cell for n in ground.scene.lattice.shape]
+    lower = archive.array("lower", "i", (None, d), low=0)
+    n = len(lower)
+    size = archive.array("size", "i", (n,), low=1, high=max(ends))
+    kind = archive.array("kind", "i", (n,), low=0, high=len(ground.scene.cell_materials) - 1)
+    step = archive.array("step", "i", (n,), low=0)
+    cause = archive.array("cause", "f", (n,), finite=False)
+    sound = n > 0 and bool(np.all(size & (size - 1) == 0))
+    sound = sound and bool(np.all(lower % size[:, None] == 0))
+    sound = sound and bool(np.all(lower + size[:, None] <= ends))
+    leaves = Leaves.of(lower, size, kind, step, cause)
+    sound = sound and bool(np.all(np.diff(leaves.code) >= leaves.size[:-1] ** d))
+    if not sound or not np.array_equal(ground.kinds_at(leaves.lower), leaves.kind):
+        raise ResultFileError(
+            f"{archive.path}: its agents do not stand side by side in the body: the file is "
+            "damaged; compute it again"
+        )
+    return leaves
+
+
+def _generations_of(archive: Archive, codes: int) -> list[Generation]:
+    told = archive.value("generations", list[tuple[int, float, float, int, float]])
+    count = [int(entry[0]) for entry in told]
+    if not told or min(count) < 1:
+        raise ResultFileError(f"{archive.path}: 'generations' must name agents")
+    shape = (sum(count),)
+    columns = (
+        archive.array("history.code", "i", shape, low=0, high=codes),
+        archive.array("history.size", "i", shape, low=1),
+        archive.array("history.load", "f", shape, low=0.0),
+        archive.array("history.chosen", "b", shape),
+    )
+    parts = [np.split(column, np.cumsum(count)[:-1]) for column in columns]
+    return [
+        Generation(int(n), float(error), float(energy), int(runs), float(aimed), *part)
+        for (n, error, energy, runs, aimed), *part in zip(told, *parts, strict=True)
+    ]
+
+
+def tree_of_cells(agents: CellAgents) -> TreeAgents:
+    """Return agents of one size as the tree of one level, with what each leaves unbalanced."""
+    ground = Ground(agents.grid, agents.stage, at_cells=True)
+    zeros = np.zeros(agents.count)
+    leaves = Leaves.of(
+        agents.cells * ground.cell,
+        np.full(agents.count, ground.cell),
+        agents.material,
+        zeros.astype(np.int64),
+        zeros,
+    )
+    balance = Balance(Composite(ground, leaves))
+    grid, unit = balance.grid, agents.scales.displacement / ground.scales.displacement
+    u = grid.value.copy()
+    index = np.floor(grid.place / ground.cell).astype(np.int64) - np.asarray(agents.origin)
+    for axis, values in enumerate(agents.faces):
+        own = grid.axis == axis
+        u[own] = unit * values[tuple(index[own].T)]
+    indicator = indicate(balance, u)
+    energy = agents.energy * unit * agents.scales.force / ground.scales.force
+    error = relative_error(indicator, energy)
+    nobody = np.zeros(agents.count, dtype=np.bool_)
+    aimed = Aimed(error, indicator.square, nobody, 0.0)
+    runs = max(len(agents.residuals) - 1, 0)
+    only = Generation(
+        agents.count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, nobody
+    )
+    spawning = Spawning(
+        balance, u, indicator, energy, error, aimed, [only], list(agents.residuals), 1, True, ""
+    )
+    return TreeAgents(spawning, agents.stage)

@@ -19,8 +19,7 @@ from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.fitting import Fit, fit_rule
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
-from kaju.view.comparison import Line, plot_profiles, plot_stress_ratio
-from kaju.view.comparison_maps import plot_maps, plot_shapes
+from kaju.view.comparison import Line, plot_maps, plot_profiles, plot_shapes, plot_stress_ratio
 from kaju.view.files import save
 
 ROOT = Path(__file__).parent.parent

@@ -15,9 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 from .body import draw_body, finish
-from .cropping import section_of
 from .forces import draw_forces
-from .section import Section
+from .section import Section, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, colour_bar, new_axes
 from .subject import threshold_of
 from .units import counted, quantity

@@ -25,8 +25,7 @@ from .face_agents import waves
 from .files import new_folder
 from .mesh_films import film_of_motion
 from .network_plots import increments
-from .reels import Reel, creeping, growing, loading, spawning
-from .spawning_reels import generations
+from .reels import Reel, creeping, generations, growing, loading, spawning
 from .subject import check_options
 
 MOST_FRAMES = 200

@@ -18,8 +18,8 @@ from .comparison import (
     plot_profile,
     plot_profiles,
     plot_ratio,
+    plot_shapes,
 )
-from .comparison_maps import plot_shapes
 from .style import INK, new_figure
 from .units import quantity
 

@@ -11,7 +11,6 @@ from matplotlib.colors import Normalize
 from kaju.errors import ParameterError
 
 from .body import draw_body, finish
-from .cropping import section_of
 from .curves import draw_curves, panels_for
 from .deformed import (
     check_magnification,
@@ -22,9 +21,9 @@ from .deformed import (
     sizes_of,
 )
 from .forces import draw_forces
-from .network_plots import plot_network
-from .network_stand import Colour, Stand
+from .network_plots import Colour, Stand, plot_network
 from .reels import TWO_LINES, Reel
+from .section import section_of
 from .style import INK, caption, colour_bar, figure_of, new_axes
 from .units import quantity, times
 

@@ -15,10 +15,9 @@ from kaju.errors import ParameterError
 from kaju.model.elastic.export import same_points
 
 from .body import draw_body, finish
-from .cropping import section_of
 from .forces import draw_forces
 from .layers import Layer, Squares, draw_squares, layer_of, squares_of
-from .section import CORNERS, Section
+from .section import CORNERS, Section, section_of
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity, round_down, times
 

@@ -19,9 +19,9 @@ from kaju.errors import ParameterError
 
 from .agents import spawn_bar, spawn_norm
 from .body import draw_body, finish
-from .cropping import section_of
 from .forces import draw_forces
 from .reels import TWO_LINES, Reel
+from .section import section_of
 from .style import (
     LOADS,
     SEQUENTIAL,

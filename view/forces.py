@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .arrows import arrow_polygons
-from .style import FORCE, add_polygons
+from .style import FORCE, add_polygons, arrow_polygons
 from .units import counted, quantity
 
 if TYPE_CHECKING:

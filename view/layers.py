@@ -14,8 +14,7 @@ from kaju.errors import ParameterError
 from kaju.model.result import Tiles
 
 from .body import draw_body
-from .cropping import layer_at, section_of
-from .section import Floats, Ints, Section
+from .section import Floats, Ints, Section, layer_at, section_of
 from .style import INK, add_polygons
 from .units import grouped, quantity
 

@@ -12,13 +12,11 @@ from matplotlib.lines import Line2D
 
 from kaju.model.propagation.load_path import load_path
 
-from .arrows import arrow_polygons
 from .body import draw_body, finish
-from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
 from .loads import CLOSE_UP, load_norm
-from .section import Floats, Section
-from .style import INK, LOADS, RIM, add_polygons, colour_bar, new_axes
+from .section import WHOLE_UP_TO, Floats, Section, section_of
+from .style import INK, LOADS, RIM, add_polygons, arrow_polygons, colour_bar, new_axes
 from .units import counted, grouped
 
 if TYPE_CHECKING:

@@ -12,12 +12,20 @@ from matplotlib.lines import Line2D
 
 from kaju.errors import ParameterError
 
-from .arrows import arrow_polygons
 from .body import draw_body, finish
-from .cropping import WHOLE_UP_TO, section_of
 from .forces import draw_forces
-from .section import Section
-from .style import FORCE, LOADS, PULL, PULLS, RIM, add_polygons, colour_bar, new_axes
+from .section import WHOLE_UP_TO, Section, section_of
+from .style import (
+    FORCE,
+    LOADS,
+    PULL,
+    PULLS,
+    RIM,
+    add_polygons,
+    arrow_polygons,
+    colour_bar,
+    new_axes,
+)
 from .units import quantity
 
 if TYPE_CHECKING:

@@ -2,20 +2,223 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.lines import Line2D
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from kaju.errors import ParameterError
 
-from .network_stand import Colour, Stand
 from .reels import TWO_LINES, Reel
-from .style import FAINT, INK, LINE, caption, figure_of, label_axis, new_axes
+from .style import (
+    DIVERGING,
+    FAINT,
+    FORCE,
+    INK,
+    LINE,
+    add_polygons,
+    arrow_polygons,
+    caption,
+    colour_bar,
+    figure_of,
+    fit_figure,
+    label_axis,
+    legend,
+    new_axes,
+)
+from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.text import Text
 
     from kaju.model.network.network_result import NetworkResult
+
+    from .section import Floats
+
+
+Colour = Literal["tension", "strain"]
+
+_VISIBLE = 0.03  # of the network's size: smaller displacements are magnified up to 0.08
+_MOST_NODES = 2000  # above this, nodes are not drawn one by one
+
+
+class Stand:
+    """Axes prepared for the states of one network: frame, colours and magnification.
+
+    Parameters
+    ----------
+    result : NetworkResult
+        A loaded network.
+    ax : matplotlib Axes or None
+        Where to draw.
+    colour : {"tension", "strain"}
+        What the springs' colours mean.
+    magnification : float or None
+        How many times larger than true displacements are drawn.
+
+    Raises
+    ------
+    ParameterError
+        If `colour` is unknown or the magnification is not above 0.
+    """
+
+    def __init__(
+        self, result: NetworkResult, ax: Axes | None, colour: Colour, magnification: float | None
+    ) -> None:
+        if colour not in ("tension", "strain"):
+            raise ParameterError(f"colour: 'tension' or 'strain', got {colour!r}")
+        if magnification is not None and not 0.0 < magnification < np.inf:
+            raise ParameterError(f"magnification: a number above 0, got {magnification}")
+        self.result, self.network = result, result.network
+        self.colour = colour
+        self.flat = self.network.dimension == 2
+        self.ax = new_axes(ax, (6.8, 6.2), None if self.flat else "3d")
+        if not self.flat:
+            cast(Axes3D, self.ax).computed_zorder = False  # or rims would hide their springs
+        self.factor = magnification or self._magnification()
+        largest = max(
+            (float(np.abs(self.values(record)).max(initial=0.0)) for record in self.records),
+            default=0.0,
+        )
+        self.norm = Normalize(-(largest or 1.0), largest or 1.0)
+
+    @property
+    def records(self) -> range:
+        """Numbers of the states."""
+        return range(len(self.result.stage))
+
+    def values(self, record: int) -> Floats:
+        """Return what the colours mean, of every spring."""
+        if self.colour == "tension":
+            tension: Floats = self.result.tension[record]
+            return tension
+        return self.result.strain(record)
+
+    def places(self, record: int) -> Floats:
+        """Return where the nodes are drawn (m)."""
+        moved: Floats = self.network.positions + self.factor * self.result.displacement[record]
+        return moved
+
+    def _magnification(self) -> float:
+        size = float(np.ptp(self.network.positions, axis=0).max())
+        largest = float(np.abs(self.result.displacement).max(initial=0.0))
+        if largest == 0.0 or largest >= _VISIBLE * size:
+            return 1.0
+        return max(1.0, round_down(0.08 * size / largest))
+
+    def draw_springs(self, record: int) -> list[Artist]:
+        """Draw the springs of one state; return the artists."""
+        values = self.values(record)
+        kind = LineCollection if self.flat else Line3DCollection
+        width = max(0.5, min(2.2, 60.0 / np.sqrt(len(values))))
+        lines = cast(Any, self.places(record)[self.network.springs])
+        # What carries little is nearly white, so every spring has a darker rim.
+        rim = kind(lines, colors="#b0b0b0", linewidths=width + 0.8, zorder=2)
+        springs = kind(
+            lines,
+            array=values,
+            cmap=DIVERGING,
+            norm=self.norm,
+            linewidths=width,
+            zorder=3,
+        )
+        springs.set_gid("springs")
+        return [self._add(springs), self._add(rim), *self._draw_nodes(record)]
+
+    def _add(self, collection: Artist) -> Artist:
+        cast(Any, self.ax).add_collection(collection, autolim=False)
+        return collection
+
+    def _draw_nodes(self, record: int) -> list[Artist]:
+        places, held = self.places(record), self.network.held.any(axis=1)
+        if len(places) > _MOST_NODES:
+            groups = [(held, "^", INK, "held nodes")]
+        else:
+            groups = [(~held, "o", INK, "nodes"), (held, "^", "white", "held nodes")]
+        size = max(1.5, min(4.0, 60.0 / np.sqrt(len(places))))
+        drawn: list[Artist] = []
+        for chosen, marker, face, name in groups:
+            if chosen.any():
+                mark = 1.6 * size if marker == "^" else size
+                style = {"marker": marker, "ms": mark, "mfc": face, "mec": INK, "mew": 0.7}
+                line = cast(Any, self.ax).plot(*places[chosen].T, ls="", zorder=4, **style)[0]
+                line.set_gid(name)
+                drawn.append(line)
+        return [*drawn, *self._draw_forces(record)]
+
+    def _draw_forces(self, record: int) -> list[Artist]:
+        every = self.network.force_at(float(self.result.stage[record]))
+        loaded = np.flatnonzero(every.any(axis=1))
+        if not len(loaded):
+            return []
+        force = every[loaded]
+        whole = np.linalg.norm(self.network.forces, axis=2).max()
+        span = float(np.ptp(self.network.positions, axis=0).max())
+        along = 0.16 * span / whole * force
+        head = self.places(record)[loaded]
+        if self.flat:
+            width = np.full(len(head), 0.012 * span / max(1.0, len(head) / 12.0))
+            outlines = arrow_polygons(head - along, head, width)
+            return [
+                add_polygons(self.ax, outlines, "forces", fc=FORCE, ec="white", lw=0.4, zorder=6)
+            ]
+        space = cast(Axes3D, self.ax)
+        arrows = space.quiver(*(head - along).T, *along.T, color=FORCE, lw=1.8)
+        arrows.set_gid("forces")
+        return [arrows]
+
+    def draw_rest(self) -> None:
+        """Draw the network before any load, faintly."""
+        kind = LineCollection if self.flat else Line3DCollection
+        lines = cast(Any, self.network.positions[self.network.springs])
+        rest = kind(lines, colors=LINE, linewidths=0.6, linestyles="--", zorder=1)
+        rest.set_gid("at rest")
+        self._add(rest)
+
+    def finish(self, notes: list[str]) -> Text:
+        """Set frame, labels, legend and title; return the notes."""
+        places = np.concatenate([self.places(record) for record in self.records])
+        lower, upper = places.min(axis=0), places.max(axis=0)
+        room = 0.2 * float((upper - lower).max() or 1.0)
+        if not self.network.forces.any():
+            room *= 0.25
+        for name, low, high in zip("xyz", lower - room, upper + room, strict=False):
+            getattr(self.ax, f"set_{name}lim")(low, high)
+            label_axis(getattr(self.ax, f"{name}axis"), name, [float(low), float(high)], "m")
+        if self.flat:
+            self.ax.set_aspect("equal")
+            for spine in self.ax.spines.values():
+                spine.set_color(LINE)
+            width, height = (upper - lower) + 2.0 * room
+            fit_figure(self.ax, float(width / height), 1)
+        else:
+            cast(Axes3D, self.ax).set_box_aspect(upper - lower + 2.0 * room)
+        if self.network.held.any():
+            mark = Line2D([], [], ls="", marker="^", mfc="white", mec=INK, label="held node")
+            rest = Line2D([], [], ls="--", lw=0.8, color=FAINT, label="before the load")
+            legend(self.ax, [mark, rest])
+        return caption(self.ax, "Spring network", notes)
+
+    def words(self, record: int) -> list[str]:
+        """Return what is to be said of one state."""
+        _, far = self.result.largest_displacement(record)
+        stage = float(self.result.stage[record])
+        force = float(np.linalg.norm(self.network.force_at(stage), axis=1).max(initial=0.0))
+        parts = [f"largest force {quantity(force, 'N')}"] if self.network.forces.any() else []
+        parts.append(f"largest displacement {quantity(far, 'm')}")
+        return ["; ".join(parts), f"deformation shown {times(self.factor)}"]
+
+    def bar(self, springs: Artist) -> None:
+        """Add the colour bar."""
+        label = "tension: pulled above 0, pressed below" if self.colour == "tension" else "strain"
+        unit = "N" if self.colour == "tension" else ""
+        colour_bar(self.ax, cast(Any, springs), label, unit)
 
 
 def plot_network(

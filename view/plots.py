@@ -18,7 +18,6 @@ from kaju.model.scene import Scene
 from .agents import plot_agents
 from .body import draw_scene
 from .creep import plot_body_at, plot_network_at
-from .cropping import section_of
 from .curves import plot_curves
 from .deformed import plot_agents_deformed, plot_deformed
 from .face_agents import plot_face_agents, plot_left
@@ -30,10 +29,11 @@ from .maps import plot_agent_map, plot_map
 from .network_plots import plot_network, plot_response
 from .octree import plot_octree
 from .quadtree import plot_quadtree
+from .section import section_of
+from .space import plot_body_in_space, plot_voxels
 from .stages import plot_both, plot_stages
 from .style import figure_of
 from .subject import check_options
-from .voxels import plot_body_in_space, plot_voxels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,15 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from mpl_toolkits.mplot3d import Axes3D
 
+from kaju.errors import ParameterError
+
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
 from .body import draw_body, finish
-from .cropping import section_of
 from .deformed import (
     MovedAt,
     corner_displacements,
@@ -27,12 +29,15 @@ from .deformed import (
     sizes_of,
 )
 from .forces import draw_forces
+from .layers import draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, loads_taken, sense_entries
-from .space import box_around, draw_arrows, draw_frame
+from .octree import MOST_ARROWS, SPACE, draw_cubes, view_of, view_told
+from .quadtree import OF_EVERY_GENERATION, bar_of, look_of, standing, told
+from .section import Floats, section_of
+from .space import box_around, draw_agents_in_space, draw_arrows, draw_frame
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes
 from .units import counted, quantity, times
-from .voxels import draw_agents_in_space
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -41,11 +46,12 @@ if TYPE_CHECKING:
 
     from kaju.model.creep.body import TransferCreepResult
     from kaju.model.creep.elastic_result import ElasticCreepResult
+    from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.result import Field
 
-    from .section import Floats, Ints, Section
+    from .section import Ints, Section
 
 
 _BARE = 6.4
@@ -294,3 +300,66 @@ def _deforming(
         return [*ax.collections[still:]]
 
     return Reel(figure_of(ax), len(moves) - 1, draw, notes, lambda k: f"{words(k)}\n{told}")
+
+
+TITLE = "Agents spawn where load is left unbalanced"
+
+
+def generations(
+    result: ElasticResult,
+    colour: str = "level",
+    cut: Mapping[str, float] | None = None,
+    crop: bool | None = None,
+) -> Reel:
+    """Return the generations of spawning, coloured by what is known of each of them."""
+    values = _all_values(result, colour)
+    look = look_of(colour, values)
+    if result.lower.shape[1] == 3 and cut is None:
+        return _in_space(result, colour, crop, look, values)
+    layer = layer_of(result, cut, crop)
+    ax = new_axes(None)
+    entries = draw_surroundings(ax, layer)
+    draw_forces(ax, layer, result.stage)
+    bar_of(ax, ScalarMappable(look["norm"], look["cmap"]), colour, values)
+    notes = finish(ax, layer, TITLE, TWO_LINES, entries)
+
+    def draw(number: int) -> list[Artist]:
+        agents = standing(result, colour, number)
+        shown = squares_of(layer, agents.tiles)
+        return [draw_squares(ax, layer, shown, "agents", array=shown.value, **look)]
+
+    words = _words(result, "; ".join(layer.notes))
+    return Reel(figure_of(ax), len(result.generations) - 1, draw, notes, words)
+
+
+def _in_space(
+    result: ElasticResult, colour: str, crop: bool | None, look: dict[str, Any], values: Floats
+) -> Reel:
+    view = view_of(result, crop)
+    ax = new_axes(None, SPACE, "3d")
+    space = cast(Axes3D, ax)
+    draw_frame(space, result.grid, view.box)
+    draw_arrows(space, result.grid, view.box, result.stage, MOST_ARROWS)
+    bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, values)
+    notes = caption(ax, TITLE, TWO_LINES)
+
+    def draw(number: int) -> list[Artist]:
+        return [draw_cubes(space, result.grid, view, standing(result, colour, number), look)]
+
+    words = _words(result, "; ".join(view_told(view)))
+    return Reel(figure_of(ax), len(result.generations) - 1, draw, notes, words)
+
+
+def _words(result: ElasticResult, still: str) -> Callable[[int], str]:
+    return lambda number: f"{told(result, number)}\n{still}"
+
+
+def _all_values(result: ElasticResult, colour: str) -> Floats:
+    """Return what the colours show of all generations together."""
+    if colour not in OF_EVERY_GENERATION:
+        raise ParameterError(
+            f"colour: an animation shows {', '.join(OF_EVERY_GENERATION)}, got {colour!r}"
+        )
+    if colour == "unbalanced_load":
+        return np.concatenate([generation.load for generation in result.generations])
+    return np.asarray(standing(result, colour).value)

@@ -5,10 +5,9 @@ from .equilibrium import Balance, SpringLaw, elastic_law, find_balance
 from .geometry import Geometry
 from .hexagon_body import hexagon_body
 from .increments import IncrementalLoading, load_in_increments, solve
-from .lattices import face_centred, square_braced, triangular
+from .lattices import face_centred, random_geometric, square_braced, triangular
 from .linear import Method, tangent_solver
 from .network_result import NetworkResult
-from .random_geometric import random_geometric
 from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [

@@ -4,23 +4,159 @@ Two ways, chosen by size: sparse LU factors without pivoting, whose pivots tell 
 tangent is positive definite; and conjugate gradients with algebraic multigrid (smoothed
 aggregation over the rigid body modes; needs pyamg), which meet a direction of negative
 curvature when it is not.
+
+References
+----------
+P. Vaněk, J. Mandel, M. Brezina, "Algebraic multigrid by smoothed aggregation for second and
+fourth order elliptic problems", Computing 56 (1996) 179-196.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse import csc_array, csr_array, csr_matrix, diags_array
 from scipy.sparse.linalg import spsolve_triangular
 
-from kaju.errors import ParameterError
+from kaju.errors import ConvergenceError, MissingExtraError, ParameterError
 from kaju.model.factors import factors_of
 
 from .assembler import Assembler
-from .multigrid import MultigridSolver
 from .springs import Floats
 from .weakness import GivesWayError
+
+
+class MultigridSolver:
+    """Solves with the last tangent, and reuses the coarse levels while they serve.
+
+    Parameters
+    ----------
+    assembler : Assembler
+        Gives the places of the free coordinates, hence the rigid body modes.
+    tolerance : float
+        Residual at which to stop, as a share of the load.
+    patience : int
+        Number of iterations after which the coarse levels are built anew.
+    """
+
+    name = "conjugate gradients with algebraic multigrid"
+
+    def __init__(self, assembler: Assembler, tolerance: float = 1e-9, patience: int = 60) -> None:
+        try:
+            self._pyamg = import_module("pyamg")
+        except ImportError as missing:
+            raise MissingExtraError(
+                f"{len(assembler.free)} free coordinates are too many for sparse LU, and "
+                "algebraic multigrid needs pyamg: pip install 'kaju[amg]', or ask for "
+                "method='direct' and have memory for it"
+            ) from missing
+        self._modes = rigid_body_modes(assembler)
+        self._block = _block_size(assembler)
+        self._tolerance = tolerance
+        self._patience = patience
+        self._cycle: Any = None
+
+    def factorise(self, tangent: csc_array) -> None:
+        """Take the tangent; the coarse levels stay those of an earlier one if there is one."""
+        # The tangent is symmetric, so its columns read as rows are the same matrix.
+        self._tangent = csr_matrix(
+            (tangent.data, tangent.indices, tangent.indptr), shape=tangent.shape
+        )
+        self._diagonal = self._tangent.diagonal()
+        if np.any(self._diagonal <= 0.0):
+            unit = np.zeros(tangent.shape[0])
+            unit[int(np.argmin(self._diagonal))] = 1.0
+            raise GivesWayError(unit)
+
+    def solve(self, load: Floats) -> Floats:
+        """Return the displacement of the free coordinates under a load on them."""
+        if not load.any():
+            return np.zeros_like(load)
+        if self._cycle is None:
+            self._build()
+        solution, iterations = self._conjugate_gradients(load)
+        if iterations > self._patience:
+            self._cycle = None
+        return solution
+
+    def _build(self) -> None:
+        matrix: Any = self._tangent
+        if self._block > 1:
+            matrix = matrix.tobsr((self._block, self._block))
+        levels = self._pyamg.smoothed_aggregation_solver(
+            matrix,
+            B=self._modes,
+            symmetry="symmetric",
+            presmoother=("gauss_seidel", {"sweep": "forward"}),
+            postsmoother=("gauss_seidel", {"sweep": "backward"}),
+            improve_candidates=None,  # the rigid body modes are smooth already
+            max_coarse=60,
+        )
+        self._cycle = levels.aspreconditioner(cycle="V")
+
+    def _conjugate_gradients(self, load: Floats, limit: int = 1000) -> tuple[Floats, int]:
+        """Solve; raise `GivesWayError` at the first direction without resistance.
+
+        The start is a little of everything, so that a symmetric load meets the directions in
+        which a symmetric network buckles.
+        """
+        solution = np.random.default_rng(0).standard_normal(len(load))
+        residual = self._tangent @ solution
+        share = 0.01 * float(np.linalg.norm(load) / np.linalg.norm(residual))
+        solution *= share
+        residual = load - share * residual
+        direction = np.zeros_like(load)
+        goal, former = self._tolerance * float(np.linalg.norm(load)), 1.0
+        for iteration in range(limit):
+            if float(np.linalg.norm(residual)) <= goal:
+                return solution, iteration
+            proposed = self._cycle @ residual
+            gain = float(residual @ proposed)
+            direction = proposed + (gain / former) * direction
+            answer = self._tangent @ direction
+            curvature = float(direction @ answer)
+            scale = float((direction * self._diagonal) @ direction)
+            if curvature <= 1e-14 * scale:
+                raise GivesWayError(direction / np.linalg.norm(direction))
+            step = gain / curvature
+            solution += step * direction
+            residual -= step * answer
+            former = gain
+        raise ConvergenceError(
+            f"{limit} iterations left a residual of {np.linalg.norm(residual):.3g} N, above "
+            f"{goal:.3g} N; the network may be close to giving way: press less, or ask for "
+            "method='direct'"
+        )
+
+
+def rigid_body_modes(assembler: Assembler) -> Floats:
+    """Return the motions that stretch no spring, at the free coordinates.
+
+    Shape (f, 3) in the plane, (f, 6) in space: shifts along the axes, then turns.
+    """
+    positions = assembler.network.positions - assembler.network.positions.mean(axis=0)
+    positions /= np.abs(positions).max() or 1.0
+    dimension = assembler.network.dimension
+    modes = []
+    for axis in range(dimension):
+        shift = np.zeros_like(positions)
+        shift[:, axis] = 1.0
+        modes.append(shift)
+    for first in range(dimension):
+        for second in range(first + 1, dimension):
+            turn = np.zeros_like(positions)
+            turn[:, first], turn[:, second] = -positions[:, second], positions[:, first]
+            modes.append(turn)
+    return np.stack([assembler.restrict(mode) for mode in modes], axis=1)
+
+
+def _block_size(assembler: Assembler) -> int:
+    """Rows per node if every node is free or held as a whole, else 1."""
+    held = assembler.network.held
+    return assembler.network.dimension if (held == held[:, :1]).all() else 1
+
 
 Method = Literal["auto", "direct", "multigrid"]
 

@@ -15,7 +15,7 @@ from .contents import Contents
 from .filling import count, slabs
 from .lattice import Cells
 from .loads import Load
-from .surfaces import MOST_FACES, Selection
+from .selection import MOST_FACES, Selection
 
 PUSH: Final = 1
 PULL: Final = -1

@@ -4,23 +4,266 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any
+from math import inf
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
 from kaju.agents.history import History
-from kaju.agents.materials import Material
-from kaju.agents.rules import PrescribedRule
-from kaju.errors import ParameterError
+from kaju.agents.materials import LIBRARY, Material, suggestion
+from kaju.agents.rheology import ThreeElement
+from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
+from kaju.errors import ParameterError, SceneError
 
 from .body import Body
 from .contents import NOT_BODY
-from .described import Described, Text
-from .history_tables import history_from
+from .described import Count, Described, Flag, Number, Text
 from .loads import Load
-from .material_tables import material_from
-from .rule_tables import Rule, rule_from
 from .sides import SideCondition
+
+
+class RheologyTable(Described):
+    """``[materials.NAME.rheology]``: how a material gives in time, as in `ThreeElement`."""
+
+    K_f: Number = Field(description="stiffness of the spring (Pa)")
+    D_f: Number = Field(default=0.0, description="damper beside the spring (Pa s)")
+    D_d: Number = Field(default=inf, description="damper in series (Pa s); left out: none")
+
+
+class MaterialTable(Described):
+    """``[materials.NAME]``: numbers, or a material of the library with some of its own.
+
+    Parameters
+    ----------
+    base : str, optional
+        A material of the library, from which what is not given is taken.
+    youngs_modulus, poissons_ratio, density, source, rheology
+        As in `Material`.
+    """
+
+    base: Text | None = Field(default=None, description="the name of a material of the library")
+    youngs_modulus: Number | None = Field(default=None, description="E (Pa)")
+    poissons_ratio: Number | None = Field(default=None, description="ν")
+    density: Number | None = Field(default=None, description="mass per volume (kg/m³)")
+    source: Text | None = Field(default=None, description="where the numbers come from")
+    rheology: RheologyTable | None = Field(default=None, description="how it gives in time")
+
+    def build(self) -> Material:
+        """Return the material; whoever keeps it by name gives it that name."""
+        given = self.model_dump(exclude={"base", "rheology"}, exclude_none=True)
+        if self.rheology is not None:
+            given["rheology"] = ThreeElement(**self.rheology.model_dump())
+        if self.base is not None:
+            if self.base not in LIBRARY:
+                raise ParameterError(
+                    f"base: the library has no {self.base!r}{suggestion(self.base, LIBRARY)}; "
+                    f"it has {', '.join(LIBRARY)}"
+                )
+            return replace(LIBRARY[self.base], **given)
+        for key in ("youngs_modulus", "poissons_ratio"):
+            if key not in given:
+                raise ParameterError(f"{key}: is needed, or a base from the library")
+        return Material(name="", **given)
+
+
+def material_from(value: Any) -> Any:
+    """Return the material that a table describes; a material is returned as it is."""
+    if isinstance(value, Material):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError(
+            f"must be a table of youngs_modulus, poissons_ratio, ... or a Material, got {value!r}"
+        )
+    return MaterialTable.model_validate(value).build()
+
+
+_WORDS = ("ramp", "hold", "release", "cycles")
+
+
+class HistoryStep(Described):
+    """A step of a history, in one of four words.
+
+    ``{ramp = 1.0, duration = 0.2}``, ``{hold = 5.0}``, ``{release = 0.1}``, or
+    ``{cycles = 3, period = 0.6}``.
+
+    Parameters
+    ----------
+    ramp : float, optional
+        The factor to go to in a straight line, within `duration`.
+    hold : float, optional
+        How long the factor is kept (s).
+    release : float, optional
+        Within which time it goes back to 0 (s); 0 is at once.
+    cycles : int, optional
+        How often it rises to `high` and falls to `low`, each time within `period`.
+    duration, period, high, low : float
+        As above.
+    """
+
+    ramp: Number | None = Field(default=None, description="the factor to go to")
+    hold: Number | None = Field(default=None, description="how long the factor is kept (s)")
+    release: Number | None = Field(default=None, description="the time to go back to 0 in (s)")
+    cycles: Count | None = Field(default=None, description="how often it rises and falls")
+    duration: Number | None = Field(default=None, description="how long a ramp takes (s)")
+    period: Number | None = Field(default=None, description="how long a cycle takes (s)")
+    high: Number = Field(default=1.0, description="the factor at the top of a cycle")
+    low: Number = Field(default=0.0, description="the factor at the bottom of a cycle")
+
+    @model_validator(mode="after")
+    def _one_word(self) -> HistoryStep:
+        given = [word for word in _WORDS if getattr(self, word) is not None]
+        if len(given) != 1:
+            raise ParameterError(
+                f"ramp: a step is one of {', '.join(_WORDS)}; got {', '.join(given) or 'none'}"
+            )
+        if (self.cycles is not None) != (self.period is not None):
+            raise ParameterError("period: belongs to cycles, and cycles need it")
+        if self.duration is not None and self.ramp is None:
+            raise ParameterError("duration: belongs to a ramp; hold and release are times already")
+        return self
+
+    def after(self, history: History) -> History:
+        """Return a history that goes on with this step."""
+        if self.ramp is not None:
+            return history.ramp(self.ramp, self.duration or 0.0)
+        if self.hold is not None:
+            return history.hold(self.hold)
+        if self.release is not None:
+            return history.release(self.release)
+        assert self.cycles is not None
+        assert self.period is not None
+        return history.cycles(self.cycles, self.period, self.high, self.low)
+
+
+class HistoryTable(Described):
+    """``[history]``: ``times`` and ``factors`` of its corners, or ``steps``."""
+
+    times: tuple[Number, ...] | None = Field(
+        default=None, description="the times of the corners (s), the first 0"
+    )
+    factors: tuple[Number, ...] | None = Field(
+        default=None, description="the factor at each corner"
+    )
+    steps: tuple[HistoryStep, ...] | None = Field(
+        default=None, description="a list such as [{ramp = 1.0, duration = 0.2}, {hold = 5.0}]"
+    )
+
+    def build(self) -> History:
+        """Return the history, which refuses what is out of its range."""
+        if (self.steps is None) == (self.times is None) or (self.times is None) != (
+            self.factors is None
+        ):
+            raise ParameterError("times: give either times and factors, or steps")
+        if self.steps is None:
+            assert self.times is not None
+            assert self.factors is not None
+            return History(self.times, self.factors)
+        history = History()
+        for step in self.steps:
+            history = step.after(history)
+        return history
+
+
+def history_from(value: Any) -> Any:
+    """Return the history that a table describes; a history is returned as it is."""
+    if isinstance(value, History):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError(f"must be a table of times and factors, or of steps, got {value!r}")
+    return HistoryTable.model_validate(value).build()
+
+
+Rule = PrescribedRule | ElasticRule
+
+
+class CoefficientsTable(Described):
+    """``[rule.materials.NAME]``: coefficients of one material."""
+
+    alpha: tuple[Number, ...] | None = Field(
+        default=None, description="the shares kept, passed ahead and passed beside"
+    )
+    beta: Number = Field(
+        default=Coefficients.beta, description="the free part of the Poisson expansion"
+    )
+
+    @model_validator(mode="after")
+    def _in_range(self) -> CoefficientsTable:
+        self.coefficients()
+        return self
+
+    def coefficients(self) -> Coefficients:
+        """Return the coefficients, which refuse what is out of their range."""
+        return Coefficients(cast("tuple[float, float, float] | None", self.alpha), self.beta)
+
+
+class PrescribedTable(CoefficientsTable):
+    """``[rule]`` with the coefficients that the user chooses."""
+
+    kind: Literal["prescribed"] = "prescribed"
+    threshold: Number = Field(
+        default=PrescribedRule.threshold, description="γ, below which loads end (N)"
+    )
+    accumulate: Flag = PrescribedRule.accumulate
+    materials: dict[Text, CoefficientsTable] = Field(default_factory=dict)
+    sense: Flag = Field(default=PrescribedRule.sense, description="whether loads push or pull")
+
+    def build(self) -> PrescribedRule:
+        """Return the rule."""
+        own = {name: table.coefficients() for name, table in self.materials.items()}
+        return PrescribedRule(**self.model_dump(exclude={"kind", "materials"}), materials=own)
+
+
+class ElasticTable(Described):
+    """``[rule]`` with the shares that follow from the materials."""
+
+    kind: Literal["elastic"] = "elastic"
+    threshold: Number | None = Field(
+        default=None, description="γ, up to which loads rest (N); left out: from the tolerance"
+    )
+    order: Text = Field(default=ElasticRule.order, description="who acts when")
+    share: Number | None = Field(
+        default=None, description="the share by which all yield in a wave; left out: a stable one"
+    )
+    tolerance: Number = Field(
+        default=ElasticRule.tolerance, description="the error in energy aimed at, as a share"
+    )
+
+    def build(self) -> ElasticRule:
+        """Return the rule, which refuses what is out of its range."""
+        return ElasticRule(**self.model_dump(exclude={"kind"}))
+
+
+TABLES: dict[str, type[PrescribedTable | ElasticTable]] = {
+    "prescribed": PrescribedTable,
+    "elastic": ElasticTable,
+}
+"""How each kind of rule is written. A new kind of rule is entered here."""
+
+
+def rule_from(value: Any) -> Any:
+    """Return the rule that a table describes; a rule is returned as it is."""
+    if isinstance(value, (PrescribedRule, ElasticRule)):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError(f"must be a table or a rule, got {value!r}")
+    kind = value.get("kind", "prescribed")
+    if not isinstance(kind, str) or kind not in TABLES:
+        raise ParameterError(
+            f"kind: there is no rule {kind!r}{suggestion(str(kind), TABLES)}; "
+            f"there is {', '.join(TABLES)}"
+        )
+    return TABLES[kind].model_validate(value).build()
+
+
+def check_rule(rule: Rule, known: list[str]) -> None:
+    """Refuse coefficients of materials that the scene does not have: they would do nothing."""
+    for name in rule.materials if isinstance(rule, PrescribedRule) else ():
+        if name not in known:
+            raise SceneError(
+                f"rule.materials.{name}: the scene has no such material{suggestion(name, known)}; "
+                f"it has {', '.join(dict.fromkeys(known))}"
+            )
+
 
 MaterialEntry = Annotated[Material, PlainValidator(material_from)]
 HistoryEntry = Annotated[History, PlainValidator(history_from)]

@@ -8,8 +8,7 @@ from typing import Any
 
 from kaju.errors import SceneError, SceneFileError
 
-from .overrides import overridden
-from .reading import located, table_from
+from .reading import located, overridden, table_from
 from .scene import Scene
 
 

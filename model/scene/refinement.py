@@ -15,7 +15,7 @@ from .body import Body
 from .lattice import Cells, Lattice
 from .loads import Load
 from .pictures import Picture, check_size
-from .surfaces import Selection
+from .selection import Selection
 
 Kinds = Callable[[Cells], NDArray[np.int64]]
 

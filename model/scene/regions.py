@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 from kaju.errors import ParameterError, SceneError
 
 from .described import Coordinate, Described, Length, Text
-from .images import read_pixels
 from .lattice import Lattice
+from .pictures import read_pixels
 from .shapes import Ball, Box, Mask, Polygon, Shape
 
 Point = tuple[Coordinate, ...]

@@ -18,21 +18,18 @@ from kaju.errors import ParameterError, SceneError
 from .applied import AppliedLoads, at_stage, check_gravity
 from .body import Body
 from .contents import Contents, contents_of
-from .description import Description
+from .description import Description, check_rule
 from .filling import CellBox
-from .images import embedded
 from .lattice import Cells, Lattice
-from .overrides import overridden
+from .pictures import embedded
 from .purity import Purity
-from .reading import table_from, table_from_archive
+from .reading import overridden, table_from, table_from_archive
 from .refinement import refined_body, refined_loads
 from .regions import Region
-from .rule_tables import check_rule
-from .selection import select
+from .selection import Selection, select
 from .shapes import Mask
 from .sides import FREE, SideCondition
 from .support import check_body
-from .surfaces import Selection
 from .writing import archive_of, save, table_of, text_of
 
 

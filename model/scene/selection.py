@@ -6,6 +6,7 @@ rasterised for it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -15,19 +16,244 @@ from kaju.agents.materials import suggestion
 from kaju.errors import SceneError
 
 from . import kinds
-from .filling import Filling
+from .filling import CellBox, Filling, count, grid, slabs
 from .lattice import Cells, Lattice
 from .loads import Load
-from .shapes import Box
-from .surfaces import (
-    Corners,
-    Selection,
-    cells_in_box,
-    cells_in_shape,
-    faces_in_shape,
-    faces_on_plane,
-    faces_on_side,
-)
+from .shapes import Box, Shape
+
+MOST_FACES = 50_000_000
+"""A load acts on at most this many faces or cells."""
+
+_NEAR = 1e-6  # of a cell: a coordinate this near to a face lies on it
+Corners = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The faces (or, with direction -1, cells) on which one load acts.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (n, dimension)
+        The body's cells.
+    direction : ndarray of int, shape (n,)
+        Index of the face, -1 for the cell's middle.
+    share : ndarray of float, shape (n,)
+        Part of each face (or cell) that the load covers, up to 1.
+    """
+
+    cells: Cells
+    direction: NDArray[np.int64]
+    share: NDArray[np.float64]
+
+    def forces(self, load: Load, lattice: Lattice, thickness: float) -> NDArray[np.float64]:
+        """Return the force (N) on each face or cell, shape (n, dimension)."""
+        if load.force is not None:
+            return np.outer(self.share / self.share.sum(), np.asarray(load.force))
+        if load.couple is not None:
+            return self._couple(np.atleast_1d(load.couple), lattice)
+        assert load.pressure is not None
+        area = self.share * lattice.face_area(thickness)
+        pressure = np.full(len(area), load.pressure)
+        if load.pressure_slope is not None:
+            pressure = pressure + self._middles(lattice) @ np.asarray(load.pressure_slope)
+        return -(pressure * area)[:, None] * lattice.normals[self.direction]
+
+    def _middles(self, lattice: Lattice) -> NDArray[np.float64]:
+        """Return the middles of the faces, or cells (m)."""
+        return lattice.face_middles(self.cells, self.direction)
+
+    def _couple(self, moment: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64]:
+        """Return forces a × r, r from their middle, without a sum, whose moment (N m) is given."""
+        arm = self._middles(lattice)
+        arm = np.pad(arm - self.share @ arm / self.share.sum(), ((0, 0), (0, 3 - arm.shape[1])))
+        square = np.einsum("n,ni,nj->ij", self.share, arm, arm)
+        inertia = np.trace(square) * np.eye(3) - square
+        wanted = np.pad(moment, (3 - len(moment), 0))
+        turn = np.linalg.lstsq(inertia, wanted, rcond=1e-9)[0]
+        if np.abs(inertia @ turn - wanted).max() > 1e-6 * np.abs(wanted).max():
+            raise SceneError(
+                "couple: the faces it acts on lie on one line along it, or are only one, and so "
+                "have no lever; take a larger side or region"
+            )
+        forces: NDArray[np.float64] = self.share[:, None] * np.cross(turn, arm)
+        return forces[:, : lattice.dimension]
+
+
+def faces_on_side(filling: Filling, side: str, where: str) -> Selection:
+    """Return all faces of the body that look out of the array on one of its sides."""
+    lattice = filling.lattice
+    number = lattice.sides.index(side)
+    axis, upper_end = divmod(number, 2)
+    lower, upper = (corner.copy() for corner in filling.bounds())
+    edge = lattice.shape[axis] - 1 if upper_end else 0
+    lower[axis], upper[axis] = max(lower[axis], edge), min(upper[axis], edge + 1)
+    cells = _body_cells(filling, (lower, upper), where)
+    if len(cells) == 0:
+        raise SceneError(
+            f"{where}: no cell of the body lies at the {side} of the array; select the surface "
+            "by a region = {box = [lower corner, upper corner]} without thickness"
+        )
+    arms = [number] if lattice.boxes else list(range(lattice.directions))
+    faces = [cells[lattice.side_beyond(lattice.neighbours(cells, arm)) == number] for arm in arms]
+    direction = np.repeat(arms, [len(some) for some in faces])
+    cells = np.concatenate(faces)
+    _check_free(filling, cells, direction, where)
+    return Selection(cells, direction, np.ones(len(cells)))
+
+
+def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) -> Selection:
+    """Return the body's surface in a box without thickness along `axis`.
+
+    A face that the box covers in part takes part of the load.
+    """
+    lattice = filling.lattice
+    if not lattice.boxes:
+        raise SceneError(
+            f"{where}: {lattice.kind}s have no faces in a plane; use side, cell, or a box with "
+            "thickness"
+        )
+    place = corners[0][axis] / lattice.cell_size
+    plane = round(place)
+    if abs(place - plane) > _NEAR or not 0 <= plane <= lattice.shape[axis]:
+        near = min(max(plane, 0), lattice.shape[axis]) * lattice.cell_size
+        raise SceneError(
+            f"{where}: no faces of cells lie at {'xyz'[axis]} = {corners[0][axis]:g} m; the "
+            f"nearest do at {near:g} m"
+        )
+    lower, upper = _covered(lattice, corners)
+    lower[axis], upper[axis] = plane, plane + 1
+    if count((lower, upper)) == 0:
+        raise SceneError(f"{where}: lies outside the array, which goes from 0 to {lattice.extent}")
+    _check_count((lower, upper), where)
+    cells, direction, covered = _split_faces(filling, (lower, upper), axis)
+    if len(cells) == 0:
+        inside = "inside the body" if covered else "in the air or on the ground"
+        raise SceneError(
+            f"{where}: no surface of the body lies in this box at {'xyz'[axis]} = "
+            f"{corners[0][axis]:g} m; it is {inside}"
+        )
+    _check_free(filling, cells, direction, where)
+    return Selection(cells, direction, _share(lattice, cells, corners, skip=axis))
+
+
+def _split_faces(
+    filling: Filling, box: CellBox, axis: int
+) -> tuple[Cells, NDArray[np.int64], bool]:
+    """Return where body and no body meet at the lower faces, across `axis`, of a box's cells.
+
+    The cells are the body's, on whichever side they lie; last comes whether there is any
+    body above those faces.
+    """
+    cells = [grid(box[0], box[0])]
+    direction = [np.empty(0, dtype=np.int64)]
+    covered = False
+    for above in slabs(box):
+        below = above.copy()
+        below[:, axis] -= 1
+        body_above, body_below = filling.kinds(above) >= 0, filling.kinds(below) >= 0
+        upwards, downwards = body_below & ~body_above, body_above & ~body_below
+        cells += [below[upwards], above[downwards]]
+        direction.append(np.repeat([2 * axis + 1, 2 * axis], [upwards.sum(), downwards.sum()]))
+        covered = covered or bool(body_above.any())
+    return np.concatenate(cells), np.concatenate(direction), covered
+
+
+def cells_in_box(filling: Filling, corners: Corners, where: str) -> Selection:
+    """Return the squares or cubes in a box; those covered in part take part of the load."""
+    cells = _body_cells(filling, _covered(filling.lattice, corners), where)
+    if len(cells) == 0:
+        raise SceneError(f"{where}: there is no cell of the body in this box")
+    share = _share(filling.lattice, cells, corners)
+    return Selection(cells, np.full(len(cells), -1, dtype=np.int64), share)
+
+
+def cells_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
+    """Return the body's cells whose middles lie in a shape."""
+    cells = _body_cells(filling, filling.cells_of(shape), where)
+    cells = cells[shape.contains(filling.lattice.centres(cells))]
+    if len(cells) == 0:
+        raise SceneError(f"{where}: there is no middle of a cell of the body in this shape")
+    return Selection(cells, np.full(len(cells), -1, dtype=np.int64), np.ones(len(cells)))
+
+
+def faces_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
+    """Return the body's free faces whose middles lie in a shape, such as the edge of a hole.
+
+    Faces that anything supports are left out.
+    """
+    lattice = filling.lattice
+    lower, upper = filling.cells_of(shape)
+    box = (np.maximum(lower - 1, 0), np.minimum(upper + 1, np.asarray(lattice.shape)))
+    body = _body_cells(filling, box, where)
+    found, arms = [body[:0]], [np.empty(0, dtype=np.int64)]
+    for arm in range(lattice.directions):
+        middles = lattice.face_middles(body, np.full(len(body), arm))
+        beyond = filling.kinds(lattice.neighbours(body, arm))
+        chosen = body[(beyond == kinds.AIR) & shape.contains(middles)]
+        found.append(chosen)
+        arms.append(np.full(len(chosen), arm, dtype=np.int64))
+    cells = np.concatenate(found)
+    if len(cells) == 0:
+        raise SceneError(
+            f"{where}: no middle of a free face of the body lies in this shape; round a hole "
+            "take one that is larger by a cell"
+        )
+    return Selection(cells, np.concatenate(arms), np.ones(len(cells)))
+
+
+def _covered(lattice: Lattice, corners: Corners) -> CellBox:
+    """Return the cells of the array that a box covers at least in part."""
+    shape = np.asarray(lattice.shape, dtype=np.int64)
+    lower, upper = (np.asarray(corner) / lattice.cell_size for corner in corners)
+    first = np.clip(np.floor(lower + _NEAR), 0, shape).astype(np.int64)
+    last = np.clip(np.ceil(upper - _NEAR), 0, shape).astype(np.int64)
+    return first, np.maximum(first, last)
+
+
+def _share(
+    lattice: Lattice, cells: Cells, corners: Corners, skip: int | None = None
+) -> NDArray[np.float64]:
+    """Return which part of each cell lies in a box, the axis `skip` left out."""
+    share = np.ones(len(cells))
+    for axis, (low, high) in enumerate(zip(*corners, strict=True)):
+        if axis != skip:
+            ends = np.array([low, high]) / lattice.cell_size
+            ends = np.where(np.abs(ends - np.rint(ends)) < _NEAR, np.rint(ends), ends)
+            index = cells[:, axis]
+            share *= np.minimum(index + 1, ends[1]) - np.maximum(index, ends[0])
+    return share
+
+
+def _body_cells(filling: Filling, box: CellBox, where: str) -> Cells:
+    lower, upper = box
+    box = (lower, np.maximum(lower, upper))
+    _check_count(box, where)
+    found = [cells[filling.kinds(cells) >= 0] for cells in slabs(box)]
+    return np.concatenate([grid(lower, lower), *found])
+
+
+def _check_count(box: CellBox, where: str) -> None:
+    if count(box) > MOST_FACES:
+        raise SceneError(
+            f"{where}: selects up to {count(box):.3g} cells, more than {MOST_FACES:.0e}; load a "
+            "smaller part or take larger cells"
+        )
+
+
+def _check_free(filling: Filling, cells: Cells, direction: NDArray[np.int64], where: str) -> None:
+    """Refuse to press on faces whose displacement is given: the ground would take it all."""
+    for arm in np.unique(direction):
+        chosen = cells[direction == arm]
+        beyond = filling.kinds(filling.lattice.neighbours(chosen, int(arm)))
+        held = (beyond == kinds.RIGID) | (beyond == kinds.DISPLACED)
+        if held.any():
+            raise SceneError(
+                f"{where}: {np.count_nonzero(held)} of its faces are held, first that of cell "
+                f"{chosen[held][0].tolist()}, where {kinds.NAMES[int(beyond[held][0])]} lies "
+                "beyond; load the free surface"
+            )
+
 
 _NUDGE = 1e-6  # of a cell: a point this near to a neighbour belongs to both
 

@@ -7,14 +7,11 @@
 True
 """
 
-from .bars import BimaterialBar
-from .cantilever import TimoshenkoCantilever
+from .bars import BimaterialBar, TimoshenkoCantilever
 from .corner import LCorner
-from .disk import BrazilianDisk
 from .end_effects import SaintVenantDecay
-from .half_plane import Flamant, StripLoad
-from .half_space import Boussinesq, Cerruti
-from .holes import Kirsch, Lame
+from .half_space import Boussinesq, Cerruti, Flamant, StripLoad
+from .holes import BrazilianDisk, Kirsch, Lame
 from .patches import (
     DisplacementPatch,
     ForcePatch,

@@ -13,7 +13,6 @@ from kaju.errors import KajuError
 
 from . import (
     commands_compare,
-    commands_creep,
     commands_look,
     commands_page,
     commands_run,
@@ -35,7 +34,7 @@ for _verb in (
     commands_scene.check,
     commands_run.run,
     commands_run.solve,
-    commands_creep.creep,
+    commands_run.creep,
     commands_look.animate,
     commands_page.page,
     commands_page.watch,

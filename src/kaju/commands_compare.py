@@ -148,7 +148,7 @@ def _two(result: Path, reference: Path, console: Console) -> tuple[dict[str, Any
 
 
 def _error_maps(found: Comparison) -> dict[str, Figure]:
-    from kaju.view.comparison_maps import plot_error
+    from kaju.view.comparison import plot_error
     from kaju.view.style import figure_of
 
     names = ("displacement", "stress") if found.stress else ("displacement",)

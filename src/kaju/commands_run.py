@@ -1,15 +1,16 @@
-"""The verbs that compute a scene: `demo` and `run` let agents act, `solve` gives the answer."""
+"""The verbs that compute a scene: `demo`, `run` and `creep` let agents act, `solve` answers."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from kaju.errors import ConvergenceError, ParameterError
+from kaju.errors import ConvergenceError, KajuError, ParameterError, ResultFileError
 from kaju.stopping import NOTE
 
 from .console import Console
@@ -27,10 +28,53 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.settling.elastic_model import ElasticModel
-    from kaju.model.propagation.load_model import LoadModel
     from kaju.model.result import Result
     from kaju.model.scene import Scene
+
+
+def solve_on_processes(scene: Scene, folder: Path, console: Console, **how: Any) -> bool:
+    """Solve a scene and write it in pieces, if there are several processes.
+
+    Returns
+    -------
+    bool
+        False, with nothing done, if this process is alone.
+    """
+    from kaju.model.scale.pieces import PiecedResult
+    from kaju.model.scale.solve import communicator, solve_petsc, together
+
+    comm = communicator()
+    if comm.Get_size() == 1:
+        return False
+    speaks = comm.Get_rank() == 0
+    try:
+        together(comm, lambda: _check_new(folder))
+        try:
+            result, missed = solve_petsc(scene, **how), None
+        except ConvergenceError as error:
+            result, missed = error.best, error  # type: ignore[assignment]
+        assert isinstance(result, PiecedResult)
+        if speaks:
+            console.figures(result.summary())
+        result.save(folder)
+        if speaks:
+            console.files(sorted(folder.iterdir()))
+        if missed is not None:
+            raise missed
+    except KajuError:
+        if not speaks:
+            raise SystemExit(2) from None
+        raise
+    except Exception:
+        # The others may be waiting for a message that this process will never send.
+        traceback.print_exc()
+        comm.Abort(1)
+    return True
+
+
+def _check_new(folder: Path) -> None:
+    if folder.exists():
+        raise ResultFileError(f"{folder}: exists already; pieces go into a new folder")
 
 
 class StrategyName(Enum):
@@ -156,7 +200,7 @@ def solve(
     console, described = Console(as_json, quiet), scene_of(scene, settings)
     folder = out or Path(f"{scene.stem}-solved")
     if engine is EngineName.PETSC:
-        from .on_processes import solve_on_processes
+        from .commands_run import solve_on_processes
 
         how = {"tolerance": tolerance, "resolution": resolution}
         if solve_on_processes(described, folder, console, **how):
@@ -215,16 +259,63 @@ def into_folder(
 
 def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
     """Let agents act."""
-    result = _model_of(scene, allow_unstable).run()
+    from kaju.model.agent_model import agent_model
+
+    result = agent_model(scene, allow_unstable=allow_unstable).run()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
     return result
 
 
-def _model_of(scene: Scene, allow_unstable: bool) -> LoadModel | ElasticModel:
-    if scene.rule.kind == "elastic":
-        from kaju.model.elastic.settling.elastic_model import ElasticModel
+Hold = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS", help="For a scene without a history: apply its loads and hold them."
+    ),
+]
+Duration = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="How long; as long as the history unless given."),
+]
+Step = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="Longest time step; unless given it is chosen."),
+]
 
-        return ElasticModel(scene, allow_unstable=allow_unstable)
-    from kaju.model.propagation.load_model import LoadModel
 
-    return LoadModel(scene, allow_unstable=allow_unstable)
+def creep(
+    scene: SceneFile,
+    out: Out = None,
+    settings: Settings = None,
+    hold: Hold = None,
+    duration: Duration = None,
+    step: Step = None,
+    pictures: Pictures = True,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Let a scene creep under its history: its materials give, flow, and recover.
+
+    Writes summary.json, result.npz and pictures: displacement, stress and energies over time,
+    and the body at the end. `kaju animate` makes a film of the folder.
+    """
+    console, described = Console(as_json, quiet), scene_of(scene, settings)
+    if (described.history is None) == (hold is None):
+        raise ParameterError(
+            "--hold: a scene without [history] needs --hold SECONDS, such as --hold 10"
+            if hold is None
+            else "--hold: the scene has a [history] of its own, so leave this out"
+        )
+
+    def answer() -> Result:
+        from kaju.agents.history import History
+        from kaju.model.creep import creep as let_creep
+
+        history = History.step().hold(hold) if hold is not None else described.history
+        found = let_creep(described, history, duration, step=step)
+        console.say(f"the body of the {described.rule.kind} rule in time")
+        if not any(material.rheology for material in described.cell_materials):
+            console.say("no material has a rheology: all of them are elastic, nothing creeps")
+        return found
+
+    into_folder(out or Path(f"{scene.stem}-creep"), console, answer, pictures, force)

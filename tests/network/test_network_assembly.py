@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kaju.model.network import Assembler, SpringNetwork, face_centred, random_geometric, triangular
-from kaju.model.network.dissection import elimination_order
+from kaju.model.network.assembler import elimination_order
 
 
 def looped(network, displacement, tension, stiffness):

@@ -5,7 +5,7 @@ import pytest
 
 from kaju.errors import BucklingError, ConvergenceError, MechanismError
 from kaju.model.network import SpringNetwork, random_geometric, triangular
-from kaju.model.network.triangles import triangles, turned_over
+from kaju.model.network.network_result import triangles, turned_over
 
 
 def chain(force, braced=False):

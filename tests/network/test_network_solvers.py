@@ -14,8 +14,7 @@ from kaju.model.network import (
     tangent_solver,
     triangular,
 )
-from kaju.model.network.linear import DirectSolver
-from kaju.model.network.multigrid import MultigridSolver, rigid_body_modes
+from kaju.model.network.linear import DirectSolver, MultigridSolver, rigid_body_modes
 from kaju.model.network.weakness import GivesWayError
 
 

@@ -12,7 +12,7 @@ from kaju import ElasticResult, LoadModel, Reference, Scene, compare, load_scene
 from kaju.errors import ResultError
 from kaju.model.compare import load_answer
 from kaju.model.elastic.spawning import solve as spawning
-from kaju.view.comparison_maps import plot_error, plot_shapes
+from kaju.view.comparison import plot_error, plot_shapes
 
 ROOT = Path(__file__).parents[2]
 PLATE = str(ROOT / "examples" / "plate.toml")

@@ -10,8 +10,8 @@ from kaju.model.elastic.solve import solve
 from kaju.model.network.lattices import face_centred, triangular
 from kaju.model.scene import Scene
 from kaju.view import plot, plot_all
-from kaju.view.arrows import arrow_polygons
 from kaju.view.network_plots import plot_network
+from kaju.view.style import arrow_polygons
 from kaju.view.units import grouped, quantity, round_down, scale_for, times
 
 BLOCK = """

@@ -18,10 +18,10 @@ from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene import Scene
 from kaju.view import PICTURES, plot, plot_all
 from kaju.view.agents import plot_agents
-from kaju.view.cropping import section_of
 from kaju.view.deformed import plot_deformed
 from kaju.view.loads import plot_loads
 from kaju.view.reels import spawning
+from kaju.view.section import section_of
 from kaju.view.stages import plot_stages
 from kaju.view.style import FORCE, PULL
 

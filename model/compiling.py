@@ -20,7 +20,7 @@ from numba.core import event
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
-__all__ = ["along", "njit"]
+__all__ = ["along", "njit", "part"]
 
 log = logging.getLogger("kaju")
 config: Any = _config
@@ -54,6 +54,11 @@ def _along(_typing, array, start):  # type: ignore[no-untyped-def]
 
 
 along: Any = intrinsic(_along)
+
+
+_closed: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+part: Any = njit(cache=True, fastmath=True, **_closed)
+"""Decorates loops that only other loops call: the doors for Python take long to be compiled."""
 
 
 def writable(folder: Path) -> bool:

@@ -184,20 +184,21 @@ class BoxMultigrid:
         loads = [load]
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
             vector = np.empty(face_count(coarse.shape))
-            self._kernels.restrict(fine.views(loads[-1]), coarse.views(vector), self.own, self.far)
+            nothing = fine.views(np.empty_like(loads[-1]))
+            self._cross(fine, nothing, fine.views(loads[-1]), coarse.views(vector), 0, False)
             loads.append(vector)
         x, energy = self._coarsest.solve(loads[-1]), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             level, below = self.levels[at], self.levels[at + 1]
             coarser = np.zeros_like(loads[at])
-            self._kernels.prolong(level.views(coarser), below.views(x), self.own, self.far)
+            forces = level.views(loads[at])
+            self._cross(level, level.views(coarser), forces, below.views(x), 0, True)
             left = self.apply_at(at, coarser)
             np.subtract(loads[at], left, out=left)
             self.clear_fixed(at, left)
             energy = -0.5 * float(dot(loads[at], coarser) + dot(left, coarser))
             if at == 0 and guess is not None:
-                forces = load - left, self.apply(guess)
-                coarser, force = best_of(load, coarser, forces[0], guess, forces[1])
+                coarser, force = best_of(load, coarser, load - left, guess, self.apply(guess))
                 left = load - force
                 self.clear_fixed(0, left)
             x = np.empty_like(left)
@@ -228,10 +229,17 @@ class BoxMultigrid:
             return
         below = self.levels[at + 1]
         fields, forces = level.views(u), level.views(load)
-        sides = (level.law, *self._side, level.spring, self.own, self.far, self.sweeps)
-        self._kernels.descend(fields, forces, below.views(below.load), *sides)
+        self._cross(level, fields, forces, below.views(below.load), self.sweeps, False)
         self._cycle(at + 1, below.load, below.u)
-        self._kernels.ascend(fields, forces, below.views(below.u), *sides)
+        self._cross(level, fields, forces, below.views(below.u), self.sweeps, True)
+
+    def _cross(
+        self, level: BoxLevel, u: FaceFields, load: FaceFields, parents: FaceFields, sweeps: int,
+        back: bool,
+    ) -> None:  # fmt: skip
+        """Go to the parents or back, see `kernels_2d.cross`; without sweeps hand over all."""
+        sides = (level.law, *self._side, level.spring, self.own, self.far)
+        self._kernels.cross(u, load, parents, *sides, sweeps, back)
 
 
 class _Coarsest:

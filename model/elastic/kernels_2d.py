@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit
+from kaju.model.compiling import njit, part
 
 from .kernels_rows import (
     add_row,
@@ -33,13 +33,13 @@ from .kernels_rows import (
 LAG = 2
 
 
-@njit(cache=True, fastmath=True)
+@part
 def balance_x(ux, uy, fx, i, law, wall, spring, share, out):
     """Sum up what row i of the faces normal to x feels, but for the row itself.
 
     `out` gets `share` of the load plus the pull of all faces in other rows or of the other
     kind. Returned are the stiffness that couples neighbours in the row, and a face's own
-    stiffness at the row's lower end, inside and at its upper end.
+    stiffness at the row's lower end, inside and at its upper end: 0 where an end is held.
     """
     nx, ny = uy.shape[0], ux.shape[1]
     c11, c12, mu = law
@@ -68,8 +68,8 @@ def balance_x(ux, uy, fx, i, law, wall, spring, share, out):
     return mu, own + low, own + mu, own + high
 
 
-@njit(cache=True, fastmath=True)
-def balance_y(ux, uy, fy, i, law, wall, spring, share, out):
+@part
+def balance_y(ux, uy, fy, i, law, wall, held, spring, share, out):
     """Sum up what row i of the faces normal to y feels, but for the row itself.
 
     The answer is that of `balance_x`.
@@ -100,27 +100,31 @@ def balance_y(ux, uy, fy, i, law, wall, spring, share, out):
             )
     out[0] = share * fy[i, 0] + c12 * (ux[i + 1, 0] - ux[i, 0])
     out[ny] = share * fy[i, ny] - c12 * (ux[i + 1, ny - 1] - ux[i, ny - 1])
-    return c11, c11 + spring[2], 2.0 * c11 + left + right, c11 + spring[3]
+    low = 0.0 if held[2] else c11 + spring[2]
+    high = 0.0 if held[3] else c11 + spring[3]
+    return c11, low, 2.0 * c11 + left + right, high
 
 
-@njit(cache=True, fastmath=True)
-def relax_x(u, load, i, law, wall, held, spring, pull, backward):
-    """Let the faces normal to x of row i yield."""
+@part
+def relax(u, load, i, law, wall, held, spring, pull, back):
+    """Let the faces of row i yield: those normal to x, then those normal to y, or `back`."""
     nx = u[1].shape[0]
-    if (i == 0 and held[0]) or (i == nx and held[1]):
-        return
-    couple, low, own, high = balance_x(u[0], u[1], load[0], i, law, wall, spring, 1.0, pull)
-    relax_row(u[0][i], pull, couple, low, own, high, False, False, backward)
+    for turn in range(2):
+        if (turn == 0) != back:
+            fixed = (i == 0 and held[0]) or (i == nx and held[1])
+            if 0 <= i <= nx and not fixed:
+                couple, low, own, high = balance_x(
+                    u[0], u[1], load[0], i, law, wall, spring, 1.0, pull
+                )
+                relax_row(u[0][i], pull, couple, low, own, high, back)
+        elif 0 <= i < nx:
+            couple, low, own, high = balance_y(
+                u[0], u[1], load[1], i, law, wall, held, spring, 1.0, pull
+            )
+            relax_row(u[1][i], pull, couple, low, own, high, back)
 
 
-@njit(cache=True, fastmath=True)
-def relax_y(u, load, i, law, wall, held, spring, pull, backward):
-    """Let the faces normal to y of row i yield."""
-    couple, low, own, high = balance_y(u[0], u[1], load[1], i, law, wall, spring, 1.0, pull)
-    relax_row(u[1][i], pull, couple, low, own, high, held[2], held[3], backward)
-
-
-@njit(cache=True, fastmath=True)
+@part
 def left_x(u, load, i, law, wall, held, spring, share, out):
     """Write `share` of the load less the internal force on row i of the faces normal to x."""
     nx, ny = u[1].shape[0], u[0].shape[1]
@@ -129,14 +133,14 @@ def left_x(u, load, i, law, wall, held, spring, share, out):
             out[j] = 0.0
         return
     couple, low, own, high = balance_x(u[0], u[1], load[0], i, law, wall, spring, share, out)
-    finish_row(u[0][i], out, couple, low, own, high, False, False)
+    finish_row(u[0][i], out, couple, low, own, high)
 
 
-@njit(cache=True, fastmath=True)
+@part
 def left_y(u, load, i, law, wall, held, spring, share, out):
     """Write `share` of the load less the internal force on row i of the faces normal to y."""
-    couple, low, own, high = balance_y(u[0], u[1], load[1], i, law, wall, spring, share, out)
-    finish_row(u[1][i], out, couple, low, own, high, held[2], held[3])
+    couple, low, own, high = balance_y(u[0], u[1], load[1], i, law, wall, held, spring, share, out)
+    finish_row(u[1][i], out, couple, low, own, high)
 
 
 @njit(cache=True, fastmath=True)
@@ -158,7 +162,7 @@ def apply(u, out, law, wall, held, spring):
     return product
 
 
-@njit(cache=True, fastmath=True)
+@part
 def restrict_x(row, i, coarse, own, far, buffer):
     """Hand row i of loads on faces normal to x to the parents."""
     gather_across(row, buffer, own[2], far[2], own[3], far[3])
@@ -168,7 +172,7 @@ def restrict_x(row, i, coarse, own, far, buffer):
         add_row(coarse[second], buffer, other)
 
 
-@njit(cache=True, fastmath=True)
+@part
 def restrict_y(row, i, coarse, own, far, buffer):
     """Hand row i of loads on faces normal to y to the parents."""
     gather_normal(row, buffer)
@@ -180,49 +184,7 @@ def restrict_y(row, i, coarse, own, far, buffer):
         add_row(coarse[second], buffer, other)
 
 
-@njit(cache=True, fastmath=True)
-def restrict(load, coarse, own, far):
-    """Hand a load to the parents."""
-    nx, ny = load[1].shape[0], load[0].shape[1]
-    buffer = np.empty(ny + 2)
-    coarse[0][:] = 0.0
-    coarse[1][:] = 0.0
-    for i in range(nx + 1):
-        restrict_x(load[0][i], i, coarse[0], own, far, buffer)
-        if i < nx:
-            restrict_y(load[1][i], i, coarse[1], own, far, buffer)
-
-
-@njit(cache=True, fastmath=True)
-def descend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
-    """Sweep from zero and hand what is left unbalanced to the parents, in one pass."""
-    nx, ny = u[1].shape[0], u[0].shape[1]
-    buffer, left = np.empty(ny + 2), np.empty(ny + 2)
-    coarse[0][:] = 0.0
-    coarse[1][:] = 0.0
-    u[0][0] = 0.0
-    u[1][0] = 0.0
-    for front in range(nx + 1 + LAG * sweeps):
-        if front < nx:
-            u[0][front + 1] = 0.0
-        if front < nx - 1:
-            u[1][front + 1] = 0.0
-        for sweep in range(sweeps):
-            i = front - LAG * sweep
-            if 0 <= i <= nx:
-                relax_x(u, load, i, law, wall, held, spring, buffer, False)
-            if 0 <= i < nx:
-                relax_y(u, load, i, law, wall, held, spring, buffer, False)
-        i = front - LAG * sweeps
-        if 0 <= i <= nx:
-            left_x(u, load, i, law, wall, held, spring, 1.0, left)
-            restrict_x(left[:ny], i, coarse[0], own, far, buffer)
-        if 0 <= i < nx:
-            left_y(u, load, i, law, wall, held, spring, 1.0, left)
-            restrict_y(left[: ny + 1], i, coarse[1], own, far, buffer)
-
-
-@njit(cache=True, fastmath=True)
+@part
 def prolong_row(u, coarse, i, own, far):
     """Add the parents' displacement to row i of both kinds of faces."""
     first, weight, second, other = parents_normal(i)
@@ -239,39 +201,35 @@ def prolong_row(u, coarse, i, own, far):
 
 
 @njit(cache=True, fastmath=True)
-def prolong(u, coarse, own, far):
-    """Add the parents' displacement to the children."""
-    for i in range(u[0].shape[0]):
-        prolong_row(u, coarse, i, own, far)
+def cross(u, load, coarse, law, wall, held, spring, own, far, sweeps, back):
+    """Cross a level in one pass, on the way to the parents or (`back`) from them.
 
-
-@njit(cache=True, fastmath=True)
-def ascend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
-    """Add the parents' displacement and sweep in the opposite order, in one pass."""
+    To them: sweep from zero and hand what is left unbalanced to their loads, `coarse`. From them:
+    add their displacement, `coarse`, and sweep in the opposite order.
+    """
     nx, ny = u[1].shape[0], u[0].shape[1]
-    buffer = np.empty(ny + 2)
-    for front in range(nx + 1, -LAG * sweeps, -1):
-        if front > 0:
+    buffer, left = np.empty(ny + 2), np.empty(ny + 2)
+    if not back:
+        coarse[0][:] = 0.0
+        coarse[1][:] = 0.0
+        u[0][0] = 0.0
+        u[1][0] = 0.0
+    for step in range(nx + 1 + LAG * sweeps):
+        front = nx + 1 - step if back else step
+        if back and front > 0:
             prolong_row(u, coarse, front - 1, own, far)
+        if not back and front < nx:
+            u[0][front + 1] = 0.0
+        if not back and front < nx - 1:
+            u[1][front + 1] = 0.0
         for sweep in range(sweeps):
-            i = front + LAG * sweep
-            if 0 <= i < nx:
-                relax_y(u, load, i, law, wall, held, spring, buffer, True)
-            if 0 <= i <= nx:
-                relax_x(u, load, i, law, wall, held, spring, buffer, True)
-
-
-@njit(cache=True, fastmath=True)
-def smooth(u, load, law, wall, held, spring, sweeps, backward):
-    """Sweep one after the other: the plain order that the fused passes must reproduce."""
-    nx, ny = u[1].shape[0], u[0].shape[1]
-    buffer = np.empty(ny + 2)
-    for _ in range(sweeps):
-        for k in range(nx + 1):
-            i = nx - k if backward else k
-            if not backward:
-                relax_x(u, load, i, law, wall, held, spring, buffer, False)
-            if i < nx:
-                relax_y(u, load, i, law, wall, held, spring, buffer, backward)
-            if backward:
-                relax_x(u, load, i, law, wall, held, spring, buffer, True)
+            i = front + LAG * sweep if back else front - LAG * sweep
+            relax(u, load, i, law, wall, held, spring, buffer, back)
+        i = front - LAG * sweeps
+        if back or i < 0:
+            continue
+        left_x(u, load, i, law, wall, held, spring, 1.0, left)
+        restrict_x(left[:ny], i, coarse[0], own, far, buffer)
+        if i < nx:
+            left_y(u, load, i, law, wall, held, spring, 1.0, left)
+            restrict_y(left[: ny + 1], i, coarse[1], own, far, buffer)

@@ -10,17 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit
+from kaju.model.compiling import njit, part
 
-from .kernels_3d_transfer import prolong, prolong_plane, restrict, restrict_row
+from .kernels_3d_transfer import prolong_plane, restrict_row
 from .kernels_rows import finish_row, relax_row
-
-__all__ = ["apply", "ascend", "descend", "prolong", "restrict", "smooth"]
 
 LAG = 2
 
 
-@njit(cache=True, fastmath=True)
+@part
 def shear_weights(mu, i, count, wall_low, wall_high):
     """Return the shear moduli of the edges below and above cell i of a line of cells."""
     return (
@@ -29,12 +27,12 @@ def shear_weights(mu, i, count, wall_low, wall_high):
     )
 
 
-@njit(cache=True, fastmath=True)
+@part
 def balance_x(u, load, i, j, law, wall, spring, share, out):
     """Sum up what row (i, j) of the faces normal to x feels, but for the row itself.
 
     The answer is the stiffness that couples neighbours in the row, and a face's own stiffness
-    at the row's lower end, inside and at its upper end.
+    at the row's lower end, inside and at its upper end: 0 where an end is held.
     """
     ux, uy, uz = u
     nx, ny, nz = uy.shape[0], ux.shape[1], ux.shape[2]
@@ -69,7 +67,7 @@ def balance_x(u, load, i, j, law, wall, spring, share, out):
     return mu, own + low, own + mu, own + high
 
 
-@njit(cache=True, fastmath=True)
+@part
 def balance_y(u, load, i, j, law, wall, spring, share, out):
     """Sum up what row (i, j) of the faces normal to y feels, but for the row itself."""
     ux, uy, uz = u
@@ -105,8 +103,8 @@ def balance_y(u, load, i, j, law, wall, spring, share, out):
     return mu, own + low, own + mu, own + high
 
 
-@njit(cache=True, fastmath=True)
-def balance_z(u, load, i, j, law, wall, spring, share, out):
+@part
+def balance_z(u, load, i, j, law, wall, held, spring, share, out):
     """Sum up what row (i, j) of the faces normal to z feels, but for the row itself."""
     ux, uy, uz = u
     nx, ny, nz = uy.shape[0], ux.shape[1], ux.shape[2]
@@ -140,10 +138,12 @@ def balance_z(u, load, i, j, law, wall, spring, share, out):
     spread = ux[i + 1, j, top] - ux[i, j, top] + uy[i, j + 1, top] - uy[i, j, top]
     out[nz] = share * f[i, j, nz] - c12 * spread
     own = 2.0 * c11 + left + right + front + back
-    return c11, c11 + spring[4], own, c11 + spring[5]
+    low = 0.0 if held[4] else c11 + spring[4]
+    high = 0.0 if held[5] else c11 + spring[5]
+    return c11, low, own, high
 
 
-@njit(cache=True, fastmath=True)
+@part
 def fixed_row(axis, i, j, u, held):
     """Tell whether row (i, j) of the faces normal to an axis (x or y) is fixed as a whole."""
     if axis == 0:
@@ -151,67 +151,50 @@ def fixed_row(axis, i, j, u, held):
     return (j == 0 and held[2]) or (j == u[1].shape[1] - 1 and held[3])
 
 
-@njit(cache=True, fastmath=True)
-def relax_x(u, load, i, law, wall, held, spring, pull, backward):
-    ny = u[0].shape[1]
-    if fixed_row(0, i, 0, u, held):
-        return
-    for step in range(ny):
-        j = ny - 1 - step if backward else step
-        couple, low, own, high = balance_x(u, load, i, j, law, wall, spring, 1.0, pull)
-        relax_row(u[0][i, j], pull, couple, low, own, high, False, False, backward)
+@part
+def relax_plane(u, load, i, law, wall, held, spring, pull, back):
+    """Let the faces of plane i yield, the three kinds in turn, or `back`."""
+    nx, ny = u[1].shape[0], u[0].shape[1]
+    for turn in range(3):
+        axis = 2 - turn if back else turn
+        if i < 0 or i >= nx + (axis == 0):
+            continue
+        rows = ny + (axis == 1)
+        for step in range(rows):
+            j = rows - 1 - step if back else step
+            if axis < 2 and fixed_row(axis, i, j, u, held):
+                continue
+            if axis == 0:
+                couple, low, own, high = balance_x(u, load, i, j, law, wall, spring, 1.0, pull)
+                row = u[0][i, j]
+            elif axis == 1:
+                couple, low, own, high = balance_y(u, load, i, j, law, wall, spring, 1.0, pull)
+                row = u[1][i, j]
+            else:
+                couple, low, own, high = balance_z(
+                    u, load, i, j, law, wall, held, spring, 1.0, pull
+                )
+                row = u[2][i, j]
+            relax_row(row, pull, couple, low, own, high, back)
 
 
-@njit(cache=True, fastmath=True)
-def relax_y(u, load, i, law, wall, held, spring, pull, backward):
-    ny = u[0].shape[1]
-    for step in range(ny + 1):
-        j = ny - step if backward else step
-        if not fixed_row(1, i, j, u, held):
-            couple, low, own, high = balance_y(u, load, i, j, law, wall, spring, 1.0, pull)
-            relax_row(u[1][i, j], pull, couple, low, own, high, False, False, backward)
-
-
-@njit(cache=True, fastmath=True)
-def relax_z(u, load, i, law, wall, held, spring, pull, backward):
-    ny = u[0].shape[1]
-    for step in range(ny):
-        j = ny - 1 - step if backward else step
-        couple, low, own, high = balance_z(u, load, i, j, law, wall, spring, 1.0, pull)
-        relax_row(u[2][i, j], pull, couple, low, own, high, held[4], held[5], backward)
-
-
-@njit(cache=True, fastmath=True)
-def relax_plane(u, load, i, law, wall, held, spring, pull, backward):
-    """Let the faces of plane i yield, the three kinds in turn."""
-    nx = u[1].shape[0]
-    if not backward and 0 <= i <= nx:
-        relax_x(u, load, i, law, wall, held, spring, pull, False)
-    if not backward and 0 <= i < nx:
-        relax_y(u, load, i, law, wall, held, spring, pull, False)
-    if 0 <= i < nx:
-        relax_z(u, load, i, law, wall, held, spring, pull, backward)
-    if backward and 0 <= i < nx:
-        relax_y(u, load, i, law, wall, held, spring, pull, True)
-    if backward and 0 <= i <= nx:
-        relax_x(u, load, i, law, wall, held, spring, pull, True)
-
-
-@njit(cache=True, fastmath=True)
+@part
 def left_row(axis, u, load, i, j, law, wall, held, spring, share, out):
     """Write `share` of the load less the internal force on a row of faces; 0 where fixed."""
     if axis < 2 and fixed_row(axis, i, j, u, held):
         for k in range(len(out)):
             out[k] = 0.0
-    elif axis == 0:
+        return
+    if axis == 0:
         couple, low, own, high = balance_x(u, load, i, j, law, wall, spring, share, out)
-        finish_row(u[0][i, j], out, couple, low, own, high, False, False)
+        row = u[0][i, j]
     elif axis == 1:
         couple, low, own, high = balance_y(u, load, i, j, law, wall, spring, share, out)
-        finish_row(u[1][i, j], out, couple, low, own, high, False, False)
+        row = u[1][i, j]
     else:
-        couple, low, own, high = balance_z(u, load, i, j, law, wall, spring, share, out)
-        finish_row(u[2][i, j], out, couple, low, own, high, held[4], held[5])
+        couple, low, own, high = balance_z(u, load, i, j, law, wall, held, spring, share, out)
+        row = u[2][i, j]
+    finish_row(row, out, couple, low, own, high)
 
 
 @njit(cache=True, fastmath=True)
@@ -228,8 +211,9 @@ def apply(u, out, law, wall, held, spring):
     return product
 
 
-@njit(cache=True, fastmath=True)
+@part
 def apply_row(axis, u, out, i, j, law, wall, held, spring):
+    """Write the stiffness times u on a row of faces; return their part of u·out."""
     row = out[0][i, j] if axis == 0 else out[1][i, j] if axis == 1 else out[2][i, j]
     value = u[0][i, j] if axis == 0 else u[1][i, j] if axis == 1 else u[2][i, j]
     left_row(axis, u, u, i, j, law, wall, held, spring, 0.0, row)
@@ -241,51 +225,37 @@ def apply_row(axis, u, out, i, j, law, wall, held, spring):
 
 
 @njit(cache=True, fastmath=True)
-def descend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
-    """Sweep from zero and hand what is left unbalanced to the parents, in one pass."""
+def cross(u, load, coarse, law, wall, held, spring, own, far, sweeps, back):
+    """Cross a level in one pass, on the way to the parents or (`back`) from them.
+
+    To them: sweep from zero and hand what is left unbalanced to their loads, `coarse`. From them:
+    add their displacement, `coarse`, and sweep in the opposite order.
+    """
     nx, ny, nz = u[1].shape[0], u[0].shape[1], u[0].shape[2]
     buffer, left = np.empty(nz + 2), np.empty(nz + 2)
-    for field in coarse:
-        field[:] = 0.0
-    for field in u:
-        field[0] = 0.0
-    for front in range(nx + 1 + LAG * sweeps):
-        if front < nx:
+    if not back:
+        for field in coarse:
+            field[:] = 0.0
+        for field in u:
+            field[0] = 0.0
+    for step in range(nx + 1 + LAG * sweeps):
+        front = nx + 1 - step if back else step
+        if back and front > 0:
+            prolong_plane(u, coarse, front - 1, own, far)
+        if not back and front < nx:
             u[0][front + 1] = 0.0
-        if front < nx - 1:
+        if not back and front < nx - 1:
             u[1][front + 1] = 0.0
             u[2][front + 1] = 0.0
         for sweep in range(sweeps):
-            i = front - LAG * sweep
-            relax_plane(u, load, i, law, wall, held, spring, buffer, False)
+            i = front + LAG * sweep if back else front - LAG * sweep
+            relax_plane(u, load, i, law, wall, held, spring, buffer, back)
         i = front - LAG * sweeps
+        if back or i < 0:
+            continue
         for axis in range(3):
-            if 0 <= i < nx + (axis == 0):
+            if i < nx + (axis == 0):
                 row = left[: nz + (axis == 2)]
                 for j in range(ny + (axis == 1)):
                     left_row(axis, u, load, i, j, law, wall, held, spring, 1.0, row)
                     restrict_row(axis, row, i, j, coarse, own, far, buffer)
-
-
-@njit(cache=True, fastmath=True)
-def ascend(u, load, coarse, law, wall, held, spring, own, far, sweeps):
-    """Add the parents' displacement and sweep in the opposite order, in one pass."""
-    nx, nz = u[1].shape[0], u[0].shape[2]
-    buffer = np.empty(nz + 2)
-    for front in range(nx + 1, -LAG * sweeps, -1):
-        if front > 0:
-            prolong_plane(u, coarse, front - 1, own, far)
-        for sweep in range(sweeps):
-            i = front + LAG * sweep
-            relax_plane(u, load, i, law, wall, held, spring, buffer, True)
-
-
-@njit(cache=True, fastmath=True)
-def smooth(u, load, law, wall, held, spring, sweeps, backward):
-    """Sweep one after the other: the plain order that the fused passes must reproduce."""
-    nx, nz = u[1].shape[0], u[0].shape[2]
-    buffer = np.empty(nz + 2)
-    for _ in range(sweeps):
-        for k in range(nx + 1):
-            i = nx - k if backward else k
-            relax_plane(u, load, i, law, wall, held, spring, buffer, backward)

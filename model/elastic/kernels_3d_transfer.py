@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from kaju.model.compiling import njit
+from kaju.model.compiling import part
 
 from .kernels_rows import (
     add_row,
@@ -18,7 +16,7 @@ from .kernels_rows import (
 )
 
 
-@njit(cache=True, fastmath=True)
+@part
 def add_tensor(field, buffer, first, second):
     """Add a row to the (up to four) parent rows."""
     p, a, q, b = first
@@ -32,7 +30,7 @@ def add_tensor(field, buffer, first, second):
             add_row(field[q, s], buffer, b * d)
 
 
-@njit(cache=True, fastmath=True)
+@part
 def restrict_row(axis, row, i, j, coarse, own, far, buffer):
     """Hand a row of loads to the parents."""
     if axis == 2:
@@ -52,21 +50,7 @@ def restrict_row(axis, row, i, j, coarse, own, far, buffer):
     add_tensor(field, buffer[: field.shape[2]], first, second)
 
 
-@njit(cache=True, fastmath=True)
-def restrict(load, coarse, own, far):
-    """Hand a load to the parents."""
-    nx, ny, nz = load[1].shape[0], load[0].shape[1], load[0].shape[2]
-    buffer = np.empty(nz + 2)
-    for axis in range(3):
-        field = load[0] if axis == 0 else load[1] if axis == 1 else load[2]
-        target = coarse[0] if axis == 0 else coarse[1] if axis == 1 else coarse[2]
-        target[:] = 0.0
-        for i in range(nx + (axis == 0)):
-            for j in range(ny + (axis == 1)):
-                restrict_row(axis, field[i, j], i, j, coarse, own, far, buffer)
-
-
-@njit(cache=True, fastmath=True)
+@part
 def spread_row(axis, parents, row, own, far, weight):
     """Add weight times a row of parents to the children's row."""
     if axis == 2:
@@ -75,7 +59,7 @@ def spread_row(axis, parents, row, own, far, weight):
         spread_across(parents, row, own[4], far[4], own[5], far[5], weight)
 
 
-@njit(cache=True, fastmath=True)
+@part
 def prolong_row(axis, u, coarse, i, j, own, far):
     """Add the parents' displacement to a row of faces."""
     nx, ny = coarse[1].shape[0], coarse[0].shape[1]
@@ -98,7 +82,7 @@ def prolong_row(axis, u, coarse, i, j, own, far):
             spread_row(axis, field[q, s], row, own, far, b * d)
 
 
-@njit(cache=True, fastmath=True)
+@part
 def prolong_plane(u, coarse, i, own, far):
     """Add the parents' displacement to plane i."""
     nx, ny = u[1].shape[0], u[0].shape[1]
@@ -106,10 +90,3 @@ def prolong_plane(u, coarse, i, own, far):
         if i < nx + (axis == 0):
             for j in range(ny + (axis == 1)):
                 prolong_row(axis, u, coarse, i, j, own, far)
-
-
-@njit(cache=True, fastmath=True)
-def prolong(u, coarse, own, far):
-    """Add the parents' displacement to the children."""
-    for i in range(u[0].shape[0]):
-        prolong_plane(u, coarse, i, own, far)

@@ -4,43 +4,43 @@
 
 from __future__ import annotations
 
-from kaju.model.compiling import njit
+from kaju.model.compiling import part
 
 
-@njit(cache=True, fastmath=True)
-def relax_row(row, pull, couple, low, own, high, held_low, held_high, backward):
+@part
+def relax_row(row, pull, couple, low, own, high, back):
     """Let the faces of a row yield until they balance: every second one, then the others.
 
     `pull` is what they feel from elsewhere, `couple` the stiffness between neighbours in the
-    row, `low`, `own` and `high` a face's own stiffness at the row's ends and inside.
+    row, `low`, `own` and `high` a face's own stiffness at the row's ends (0 if held) and inside.
     """
     ease = 1.0 / own
     last = len(row) - 1
     for phase in range(2):
-        colour = 1 - phase if backward else phase
+        colour = 1 - phase if back else phase
         for j in range(2 - colour, last, 2):
             row[j] = ease * (pull[j] + couple * (row[j - 1] + row[j + 1]))
-        if colour == 0 and not held_low:
+        if colour == 0 and low > 0.0:
             row[0] = (pull[0] + couple * row[1]) / low
-        if last % 2 == colour and not held_high:
+        if last % 2 == colour and high > 0.0:
             row[last] = (pull[last] + couple * row[last - 1]) / high
 
 
-@njit(cache=True, fastmath=True)
-def finish_row(row, out, couple, low, own, high, held_low, held_high):
+@part
+def finish_row(row, out, couple, low, own, high):
     """Turn what a row feels from elsewhere into what is left unbalanced on it."""
     last = len(row) - 1
     for j in range(1, last):
         out[j] += couple * (row[j - 1] + row[j + 1]) - own * row[j]
     out[0] += couple * row[1] - low * row[0]
     out[last] += couple * row[last - 1] - high * row[last]
-    if held_low:
+    if low == 0.0:
         out[0] = 0.0
-    if held_high:
+    if high == 0.0:
         out[last] = 0.0
 
 
-@njit(cache=True, fastmath=True)
+@part
 def gather_across(row, out, own_low, far_low, own_high, far_high):
     """Restrict a row across the normal: the transpose of (3/4, 1/4)."""
     count = len(row) // 2
@@ -57,7 +57,7 @@ def gather_across(row, out, own_low, far_low, own_high, far_high):
     out[count - 2] += far_high * row[last]
 
 
-@njit(cache=True, fastmath=True)
+@part
 def gather_normal(row, out):
     """Restrict a row along the normal: the transpose of (1; 1/2, 1/2)."""
     count = len(row) // 2
@@ -67,7 +67,7 @@ def gather_normal(row, out):
     out[count] = row[2 * count] + 0.5 * row[2 * count - 1]
 
 
-@njit(cache=True, fastmath=True)
+@part
 def spread_across(parents, row, own_low, far_low, own_high, far_high, weight):
     """Add weight times a row of parents, interpolated across the normal."""
     near, away = 0.75 * weight, 0.25 * weight
@@ -81,7 +81,7 @@ def spread_across(parents, row, own_low, far_low, own_high, far_high, weight):
     row[2 * last + 1] += weight * (own_high * parents[last] + far_high * parents[last - 1])
 
 
-@njit(cache=True, fastmath=True)
+@part
 def spread_normal(parents, row, weight):
     """Add weight times a row of parents, interpolated along the normal."""
     last = len(parents) - 1
@@ -91,13 +91,13 @@ def spread_normal(parents, row, weight):
     row[2 * last] += weight * parents[last]
 
 
-@njit(cache=True, fastmath=True)
+@part
 def add_row(out, row, weight):
     for j in range(len(out)):
         out[j] += weight * row[j]
 
 
-@njit(cache=True, fastmath=True)
+@part
 def parents_normal(i):
     """Return the two parents of face i along its normal, and their weights."""
     if i % 2 == 0:
@@ -105,7 +105,7 @@ def parents_normal(i):
     return i // 2, 0.5, i // 2 + 1, 0.5
 
 
-@njit(cache=True, fastmath=True)
+@part
 def parents_across(i, count, own_low, far_low, own_high, far_high):
     """Return the two parents of face i across its normal, and their weights."""
     if i == 0:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import along, njit
+from kaju.model.compiling import along, njit, part
 
 PLANES, ROWS, LENGTH = 0, 1, 2
 """Of the arrays with their ghosts."""
@@ -34,7 +34,7 @@ STEP, START, NEXT = 13, 16, 20
 end of all); entry of a face with its next in the row."""
 
 
-@njit(cache=True, fastmath=True)
+@part
 def unbalanced_by_law(u, f, law, box, a, s, w, r):
     """Write f − Au on the row of component a that starts at place s."""
     n, ea = box[SIZE], box[STEP + a]
@@ -72,7 +72,7 @@ def unbalanced_by_law(u, f, law, box, a, s, w, r):
                 )
 
 
-@njit(cache=True, fastmath=True)
+@part
 def unbalanced(u, f, level, a, row, r):
     """Write f − Au on a row of component a."""
     data, _inverse, couplings, box = level
@@ -99,7 +99,7 @@ def unbalanced(u, f, level, a, row, r):
             r[j] -= a0[j] * x0[j]
 
 
-@njit(cache=True, fastmath=True)
+@part
 def relax_plane(u, f, level, p, parity, back, r):
     """Let the faces of a plane yield, component after component."""
     data, inverse, _couplings, box = level
@@ -128,7 +128,7 @@ def relax_plane(u, f, level, p, parity, back, r):
                 x[j] += v[j] * (here[j] + sign * later[j] * pull)
 
 
-@njit(cache=True, fastmath=True)
+@part
 def parents(i, normal):
     """Return the two parents of place i along one axis, and their weights."""
     one = i // 2 + 2
@@ -137,7 +137,7 @@ def parents(i, normal):
     return one, 0.75, one - 1 + 2 * (i % 2), 0.25
 
 
-@njit(cache=True, fastmath=True)
+@part
 def ancestors(a, p, i, count, coarse):
     """Return the start of the four rows that the parents of a row lie in, and their weights."""
     one, weight, two, other = parents(p, a == 0)
@@ -154,7 +154,7 @@ def ancestors(a, p, i, count, coarse):
     )
 
 
-@njit(cache=True, fastmath=True)
+@part
 def hand_over(u, f, g, level, coarse, p, some, r, t):
     """Hand what is left unbalanced on a plane to the parents' loads g; all of f if none of u."""
     _data, inverse, _couplings, box = level
@@ -186,7 +186,7 @@ def hand_over(u, f, g, level, coarse, p, some, r, t):
                         out[j] += weight * t[j]
 
 
-@njit(cache=True, fastmath=True)
+@part
 def follow(u, g, level, coarse, p, t):
     """Add the parents' displacement g to the faces of a plane; those that are held keep theirs."""
     _data, inverse, _couplings, box = level
@@ -255,7 +255,7 @@ def residual(u, f, share, level, out):
                     o[j] = o[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
 
 
-@njit(cache=True, fastmath=True)
+@part
 def combine(out, to, pitch, source, stride, where, terms, weight, n):
     """Add up n places of weighted rows of a source: see `stencils.Terms`.
 
@@ -281,7 +281,7 @@ def combine(out, to, pitch, source, stride, where, terms, weight, n):
         last = terms[k, 0]
 
 
-@njit(cache=True, fastmath=True)
+@part
 def law_row(data, inverse, made, s, w, pitch, out, to):
     """Write the finest level's coefficients of w places from s on: see `hierarchy._made`."""
     for e in range(len(made)):

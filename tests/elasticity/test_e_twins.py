@@ -33,15 +33,12 @@ class Box:
         self.problem = make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0, sides=sides)
         self.multigrid = BoxMultigrid(self.problem)
         self.level, self.below = self.multigrid.levels[:2]
-        self.kernels = self.multigrid._kernels
-        self.sides = (
-            self.level.law,
-            self.multigrid.wall,
-            self.multigrid.held,
-            self.level.spring,
-        )
-        self.weights = (self.multigrid.own, self.multigrid.far)
         self.rng = np.random.default_rng(1)
+
+    def cross(self, u, load, coarse, sweeps, back):
+        """Cross the finest level, see `kernels_2d.cross`."""
+        u, load = self.level.views(u), self.level.views(load)
+        self.multigrid._cross(self.level, u, load, self.below.views(coarse), sweeps, back)
 
     def random(self):
         x = self.rng.standard_normal(face_count(self.problem.shape))
@@ -57,35 +54,29 @@ def box(request):
 
 
 def test_the_fused_passes_are_sweeps_one_after_the_other(box):
-    load, level, kernels = box.random(), box.level, box.kernels
-    plain, fused = np.zeros_like(load), np.full_like(load, np.nan)
-    kernels.smooth(level.views(plain), level.views(load), *box.sides, 2, False)
-    coarse = np.empty(face_count(box.below.shape))
-    kernels.descend(
-        level.views(fused),
-        level.views(load),
-        box.below.views(coarse),
-        *box.sides,
-        *box.weights,
-        2,
-    )
+    def crossed(load, sweeps):
+        u, coarse = np.full_like(load, np.nan), np.full(face_count(box.below.shape), np.nan)
+        box.cross(u, load, coarse, sweeps, False)
+        return u, coarse
+
+    def left_by(u):
+        left = load - box.multigrid.apply(u)
+        box.multigrid.clear_fixed(0, left)
+        return left
+
+    load = box.random()
+    fused, coarse = crossed(load, 2)
+    plain, _ = crossed(load, 1)
+    plain += crossed(left_by(plain), 1)[0]
     np.testing.assert_allclose(fused, plain, atol=1e-13)
-    left = load - box.multigrid.apply(plain)
-    box.multigrid.clear_fixed(0, left)
-    handed = np.empty_like(coarse)
-    kernels.restrict(level.views(left), box.below.views(handed), *box.weights)
+    nothing, handed = crossed(left_by(plain), 0)
+    assert not nothing.any()
     np.testing.assert_allclose(coarse, handed, atol=1e-13)
 
-    kernels.prolong(level.views(plain), box.below.views(coarse), *box.weights)
-    kernels.smooth(level.views(plain), level.views(load), *box.sides, 2, True)
-    kernels.ascend(
-        level.views(fused),
-        level.views(load),
-        box.below.views(coarse),
-        *box.sides,
-        *box.weights,
-        2,
-    )
+    box.cross(fused, load, coarse, 2, True)
+    box.cross(plain, load, coarse, 0, True)
+    for _ in range(2):
+        box.cross(plain, load, np.zeros_like(coarse), 1, True)
     np.testing.assert_allclose(fused, plain, atol=1e-13)
 
 

@@ -33,14 +33,15 @@ ROOMS = {
     "propagation/test_stability.py "
     "propagation/test_hexagon_shares.py scene/test_scene_errors.py propagation/test_load_model.py",
     "agents/shares.py": "propagation/test_agents.py propagation/test_hexagon_shares.py "
-    "propagation/test_sense.py",
+    "propagation/test_sense.py propagation/test_own_lattice.py",
     "model/propagation/stage.py": "propagation/test_hexagon_shares.py trust/test_survivors.py "
     "propagation/test_own_agents.py propagation/test_load_model.py",
     "model/propagation/stability.py": "trust/test_survivors.py propagation/test_hexagon_shares.py "
     "propagation/test_stability.py",
     "model/elastic/staggered.py": "elasticity/test_e_twins.py elasticity/test_e_tables.py "
-    "elasticity/test_e_solve.py",
-    "model/elastic/moduli.py": "elasticity/test_e_twins.py elasticity/test_e_solve.py",
+    "elasticity/test_e_solve.py trust/test_survivors.py",
+    "model/elastic/moduli.py": "elasticity/test_e_twins.py elasticity/test_e_solve.py "
+    "trust/test_survivors.py",
     "model/elastic/balanced.py": "bounds/test_bracket.py",
     "model/elastic/compatible.py": "bounds/test_bracket.py",
     "model/elastic/bracket.py": "bounds/test_bracket.py",

@@ -17,6 +17,7 @@ from kaju import (
     MaterialAgent,
     PrescribedRule,
     Scene,
+    Shares,
     SpringNetwork,
     export_page,
     load_result,
@@ -99,6 +100,20 @@ def test_the_certificate_knows_what_every_triangle_sends_out(beta):
     )
     sent = 0.3 + 2 * 0.2 + 1.5 * (1.0 - beta) * 0.3 * 0.6
     assert stability(scene).spectral_radius == pytest.approx(sent, rel=1e-12)
+
+
+@pytest.mark.parametrize("lattice", ["hexagon", Triangles])
+def test_what_a_rule_sends_back_leaves_whole(lattice):
+    """In parts, where two neighbours are behind: the parts add up to the share."""
+
+    class Echo:
+        threshold, accumulate, sense = 0.1, True, False
+
+        def shares(self, material, dimension, sense=False):
+            return Shares(0.5, 0.0, 0.3, 0.0, 0.0)
+
+    model = LoadModel(sheet(lattice=lattice), rule=Echo())
+    assert model.certificate.upper == pytest.approx(0.3, rel=1e-12)
 
 
 @pytest.mark.parametrize("engine", ["agents", "arrays"])

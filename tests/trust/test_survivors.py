@@ -8,8 +8,10 @@ import pytest
 import kaju
 from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
 from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.spawning import generations
 from kaju.model.elastic.spawning.field import slope_weights
+from kaju.model.elastic.staggered import compact
 
 
 def plate(**changes):
@@ -128,3 +130,97 @@ def test_no_waves_of_nearly_incompressible_cubes_exceed_their_bound(ratio, bound
     certificate = ElasticModel(block).certificate
     assert certificate.bound == pytest.approx(bound)
     assert certificate.largest_eigenvalue <= bound
+
+
+def test_what_does_not_shorten_an_agent_widens_it():
+    """β of the Poisson share is free to widen the agent, the rest presses on its neighbours."""
+    gum = kaju.Material("gum", youngs_modulus=1e6, poissons_ratio=0.4)
+    shares = PrescribedRule((0.5, 0.5, 0.25), beta=0.25).shares(gum, 2)
+    assert shares.widening == pytest.approx(0.25 * 0.4)
+    assert shares.poisson == pytest.approx(0.75 * 0.4 * 0.5)
+
+
+def test_without_loads_the_books_are_exact():
+    still = LoadModel(plate(loads=[]), engine="arrays").run()
+    assert still.last.ledger.imbalance == 0.0
+
+
+def mixed(first, second, cells=8):
+    """Two materials that differ in Poisson's ratio alone, one above the other."""
+    side = 0.01 * cells
+    materials = {
+        name: {"youngs_modulus": 2e11, "poissons_ratio": ratio}
+        for name, ratio in (("one", first), ("two", second))
+    }
+    upper = {"box": [[0.0, side / 2], [side, side]], "material": "two"}
+    body = {
+        "size": [side, side],
+        "cells": [cells, cells],
+        "material": "one",
+        "regions": [upper],
+    }
+    loads = [{"cell": [cells // 2, cells - 1], "force": [0.0, -2.0]}]
+    return plate(body=body, materials=materials, loads=loads)
+
+
+def test_materials_that_differ_by_rounding_pass_on_the_same():
+    certificate = kaju.stability(mixed(0.3, 0.3 + 1e-15, cells=500))
+    assert certificate.lower == certificate.upper
+    assert certificate.spectral_radius == certificate.upper
+
+
+def test_a_radius_that_is_only_bounded_is_not_told():
+    """Too many cells to look closer: the bounds are those of the two materials."""
+    certificate = kaju.stability(mixed(0.28, 0.3, cells=500))
+    assert certificate.lower < certificate.upper
+    assert certificate.spectral_radius is None
+
+
+@pytest.mark.parametrize(
+    ("youngs", "ratio", "plane"),
+    [
+        ([1.0, -1.0], 0.3, "stress"),
+        ([1.0, np.inf], 0.3, "strain"),
+        ([np.nan, 1.0], 0.3, None),
+        (1.0, [0.3, 0.7], "stress"),
+        (1.0, [0.3, 0.5], "strain"),
+        (1.0, [-1.0, 0.3], None),
+    ],
+)
+def test_moduli_that_no_body_has(youngs, ratio, plane):
+    with pytest.raises(kaju.KajuError, match=r"youngs_modulus|poissons_ratio"):
+        moduli_of(np.array(youngs), np.array(ratio), plane)
+
+
+def test_matrices_with_more_columns_than_fit_half_the_index():
+    last = 2**31 + 5
+    matrix = compact(np.array([0]), np.array([last]), np.array([1.0]), (1, last + 1))
+    assert matrix.indices.tolist() == [last]
+
+
+def test_what_shrinks_when_pressed_needs_pulls():
+    foam = {"foam": {"youngs_modulus": 1e6, "poissons_ratio": -0.2}}
+    body = {"size": [0.08, 0.08], "cells": [8, 8], "material": "foam"}
+    shrinking = {"body": body, "materials": foam}
+    with pytest.raises(kaju.KajuError, match=r"poissons_ratio of 'foam': -0\.2 would pull"):
+        LoadModel(plate(**shrinking, rule=PrescribedRule(beta=0.5)))
+    LoadModel(plate(**shrinking, rule=PrescribedRule(beta=0.5, sense=True)))
+    LoadModel(plate(rule=PrescribedRule(beta=0.5)))
+
+
+@pytest.mark.parametrize("engine", ["agents", "arrays"])
+def test_the_history_tells_pulls_from_pushes(engine):
+    ends = [{"cell": [4, 7], "force": [0.0, 2.0]}, {"cell": [1, 7], "force": [0.0, -2.0]}]
+    rule = PrescribedRule((0.5, 0.5, 0.0), beta=1.0, sense=True)
+    stage = LoadModel(plate(loads=ends, rule=rule), engine=engine).run().last
+    first = stage.history.generation == 1
+    column = stage.cells[stage.history.agent, 0]
+    assert stage.history.pull[first & (column == 1)].tolist() == [False]
+    assert stage.history.pull[first & (column == 4)].tolist() == [True]
+
+
+@pytest.mark.parametrize(("force", "generations"), [(0.05, 0), (0.15, 1), (1.0, 4), (1.7, 5)])
+def test_after_how_many_halves_a_load_is_below_the_threshold(force, generations):
+    rule = PrescribedRule((0.5, 0.5, 0.0), beta=1.0, threshold=0.1)
+    column = plate(rule=rule, loads=[{"cell": [4, 7], "force": [0.0, -force]}])
+    assert kaju.stability(column).generations == generations

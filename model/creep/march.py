@@ -37,6 +37,12 @@ _SAME_MOMENT = 1e-12
 """Share of a time by which two may differ and still be one (0.1 + 0.2 and 0.3)."""
 SHORTEST = 1e-30
 """Share of the time to the next corner: no process that a step can follow is quicker."""
+CRAWL = 1e-10
+"""The same of the time since the last corner: what is as quick has ended by then, unless the
+body moves ever faster."""
+LEAPS = 40
+"""Steps that gave way, without one as long that held: over so many the least fault grows by
+more than there are digits."""
 
 
 class Push(NamedTuple):
@@ -202,7 +208,7 @@ def _keep_tolerance(
     pace: Pace,
 ) -> CreepState:
     """Go on to `node` in steps whose estimated error keeps the tolerance."""
-    wish = state.next_step or 1e-3 * (node - state.time)
+    wish, gave_way, too_long = state.next_step or 1e-3 * (node - state.time), 0, inf
     while state.time < node and not stopped():
         left = node - state.time
         # Two equal steps to the node rather than a long one and a sliver.
@@ -216,10 +222,14 @@ def _keep_tolerance(
             # A step cut short by the node says nothing against a longer one after it.
             wish = max(wish, step * growth) if step < wish else step * growth
             state = replace(tried, next_step=wish, error_estimate=state.error_estimate + error)
+            gave_way = 0 if step >= too_long else gave_way
         else:
             wish = step * growth
             state = replace(state, rejected=state.rejected + 1)
-        if state.time + wish == state.time or wish < SHORTEST * node:
+        if isinstance(trouble, TangentError):
+            gave_way, too_long = gave_way + 1, step
+        shortest = max(SHORTEST * node, CRAWL * (state.time - corner))
+        if gave_way > LEAPS or state.time + wish == state.time or wish < shortest:
             _refuse_to_crawl(state, pace, trouble)
         if state.steps + state.rejected > pace.most_steps:
             raise ConvergenceError(
@@ -284,8 +294,10 @@ def _scale(system: Creeping, state: CreepState, fields: Fields) -> float:
 
 def _refuse_to_crawl(state: CreepState, pace: Pace, trouble: KajuError | None) -> None:
     if isinstance(trouble, TangentError):
-        raise trouble  # what gives way under every load does so in every step, however short
+        told = f"creep: at {state.time:.6g} s, in every step but the shortest: {trouble}"
+        raise type(trouble)(told, trouble.nodes) from trouble
     raise ConvergenceError(
         f"creep: at {state.time:.6g} s no step however short keeps the tolerance "
-        f"{pace.tolerance}; allow a larger one, or give step= instead"
+        f"{pace.tolerance}: there it moves ever faster, as what folds or snaps through does; give "
+        "it mass (mass=) to follow it there, end before (duration=), or load it less"
     ) from trouble

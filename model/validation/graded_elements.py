@@ -52,8 +52,6 @@ def solve_graded(scene: Scene, levels: int, order: int = 4) -> ElementAnswer:
     """
     import skfem
 
-    if scene.lattice.dimension != 2:
-        raise ParameterError("scene: graded triangles need a plane body, got three dimensions")
     kinds = surroundings(scene)
     mesh = graded_mesh(kinds, singular_points(scene, kinds), levels)
     elements = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3, skfem.ElementTriP4)
@@ -71,7 +69,14 @@ def singular_points(scene: Scene, kinds: Index) -> Floats:
 
     Around a grid point that is not on a straight surface, support or interface the four
     cells do not pair up; and the loads on two surface faces in line may differ.
+
+    Raises
+    ------
+    ParameterError
+        If the scene is not plane.
     """
+    if scene.lattice.dimension != 2:
+        raise ParameterError("scene: graded triangles need a plane body, got three dimensions")
     a, b, c, d = kinds[:-1, :-1], kinds[1:, :-1], kinds[:-1, 1:], kinds[1:, 1:]
     four = np.stack([a, b, c, d])
     straight = ((a == b) & (c == d)) | ((a == c) & (b == d))

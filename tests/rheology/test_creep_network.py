@@ -5,7 +5,7 @@ import pytest
 
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
-from kaju.errors import BucklingError, MechanismError, ParameterError
+from kaju.errors import BucklingError, ConvergenceError, MechanismError, ParameterError
 from kaju.model.creep import creep
 from kaju.model.network import solve, triangular
 from kaju.model.network.springs import SpringNetwork
@@ -158,6 +158,14 @@ def test_a_bent_truss_stays_bent_by_what_flowed():
 def test_a_truss_that_snaps_through_is_reported():
     with pytest.raises(BucklingError, match="buckles"):
         creep(truss(force=(0.0, -3.0)), BITE, times=TIMES, step=0.05, rheology=ELEMENT)
+
+
+def test_a_truss_that_creeps_until_it_snaps_is_followed_with_mass_only():
+    options = {"times": [1.0], "tolerance": 1e-2, "rheology": ELEMENT}
+    with pytest.raises(ConvergenceError, match=r"at 0\.55\d* s .* give it mass"):
+        creep(truss(force=(0.0, -3.0)), History.step(), 1.0, **options)
+    through = creep(truss(force=(0.0, -3.0)), History.step(), 1.0, mass=1e-3, **options)
+    assert through.displacement[0, 2, 1] < -1.5
 
 
 @pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])

@@ -3,6 +3,7 @@
 import csv
 import sys
 from dataclasses import astuple
+from time import process_time
 
 import numpy as np
 import pytest
@@ -137,6 +138,24 @@ def test_a_bound_below_the_truth_fails(monkeypatch):
     for wrong in (0.5, 1.5):
         monkeypatch.setattr(trial, "_true_energy", lambda scene, wrong=wrong: wrong * truth(scene))
         assert "lies outside of its bounds" in attempt(WITH_TRUTH).what
+
+
+def test_the_truth_of_solids_is_not_asked_of_plane_elements():
+    solid = attempt(324)
+    assert (solid.family, solid.verdict) == ("comb", "answered")
+    assert np.isnan(solid.true_error)
+
+
+@pytest.mark.parametrize(
+    ("number", "error", "seconds"),
+    [(796, "ConvergenceError: creep: at 0.01947", 10), (5036, "BucklingError: creep: at 6.77", 15)],
+)
+def test_networks_that_creep_until_they_give_way_end_soon(number, error, seconds):
+    began = process_time()
+    outcome = attempt(number)
+    assert outcome.verdict == REFUSED
+    assert outcome.what.startswith(error)
+    assert process_time() - began < seconds
 
 
 def test_agents_of_ones_own_are_tried_too():

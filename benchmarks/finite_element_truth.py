@@ -1,13 +1,14 @@
-"""Compute the true answers of the benchmark's problems and of the worked plate.
+"""Compute the true answers of the benchmark's problems, the worked plate and the tests of spawning.
 
-Plane problems: triangles of order 4, graded geometrically towards every point where the
-solution is singular (re-entrant corners, ends of the ground, ends of the load). The block:
-a quarter of it, in hexahedra of order 2 graded towards its edges and those of the load. Each
-answer is computed on two meshes; what they differ by is printed and goes into the source.
-Needs scikit-fem. Run it with
+Plane bodies: triangles of order 4, graded geometrically towards every point where the
+solution is singular (re-entrant corners, ends of the ground, ends of the load). Others: bricks
+of order 2 graded towards singular edges; of the benchmark's block a quarter. Each answer is
+computed on two meshes; what they differ by is printed and goes into the source.
+Needs scikit-fem and pyamg. Run it with
 
     python benchmarks/finite_element_truth.py            # all; minutes, and 6 GB of memory
-    python benchmarks/finite_element_truth.py block      # the block only
+    python benchmarks/finite_element_truth.py block      # the block only, "plates", or a body of
+                                                         # tests/spawning_bodies.py by its name
 """
 
 from __future__ import annotations
@@ -26,14 +27,19 @@ from kaju.model.reference import Reference
 from kaju.model.validation.graded_elements import solve_graded
 from kaju.model.validation.scene_elements import ElementAnswer
 
-ROOT = Path(__file__).parent.parent
-PACKAGE = ROOT / "src" / "kaju" / "bench"
-TESTS = ROOT / "tests" / "data"
+HERE = Path(__file__).parent
+TESTS = HERE.parent / "tests"
+sys.path.append(str(TESTS))
 
-LEVELS = (10, 16)
-"""Halvings of the triangles around singular points, on the two meshes."""
-PARTS = (4, 6)
-"""Elements along a graded eighth of the block, on its two meshes."""
+from spawning_bodies import BODIES, PLANE, middles  # noqa: E402
+
+LEVELS, FEWER = (10, 16), (8, 14)
+"""Halvings of the triangles around singular points, on the two meshes (FEWER: spawning)."""
+PARTS = {"cube": (4, 6), "cube-rubber": (3, 4), "cube-inclusion": (4, 6)}
+"""Bricks along a cell of the body, on the two meshes."""
+PLANES = {"cube": ((1, 4), (1, 4), (0, 4)), "cube-rubber": ((1, 4), (1, 4), (0, 4))}
+PLANES["cube-inclusion"] = ((1, 2, 4), (1, 2, 4), (0, 1, 2, 4))
+"""Grid planes that hold singular edges, along x, y and z."""
 LOADED_CELL = ((0.10, 0.2), (0.11, 0.2))
 """The worked example presses on cell 10 of 20: x from 100 to 110 mm."""
 
@@ -60,42 +66,35 @@ def quarter() -> Scene:
     )
 
 
-def block(parts: int, points) -> tuple[np.ndarray, float, int]:
-    """Solve a quarter of the block and mirror it; return displacement and energy."""
-    planes = ((0, 1, 3), (0, 1, 3), (0, 8))
-    answer = solve_bricks(quarter(), planes, parts)
-    folded = np.minimum(points, [0.5, 0.5, 1.0])
-    mirrored = points[:, :2] > 0.5
-    folded[:, :2] = np.where(mirrored, 1.0 - points[:, :2], points[:, :2])
-    moved = answer.displacement_at(folded)
-    moved[:, :2] *= np.where(mirrored, -1.0, 1.0)
-    return moved, 4.0 * answer.energy, answer.unknowns
-
-
-def gap(fine: np.ndarray, coarse: np.ndarray) -> float:
-    """Return the largest difference as a share of the largest value."""
-    return float(np.abs(fine - coarse).max() / np.abs(fine).max())
+def told(kind: str, fine, coarse, moved, before) -> str:
+    """Return where an answer comes from, and how far another mesh's is from it."""
+    gap = np.abs(moved - before).max() / np.abs(moved).max()
+    return (
+        f"finite elements: {kind}, {fine.unknowns} unknowns (scikit-fem {skfem.__version__}); "
+        f"displacement within {gap:.0e}, energy within {abs(fine.energy / coarse.energy - 1):.0e} "
+        f"of a coarser mesh's, {coarse.unknowns} unknowns"
+    )
 
 
 def write(path: Path, points, displacement, stress, energy, source: str) -> None:
     path.parent.mkdir(exist_ok=True)
     print(Reference(points, displacement, stress, energy, source).save(path))
-    print("   ", source)
+    print("   ", source, flush=True)
+
+
+def triangles(scene: Scene, levels, points):
+    """Return the finer answer, its displacement at points, and its source."""
+    coarse, fine = (solve_graded(scene, number) for number in levels)
+    moved, before = fine.displacement_at(points), coarse.displacement_at(points)
+    kind = f"triangles of order 4, halved {levels[1]} times at singular points"
+    return fine, moved, told(kind, fine, coarse, moved, before)
 
 
 def plane_truth(problem: Problem, patch, points, path: Path, stressed: bool) -> None:
     """Compute a plane problem on two meshes and store the finer answer."""
     load = {"region": {"box": [list(p) for p in patch]}, "force": [0.0, -problem.force]}
     scene = problem.scene(1).replace(loads=[load])
-    coarse, fine = (solve_graded(scene, levels) for levels in LEVELS)
-    moved = fine.displacement_at(points)
-    source = (
-        f"finite elements: graded triangles of order 4, {fine.unknowns} unknowns (scikit-fem "
-        f"{skfem.__version__}); displacement within "
-        f"{gap(moved, coarse.displacement_at(points)):.0e}, energy within "
-        f"{abs(fine.energy / coarse.energy - 1.0):.0e} of the answer with {LEVELS[0]} instead of "
-        f"{LEVELS[1]} levels"
-    )
+    fine, moved, source = triangles(scene, LEVELS, points)
     stress = stress_at(fine, problem, points) if stressed else None
     write(path, points, moved, stress, fine.energy, source)
 
@@ -113,29 +112,45 @@ def worked_plate_points() -> np.ndarray:
 
 def plates() -> None:
     """Write the references of the plane problems."""
-    name = "plate_finite_elements"
-    plane_truth(PLATE, LOADED_CELL, worked_plate_points(), TESTS / f"{name}.npz", True)
+    data = TESTS / "data"
+    cells = worked_plate_points()
+    plane_truth(PLATE, LOADED_CELL, cells, data / "plate_finite_elements.npz", True)
     corners = PLATE.edge * np.argwhere(np.ones((21, 21)))
-    plane_truth(PLATE, LOADED_CELL, corners, TESTS / f"{name}_corners.npz", False)
+    plane_truth(PLATE, LOADED_CELL, corners, data / "plate_finite_elements_corners.npz", False)
     for problem in (PLATE, PIXELS):
-        path = PACKAGE / f"truth_{problem.name}.npz"
+        path = HERE / "peers" / f"truth_{problem.name}.npz"
         plane_truth(problem, problem.patch, problem.points, path, False)
 
 
-def cube() -> None:
-    """Write the reference of the block."""
+def block() -> None:
+    """Write the reference of the block: a quarter of it is solved, and mirrored."""
+    planes = ((0, 1, 3), (0, 1, 3), (0, 8))
     points = BLOCK.points
-    (coarse, less, _), (fine, energy, unknowns) = (block(n, points) for n in PARTS)
-    source = (
-        f"finite elements: graded hexahedra of order 2 on a quarter, {unknowns} unknowns "
-        f"(scikit-fem {skfem.__version__}); displacement within {gap(fine, coarse):.0e}, energy "
-        f"within {abs(energy / less - 1.0):.0e} of the answer with {PARTS[0]} instead of "
-        f"{PARTS[1]} elements to a graded eighth"
-    )
-    write(PACKAGE / "truth_block.npz", points, fine, None, energy, source)
+    folded = np.minimum(points, [0.5, 0.5, 1.0])
+    mirrored = points[:, :2] > 0.5
+    folded[:, :2] = np.where(mirrored, 1.0 - points[:, :2], points[:, :2])
+    coarse, fine = (solve_bricks(quarter(), planes, parts) for parts in PARTS["cube"])
+    before, moved = (answer.displacement_at(folded) for answer in (coarse, fine))
+    source = told("graded bricks of order 2 on a quarter", fine, coarse, moved, before)
+    moved[:, :2] *= np.where(mirrored, -1.0, 1.0)
+    write(HERE / "peers" / "truth_block.npz", points, moved, None, 4.0 * fine.energy, source)
+
+
+def of_spawning(name: str) -> None:
+    """Write the reference of a body that agents spawn in."""
+    scene = BODIES[name]()
+    points = middles(scene)
+    if name in PLANE:
+        fine, moved, source = triangles(scene, FEWER, points)
+    else:
+        coarse, fine = (solve_bricks(scene, PLANES[name], parts) for parts in PARTS[name])
+        moved, before = fine.displacement_at(points), coarse.displacement_at(points)
+        kind = f"bricks of order 2, {PARTS[name][1]} along a graded cell"
+        source = told(kind, fine, coarse, moved, before)
+    write(TESTS / "data" / "spawning" / f"{name}.npz", points, moved, None, fine.energy, source)
 
 
 if __name__ == "__main__":
-    if "block" not in sys.argv:
-        plates()
-    cube()
+    others = {"plates": plates, "block": block}
+    for name in sys.argv[1:] or [*others, *BODIES]:
+        others[name]() if name in others else of_spawning(name)

@@ -11,11 +11,83 @@ The finite elements are those of scikit-fem; they need the extra fem (pyamg come
 
 from __future__ import annotations
 
+import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
-from peers.report import publish
-from peers.run import run
+from peers.measure import Measurement, in_a_fresh_process, jobs
+from peers.problems import PROBLEMS
+from peers.report import draw, environment, markdown, publish, read_csv, write_csv
+
+from kaju.agents.materials import suggestion
+from kaju.errors import ParameterError, ResultFileError
+from kaju.files import check_writable
+
+
+def run(
+    folder: Path,
+    quick: bool = False,
+    problems: tuple[str, ...] = (),
+    tell: Callable[[str], None] = lambda line: None,
+    resume: bool = False,
+) -> list[Measurement]:
+    """Measure all jobs and write table, picture and environment into a folder.
+
+    Every row is written as soon as it is measured.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets work_precision.csv, .md and .png, and environment.json.
+    quick : bool
+        Small sizes only.
+    problems : tuple of str
+        Some of the problems; all unless given.
+    tell : function
+        Is told a line about each job.
+    resume : bool
+        Keep the rows that the folder has, and measure the others.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such problem.
+    ResultFileError
+        If the folder cannot be written.
+    """
+    for name in problems:
+        if name not in PROBLEMS:
+            raise ParameterError(
+                f"problem: there is no {name!r}{suggestion(name, PROBLEMS)}; there is "
+                f"{', '.join(PROBLEMS)}"
+            )
+    check_writable(folder, ResultFileError)
+    folder.mkdir(parents=True, exist_ok=True)
+    table = folder / "work_precision.csv"
+    found = read_csv(table) if resume and table.exists() else []
+    done = {(m.problem, m.method, m.division) for m in found}
+    for job in jobs(quick, problems):
+        if job not in done:
+            found.append(in_a_fresh_process(*job))
+            write_csv(table, found)
+            tell(_line(found[-1]))
+    conditions = environment()
+    (folder / "work_precision.md").write_text(markdown(found, conditions), encoding="utf-8")
+    (folder / "environment.json").write_text(json.dumps(conditions, indent=2) + "\n", "utf-8")
+    draw(found, folder / "work_precision.png")
+    return found
+
+
+def _line(m: Measurement) -> str:
+    what = f"{m.problem:7} {m.method:14} {m.cells:9d} cells  "
+    if m.seconds is None:
+        return what + m.failure
+    return (
+        what + f"{m.seconds:9.4f} s  {m.memory:7.0f} MB  largest error {m.max_error:.1e}, "
+        f"r.m.s. {m.l2_error:.1e}"
+    )
+
 
 if __name__ == "__main__":
     folders = [Path(word) for word in sys.argv[1:] if not word.startswith("-")]

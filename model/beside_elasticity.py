@@ -26,7 +26,7 @@ from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.solving import solve
 
 if TYPE_CHECKING:
-    from kaju.model.result import Field
+    from kaju.model.result import BodyResult
     from kaju.model.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -60,7 +60,7 @@ class BesideElasticity:
     ----------
     scene : Scene
         What was asked, all of its load applied at once.
-    believed : Field
+    believed : BodyResult
         The answer of elasticity.
     comparisons : mapping of str to Comparison
         What is judged by it: agents of the prescribed rule, of the same rule with fitted
@@ -74,7 +74,7 @@ class BesideElasticity:
     """
 
     scene: Scene
-    believed: Field
+    believed: BodyResult
     comparisons: Mapping[str, Comparison]
     fit: Fit | None
     axis: int

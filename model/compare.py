@@ -17,15 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.archive import open_archive
 from kaju.model.pair import Pair, Profile
-from kaju.model.profile import line_of
 from kaju.model.reference import Reference
-from kaju.model.result import Field, body_cells
+from kaju.model.result import BodyResult, body_cells, line_of
 from kaju.model.stored import load_result
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
     from kaju.model.scene.filling import CellBox
 
+
+Floats = NDArray[np.float64]
 
 MOST_POINTS = 2_000_000
 """Bodies of more cells than this are compared at points that the caller names."""
@@ -41,7 +42,7 @@ class Stressed(Protocol):
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
 
 
-def common_points(result: Field, other: Field | Reference) -> Floats:
+def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
     """Return where to compare: the middles of the larger cells, as far as both know them.
 
     Raises
@@ -81,7 +82,7 @@ def _cells_in(box: CellBox) -> NDArray[np.int64]:
     return cells
 
 
-def check_comparable(result: Field, other: Field | Reference) -> None:
+def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
     """Refuse what cannot be compared: other dimensions, materials, thickness or loads.
 
     Raises
@@ -90,7 +91,7 @@ def check_comparable(result: Field, other: Field | Reference) -> None:
         Naming what differs.
     """
     for answer in (result, other):
-        if not isinstance(answer, (Field, Reference)):
+        if not isinstance(answer, (BodyResult, Reference)):
             raise ResultError(
                 f"compare: a {type(answer).__name__} has no body of cells; give "
                 "results of load transfer or elasticity, or a Reference"
@@ -112,7 +113,7 @@ def check_comparable(result: Field, other: Field | Reference) -> None:
     _same_loads(result, other)
 
 
-def _same_loads(result: Field, other: Field) -> None:
+def _same_loads(result: BodyResult, other: BodyResult) -> None:
     totals = [_total_force(answer) for answer in (result, other)]
     largest = max(float(np.abs(total).max(initial=0.0)) for total in totals)
     if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * largest:
@@ -123,7 +124,7 @@ def _same_loads(result: Field, other: Field) -> None:
         )
 
 
-def _total_force(result: Field) -> Floats:
+def _total_force(result: BodyResult) -> Floats:
     total: Floats = result.scene.applied(result.stage).force.sum(axis=0)
     return total
 
@@ -176,18 +177,15 @@ def _differ(one: Floats, other: Floats) -> NDArray[np.bool_]:
     return different
 
 
-Floats = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """How far one answer is from another.
 
     Attributes
     ----------
-    result : Field
+    result : BodyResult
         The answer that is judged.
-    reference : Field or Reference
+    reference : BodyResult or Reference
         The answer that is believed.
     points : array, shape (n, dimension)
         Where they are compared (m).
@@ -199,8 +197,8 @@ class Comparison:
         Δσ is the difference of the stresses, σ the reference's.
     """
 
-    result: Field
-    reference: Field | Reference
+    result: BodyResult
+    reference: BodyResult | Reference
     points: Floats
     displacement: Pair
     stress: Pair | None
@@ -254,13 +252,13 @@ class Settling(Protocol):
     """A run of agents that can tell what they have settled to."""
 
     @property
-    def result(self) -> Field:
+    def result(self) -> BodyResult:
         """What they have settled to."""
 
 
 def compare(
-    result: Field | Settling,
-    reference: Field | Reference | Settling,
+    result: BodyResult | Settling,
+    reference: BodyResult | Reference | Settling,
     *,
     points: ArrayLike | None = None,
 ) -> Comparison:
@@ -268,9 +266,9 @@ def compare(
 
     Parameters
     ----------
-    result : Field or ElasticRun
+    result : BodyResult or ElasticRun
         The answer that is judged: of load transfer, or elastic.
-    reference : Field, ElasticRun or Reference
+    reference : BodyResult, ElasticRun or Reference
         The answer that is believed; on cells of any size.
     points : array, shape (n, dimension), optional
         Where to compare (m). By default in the middles of the larger cells of the two scenes;
@@ -308,7 +306,7 @@ def compare(
     return Comparison(judged, believed, chosen, displacement, stress, energy)
 
 
-def load_answer(path: str | Path) -> Field | Reference:
+def load_answer(path: str | Path) -> BodyResult | Reference:
     """Read a saved result or reference, whichever a file or a result's folder holds.
 
     Raises
@@ -320,7 +318,7 @@ def load_answer(path: str | Path) -> Field | Reference:
     if open_archive(source).about["kind"] == "reference":
         return Reference.load(source)
     result = load_result(source)
-    if not isinstance(result, Field):
+    if not isinstance(result, BodyResult):
         raise ResultFileError(
             f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
             "and references can be compared"
@@ -328,15 +326,17 @@ def load_answer(path: str | Path) -> Field | Reference:
     return result
 
 
-def _answer(given: Field | Reference | Settling) -> Field | Reference:
-    if isinstance(given, (Field, Reference)):
+def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
+    if isinstance(given, (BodyResult, Reference)):
         return given
     if isinstance(given, Settling):
         return given.result
     raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
 
 
-def _pairs(result: Field, reference: Field | Reference, points: Floats) -> tuple[Pair, Pair | None]:
+def _pairs(
+    result: BodyResult, reference: BodyResult | Reference, points: Floats
+) -> tuple[Pair, Pair | None]:
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
     if isinstance(reference, Reference) and reference.stress is None:
@@ -376,7 +376,7 @@ def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
     return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
 
 
-def _name(answer: Field | Reference) -> str:
+def _name(answer: BodyResult | Reference) -> str:
     if isinstance(answer, Reference):
         return answer.source.partition(":")[0] or "reference"
     return answer.name

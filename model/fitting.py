@@ -22,7 +22,7 @@ from kaju.model.compare import Comparison, Settling, compare
 from kaju.model.pair import Pair
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
-from kaju.model.result import Field
+from kaju.model.result import BodyResult
 from kaju.model.scene import scene_needed
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Fit:
 
 def fit_rule(
     scene: Scene,
-    reference: Field | Reference | Settling,
+    reference: BodyResult | Reference | Settling,
     *,
     quantity: Quantity = "displacement",
     points: ArrayLike | None = None,
@@ -105,7 +105,7 @@ def fit_rule(
     scene : Scene
         With a `PrescribedRule`; its threshold and way of adding up are kept, coefficients of
         single materials are given up.
-    reference : Field, ElasticRun or Reference
+    reference : BodyResult, ElasticRun or Reference
         What to come close to.
     quantity : {"displacement", "stress"}
         Whose misfit to make small: the norm of the difference over that of the reference.
@@ -167,7 +167,7 @@ class _Search:
     def __init__(
         self,
         scene: Scene,
-        reference: Field | Reference | Settling,
+        reference: BodyResult | Reference | Settling,
         quantity: Quantity,
         points: ArrayLike | None,
         most_passed_on: float,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from itertools import product
+from itertools import combinations_with_replacement, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,10 @@ INSIDE = "rigid"
 """Name of the support that rigid cells inside the array give."""
 
 
-@runtime_checkable
-class Result(Protocol):
+class Result:
     """An answer of kaju: of load transfer, elasticity, agents that settle, springs, or in time.
+
+    It prints its key figures: nobody wants to see thousands of agents printed.
 
     Attributes
     ----------
@@ -41,64 +42,50 @@ class Result(Protocol):
         What `kaju.plot` and `kaju.animate` can draw of it, the usual one first.
     """
 
-    @property
-    def kind(self) -> str:
-        """What it is an answer of."""
+    kind: ClassVar[str]
+    seconds: float
 
-    @property
-    def seconds(self) -> float:
-        """Time that the computation took (s)."""
+    if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
 
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Names of the pictures of it, the usual one first."""
+        @property
+        def pictures(self) -> tuple[str, ...]:
+            """Names of the pictures of it, the usual one first."""
 
-    @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the animations of it, the usual one first."""
+        @property
+        def films(self) -> tuple[str, ...]:
+            """Names of the animations of it, the usual one first."""
 
+    @abstractmethod
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
 
+    @abstractmethod
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per agent, or per time."""
 
+    @abstractmethod
     def save(self, path: str | Path) -> Path:
         """Write it to one file, from which `kaju.load_result` reads it again."""
 
+    @classmethod
+    @abstractmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a result that `save` wrote."""
 
-@runtime_checkable
-class Field(Protocol):
-    """An answer that knows displacement and stress everywhere in the body of a scene."""
+    @classmethod
+    def kinds(cls) -> tuple[str, ...]:
+        """Return the labels of stored results that it reads: its own, and earlier ones."""
+        return (cls.kind,)
 
-    @property
-    def name(self) -> str:
-        """What it is called beside another answer."""
+    def __repr__(self) -> str:
+        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
+        return f"{type(self).__name__}({figures})"
 
-    @property
-    def focus(self) -> NDArray[np.int64] | None:
-        """The cells that pictures are about; None for all of the body."""
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the page, or a picture."""
+        from kaju.view.page.notebook import shown
 
-    @property
-    def scene(self) -> Scene:
-        """What was asked."""
-
-    @property
-    def grid(self) -> Scene:
-        """The scene on the cells that say where the body is."""
-
-    @property
-    def stage(self) -> int | None:
-        """The stage of loading at which it stands, from 1; None: the last."""
-
-    def displacement_at(self, points: Floats) -> Floats:
-        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
-
-    def stress_at(self, points: Floats) -> Floats:
-        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
-
-    def summary(self) -> dict[str, Any]:
-        """Return the key figures as plain numbers and strings."""
+        return shown(self)
 
 
 class Tiles(NamedTuple):
@@ -118,37 +105,16 @@ class Tiles(NamedTuple):
     value: Floats
 
 
-class Described:
-    """Prints the key figures: nobody wants to see thousands of agents printed."""
-
-    def __repr__(self) -> str:
-        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
-        return f"{type(self).__name__}({figures})"
-
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the page, or a picture."""
-        from kaju.view.page.notebook import shown
-
-        return shown(self)
-
-    @abstractmethod
-    def summary(self) -> dict[str, Any]:
-        """Return the key figures as plain numbers and strings."""
-
-
-class BodyResult(Described):
-    """What answers about the body of a scene have in common.
+class BodyResult(Result):
+    """An answer that knows displacement and stress everywhere in the body of a scene.
 
     Attributes
     ----------
     scene : Scene
         What was asked.
-    seconds : float
     """
 
-    kind: ClassVar[str]
     scene: Scene
-    seconds: float
 
     @property
     @abstractmethod
@@ -201,9 +167,22 @@ class BodyResult(Described):
         ResultError
             If the ends are the same or of another dimension, or the line misses the body.
         """
-        from .profile import along_line
+        import pandas as pd
 
-        return along_line(self, start, end, count)
+        first, way, length = line_of(start, end, self.scene.lattice.dimension, "profile")
+        points = first + np.linspace(0.0, length, count)[:, None] * way
+        points = points[body_cells(self.grid, points)[1]]
+        if not len(points):
+            where = f"from {list(start)} to {list(end)}"
+            raise ResultError(f"profile: no point {where} lies in the body")
+        names = "xyz"[: len(first)]
+        columns: dict[str, Any] = {"distance (m)": (points - first) @ way}
+        columns |= {f"{name} (m)": points[:, a] for a, name in enumerate(names)}
+        moved, stress = self.displacement_at(points), self.stress_at(points)
+        columns |= {f"displacement_{name} (m)": moved[:, a] for a, name in enumerate(names)}
+        for (a, one), (b, other) in combinations_with_replacement(enumerate(names), 2):
+            columns[f"stress_{one}{other} (Pa)"] = stress[:, a, b]
+        return pd.DataFrame(columns)
 
     def save(self, path: str | Path) -> Path:
         """Write the result to one ``.npz`` file, whole or not at all.
@@ -235,11 +214,6 @@ class BodyResult(Described):
             scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
             return cls._from_archive(scene, archive)
 
-    @classmethod
-    def kinds(cls) -> tuple[str, ...]:
-        """Return the labels of stored results that it reads: its own, and earlier ones."""
-        return (cls.kind,)
-
     @abstractmethod
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored besides scene and time: arrays, and plain values."""
@@ -255,6 +229,26 @@ def idle_rheology(scene: Scene) -> list[str]:
     if not any(material.rheology for material in scene.cell_materials):
         return []
     return ["a material's rheology takes no part here; time passes in `kaju creep`"]
+
+
+def line_of(
+    start: Sequence[float], end: Sequence[float], dimension: int, caller: str
+) -> tuple[Floats, Floats, float]:
+    """Return the first point (m), the unit vector and the length (m) of a line.
+
+    Raises
+    ------
+    ResultError
+        If the ends are the same, or of another dimension.
+    """
+    first, last = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    length = float(np.linalg.norm(last - first)) if first.shape == last.shape else 0.0
+    if first.shape != (dimension,) or not length > 0.0:
+        raise ResultError(
+            f"{caller}: two different points of {dimension} numbers are needed, "
+            f"got {list(start)} and {list(end)}"
+        )
+    return first, (last - first) / length, length
 
 
 def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, NDArray[np.int64]]:

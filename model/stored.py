@@ -3,23 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Protocol
 
 from kaju.errors import ResultFileError
 from kaju.model.archive import open_archive
 from kaju.model.result import Result
-
-
-class Storable(Protocol):
-    """A class of results that reads what it has written."""
-
-    @classmethod
-    def kinds(cls) -> tuple[str, ...]:
-        """Return the labels of stored results that it reads."""
-
-    @classmethod
-    def load(cls, path: str | Path) -> Result:
-        """Read a result that its `save` wrote."""
 
 
 def load_result(path: str | Path) -> Result:
@@ -50,7 +37,7 @@ def load_result(path: str | Path) -> Result:
     raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
 
 
-def _kinds() -> tuple[type[Storable], ...]:
+def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.creep.body import TransferCreepResult
     from kaju.model.creep.elastic_result import ElasticCreepResult
     from kaju.model.creep.network_result import NetworkCreepResult

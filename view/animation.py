@@ -209,12 +209,12 @@ def _durations(frames: list[int], fps: float, hold: float) -> list[int]:
 
 def _write_gif(reel: Reel, frames: list[int], path: Path, fps: float, hold: float) -> None:
     # One palette for all frames, or colours would flicker: that of a few of them, side by side.
-    some = [_image(reel, frames[k]) for k in {0, len(frames) // 2, len(frames) - 1}]
-    strip = Image.fromarray(np.concatenate([np.asarray(image) for image in some]))
+    some = {k: _image(reel, k) for k in (frames[0], frames[len(frames) // 2], frames[-1])}
+    strip = Image.fromarray(np.concatenate([np.asarray(image) for image in some.values()]))
     palette = strip.quantize(255, kmeans=3)
     colours = [*(palette.getpalette() or [])[:765], 255, 255, 255]
     palette.putpalette(colours)
-    first, *rest = (_indexed(_image(reel, frame), palette) for frame in frames)
+    first, *rest = (_indexed(some.get(k) or _image(reel, k), palette) for k in frames)
     durations = _durations(frames, fps, hold)
     first.save(path, "GIF", save_all=True, append_images=rest, duration=durations, loop=0)
 

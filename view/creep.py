@@ -6,26 +6,17 @@ from collections.abc import Mapping
 from functools import partial, wraps
 from typing import TYPE_CHECKING, Any
 
-from matplotlib.colors import Normalize
-
 from kaju.errors import ParameterError
 
-from .body import draw_body, finish
+from .body import finish
 from .curves import draw_curves, panels_for
-from .deformed import (
-    check_magnification,
-    corner_displacements,
-    draw_deformed,
-    draw_rest,
-    magnification_for,
-    sizes_of,
-)
+from .deformed import draw_deformation, moving_cells
 from .forces import draw_forces
 from .network_plots import Colour, Stand, plot_network
 from .reels import TWO_LINES, Reel
 from .section import section_of
-from .style import INK, caption, colour_bar, figure_of, new_axes
-from .units import quantity, times
+from .style import INK, caption, figure_of, new_axes
+from .units import quantity
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -48,26 +39,15 @@ def plot_body_at(
 ) -> Axes:
     """Draw the deformed body at one of the times asked for, the last unless given."""
     record = _checked(course, record)
-    check_magnification(magnification)
-    static = course.static
-    section = section_of(course.grid, static.focus, cut, crop)
-    every, kind = section.ground
-    tiles, moved_at = every[kind >= 0], partial(course.displacement_at, record=record)
-    moved = corner_displacements(static, section, tiles, moved_at)
-    size = sizes_of(static, section, tiles, moved_at)
-    factor = magnification or magnification_for(section, tiles, moved)
-    largest = float(size.max(initial=0.0))
+    section = section_of(course.grid, course.static.focus, cut, crop)
+    moved_at = partial(course.displacement_at, record=record)
+    tiles = moving_cells(course.static, section, moved_at)
     ax = new_axes(ax)
-    entries = draw_body(ax, section, filled=False)
-    draw_rest(ax, section)
-    drawn = draw_deformed(ax, section, tiles, moved, size, factor, Normalize(0.0, largest or 1.0))
+    entries, told = draw_deformation(ax, section, tiles, magnification)
     if course.factors[record]:
-        draw_forces(ax, section, static.stage)
-    colour_bar(ax, drawn, "displacement", "m")
-    notes = [
-        f"{_moment(course, record)}; largest displacement {quantity(largest, 'm')}",
-        f"deformation shown {times(factor)}",
-    ]
+        draw_forces(ax, section, course.static.stage)
+    largest = f"largest displacement {quantity(tiles.largest, 'm')}"
+    notes = [f"{_moment(course, record)}; {largest}", told]
     finish(ax, section, "Deformed body", notes, entries)
     return ax
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,18 +16,19 @@ from kaju.model.elastic.export import same_points
 
 from .body import draw_body, finish
 from .forces import draw_forces
-from .layers import Layer, Squares, draw_squares, layer_of, squares_of
+from .layers import OUTLINED, Layer, layer_of, squares_of
 from .section import CORNERS, Section, section_of
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
 
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import Field
+    from kaju.model.result import BodyResult
 
     from .section import Floats, Ints
 
@@ -41,7 +42,7 @@ _FOLDED = 64  # agents smaller than this part of the picture may be drawn so
 
 
 def corner_displacements(
-    result: Field, section: Section, tiles: Ints, moved_at: MovedAt | None = None
+    result: BodyResult, section: Section, tiles: Ints, moved_at: MovedAt | None = None
 ) -> Floats:
     """Return how the corners of tiles move in the plane (m), shape (n, corners, 2).
 
@@ -61,16 +62,7 @@ def corner_displacements(
     return together
 
 
-def sizes_of(
-    result: Field, section: Section, tiles: Ints, moved_at: MovedAt | None = None
-) -> Floats:
-    """Return how far the middles of tiles move (m), shape (n,)."""
-    moved = _within(result, section.in_body(section.centres(tiles)), moved_at)
-    size: Floats = np.linalg.norm(moved, axis=1)
-    return size
-
-
-def _within(result: Field, points: Floats, moved_at: MovedAt | None) -> Floats:
+def _within(result: BodyResult, points: Floats, moved_at: MovedAt | None) -> Floats:
     """Return displacements (m); 0 at points outside the body, as blocks of cells may have."""
     grid = result.grid
     body = grid.kinds(grid.lattice.locate(points)) >= 0
@@ -79,17 +71,66 @@ def _within(result: Field, points: Floats, moved_at: MovedAt | None) -> Floats:
     return moved
 
 
-def magnification_for(section: Section, tiles: Ints, moved: Floats) -> float:
-    """Return a round factor that makes a deformation visible without folding any tile."""
-    shift = float(np.abs(moved).max(initial=0.0))
+class Moving(NamedTuple):
+    """Tiles that move in a picture.
+
+    Attributes
+    ----------
+    rest, moved : array, shape (n, corners, 2)
+        Corners at rest, and by how much they move (m).
+    size : array, shape (n,)
+        How far the tiles' middles move (m).
+    edge : array, shape (n,)
+        How wide they are (m).
+    """
+
+    rest: Floats
+    moved: Floats
+    size: Floats
+    edge: Floats
+
+    @property
+    def largest(self) -> float:
+        """How far the middle moves that moves most (m)."""
+        return float(self.size.max(initial=0.0))
+
+    def scaled(self, share: float) -> Moving:
+        """Return the tiles at a share of their way."""
+        return self._replace(moved=share * self.moved, size=share * self.size)
+
+
+def moving_cells(result: BodyResult, section: Section, moved_at: MovedAt | None = None) -> Moving:
+    """Return the tiles of a body of equal cells; for `moved_at` see `corner_displacements`."""
+    every, kind = section.ground
+    tiles = every[kind >= 0]
+    moved = corner_displacements(result, section, tiles, moved_at)
+    middles = _within(result, section.in_body(section.centres(tiles)), moved_at)
+    edge = np.full(len(tiles), float(section.tile_size.min()))
+    return Moving(section.polygons(tiles), moved, np.linalg.norm(middles, axis=1), edge)
+
+
+def moving_agents(result: ElasticResult, layer: Layer) -> Moving:
+    """Return agents of many sizes; squares that stand for several move as one of these does."""
+    squares = squares_of(layer, result.tiles(np.linalg.norm(result.displacement, axis=1)))
+    moved = np.repeat(layer.in_plane(result.displacement[squares.row])[:, None], 4, axis=1)
+    own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])
+    corners = squares.corners[own].reshape(-1, 2)
+    first, number = same_points(corners, float(result.size.min()))
+    at_corners = result.displacement_at(layer.in_body(corners[first]))
+    moved[own] = layer.in_plane(at_corners)[number].reshape(-1, 4, 2)
+    return Moving(squares.corners, moved, squares.value, squares.size)
+
+
+def magnification_for(section: Section, tiles: Moving) -> float:
+    """Return a round factor that makes a deformation visible, and folds no large tile."""
+    shift = float(np.abs(tiles.moved).max(initial=0.0))
     if shift == 0.0:
         return 1.0
-    lower, upper = section.box
-    wanted = largest_shift(float((upper - lower).max())) / shift
-    edges = np.abs(np.diff(moved, axis=1)).max() / float(section.tile_size.min())
-    if edges > 0.0:
-        wanted = min(wanted, _LARGEST_STRAIN / float(edges))
-    return round_down(wanted)
+    wanted = largest_shift(section.span) / shift
+    large = tiles.edge >= min(section.span / _FOLDED, tiles.edge.max())
+    strain = np.abs(np.diff(tiles.moved, axis=1)).max(axis=(1, 2)) / tiles.edge
+    steepest = float(strain[large].max())
+    return round_down(min(wanted, _LARGEST_STRAIN / steepest) if steepest > 0.0 else wanted)
 
 
 def largest_shift(span: float) -> float:
@@ -114,59 +155,20 @@ def moved_colours(size: Floats, norm: Normalize) -> dict[str, Any]:
 
 
 def draw_deformed(
-    ax: Axes,
-    section: Section,
-    tiles: Ints,
-    moved: Floats,
-    size: Floats,
-    magnification: float,
-    norm: Normalize,
+    ax: Axes, section: Section, tiles: Moving, magnification: float, norm: Normalize
 ) -> PolyCollection:
-    """Draw tiles where they have moved to, coloured by `size` (m); unmoved ones stay light."""
-    corners = section.polygons(tiles) + magnification * moved
-    small = len(tiles) > 10_000
+    """Draw tiles where they have moved to, coloured by how far; unmoved ones stay light."""
+    large = tiles.edge > section.span / OUTLINED
     return add_polygons(
         ax,
-        corners,
+        tiles.rest + magnification * tiles.moved,
         "moved",
-        **moved_colours(size, norm),
-        edgecolors="none" if small else "#8a8a8a",
-        linewidths=0.0 if small else 0.4,
-        antialiased=not small,
+        **moved_colours(tiles.size, norm),
+        edgecolors="#8a8a8a",
+        linewidths=np.where(large, 0.4, 0.0),
+        antialiaseds=large,
         zorder=3,
     )
-
-
-def plot_deformed(
-    result: TransferResult,
-    ax: Axes | None = None,
-    *,
-    magnification: float | None = None,
-    cut: Mapping[str, float] | None = None,
-    crop: bool | None = None,
-) -> Axes:
-    """Draw the deformed grid over the outline of the body at rest."""
-    check_magnification(magnification)
-    section = section_of(result.grid, result.focus, cut, crop)
-    ax = new_axes(ax)
-    every, kind = section.ground
-    tiles = every[kind >= 0]
-    moved = corner_displacements(result, section, tiles)
-    factor = magnification or magnification_for(section, tiles, moved)
-    size = sizes_of(result, section, tiles)
-    largest = float(size.max(initial=0.0))
-    entries = draw_body(ax, section, filled=False)
-    draw_rest(ax, section)
-    drawn = draw_deformed(ax, section, tiles, moved, size, factor, Normalize(0.0, largest or 1.0))
-    notes = draw_forces(ax, section, result.stage)
-    if largest > 0.0:
-        colour_bar(ax, drawn, "displacement", "m")
-        notes = [f"deformation shown {times(factor)}", *notes]
-        notes[0] += f"; largest displacement {quantity(largest, 'm')}"
-    else:
-        notes = ["nothing has moved", *notes]
-    finish(ax, section, "Deformed body", notes, entries)
-    return ax
 
 
 def draw_rest(ax: Axes, section: Section) -> None:
@@ -177,58 +179,42 @@ def draw_rest(ax: Axes, section: Section) -> None:
     ax.add_collection(rest)
 
 
-def plot_agents_deformed(
-    result: ElasticResult,
+def draw_deformation(
+    ax: Axes, section: Section, tiles: Moving, magnification: float | None
+) -> tuple[list[Artist], str]:
+    """Draw a deformed body over itself at rest; return what explains it, and the factor."""
+    check_magnification(magnification)
+    factor = magnification or magnification_for(section, tiles)
+    entries = draw_body(ax, section, filled=False)
+    draw_rest(ax, section)
+    drawn = draw_deformed(ax, section, tiles, factor, Normalize(0.0, tiles.largest or 1.0))
+    if tiles.largest > 0.0:
+        colour_bar(ax, drawn, "displacement", "m")
+    return entries, f"deformation shown {times(factor)}"
+
+
+def plot_deformed(
+    result: ElasticResult | TransferResult,
     ax: Axes | None = None,
     *,
     magnification: float | None = None,
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw the deformed agents over the outline of the body at rest."""
-    check_magnification(magnification)
-    layer = layer_of(result, cut, crop)
+    """Draw the deformed cells, or agents, over the outline of the body at rest."""
+    section: Section
+    if result.kind == "elastic":
+        section = layer = layer_of(cast("ElasticResult", result), cut, crop)
+        tiles = moving_agents(cast("ElasticResult", result), layer)
+    else:
+        section = section_of(result.grid, result.focus, cut, crop)
+        tiles = moving_cells(result, section)
     ax = new_axes(ax)
-    distance = np.linalg.norm(result.displacement, axis=1)
-    squares = squares_of(layer, result.tiles(distance))
-    moved = corner_moves(result, layer, squares)
-    factor = magnification or _magnification(layer, squares, moved)
-    largest = float(squares.value.max(initial=0.0))
-    entries = draw_body(ax, layer, filled=False)
-    draw_rest(ax, layer)
-    places = squares.corners + factor * moved
-    look = moved_colours(squares.value, Normalize(0.0, largest or 1.0))
-    drawn = draw_squares(ax, layer, squares, "moved", places, **look)
-    notes = draw_forces(ax, layer, result.stage)
-    colour_bar(ax, drawn, "displacement", "m")
-    told = f"deformation shown {times(factor)}; largest displacement {quantity(largest, 'm')}"
-    finish(ax, layer, "Deformed body", [told, *notes], entries)
+    entries, told = draw_deformation(ax, section, tiles, magnification)
+    notes = draw_forces(ax, section, result.stage)
+    if tiles.largest > 0.0:
+        notes = [f"{told}; largest displacement {quantity(tiles.largest, 'm')}", *notes]
+    else:
+        notes = ["nothing has moved: largest displacement 0 m", *notes]
+    finish(ax, section, "Deformed body", notes, entries)
     return ax
-
-
-def corner_moves(result: ElasticResult, layer: Layer, squares: Squares) -> Floats:
-    """Return how the corners of squares move in the picture (m), shape (n, 4, 2).
-
-    Squares that stand for several agents move as a whole, as one of them does.
-    """
-    moved = np.repeat(layer.in_plane(result.displacement[squares.row])[:, None], 4, axis=1)
-    own = np.flatnonzero(squares.size < 1.5 * result.size[squares.row])
-    corners = squares.corners[own].reshape(-1, 2)
-    first, number = same_points(corners, float(result.size.min()))
-    at_corners = result.displacement_at(layer.in_body(corners[first]))
-    moved[own] = layer.in_plane(at_corners)[number].reshape(-1, 4, 2)
-    return moved
-
-
-def _magnification(layer: Layer, squares: Squares, moved: Floats) -> float:
-    """Return a round factor that makes a deformation visible, and folds no large agent."""
-    shift = float(np.abs(moved).max(initial=0.0))
-    if shift == 0.0:
-        return 1.0
-    low, high = layer.box
-    span = float((high - low).max())
-    wanted = largest_shift(span) / shift
-    large = squares.size > span / _FOLDED
-    edges = np.abs(np.diff(moved, axis=1)).max(axis=(1, 2)) / squares.size
-    strain = float(edges[large].max(initial=0.0))
-    return round_down(min(wanted, _LARGEST_STRAIN / strain) if strain > 0.0 else wanted)

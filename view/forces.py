@@ -109,8 +109,7 @@ def draw_forces(
     if not seen.any():
         return told(applied)
     force, place, size, pulls = force[seen], place[seen], size[seen], arrows.pulls[seen]
-    lower, upper = section.box
-    span = float((upper - lower).max())
+    span = section.span
     along = (share * span * (0.06 + 0.07 * size / size.max()) / size)[:, None] * force
     head = np.where(pulls[:, None], place + along, place)
     width = np.full(len(head), min(0.011, 0.2 / len(head) + 0.004) * span)

@@ -166,9 +166,8 @@ class Squares(NamedTuple):
 def squares_of(layer: Layer, tiles: Tiles) -> Squares:
     """Return the squares in which a layer meets agents, those too small to be seen together."""
     rows = layer.meets(tiles.lower, tiles.size)
-    low, high = layer.box
     met = Tiles(tiles.lower[rows][:, layer.axes], tiles.size[rows], tiles.value[rows])
-    drawn, chosen = together(met, float((high - low).max()) / FINEST)
+    drawn, chosen = together(met, layer.span / FINEST)
     return Squares(*drawn, rows[chosen])
 
 
@@ -199,15 +198,12 @@ def together(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
     return Tiles(lower, size, value[row]), row
 
 
-def draw_squares(
-    ax: Axes, layer: Layer, drawn: Squares, name: str, corners: Floats | None = None, **look: Any
-) -> PolyCollection:
-    """Draw agents with outlines where these can be seen; `corners` are their own unless given."""
-    low, high = layer.box
-    large = drawn.size > float((high - low).max()) / OUTLINED
+def draw_squares(ax: Axes, layer: Layer, drawn: Squares, name: str, **look: Any) -> PolyCollection:
+    """Draw agents with outlines where these can be seen."""
+    large = drawn.size > layer.span / OUTLINED
     return add_polygons(
         ax,
-        drawn.corners if corners is None else corners,
+        drawn.corners,
         name,
         **look,
         edgecolors="#7d7d7d",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib.colors import Normalize
@@ -127,7 +127,7 @@ def colours_of(shown: Quantity, values: Floats, largest: float | None = None) ->
 
 
 def plot_map(
-    result: TransferResult,
+    result: ElasticResult | TransferResult,
     what: str,
     ax: Axes | None = None,
     *,
@@ -135,51 +135,33 @@ def plot_map(
     cut: Mapping[str, float] | None = None,
     crop: bool | None = None,
 ) -> Axes:
-    """Draw a field as colours; cells that have none stay light."""
-    section = section_of(result.grid, result.focus, cut, crop)
+    """Draw a field as the colours of cells, or of agents; cells that have none stay light."""
     shown = quantity_of(result, what, component)
     ax = new_axes(ax)
-    entries = draw_body(ax, section)
-    notes = draw_forces(ax, section, result.stage)
-    if len(shown.values):
-        drawn = draw_map(ax, section, result.last.cells, shown)
-        notes = _explain(ax, drawn, shown, notes)
+    section: Section
+    drawn, extend = None, "neither"
+    if result.kind == "elastic":
+        section = layer = layer_of(cast("ElasticResult", result), cut, crop)
+        entries = draw_surroundings(ax, layer)
+        squares = squares_of(layer, cast("ElasticResult", result).tiles(shown.values))
+        top, beyond = _top(squares)
+        if beyond:
+            extend = "both" if shown.signed else "max"
+        look = colours_of(shown, squares.value, top)
+        drawn = draw_squares(ax, layer, squares, "map", array=squares.value, **look)
     else:
+        section = section_of(result.grid, result.focus, cut, crop)
+        entries = draw_body(ax, section)
+        if len(shown.values):
+            drawn = draw_map(ax, section, cast("TransferResult", result).last.cells, shown)
+    notes = draw_forces(ax, section, result.stage)
+    if drawn is None:
         notes = ["no cell has taken a load", *notes]
+    else:
+        colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit, extend)
+        extreme = float(shown.values[np.argmax(np.abs(shown.values))])
+        notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(notes)]
     finish(ax, section, shown.title, notes, entries)
-    return ax
-
-
-def _explain(
-    ax: Axes, drawn: PolyCollection, shown: Quantity, notes: list[str], extend: str = "neither"
-) -> list[str]:
-    """Add the colour bar; return the notes with the largest value."""
-    colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit, extend)
-    extreme = shown.values[np.argmax(np.abs(shown.values))]
-    return [f"largest value {quantity(float(extreme), shown.unit)}; " + "; ".join(notes)]
-
-
-def plot_agent_map(
-    result: ElasticResult,
-    what: str,
-    ax: Axes | None = None,
-    *,
-    component: str | None = None,
-    cut: Mapping[str, float] | None = None,
-    crop: bool | None = None,
-) -> Axes:
-    """Draw a field as the colours of the agents."""
-    layer = layer_of(result, cut, crop)
-    shown = quantity_of(result, what, component)
-    ax = new_axes(ax)
-    entries = draw_surroundings(ax, layer)
-    notes = draw_forces(ax, layer, result.stage)
-    squares = squares_of(layer, result.tiles(shown.values))
-    top, beyond = _top(squares)
-    look = colours_of(shown, squares.value, top)
-    drawn = draw_squares(ax, layer, squares, "map", array=squares.value, **look)
-    extend = ("both" if shown.signed else "max") if beyond else "neither"
-    finish(ax, layer, shown.title, _explain(ax, drawn, shown, notes, extend), entries)
     return ax
 
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import Field
+    from kaju.model.result import BodyResult
 
     from .section import Floats, Ints
 
@@ -104,7 +104,7 @@ def _cells(corners: Floats, apart: Floats) -> _Cells:
     return _Cells(flat[first], number.reshape(corners.shape[:2]), inside)
 
 
-def _body(result: Field) -> tuple[_Cells, Ints]:
+def _body(result: BodyResult) -> tuple[_Cells, Ints]:
     """Return the cells of a result's grid, and where they are."""
     lattice = result.grid.lattice
     cells = np.argwhere(result.grid.rasterise() >= 0)

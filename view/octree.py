@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from .layers import FINEST, small_agents, together
 from .quadtree import Standing, bar_of, look_of, standing, told
 from .section import Floats, Ints
-from .space import Box, box_around, draw_arrows, draw_frame
-from .style import caption, new_axes
+from .space import Box, box_around, space_for
+from .style import caption
 from .units import quantity
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 Flags = NDArray[np.bool_]
 
-SPACE = (6.8, 6.2)
-"""Of a picture in space (inches)."""
 MOST_ARROWS = 5
 """Few, for they hide what lies below."""
 _SEEN = ((0, 1), (1, 0), (2, 1))
@@ -56,15 +54,12 @@ def plot_octree(
     """Draw agents as cubes in space, with a quarter of the body cut away at small ones."""
     agents = standing(result, colour, generation)
     view = view_of(result, crop)
-    ax = new_axes(ax, SPACE, "3d")
-    space = cast(Axes3D, ax)
-    draw_frame(space, result.grid, view.box)
-    notes = draw_arrows(space, result.grid, view.box, result.stage, MOST_ARROWS)
+    space, notes = space_for(ax, result.grid, view.box, result.stage, MOST_ARROWS)
     look = look_of(colour, agents.value)
     draw_cubes(space, result.grid, view, agents, look)
     bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, agents.value)
     caption(space, "Agents", [told(result, generation), *notes, *view_told(view)])
-    return ax
+    return cast("Axes", space)
 
 
 def view_of(result: ElasticResult, crop: bool | None = None) -> View:

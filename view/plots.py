@@ -19,13 +19,13 @@ from .agents import plot_agents
 from .body import draw_scene
 from .creep import plot_body_at, plot_network_at
 from .curves import plot_curves
-from .deformed import plot_agents_deformed, plot_deformed
+from .deformed import plot_deformed
 from .face_agents import plot_face_agents, plot_left
 from .files import save
 from .ledger import plot_ledger
 from .load_path import plot_load_path
 from .loads import plot_loads
-from .maps import plot_agent_map, plot_map
+from .maps import plot_map
 from .network_plots import plot_network, plot_response
 from .octree import plot_octree
 from .quadtree import plot_quadtree
@@ -73,10 +73,10 @@ def _stages(result: TransferResult, ax: Axes | None = None, **options: Any) -> A
     return plot_both(result) if ax is None and not options else plot_stages(result, ax, **options)
 
 
-def _map(what: str, plot: Picture = plot_map) -> Picture:
-    @wraps(plot)
-    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes | Figure:
-        return plot(result, what, ax, **options)
+def _map(what: str) -> Picture:
+    @wraps(plot_map)
+    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+        return plot_map(result, what, ax, **options)
 
     return draw
 
@@ -114,8 +114,8 @@ def _many_sizes(result: ElasticResult, ax: Axes | None = None, **options: Any) -
 
 ELASTIC: dict[str, Picture] = {
     "agents": _many_sizes,
-    "deformed": plot_agents_deformed,
-    **{name: _map(name, plot_agent_map) for name in MAPS},
+    "deformed": plot_deformed,
+    **{name: _map(name) for name in MAPS},
     "scene": _scene,
 }
 """Pictures of an elastic answer."""

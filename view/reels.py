@@ -9,32 +9,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
-from mpl_toolkits.mplot3d import Axes3D
 
 from kaju.errors import ParameterError
 
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
 from .body import draw_body, finish
-from .deformed import (
-    MovedAt,
-    corner_displacements,
-    draw_deformed,
-    draw_rest,
-    magnification_for,
-    sizes_of,
-)
+from .deformed import Moving, draw_deformed, draw_rest, magnification_for, moving_cells
 from .forces import draw_forces
 from .layers import draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, loads_taken, sense_entries
-from .octree import MOST_ARROWS, SPACE, draw_cubes, view_of, view_told
+from .octree import MOST_ARROWS, draw_cubes, view_of, view_told
 from .quadtree import OF_EVERY_GENERATION, bar_of, look_of, standing, told
 from .section import Floats, section_of
-from .space import box_around, draw_agents_in_space, draw_arrows, draw_frame
+from .space import box_around, draw_agents_in_space, space_for
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes
 from .units import counted, quantity, times
@@ -49,9 +41,9 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import Field
+    from kaju.model.result import BodyResult
 
-    from .section import Ints, Section
+    from .section import Section
 
 
 _BARE = 6.4
@@ -156,17 +148,14 @@ def _spawning_in_space(result: TransferResult) -> Reel:
     cells = result.focus
     assert cells is not None
     box = box_around(scene, cells)
-    ax = new_axes(None, (6.8, 6.2), "3d")
-    space = cast(Axes3D, ax)
-    draw_frame(space, scene, box)
-    draw_arrows(space, scene, box, result.stage)
+    space, _ = space_for(None, scene, box, result.stage)
     norm = spawn_norm(stage.generations)
-    spawn_bar(ax, norm, stage.generations)
-    legend(ax, boundary_entries(stage.boundary_kind))
-    notes = caption(ax, "Agents spawn", TWO_LINES)
+    spawn_bar(space, norm, stage.generations)
+    legend(space, boundary_entries(stage.boundary_kind))
+    notes = caption(space, "Agents spawn", TWO_LINES)
     told = "; ".join(box.notes)
     return Reel(
-        figure_of(ax),
+        figure_of(space),
         stage.generations,
         lambda generation: draw_agents_in_space(space, scene, stage, box, norm, generation),
         notes,
@@ -201,8 +190,8 @@ def loading(
         return f"applied: {applied}; {counted(agents, 'material agent')}"
 
     shares = [value / load[-1] if load[-1] else 1.0 for value in load]
-    moves = [_move(state, section) for state in states]
-    return _deforming(result, section, [_still(moves[0]), *moves], shares, words, staged=True)
+    moves = [moving_cells(state, section) for state in states]
+    return _deforming(result, section, [moves[0].scaled(0.0), *moves], shares, words, staged=True)
 
 
 GROWING = 24
@@ -210,13 +199,13 @@ GROWING = 24
 
 
 def growing(
-    result: Field, cut: Mapping[str, float] | None = None, crop: bool | None = None
+    result: BodyResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
 ) -> Reel:
     """Return an elastic body whose load grows evenly, and its displacements with it."""
     section = section_of(result.grid, result.focus, cut, crop)
-    full = _move(result, section)
+    full = moving_cells(result, section)
     shares = [number / GROWING for number in range(GROWING + 1)]
-    moves = [_Move(share * full.corners, share * full.size) for share in shares]
+    moves = [full.scaled(share) for share in shares]
     return _deforming(result, section, moves, shares, lambda k: f"{shares[k]:.0%} of the load")
 
 
@@ -228,7 +217,7 @@ def creeping(
     """Return a body in time, at the moments asked for."""
     section = section_of(result.static.grid, result.static.focus, cut, crop)
     moves = [
-        _move(result.static, section, partial(result.displacement_at, record=k))
+        moving_cells(result.static, section, partial(result.displacement_at, record=k))
         for k in range(len(result.times))
     ]
     shares = result.factors.tolist()
@@ -239,34 +228,10 @@ def creeping(
     return _deforming(result.static, section, moves, shares, lambda k: told[k])
 
 
-class _Move(NamedTuple):
-    """How far the corners of a section's tiles move, and how far their middles (m)."""
-
-    corners: Floats
-    size: Floats
-
-
-def _body_tiles(section: Section) -> Ints:
-    every, kind = section.ground
-    return every[kind >= 0]
-
-
-def _move(result: Field, section: Section, moved_at: MovedAt | None = None) -> _Move:
-    tiles = _body_tiles(section)
-    return _Move(
-        corner_displacements(result, section, tiles, moved_at),
-        sizes_of(result, section, tiles, moved_at),
-    )
-
-
-def _still(move: _Move) -> _Move:
-    return _Move(np.zeros_like(move.corners), np.zeros_like(move.size))
-
-
 def _deforming(
-    result: Field,
+    result: BodyResult,
     section: Section,
-    moves: list[_Move],
+    moves: list[Moving],
     shares: list[float],
     words: Callable[[int], str],
     *,
@@ -276,16 +241,15 @@ def _deforming(
 
     `staged` frames are the scene's own stages of loading.
     """
-    tiles, stage = _body_tiles(section), result.stage
-    seen = [move.corners for move in moves if move.size.any()]
-    factor = min((magnification_for(section, tiles, move) for move in seen), default=1.0)
-    norm = Normalize(0.0, float(max(move.size.max(initial=0.0) for move in moves)) or 1.0)
+    stage = result.stage
+    factor = min((magnification_for(section, m) for m in moves if m.largest), default=1.0)
+    norm = Normalize(0.0, max(move.largest for move in moves) or 1.0)
     ax = new_axes(None)
     entries = draw_body(ax, section, filled=False)
     draw_rest(ax, section)
     draw_forces(ax, section, stage)
-    fullest = max(moves, key=lambda move: float(np.abs(move.corners).max(initial=0.0)))
-    last = draw_deformed(ax, section, tiles, *fullest, factor, norm)
+    fullest = max(moves, key=lambda move: float(np.abs(move.moved).max(initial=0.0)))
+    last = draw_deformed(ax, section, fullest, factor, norm)
     colour_bar(ax, last, "displacement", "m")
     notes = finish(ax, section, "The body deforms", TWO_LINES, entries)
     for moving in (last, *(drawn for drawn in ax.collections if drawn.get_gid() == "forces")):
@@ -294,7 +258,7 @@ def _deforming(
 
     def draw(number: int) -> list[Artist]:
         still = len(ax.collections)
-        draw_deformed(ax, section, tiles, *moves[number], factor, norm)
+        draw_deformed(ax, section, moves[number], factor, norm)
         if shares[number]:
             draw_forces(ax, section, number if staged else stage, share=shares[number])
         return [*ax.collections[still:]]
@@ -336,18 +300,15 @@ def _in_space(
     result: ElasticResult, colour: str, crop: bool | None, look: dict[str, Any], values: Floats
 ) -> Reel:
     view = view_of(result, crop)
-    ax = new_axes(None, SPACE, "3d")
-    space = cast(Axes3D, ax)
-    draw_frame(space, result.grid, view.box)
-    draw_arrows(space, result.grid, view.box, result.stage, MOST_ARROWS)
+    space, _ = space_for(None, result.grid, view.box, result.stage, MOST_ARROWS)
     bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, values)
-    notes = caption(ax, TITLE, TWO_LINES)
+    notes = caption(space, TITLE, TWO_LINES)
 
     def draw(number: int) -> list[Artist]:
         return [draw_cubes(space, result.grid, view, standing(result, colour, number), look)]
 
     words = _words(result, "; ".join(view_told(view)))
-    return Reel(figure_of(ax), len(result.generations) - 1, draw, notes, words)
+    return Reel(figure_of(space), len(result.generations) - 1, draw, notes, words)
 
 
 def _words(result: ElasticResult, still: str) -> Callable[[int], str]:

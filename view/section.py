@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,20 @@ _SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
 CORNERS = 180.0
 """Corners are the same if they are as near as such a part of a cell, which rounding never is."""
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
+
+
+def one_a_place(
+    places: Ints, values: NDArray[Any], how: Literal["min", "max", "sum"]
+) -> tuple[Ints, NDArray[Any]]:
+    """Return places (n, dimension), each once, and one value of all that stand there."""
+    order = np.lexsort(places.T)
+    places, values = places[order], values[order]
+    first = np.ones(len(places), dtype=np.bool_)
+    first[1:] = np.any(places[1:] != places[:-1], axis=1)
+    starts = np.flatnonzero(first)
+    if len(starts):
+        values = _PAIRING[how].reduceat(values, starts, axis=0)
+    return places[starts], values
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +109,9 @@ class Section:
         """Return the tiles, shape (n, 2), that cells of the body belong to."""
         return np.floor_divide(cells[:, self.axes], self.block)
 
-    def gather(self, cells: Ints, values: NDArray[Any], how: str) -> tuple[Ints, NDArray[Any]]:
+    def gather(
+        self, cells: Ints, values: NDArray[Any], how: Literal["min", "max", "sum"]
+    ) -> tuple[Ints, NDArray[Any]]:
         """Return the tiles that show cells, and for each of them one value.
 
         Parameters
@@ -108,15 +124,7 @@ class Section:
             How the values of the cells of one tile become one.
         """
         shown = self.holds(cells)
-        tiles, values = self.tiles(cells[shown]), np.asarray(values)[shown]
-        order = np.lexsort(tiles.T)
-        tiles, values = tiles[order], values[order]
-        first = np.ones(len(tiles), dtype=np.bool_)
-        first[1:] = np.any(tiles[1:] != tiles[:-1], axis=1)
-        starts = np.flatnonzero(first)
-        if len(starts):
-            values = _PAIRING[how].reduceat(values, starts, axis=0)
-        return tiles[starts], values
+        return one_a_place(self.tiles(cells[shown]), np.asarray(values)[shown], how)
 
     def in_plane(self, points: Floats) -> Floats:
         """Return points or vectors of the body, shape (n, dimension), as they are seen."""
@@ -213,6 +221,11 @@ class Section:
         ends = np.stack([self.lower // self.block, -(-self.upper // self.block) - 1])
         corners = self.polygons(ends).reshape(-1, 2)
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    @property
+    def span(self) -> float:
+        """The longer edge of the picture (m)."""
+        return float(np.ptp(self.box, axis=0).max())
 
     @property
     def notes(self) -> list[str]:

@@ -14,6 +14,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
 from .forces import MOST_ARROWS, force_arrows, told
+from .section import one_a_place
 from .style import BODY, FAINT, FORCE, INK, SEQUENTIAL, caption, label_axis, legend, new_axes
 from .units import grouped
 
@@ -87,16 +88,6 @@ def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> Box:
     if block > 1:
         notes.append(f"each voxel stands for {' × '.join([str(block)] * 3)} cells")
     return Box(lower, upper, block, notes)
-
-
-def gathered(cells: Ints, values: Ints, block: int) -> tuple[Ints, Ints]:
-    """Return the voxels that cells belong to, and the smallest value in each."""
-    voxels = cells // block
-    order = np.lexsort((values, *voxels.T))
-    voxels, values = voxels[order], values[order]
-    first = np.ones(len(voxels), dtype=np.bool_)
-    first[1:] = np.any(voxels[1:] != voxels[:-1], axis=1)
-    return voxels[first], values[first]
 
 
 def seen_faces(voxels: Ints) -> tuple[Ints, Ints]:
@@ -181,7 +172,13 @@ def draw_arrows(
     return told(applied)
 
 
-_SIZE = (6.8, 6.2)
+def space_for(
+    ax: Axes | None, scene: Scene, box: Box, stage: int | None, most: int = MOST_ARROWS
+) -> tuple[Axes3D, list[str]]:
+    """Return axes with a box's frame and the forces in it, and a note of how much these are."""
+    space = cast(Axes3D, new_axes(ax, (6.8, 6.2), "3d"))
+    draw_frame(space, scene, box)
+    return space, draw_arrows(space, scene, box, stage, most)
 
 
 def draw_agents_in_space(
@@ -191,7 +188,7 @@ def draw_agents_in_space(
     until = stage.generations + 1 if generation is None else generation
     edge = scene.lattice.cell_size * box.block
     born = stage.spawn_step <= until
-    voxels, step = gathered(stage.cells[born], stage.spawn_step[born], box.block)
+    voxels, step = one_a_place(stage.cells[born] // box.block, stage.spawn_step[born], "min")
     colour = colormaps[SEQUENTIAL]
     drawn = draw_voxels(ax, voxels, edge, np.atleast_2d(colour(norm(step))))
     drawn.set_gid("material agents")
@@ -200,7 +197,7 @@ def draw_agents_in_space(
         chosen = (stage.boundary_kind == kind) & (stage.boundary_spawn_step <= until)
         if chosen.any():
             cells, steps = stage.boundary_cells[chosen], stage.boundary_spawn_step[chosen]
-            places, step = gathered(cells, steps, box.block)
+            places, step = one_a_place(cells // box.block, steps, "min")
             marks = ax.scatter(
                 *((places + 0.5) * edge).T,
                 c=colour(norm(step)),
@@ -228,10 +225,7 @@ def plot_voxels(
     cells = result.focus
     assert cells is not None
     box = box_around(scene, cells, crop)
-    ax = new_axes(ax, _SIZE, "3d")
-    space = cast(Axes3D, ax)
-    draw_frame(space, scene, box)
-    notes = draw_arrows(space, scene, box, result.stage)
+    space, notes = space_for(ax, scene, box, result.stage)
     if len(stage.cells):
         norm = spawn_norm(stage.generations)
         draw_agents_in_space(space, scene, stage, box, norm)
@@ -241,7 +235,7 @@ def plot_voxels(
     else:
         notes.insert(0, stage.outcome)
     caption(space, "Agents", [*notes, *box.notes])
-    return ax
+    return cast("Axes", space)
 
 
 def plot_body_in_space(scene: Scene, ax: Axes | None = None) -> Axes:
@@ -253,18 +247,15 @@ def plot_body_in_space(scene: Scene, ax: Axes | None = None) -> Axes:
     voxels = first + np.indices(tuple(spans)).reshape(3, -1).T
     kind = scene.kinds(np.minimum(voxels * box.block + box.block // 2, upper - 1))
     palette = np.array([to_rgba(colour) for colour in BODY])
-    ax = new_axes(ax, _SIZE, "3d")
-    space = cast(Axes3D, ax)
-    draw_frame(space, scene, box)
+    space, notes = space_for(ax, scene, box, None)
     body = kind >= 0
     edge = scene.lattice.cell_size * box.block
     drawn = draw_voxels(space, voxels[body], edge, palette[kind[body] % len(BODY)])
     drawn.set_gid("body")
-    notes = draw_arrows(space, scene, box, None)
     names = [material.name for material in scene.cell_materials]
     legend(
         space,
         [Patch(fc=BODY[i % len(BODY)], ec=INK, label=name) for i, name in enumerate(names)],
     )
     caption(space, "The scene", [*notes, *box.notes])
-    return ax
+    return cast("Axes", space)

@@ -1,19 +1,22 @@
-"""What the benchmark found, for people: a table, the ratios at equal error, the machine."""
+"""What the benchmark found, for people: table, picture, ratios at equal error, the machine."""
 
 from __future__ import annotations
 
-import csv
 import os
 import platform
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from shutil import copyfile
 from textwrap import fill
 
 import numpy as np
+import pandas as pd
+
+from kaju.view.files import save
+from kaju.view.style import FAINT, INK, new_figure
 
 from .measure import Measurement, python_with_dolfinx
 from .methods import METHODS
@@ -53,25 +56,15 @@ def _processor() -> str:
 
 def write_csv(path: Path, found: Sequence[Measurement]) -> None:
     """Write all measurements as comma-separated values."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Measurement)])
-        writer.writeheader()
-        writer.writerows(asdict(measurement) for measurement in found)
+    pd.DataFrame(map(asdict, found)).to_csv(path, index=False)
 
 
 def read_csv(path: Path) -> list[Measurement]:
     """Read what `write_csv` wrote."""
-    kinds = {"division": int, "cells": int, "runs": int}
-    numbers = ("seconds", "memory", "max_error", "l2_error")
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    found = []
-    for row in rows:
-        values: dict[str, object] = dict(row)
-        values |= {name: kind(row[name]) for name, kind in kinds.items()}
-        values |= {name: float(row[name]) if row[name] else None for name in numbers}
-        found.append(Measurement(**values))  # type: ignore[arg-type]
-    return found
+    absent = dict.fromkeys(("seconds", "memory", "max_error", "l2_error"), "")
+    table = pd.read_csv(path, keep_default_na=False, na_values=absent).astype(object)
+    rows = table.where(table.notna(), None).to_dict("records")
+    return [Measurement(**{str(name): value for name, value in row.items()}) for row in rows]
 
 
 PAGE = """# Work and precision: all rows
@@ -191,3 +184,61 @@ def cost_at(target: float, found: Sequence[Measurement], cost: str = "seconds") 
     if not len(error) or not error[0] <= target <= error[-1]:
         return None
     return float(np.exp(np.interp(np.log(target), np.log(error), np.log(spent))))
+
+
+STYLES = {
+    "multigrid": ("#0b5394", "o", "-"),
+    "spawning": ("#0b5394", "o", "--"),
+    "wave": ("#5fa8d3", "^", "-"),
+    "largest_first": ("#5fa8d3", "v", "--"),
+    "prescribed": ("#c8963e", "s", "-"),
+    "fitted": ("#c8963e", "D", "--"),
+    "direct": ("#7a7a7a", "x", "-"),
+    "algebraic": ("#b2340b", "+", "-"),
+    "dolfinx": ("#4d8b57", "*", "-"),
+}
+COSTS = {"seconds": "time (s)", "memory": "memory (MB)"}
+
+
+def draw(found: Sequence[Measurement], path: Path) -> Path:
+    """Draw time and memory against the largest error, one column for each problem."""
+    names = [name for name in PROBLEMS if any(m.problem == name for m in found)]
+    figure = new_figure((3.5 * len(names) + 0.6, 6.6))
+    grid = figure.subplots(len(COSTS), len(names), squeeze=False, sharex="col", sharey="row")
+    handles = {}
+    for column, name in enumerate(names):
+        for row, (cost, label) in enumerate(COSTS.items()):
+            ax = grid[row][column]
+            for method in METHODS:
+                points = [
+                    (m.max_error, getattr(m, cost))
+                    for m in found
+                    if (m.problem, m.method) == (name, method) and getattr(m, cost)
+                ]
+                if points:
+                    colour, marker, line = STYLES[method]
+                    (handles[method],) = ax.loglog(
+                        *zip(*points, strict=True),
+                        color=colour,
+                        marker=marker,
+                        linestyle=line,
+                        linewidth=1.2,
+                        markersize=5,
+                        fillstyle="none" if line == "--" else "full",
+                    )
+            ax.grid(True, which="major", color="#e4e4e4", linewidth=0.6)
+            ax.tick_params(labelsize=8, color=FAINT)
+            if column == 0:
+                ax.set_ylabel(label, fontsize=9)
+        grid[0][column].set_title(name, loc="left", fontsize=11, fontweight="bold", color=INK)
+        grid[-1][column].set_xlabel("largest error: smaller to the right", fontsize=9)
+        grid[-1][column].invert_xaxis()
+    figure.legend(
+        list(handles.values()),
+        [METHODS[method].title for method in handles],
+        loc="outside lower center",
+        ncols=min(4, len(handles)),
+        fontsize=8,
+        frameon=False,
+    )
+    return save(figure, path)

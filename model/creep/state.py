@@ -16,7 +16,7 @@ from kaju.files import scratch_beside
 from kaju.model.archive import Archive, open_archive, reading, unpacked, write_archive
 from kaju.model.curves import Curves
 from kaju.model.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME, StateRecord
-from kaju.model.result import BodyResult, Described
+from kaju.model.result import BodyResult, Result
 
 if TYPE_CHECKING:
     import pandas
@@ -98,7 +98,7 @@ class CreepState:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Course(Described):
+class Course(Result):
     """What every run in time returns, at the times asked for.
 
     Attributes
@@ -237,11 +237,6 @@ class Course(Described):
             notes = tuple(archive.value("course_notes", list[str]))
             own = cls._from_own(archive)
             return cls(**course, state=state, seconds=seconds, notes=notes, **own)
-
-    @classmethod
-    def kinds(cls) -> tuple[str, ...]:
-        """Return the labels of stored results that it reads."""
-        return (cls.kind,)
 
     def record_at(self, time: float) -> int:
         """Return the index of a time asked for.

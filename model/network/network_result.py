@@ -15,7 +15,7 @@ from kaju import __version__
 from kaju.errors import ResultError
 from kaju.model.archive import Archive, open_archive, reading, write_archive
 from kaju.model.formats import NETWORK, RECORDS
-from kaju.model.result import Described
+from kaju.model.result import Result
 
 from .geometry import spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network
@@ -69,7 +69,7 @@ Scheme = Literal["newton", "euler"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NetworkResult(Described):
+class NetworkResult(Result):
     """States of a spring network along its load path.
 
     Record 0 is the network before any load, record k the end of increment k. Where a record
@@ -329,11 +329,6 @@ class NetworkResult(Described):
     def films(self) -> tuple[str, ...]:
         """Names of the animations of it, the usual one first."""
         return ("increments",)
-
-    @classmethod
-    def kinds(cls) -> tuple[str, ...]:
-        """Return the labels of stored results that it reads."""
-        return (cls.kind,)
 
 
 def network_archive(network: SpringNetwork) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

@@ -10,11 +10,11 @@ from peers import finite_elements
 from peers.dolfinx_peer import at_points, grid
 from peers.measure import Measurement, in_a_fresh_process, jobs, measure
 from peers.methods import METHODS
-from peers.picture import draw
 from peers.problems import BLOCK, PIXELS, PLATE, PROBLEMS
 from peers.report import (
     QUOTED,
     cost_at,
+    draw,
     environment,
     markdown,
     publish,
@@ -23,7 +23,7 @@ from peers.report import (
     read_csv,
     write_csv,
 )
-from peers.run import run
+from work_precision import run
 
 from kaju.errors import ParameterError
 
@@ -179,7 +179,7 @@ def test_the_whole_benchmark_writes_table_and_picture(tmp_path, monkeypatch):
     def pretend(problem, method, division):
         return Measurement(problem, method, division, 400, 0.5 / division, 9.0, 0.1, 0.01, 3)
 
-    monkeypatch.setattr("peers.run.in_a_fresh_process", pretend)
+    monkeypatch.setattr("work_precision.in_a_fresh_process", pretend)
     run(tmp_path / "bench", quick=True, problems=("plate",))
     written = {path.name for path in (tmp_path / "bench").iterdir()}
     table = {f"work_precision.{ending}" for ending in ("csv", "md", "png")}
@@ -204,7 +204,7 @@ def test_publishing_makes_documents_quote_what_was_measured(tmp_path, monkeypatc
         fall = division**-2
         return Measurement(problem, method, division, 400, pace / fall, 9.0, 0.02 * fall, fall)
 
-    monkeypatch.setattr("peers.run.in_a_fresh_process", pretend)
+    monkeypatch.setattr("work_precision.in_a_fresh_process", pretend)
     (tmp_path / "docs" / "pictures").mkdir(parents=True)
     for name in QUOTES:
         shutil.copy(ROOT / name, tmp_path / name)
@@ -225,7 +225,7 @@ def test_rows_are_written_as_they_come_and_taken_up_again(tmp_path, monkeypatch)
             raise KeyboardInterrupt
         return Measurement(problem, method, division, 400, 0.5, 9.0, 0.1, 0.01, 3)
 
-    monkeypatch.setattr("peers.run.in_a_fresh_process", until_the_third)
+    monkeypatch.setattr("work_precision.in_a_fresh_process", until_the_third)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path, quick=True, problems=("plate",))
     assert len(read_csv(tmp_path / "work_precision.csv")) == 2

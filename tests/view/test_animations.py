@@ -91,8 +91,8 @@ def test_a_stored_run_is_animated_without_running_again(result, tmp_path, monkey
     monkeypatch.setattr(load_model.LoadModel, "__init__", refuse)
     monkeypatch.setattr(load_model.LoadModel, "step", refuse)
     for what in ("generations", "stages"):
-        first = animate(stored, tmp_path / "stored.gif", what).read_bytes()
-        assert first == animate(result, tmp_path / "fresh.gif", what).read_bytes()
+        first = animate(stored, tmp_path / "stored.gif", what, bare=True).read_bytes()
+        assert first == animate(result, tmp_path / "fresh.gif", what, bare=True).read_bytes()
 
 
 def test_a_run_in_which_nothing_happens_is_one_frame(tmp_path) -> None:
@@ -138,7 +138,7 @@ def elastic_block() -> Scene:
 
 
 def test_an_elastic_body_takes_its_load_evenly(tmp_path) -> None:
-    path = animate(solve(elastic_block()), tmp_path / "loading.gif", fps=10.0, hold=0.0)
+    path = animate(solve(elastic_block()), tmp_path / "loading.gif", fps=10.0, hold=0.0, bare=True)
     assert durations(path) == [100] * 25
 
 

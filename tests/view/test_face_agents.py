@@ -42,7 +42,7 @@ def test_an_agent_takes_nothing_before_it_has_spawned(run):
 
 
 def test_of_long_runs_few_moments_are_kept_evenly():
-    run = ElasticModel(plate("largest first", threshold=1e-4)).run()
+    run = ElasticModel(plate("largest first", threshold=1e-4), engine="arrays").run()
     steps = run.moments.step
     assert len(run.history) > 1000
     assert 200 <= len(steps) <= 402
@@ -89,11 +89,12 @@ def test_parents_are_drawn_twice_as_large():
         plot(run, "agents", level=9)
 
 
-def test_every_picture_and_the_film_can_be_drawn(run, tmp_path):
+def test_every_picture_and_the_film_can_be_drawn(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("kaju.view.animation.MOST_FRAMES", 12)
     for what in ("left", "curves", "deformed", "displacement", "stress", "scene"):
         assert plot(run, what).axes
     with Image.open(animate(run, tmp_path / "waves.gif", fps=20.0)) as film:
-        assert film.n_frames == min(len(run.moments.step), 200)
+        assert film.n_frames == min(len(run.moments.step), 12)
 
 
 def test_the_film_shows_in_every_frame_who_has_acted_since_the_last():

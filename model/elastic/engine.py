@@ -153,6 +153,7 @@ def _judge_rounding(system: System, solution: Solution) -> None:
         lost = lost_digits(x * prepared.hierarchy.stiffness, system.right)
         if solution.method == "direct" and len(x) <= SMALL:
             lost = max(lost, float(np.finfo(np.float64).eps / prepared.smallest_pivot))
+            lost = max(lost, solution.residuals[-1])
     solution.notes += rounding_notes(lost)
 
 
@@ -176,8 +177,9 @@ def rounding_notes(lost: float) -> list[str]:
         If it is too large for an answer.
     """
     if lost > UNBALANCED:
+        share = f"about {lost:.1g}" if lost < 1.0 else "all"
         raise SceneError(
-            f"body: it resists its loads so little that rounding leaves about {lost:.1g} of them "
+            f"body: it resists its loads so little that rounding leaves {share} of them "
             "unbalanced: stiffen the support, bed or hinge that yields, or bring the stiffnesses "
             "of materials and supports nearer to each other"
         )

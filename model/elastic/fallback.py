@@ -27,6 +27,10 @@ Vector = NDArray[np.float64]
 DIRECT_LIMIT = {2: 1_200_000, 3: 40_000}
 """Up to this many faces a factorisation is quick and fits in memory."""
 
+REFINED = 1e-5
+"""Share of the loads that a refined answer may leave unbalanced: what rounding leaves of bodies
+that hardly resist."""
+
 
 def factorise(matrix: sp.csr_array) -> SuperLU:
     """Return the factors of a symmetric positive definite matrix.
@@ -61,7 +65,7 @@ def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Vector) -> Iterati
         if run.residuals[-1] < 1e-14:
             break
         x += step
-    run.converged = bool(np.isfinite(run.residuals[-1]) and run.residuals[-1] < 1e-6)
+    run.converged = bool(np.isfinite(run.residuals[-1]) and run.residuals[-1] < REFINED)
     return run
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from math import isfinite
 from time import perf_counter
 
@@ -107,9 +108,10 @@ def _check(tolerance: float | None, resolution: int | None) -> None:
 
 def _remedy(solution: Solution, tolerance: float | None) -> str:
     asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
+    package = "" if find_spec("pyamg") else "install pyamg (pip install 'kaju[amg]'), "
     return (
         f"solve: after {solution.iterations} iterations of {solution.method} the relative residual "
-        f"is {solution.residuals[-1]:.2g}, short of {asked}; install pyamg (pip install "
-        "'kaju[amg]'), take a larger tolerance, or a smaller contrast of the materials. The "
-        "error's `best` holds the result so far, its `residuals` the history"
+        f"is {solution.residuals[-1]:.2g}, short of {asked}; {package}take a larger tolerance, or "
+        "a smaller contrast of materials and supports. The error's `best` holds the result so far, "
+        "its `residuals` the history"
     )

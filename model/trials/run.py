@@ -6,6 +6,7 @@ import csv
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import astuple, dataclass, fields
+from math import isfinite
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from kaju.errors import ParameterError
 
-from .trial import FAILED, Outcome, attempt, put_to
+from .trial import FAILED, TRUTH, Outcome, attempt, put_to
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
@@ -152,6 +153,15 @@ def record(outcomes: Iterable[Outcome], path: Path) -> Iterator[Outcome]:
 
 def _cells(outcome: Outcome) -> list[Any]:
     return [f"{v:.6g}" if isinstance(v, float) else v for v in astuple(outcome)]
+
+
+def bounded(outcomes: Iterable[Outcome]) -> tuple[int, int, int]:
+    """Count answers whose truth is known, those with bounds, and truths within these."""
+    known = [o for o in outcomes if o.truth > 0.0]
+    proven = [o for o in known if isfinite(o.upper)]
+    low, high = 1.0 - TRUTH, 1.0 + TRUTH
+    inside = [o for o in proven if o.lower * low <= o.truth <= o.upper * high]
+    return len(known), len(proven), len(inside)
 
 
 def tally(outcomes: Iterable[Outcome]) -> list[Tally]:

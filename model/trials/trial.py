@@ -58,6 +58,8 @@ class Outcome:
         Estimated error of the answer in the energy norm, relative; NaN if there is none.
     true_error : float
         The same by graded elements of high order; NaN where they were not asked.
+    truth, lower, upper : float
+        Energy by these elements, and proven bounds of it (J); NaN if there are none.
     iterations : int
         Iterations, steps or generations.
     seconds : float
@@ -71,6 +73,9 @@ class Outcome:
     agents: int = 0
     estimate: float = nan
     true_error: float = nan
+    truth: float = nan
+    lower: float = nan
+    upper: float = nan
     iterations: int = 0
     seconds: float = 0.0
 
@@ -291,10 +296,11 @@ def _judged(scene: Scene, result: Any, number: int) -> dict[str, Any]:
     missing = sum(result.reactions.values(), applied.sum(axis=0))
     forces = np.abs(applied).sum() + sum(np.abs(r).sum() for r in result.reactions.values())
     off = float(np.abs(missing).max() / forces) if forces > 0.0 else 0.0
-    said = any("unbalanced" in note for note in result.notes)
+    said = any("unbalanced" in note or "balance to" in note for note in result.notes)
     allowed = max(BALANCE, BALANCE_OF_ERROR * result.error_estimate)
     _demand(said or off <= allowed, f"supports and loads differ by {off:.1e} of the forces")
     truth = _true_energy(scene) if number % TRUTH_EVERY == 0 else nan
+    lower = upper = nan
     if truth > 0.0 and result.provable and result.energy_bounds is not None:
         lower, upper = result.energy_bounds
         _demand(
@@ -307,6 +313,9 @@ def _judged(scene: Scene, result: Any, number: int) -> dict[str, Any]:
         "agents": int(told["agents"]),
         "estimate": float(result.error_estimate),
         "true_error": true_error,
+        "truth": truth,
+        "lower": lower,
+        "upper": upper,
         "iterations": max(len(result.residuals) - 1, 0),
     }
 

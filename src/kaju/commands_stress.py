@@ -34,7 +34,7 @@ def stress(
     forces that do not balance, a certificate that did not hold. The same number is the same
     trial on every machine: --first N --count 1 repeats one.
     """
-    from kaju.model.trials.run import record, tally, trials
+    from kaju.model.trials.run import bounded, record, tally, trials
     from kaju.model.trials.trial import FAILED
 
     try:
@@ -55,6 +55,8 @@ def stress(
     counts = tally(outcomes)
     for row in counts:
         typer.echo(f"{row.engine:16}{row.answered:10}{row.refused:10}{row.failed:10}")
+    known, proven, inside = bounded(outcomes)
+    typer.echo(f"truth known of {known} answers, bounds of {proven}, truth within {inside} of them")
     typer.echo(table)
     if pictures:
         from kaju.view.trials import plot_trials

@@ -2,7 +2,7 @@
 
 import csv
 import sys
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from time import process_time
 
 import numpy as np
@@ -13,7 +13,7 @@ from kaju.__main__ import main
 from kaju.errors import KajuError, ParameterError
 from kaju.model.trials import trial
 from kaju.model.trials.coefficients import stability_map
-from kaju.model.trials.run import tally, trials
+from kaju.model.trials.run import bounded, tally, trials
 from kaju.model.trials.trial import ENGINES, FAILED, REFUSED, attempt
 
 
@@ -134,6 +134,9 @@ def test_a_bound_below_the_truth_fails(monkeypatch):
     sound = attempt(WITH_TRUTH)
     assert sound.verdict == "answered"
     assert 0.0 < sound.true_error < 2.0 * sound.estimate
+    assert sound.lower < sound.truth < sound.upper
+    assert bounded([sound]) == (1, 1, 1)
+    assert bounded([replace(sound, truth=2.0 * sound.truth)]) == (1, 1, 0)
     truth = trial._true_energy
     for wrong in (0.5, 1.5):
         monkeypatch.setattr(trial, "_true_energy", lambda scene, wrong=wrong: wrong * truth(scene))
@@ -144,6 +147,21 @@ def test_the_truth_of_solids_is_not_asked_of_plane_elements():
     solid = attempt(324)
     assert (solid.family, solid.verdict) == ("comb", "answered")
     assert np.isnan(solid.true_error)
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (1124, ""),  # factors refined to the digits that a part on a soft bed leaves
+        (287, "SceneError: body: it resists its loads so little that rounding leaves all of them"),
+        (5529, "ConvergenceError: solve: moved sides carry the body along so much further"),
+        pytest.param(5162, "", marks=pytest.mark.slow),  # forces that do not balance are noted
+    ],
+)
+def test_bodies_at_the_end_of_the_digits_are_answered_or_named(number, words):
+    outcome = attempt(number)
+    assert outcome.verdict == (REFUSED if words else "answered")
+    assert not words or outcome.what.startswith(words)
 
 
 @pytest.mark.parametrize(

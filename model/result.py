@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import combinations_with_replacement, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
@@ -19,6 +20,38 @@ if TYPE_CHECKING:
     import pandas
 
     from kaju.model.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Some quantities of one unit over one other quantity.
+
+    Attributes
+    ----------
+    title : str
+        What it is about.
+    along : str
+        What they are drawn over, such as "time".
+    along_unit : str
+        Its unit, "" if it is a number.
+    at : array, shape (k,)
+        Values of that.
+    lines : mapping of str to array, shape (k,)
+        The quantities, by what they are called.
+    unit : str
+        Their unit, "" if they are numbers.
+    logarithmic : bool
+        Whether they are told by their orders of magnitude; all are above 0 then.
+    """
+
+    title: str
+    along: str
+    along_unit: str
+    at: Floats
+    lines: Mapping[str, Floats]
+    unit: str
+    logarithmic: bool = False
+
 
 Floats = NDArray[np.float64]
 _SCENE = "scene."

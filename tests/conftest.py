@@ -37,6 +37,8 @@ def kaju(monkeypatch, capsys, tmp_path):
     from kaju.__main__ import main
 
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("kaju.view.files.RESOLUTION", 40)  # coarse pictures are quick
+    monkeypatch.setattr("kaju.view.animation._RESOLUTION", 30)
 
     def typed(*words):
         monkeypatch.setattr(sys, "argv", ["kaju", *words])

@@ -22,7 +22,7 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.collections import LineCollection
 from noodle import FIRM, HEIGHT, SOFT, TOOTH, Bite, Meal, bitten, eat
 
-from kaju.model.network.geometry import spring_geometry
+from kaju.model.network.assembler import spring_geometry
 
 COLOURS = {FIRM.name: "#b45f06", SOFT.name: "#3d85c6"}
 STRAIN_SHOWN = 0.25

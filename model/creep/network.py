@@ -19,12 +19,10 @@ from kaju.agents.rheology_steps import (
     stored_energy,
 )
 from kaju.errors import ConvergenceError, ParameterError
-from kaju.model.network.assembler import Assembler
-from kaju.model.network.equilibrium import SpringLaw, find_balance
-from kaju.model.network.geometry import Geometry, spring_forces, spring_geometry
-from kaju.model.network.linear import Method, tangent_solver
+from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
+from kaju.model.network.equilibrium import SpringLaw, find_balance, tangent_error
+from kaju.model.network.linear import GivesWayError, Method, tangent_solver
 from kaju.model.network.springs import SpringNetwork
-from kaju.model.network.weakness import GivesWayError, tangent_error
 
 from .march import Fields, Push
 

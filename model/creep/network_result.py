@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.archive import Archive
-from kaju.model.curves import Curves
 from kaju.model.formats import NETWORK_IN_TIME
-from kaju.model.network.geometry import spring_forces, spring_geometry
+from kaju.model.network.assembler import spring_forces, spring_geometry
 from kaju.model.network.network_result import (
     NetworkResult,
     network_archive,
@@ -19,6 +18,7 @@ from kaju.model.network.network_result import (
     sizes_of_network,
 )
 from kaju.model.network.springs import SpringNetwork
+from kaju.model.result import Curves
 
 from .state import Course, times_of
 

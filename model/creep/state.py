@@ -14,9 +14,8 @@ from kaju import __version__
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_beside
 from kaju.model.archive import Archive, open_archive, reading, unpacked, write_archive
-from kaju.model.curves import Curves
 from kaju.model.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME, StateRecord
-from kaju.model.result import BodyResult, Result
+from kaju.model.result import BodyResult, Curves, Result
 
 if TYPE_CHECKING:
     import pandas

@@ -1,8 +1,7 @@
 """Springs between nodes: any graph, loaded in increments, in large deformation."""
 
-from .assembler import Assembler
+from .assembler import Assembler, Geometry
 from .equilibrium import Balance, SpringLaw, elastic_law, find_balance
-from .geometry import Geometry
 from .hexagon_body import hexagon_body
 from .increments import IncrementalLoading, load_in_increments, solve
 from .lattices import face_centred, random_geometric, square_braced, triangular

@@ -12,13 +12,63 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kaju.errors import ConvergenceError
+from kaju.errors import BucklingError, ConvergenceError, MechanismError, TangentError
 
-from .assembler import Assembler
-from .geometry import Geometry
-from .linear import TangentSolver
+from .assembler import Assembler, Geometry, along_springs
+from .linear import GivesWayError, TangentSolver
 from .springs import Floats, SpringNetwork
-from .weakness import GivesWayError
+
+_NAMED = 8
+"""How many of the moving nodes a message names."""
+
+
+def tangent_error(
+    assembler: Assembler, geometry: Geometry, stiffness: Floats, direction: Floats, stage: float
+) -> TangentError:
+    """Return the error that describes what gives way.
+
+    Parameters
+    ----------
+    assembler : Assembler
+        Of the network at hand.
+    geometry, stiffness
+        State of the springs and their stiffness (N/m).
+    direction : (f,) floats
+        Direction of the free coordinates that meets no resistance.
+    stage : float
+        Point of the load path, for the message.
+    """
+    network = assembler.network
+    mode = assembler.expand(direction)
+    moved = np.linalg.norm(mode, axis=1)
+    most = np.argsort(-moved, kind="stable")[:_NAMED]
+    most = most[moved[most] > 0.05 * moved.max()]
+    names = tuple(network.names[int(node)] for node in most)
+    place = np.round(network.positions[most[0]], 6).tolist()
+    shown = ", ".join(repr(name) for name in names)
+    where = f"the nodes {shown} (the first lies at {place} before any load)"
+    if _stretches_springs(assembler, geometry, stiffness, mode):
+        return BucklingError(
+            f"at stage {stage:.6g} the network buckles: under its pressed springs {where} give "
+            "way without resistance; press less, hold these nodes, or brace them by springs",
+            names,
+        )
+    return MechanismError(
+        f"at stage {stage:.6g} the network is a mechanism: {where} can move without any spring "
+        "changing its length; add springs there, or hold more coordinates",
+        names,
+    )
+
+
+def _stretches_springs(
+    assembler: Assembler, geometry: Geometry, stiffness: Floats, mode: Floats
+) -> bool:
+    """Tell whether a direction changes any spring's length to first order."""
+    ends = along_springs(assembler.network, mode)
+    along = np.einsum("ij,ij->i", ends, geometry.direction)
+    stretched = float(stiffness @ along**2)
+    return stretched > 1e-10 * float(stiffness @ np.einsum("ij,ij->i", ends, ends))
+
 
 SpringLaw = Callable[[Floats], tuple[Floats, Floats]]
 """From elongations (m), shape (m,), to tensions (N) and their growth with length (N/m)."""

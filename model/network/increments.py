@@ -18,11 +18,17 @@ from kaju.errors import ConvergenceError, ParameterError, TangentError
 from kaju.stopping import stopped
 
 from .assembler import Assembler
-from .equilibrium import Balance, elastic_law, find_balance, solve_tangent, weakness_of
-from .linear import Method, tangent_solver
+from .equilibrium import (
+    Balance,
+    elastic_law,
+    find_balance,
+    solve_tangent,
+    tangent_error,
+    weakness_of,
+)
+from .linear import GivesWayError, Method, tangent_solver
 from .network_result import NetworkResult, Scheme
 from .springs import Floats, SpringNetwork
-from .weakness import GivesWayError, tangent_error
 
 _FINEST = 2.0**-10
 """Smallest part of an increment that is tried before the network is said to give way."""

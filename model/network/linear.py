@@ -25,7 +25,17 @@ from kaju.model.factors import factors_of
 
 from .assembler import Assembler
 from .springs import Floats
-from .weakness import GivesWayError
+
+
+class GivesWayError(ArithmeticError):
+    """The tangent has a direction that meets no resistance, or less than none.
+
+    Internal to the network's engines, which turn it into a `TangentError` that names nodes.
+    """
+
+    def __init__(self, direction: Floats) -> None:
+        super().__init__("the tangent is not positive definite")
+        self.direction = direction
 
 
 class MultigridSolver:

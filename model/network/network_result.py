@@ -17,7 +17,7 @@ from kaju.model.archive import Archive, open_archive, reading, write_archive
 from kaju.model.formats import NETWORK, RECORDS
 from kaju.model.result import Result
 
-from .geometry import spring_forces, spring_geometry
+from .assembler import spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network
 from .springs import Floats, SpringNetwork, Springs
 

@@ -2,11 +2,10 @@
 
 from .applied import AppliedLoads
 from .body import Body
-from .files import load_scene
 from .lattice import Lattice
 from .loads import Load, LoadRegion
 from .regions import Region, RegionImage, Round
-from .scene import Scene, scene_needed
+from .scene import Scene, load_scene, scene_needed
 from .sides import SideCondition
 
 __all__ = [

@@ -13,7 +13,7 @@ from pydantic import model_validator
 
 from kaju.agents.materials import Material, suggestion
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import ParameterError, SceneError, SceneFileError
 
 from .applied import AppliedLoads, at_stage, check_gravity
 from .body import Body
@@ -23,7 +23,7 @@ from .filling import CellBox
 from .lattice import Cells, Lattice
 from .pictures import embedded
 from .purity import Purity
-from .reading import overridden, table_from, table_from_archive
+from .reading import located, overridden, table_from, table_from_archive
 from .refinement import refined_body, refined_loads
 from .regions import Region
 from .selection import Selection, select
@@ -350,3 +350,37 @@ def scene_needed(given: object) -> None:
         raise ParameterError(
             f"scene: a Scene is needed, got {given!r:.80}; kaju.load_scene reads one from a file"
         )
+
+
+def load_scene(path: str | Path, overrides: Mapping[str, Any] | None = None) -> Scene:
+    """Return the scene that a file describes.
+
+    Parameters
+    ----------
+    path : str or path
+        A TOML file. Images and arrays that it names are looked for beside it.
+    overrides : mapping of str to value, optional
+        Values that replace the file's, by key path: ``{"loads.0.steps": "1"}``.
+
+    Raises
+    ------
+    SceneFileError
+        If the file, or one that it names, cannot be read.
+    SceneError
+        If the scene breaks a rule; the message starts with the file's name.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise SceneFileError(f"{path}: cannot be read: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise SceneFileError(
+            f"{path}: is not a text; a scene is a TOML file (images: Scene.from_image, arrays: "
+            "Scene.from_array)"
+        ) from None
+    try:
+        table = overridden(table_from(text), overrides or {})
+        return Scene(**located(table, path.parent))
+    except SceneError as error:
+        raise type(error)(f"{path}: {error}") from None

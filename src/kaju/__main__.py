@@ -14,7 +14,6 @@ from kaju.errors import KajuError
 from . import (
     commands_compare,
     commands_look,
-    commands_page,
     commands_run,
     commands_scene,
     commands_stress,
@@ -36,8 +35,8 @@ for _verb in (
     commands_run.solve,
     commands_run.creep,
     commands_look.animate,
-    commands_page.page,
-    commands_page.watch,
+    commands_look.page,
+    commands_look.watch,
     commands_compare.compare,
     commands_stress.stress,
     commands_sweep.sweep,

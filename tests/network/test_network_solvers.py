@@ -14,8 +14,12 @@ from kaju.model.network import (
     tangent_solver,
     triangular,
 )
-from kaju.model.network.linear import DirectSolver, MultigridSolver, rigid_body_modes
-from kaju.model.network.weakness import GivesWayError
+from kaju.model.network.linear import (
+    DirectSolver,
+    GivesWayError,
+    MultigridSolver,
+    rigid_body_modes,
+)
 
 
 @pytest.mark.parametrize(

@@ -48,9 +48,9 @@ def at_stage(scene, stage):
     return model.result()
 
 
-@pytest.fixture(scope="module")
-def pairs(node):
-    scenes = random_scenes(300, seed=7)
+@pytest.fixture(scope="module", params=[80, pytest.param(300, marks=pytest.mark.slow)])
+def pairs(node, request):
+    scenes = random_scenes(request.param, seed=7)
     mine = node(RUN, [described(scene, stage) for scene, stage in scenes])
     results = [at_stage(scene, stage) for scene, stage in scenes]
     return list(zip(results, mine, strict=True))

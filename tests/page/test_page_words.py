@@ -13,9 +13,10 @@ tell(data.map(({ scene, cells }) => verdictOf(certify(scene, cells), scene.rule,
 """
 
 
-def test_the_certificate_says_what_stability_says(node):
-    scenes = [scene for scene, _ in random_scenes(70, seed=3)]
-    scenes += [scene for scene, _ in random_scenes(50, seed=4, accumulate=True)]
+@pytest.mark.parametrize("share", [3, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_certificate_says_what_stability_says(node, share):
+    scenes = [scene for scene, _ in random_scenes(70 // share, seed=3)]
+    scenes += [scene for scene, _ in random_scenes(50 // share, seed=4, accumulate=True)]
     told = node(
         VERDICTS,
         [
@@ -25,7 +26,7 @@ def test_the_certificate_says_what_stability_says(node):
     )
     expected = [stability(scene).verdict for scene in scenes]
     assert told == expected
-    assert sum("grow" in verdict for verdict in expected) > 10
+    assert sum("grow" in verdict for verdict in expected) > 10 / share
 
 
 def test_every_language_has_every_word_and_its_gaps(node):

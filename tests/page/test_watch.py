@@ -28,9 +28,9 @@ from kaju import ElasticModel, FaceAgent, LoadModel, MaterialAgent, PrescribedRu
 from kaju.errors import ParameterError
 from kaju.view.page import server
 from kaju.view.page.live import LiveRun, scene_from
+from kaju.view.page.live_faces import sessions_of
 from kaju.view.page.packing import unpack
 from kaju.view.page.scene_data import scene_data
-from kaju.view.page.sessions import sessions_of
 
 HERE = "http://127.0.0.1"
 PLATE = {

@@ -48,6 +48,12 @@ threshold = 0.1
 """
 
 
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch) -> None:
+    """Draw coarsely, which is quick."""
+    monkeypatch.setattr("kaju.view.animation._RESOLUTION", 40)
+
+
 @pytest.fixture(scope="module")
 def result() -> TransferResult:
     return LoadModel(Scene.from_toml(BLOCK)).run()

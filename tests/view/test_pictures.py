@@ -369,7 +369,8 @@ def test_an_unknown_picture_is_refused_with_a_suggestion() -> None:
 
 
 @pytest.mark.parametrize("toml", [PLATE.format(threshold=0.01, steps=3), CUBE])
-def test_plot_all_writes_well_named_pictures(tmp_path, toml: str) -> None:
+def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, toml: str) -> None:
+    monkeypatch.setattr("kaju.view.files.RESOLUTION", 40)
     paths = plot_all(run(toml), tmp_path)
     assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
     assert {path.name for path in paths} <= set(PICTURES)
@@ -387,6 +388,7 @@ def test_views_load_no_drawing_library_and_never_pyplot(tmp_path) -> None:
     code = (
         "import sys, kaju.view\n"
         "assert 'matplotlib' not in sys.modules\n"
+        "import kaju.view.files; kaju.view.files.RESOLUTION = 40\n"
         "from kaju.view import plot_all\n"
         "from kaju.model.propagation.load_model import LoadModel\n"
         "from kaju.model.scene import Scene\n"

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError
 from kaju.model.elastic.problem import ABSENT
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.elastic.settling.run import curves_of
+from kaju.model.propagation.load_model import LoadModel
+from kaju.model.scene import Scene
 
-from .live import Session, complaint, generations_of, whole
+from .live import LiveRun, Session, complaint, generations_of, whole
 from .motion_data import Pictures, applied, curve_data, diamonds, picture_data
 from .packing import pack
 from .scene_data import FORMAT
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.settling.table import PushTable
 
     from .scene_data import Columns, FloatArray
+
 
 MOST_NUMBERS = 4_000_000
 """Of one answer, but for its first frame: a page asks for the rest."""
@@ -170,3 +174,28 @@ class Moving:
         for (a, b), (flat, weight) in self.round.items():
             moved[self.axis == a, b] = (weight * fields[b].ravel()[flat]).sum(axis=0)
         return moved
+
+
+Watched = Scene | LoadModel | ElasticModel
+
+
+def sessions_of(of: Watched) -> Callable[[], Session]:
+    """Return what begins a session with a model of its own, that of `of` begun anew.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot be watched.
+    """
+    if isinstance(of, LoadModel):
+        return lambda: LiveRun(of.scene, of.again)
+    if isinstance(of, ElasticModel):
+        return lambda: LiveFaces(lambda: of.again(of.scene))
+    if not isinstance(of, Scene):
+        raise ParameterError(
+            f"of: scenes, LoadModel and ElasticModel can be watched, got {type(of).__name__}; "
+            "kaju.export_page shows what others have done"
+        )
+    if isinstance(of.rule, PrescribedRule):
+        return lambda: LiveRun(of)
+    return lambda: LiveFaces(lambda: ElasticModel(of, allow_unstable=True))

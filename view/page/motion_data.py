@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ParameterError
-from kaju.model.curves import Curves
+from kaju.model.result import Curves
 from kaju.view import motion
 
 from .scene_data import Columns

@@ -20,7 +20,7 @@ from kaju.model.mesa_model import SteppedModel
 
 from .export import MODULES, joined, packed_page, page_html, worker
 from .live import Session
-from .sessions import Watched, sessions_of
+from .live_faces import Watched, sessions_of
 
 if TYPE_CHECKING:
     from anywidget import AnyWidget

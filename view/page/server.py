@@ -18,7 +18,7 @@ from kaju.errors import MissingExtraError, ParameterError
 
 from .export import live_page
 from .live import Session
-from .sessions import Watched, sessions_of
+from .live_faces import Watched, sessions_of
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
-from kaju.model.curves import Curves
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.engine import Solution
 from kaju.model.elastic.staggered import strain_energy
 from kaju.model.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
-from kaju.model.result import BodyResult, idle_rheology
+from kaju.model.result import BodyResult, Curves, idle_rheology
 
 from .moments import Moments
 from .records import BoundaryAgents, FaceAgents, PushLedger, StepRecord

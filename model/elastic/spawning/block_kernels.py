@@ -11,7 +11,8 @@ of places along every axis, `scale` the moduli's unit of every block.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from kaju.model.compiling import njit, part
 
 from .forest import ACROSS
 
@@ -19,7 +20,7 @@ SIDE = ACROSS + 2
 SQUARE, CUBE = SIDE**2, SIDE**3
 
 
-@njit(cache=True)
+@part
 def borrow(u, d, n, k, beside, first, last, table):
     """Copy the layer round block k from its neighbours in `first` … `last`."""
     ways, start, into, source, heads, ends = table
@@ -41,10 +42,10 @@ def borrow(u, d, n, k, beside, first, last, table):
 def borrow_all(u, beside, table):
     """Copy the layers round all blocks."""
     for k in range(len(u)):
-        borrow(u.reshape(-1), u.shape[1], u.shape[2], k, beside, 0, len(u), table)
+        borrow(u.reshape(-1), u.shape[1], u.shape[2], k, beside, np.int64(0), len(u), table)
 
 
-@njit(cache=True)
+@part
 def give_back(u, d, n, k, beside, table):
     """Add the layer round block k to its neighbours': the transpose of `borrow`."""
     ways, start, into, source, heads, ends = table
@@ -65,7 +66,7 @@ def give_back(u, d, n, k, beside, table):
 
 
 # Distances and lengths are written as constants: loops over unknown ones are not vectorised.
-@njit(cache=True, fastmath=True)
+@part
 def stresses(u, scale, cross, along, shear, normal, tangent):
     """Stresses of one block's cells and edges, times their volumes; rows are flat."""
     if len(u) == 2 * SQUARE:
@@ -96,7 +97,7 @@ def stresses(u, scale, cross, along, shear, normal, tangent):
         tangent[2 * (CUBE + SQUARE) + i] = scale * shear[2 * CUBE + i] * slip
 
 
-@njit(cache=True, fastmath=True)
+@part
 def pulls(normal, tangent, force):
     """Write what stresses do to the faces: minus the force that holds them."""
     if len(force) == 2 * SQUARE:
@@ -119,7 +120,7 @@ def pulls(normal, tangent, force):
         force[2 * CUBE + i] = z + (tangent[2 * (CUBE + SQUARE) + i + SIDE] - c)
 
 
-@njit(cache=True)
+@part
 def scratch(size):
     """Return arrays for the stresses and forces of one block."""
     if size == 2 * SQUARE:
@@ -137,7 +138,7 @@ def apply(p, q, leaves, beside, page, pages, scale, table):
     normal, tangent, force = scratch(d * n)
     total = 0.0
     for k in leaves:
-        borrow(p.reshape(-1), d, n, k, beside, 0, len(p), table)
+        borrow(p.reshape(-1), d, n, k, beside, np.int64(0), len(p), table)
         g, x, y = page[k], u[k], w[k]
         stresses(x, scale[k], cross[g], along[g], shears[g], normal, tangent)
         pulls(normal, tangent, force)
@@ -258,7 +259,7 @@ def go_on(u, blocks, beside, rim, table, stride):
     """Let displacements go on beyond blocks: as in their neighbours, or as `rim` says."""
     d, n = u.shape[1:]
     for k in blocks:
-        borrow(u.reshape(-1), d, n, k, beside, 0, len(u), table)
+        borrow(u.reshape(-1), d, n, k, beside, np.int64(0), len(u), table)
     for k in blocks:
         for side in range(2 * d):
             if rim[k, side] == 0:

@@ -75,15 +75,16 @@ def slope_weights(
     slope: ∂u_a/∂b = τ/μ - ∂u_b/∂a with the leaf's own μ. On a free surface τ is zero.
     """
     own, other = gradients
-    ratio = edges.modulus[edge] / shear
-    jump = own.jump[edge] & (ratio > 0)
-    crossed = jump & other.jump[edge]
-    known, surface = own.valid[edge], other.valid[edge] & ~own.valid[edge]
-    first = np.where(jump, ratio, np.where(known, own.one_sided[edge], 0.0))
-    second = np.where(jump, ratio - 1.0, np.where(surface, -1.0, 0.0))
-    # Where it changes along both axes, strain and turn are told apart instead.
-    first = np.where(crossed, 0.5 * ratio + 0.5, first)
-    return first, np.where(crossed, 0.5 * ratio - 0.5, second)
+    first = np.where(own.valid, own.one_sided, 0.0)[edge]
+    second = np.where(other.valid & ~own.valid, -1.0, 0.0)[edge]
+    at = np.flatnonzero((own.jump & (edges.modulus > 0))[edge])
+    if len(at):
+        ratio = edges.modulus[edge[at]] / shear[at]
+        # Where it changes along both axes, strain and turn are told apart instead.
+        crossed = other.jump[edge[at]]
+        first[at] = np.where(crossed, 0.5 * ratio + 0.5, ratio)
+        second[at] = np.where(crossed, 0.5 * ratio - 0.5, ratio - 1.0)
+    return first, second
 
 
 def known_slopes(gradients: tuple[Gradient, Gradient]) -> Flags:
@@ -97,11 +98,13 @@ def nearest_known(
 ) -> Index:
     """Return the nearest edge with a slope: at this end and on the near side, if it has one."""
     known = known_slopes(gradients)
-    rows = np.arange(len(near))
-    edge = table[rows, end, near]
+    edge = table[np.arange(len(near)), end, near]
+    lost = np.flatnonzero(~known[edge])
     for other_end, flip in ((0, 1), (1, 0), (1, 1)):
-        candidate = table[rows, end ^ other_end, near ^ flip]
-        edge = np.where(~known[edge] & known[candidate], candidate, edge)
+        candidate = table[lost, end ^ other_end, near[lost] ^ flip]
+        found = known[candidate]
+        edge[lost[found]] = candidate[found]
+        lost = lost[~found]
     return np.asarray(edge)
 
 

@@ -201,8 +201,11 @@ class Ground:
         owner = leaves.find(self._cells * self.cell)
         large = (owner >= 0) & (leaves.size[owner] >= self.cell)
         parts = [LeafForces(owner[large], self._direction[large], self._force[large])]
-        small = np.flatnonzero(leaves.size < self.cell)
-        cells = leaves.lower[small] // self.cell
+        # Few cells are loaded: only the smaller leaves in these are asked for every direction.
+        ends, ways = leaves.lower // self.cell, 2 * self.dimension + 1
+        near = np.isin(self.scene.lattice.key(ends), self._key // ways)
+        small = np.flatnonzero((leaves.size < self.cell) & near)
+        cells = ends[small]
         offset = leaves.lower[small] - cells * self.cell
         share = leaves.size[small] / self.cell
         for way in range(-1, 2 * self.dimension):

@@ -193,7 +193,7 @@ class _Level:
 
     def sweep(self, load: Floats, x: Floats, *, backward: bool) -> None:
         """One Gauss-Seidel sweep, in the opposite order if `backward`."""
-        rows = self.rows[::-1] if backward else self.rows
+        rows = self.rows[::-1].copy() if backward else self.rows
         m = self._matrix
         _sweep(rows, m.indptr, m.indices, m.data, self._inverse, load, x)
 

@@ -56,9 +56,10 @@ def component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, ax
         slope = _slope(fields, leaf[some], axis, across, end, (distance > 0).astype(np.int64))
         value[some] += np.where(end, local[some, axis], 1.0 - local[some, axis]) * distance * slope
     for across, given in wall.items():
-        left = 1.0 - np.abs(2.0 * local[:, across] - 1.0)
-        value = np.where(np.isnan(given), value, given + left * (value - given))
-    return np.asarray(value)
+        held = np.flatnonzero(~np.isnan(given))
+        left = 1.0 - np.abs(2.0 * local[held, across] - 1.0)
+        value[held] = given[held] + left * (value[held] - given[held])
+    return value
 
 
 def _slope(
@@ -76,19 +77,20 @@ def _slope(
     own, other = fields.slopes[pair] if first else fields.slopes[pair][::-1]
     shear = grid.ground.moduli.shear[grid.leaves.kind[leaf]]
 
-    def at(edge: Index) -> Floats:
-        weights = slope_weights(edges, gradients, edge, shear)
+    def at(edge: Index, some: Index | slice) -> Floats:
+        weights = slope_weights(edges, gradients, edge, shear[some])
         return np.asarray(weights[0] * own[edge] + weights[1] * other[edge])
 
-    edge, inner = nearest_known(gradients, table[leaf], end, near), table[leaf, end, 1 - near]
-    slope = at(edge)
-    surface = gradients[1].valid[edge] & ~gradients[0].valid[edge]
-    drag = fields.balance.surface_shear[pair][edge] / shear
-    slope += np.where(surface, drag, 0.0)
-    surface &= (edge == table[leaf, end, near]) & gradients[0].valid[inner]
-    surface &= known_slopes(gradients)[inner]
-    below = at(inner)
-    return np.where(surface, SURFACE_SHARE * slope + (1.0 - SURFACE_SHARE) * below, slope)
+    edge = nearest_known(gradients, table[leaf], end, near)
+    slope = at(edge, slice(None))
+    bare = np.flatnonzero((gradients[1].valid & ~gradients[0].valid)[edge])
+    slope[bare] += fields.balance.surface_shear[pair][edge[bare]] / shear[bare]
+    inner = table[leaf[bare], end, 1 - near[bare]]
+    meets = (edge[bare] == table[leaf[bare], end, near[bare]]) & gradients[0].valid[inner]
+    meets &= known_slopes(gradients)[inner]
+    bare, below = bare[meets], at(inner[meets], bare[meets])
+    slope[bare] = SURFACE_SHARE * slope[bare] + (1.0 - SURFACE_SHARE) * below
+    return slope
 
 
 def stress_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit
+from kaju.model.compiling import njit, part
 
 BITS = {2: 30, 3: 20}
 """Binary digits of a coordinate in units; the code needs as many for every axis."""
@@ -51,7 +51,7 @@ def codes(points):
     return found
 
 
-@njit(cache=True)
+@part
 def leaf_at(x, y, z, code, lower, size, near):
     """Return the leaf that holds a unit cell, -1 if none does; quick if it is `near` a leaf."""
     d = lower.shape[1]
@@ -91,11 +91,12 @@ def find(points, code, lower, size):
     """Return the leaf that holds each unit cell, -1 where there is none."""
     d = points.shape[1]
     found = np.empty(len(points), np.int64)
-    near = 0
+    near = np.int64(0)
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, d - 1]
         found[i] = leaf_at(x, y, z, code, lower, size, near)
-        near = max(found[i], 0) or near
+        if found[i] >= 0:
+            near = found[i]
     return found
 
 

@@ -150,7 +150,7 @@ def _judge_rounding(system: System, solution: Solution) -> None:
         lost = _unbalanced(system, solution.displacement)
     else:
         x = system.gather(solution.displacement)
-        lost = lost_digits(x * prepared.hierarchy.stiffness, system.right)
+        lost = lost_digits(prepared.hierarchy.resisted(x), system.right)
         if solution.method == "direct" and len(x) <= SMALL:
             lost = max(lost, float(np.finfo(np.float64).eps / prepared.smallest_pivot))
             lost = max(lost, solution.residuals[-1])
@@ -210,7 +210,7 @@ def _solve(system: System, tolerance: float | None, guess: Vector | None) -> Sol
     start, coarser = prepared.hierarchy.full_multigrid(system.right, guess)
     if not prepared.slow:
         solution = _solve_multigrid(system, start, coarser, tolerance)
-        if solution.converged or prepared.box is not None or stopped():
+        if solution.converged or prepared.hierarchy.plain or stopped():
             return solution
         prepared.slow = f"geometric multigrid was slow after {solution.iterations} iterations"
         start = system.unknown(solution.displacement)
@@ -272,9 +272,10 @@ def _solve_multigrid(
         return _missed(coarser, potential - 0.5 * run.errors[0] ** 2 * whole, whole)
 
     watch = _Watch(system, tolerance, discretisation)
+    more, force = hierarchy.levels[0].u, hierarchy.levels[0].load  # Space that is there already.
     run = conjugate_gradients(
-        hierarchy.apply,
-        hierarchy.precondition,
+        lambda x: hierarchy.apply(x, force),
+        lambda load: hierarchy.precondition(load, more),
         system.right,
         start,
         watch,
@@ -282,11 +283,11 @@ def _solve_multigrid(
         energy=system.energy,
     )
     run.converged = run.converged and not watch.slow
-    method = "full multigrid" if system.prepared.box is not None else "Galerkin multigrid"
+    method = "full multigrid" if system.prepared.hierarchy.plain else "Galerkin multigrid"
     solution = _solution(system, run, method, watch.discretisation, hierarchy.depth)
     # Of second order in what the iteration left, where the load's work is of first.
     x, right = run.solution, system.right
-    solution.energy += 0.5 * float(dot(x, right) - dot(x, hierarchy.apply(x)))
+    solution.energy += 0.5 * float(dot(x, right) - dot(x, hierarchy.apply(x, force)))
     return solution
 
 

@@ -9,6 +9,7 @@ preconditioner.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
@@ -35,23 +36,42 @@ Even, so that children and parents agree on which places are even.
 SMALLEST = {2: 8, 3: 2}
 """A level of at most so many cells along every axis is solved by its inverse."""
 SWEEPS = {2: (2, 2), 3: (3, 1)}
-"""Gauss-Seidel sweeps before and after the visit to the parents: on the finest level, below it.
+"""Gauss-Seidel sweeps before and after the visit to the parents: by the law, by stencils.
 
-In space a parent feels 235 faces, eleven times as many as a face of the finest level.
+In space a face feels 235 others by a stencil, eleven times as many as by the law.
 """
+FEWEST = 16
+"""A full box whose cells are even and at least so many along every axis has a box of parents."""
+ALIKE = 4
+"""Of a full box only so many cells along every axis but the last are described: two at each end,
+since a face feels one cell beyond its own. All others are like the inner of them."""
 GUARD = 1e-11
 """Share of its own stiffness by which every face of the smallest level is held: ghosts may follow
 from each other, which leaves a load in balance but not their places."""
 
 
 class Level(NamedTuple):
-    """One grid, as `sweeps` wants it, and the space to work in."""
+    """One grid, as `sweeps` wants it, and the space to work in.
+
+    Attributes
+    ----------
+    cells : tuple of int
+    arrays : tuple
+    stencil : Stencil, optional
+        None where moduli of cells and edges are all there is.
+    u, load : arrays
+        Displacement and load of all places.
+    outside : array, shape (sides, 2)
+        On parents of a full box: weights of the first two faces beside a side, from which the
+        ghosts beyond it follow. Empty: ghosts are parents like any others.
+    """
 
     cells: tuple[int, ...]
     arrays: tuple[Any, ...]
     stencil: Stencil | None
     u: Vector
     load: Vector
+    outside: NDArray[np.float64]
 
 
 class Hierarchy:
@@ -68,9 +88,16 @@ class Hierarchy:
 
     def __init__(self, problem: ElasticProblem, moduli: Moduli | None = None) -> None:
         self.dimension, self.sweeps = problem.dimension, SWEEPS[problem.dimension]
-        self.levels = [_finest(problem, moduli or problem.moduli)]
-        while len(self.levels) == 1 or max(self.levels[-1].cells) > SMALLEST[self.dimension]:
-            self.levels.append(_parents(self.levels[-1], len(self.levels)))
+        moduli = moduli or problem.moduli
+        self.plain = is_box(problem)
+        if self.plain:
+            self.levels = _plain_levels(problem, moduli)
+        else:
+            self.levels = [_by_law(problem.shape, problem.kinds, moduli, problem.spring)]
+        stencils, coarsest = 0, SMALLEST[self.dimension]
+        while not stencils or max(self.levels[-1].cells) > coarsest:
+            stencils += 1
+            self.levels.append(_parents(self.levels[-1], stencils))
         self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
         self._direct = _Direct(self.levels[-1])
 
@@ -82,18 +109,24 @@ class Hierarchy:
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
         """Which entries of a vector are faces that can move."""
-        return np.asarray(self.levels[0].arrays[1] > 0.0)
+        return self._spread(self.levels[0].arrays[1] > 0.0)
 
-    @property
-    def stiffness(self) -> Vector:
-        """A face's own stiffness; 0 where it cannot move."""
-        inverse: Vector = self.levels[0].arrays[1]
-        return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=self.moving)
+    def _spread(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return for all faces what the first level says of those that others are like."""
+        *_, box, rows = self.levels[0].arrays
+        spread: NDArray[Any] = values.reshape(self.dimension, -1, int(box[2])).take(rows, 1)
+        return spread.ravel()
+
+    def resisted(self, x: Vector) -> Vector:
+        """Return the force with which faces resist x by their own stiffness, in the same array."""
+        inverse = self._spread(self.levels[0].arrays[1])
+        resisted: Vector = np.divide(x, inverse, out=x, where=self.moving)
+        return resisted
 
     def gather(self, fields: FaceFields) -> Vector:
         """Return the values of the faces that can move; all else is 0."""
         level = self.levels[0]
-        vector = np.zeros(level.arrays[1].size)
+        vector = np.zeros(level.u.size)
         free = self.views(self.moving)
         for view, values, moves in zip(self.views(vector), fields, free, strict=True):
             np.copyto(view, values, where=moves)
@@ -116,15 +149,15 @@ class Hierarchy:
             views.append(part[axis][tuple(slice(FIRST - 1, end) for end in ends)])
         return tuple(views)
 
-    def apply(self, x: Vector) -> Vector:
+    def apply(self, x: Vector, out: Vector | None = None) -> Vector:
         """Return the stiffness times x."""
-        out = np.empty_like(x)
+        out = np.empty_like(x) if out is None else out
         sweeps.residual(x, x, 0.0, self.levels[0].arrays, out)
         return np.negative(out, out=out)
 
-    def precondition(self, load: Vector) -> Vector:
+    def precondition(self, load: Vector, out: Vector | None = None) -> Vector:
         """Return one V-cycle's answer to a load."""
-        out = np.empty_like(load)
+        out = np.empty_like(load) if out is None else out
         self._cycle(0, load, out)
         return out
 
@@ -158,7 +191,7 @@ class Hierarchy:
 
     def follow(self, at: int, parents: Vector) -> Vector:
         """Return where the children on a level are if they follow their parents."""
-        x: Vector = np.zeros_like(self.levels[at].arrays[1])
+        x: Vector = np.zeros_like(self.levels[at].u)
         self._cross(at, x, x, parents, 0, back=True)
         return x
 
@@ -179,7 +212,7 @@ class Hierarchy:
         if at == len(self.levels) - 1:
             u[:] = self._direct.solve(load)
             return
-        below, count = self.levels[at + 1], self.sweeps[at > 0]
+        below, count = self.levels[at + 1], self.sweeps[self.levels[at].stencil is not None]
         self._cross(at, u, load, below.load, count, back=False)
         self._cycle(at + 1, below.load, below.u)
         self._cross(at, u, load, below.u, count, back=True)
@@ -188,8 +221,9 @@ class Hierarchy:
         self, at: int, u: Vector, load: Vector, parents: Vector, count: int, *, back: bool
     ) -> None:
         """Take `sweeps.cross`, which says what the vectors are."""
-        level, coarse = self.levels[at].arrays, self.levels[at + 1].arrays[3]
-        sweeps.cross(u, load, parents, level, coarse, self._parity, count, int(back))
+        level, below = self.levels[at].arrays, self.levels[at + 1]
+        rest = (below.arrays[3], below.outside, self._parity, count, int(back))
+        sweeps.cross(u, load, parents, level, *rest)
 
 
 class _Direct:
@@ -197,7 +231,7 @@ class _Direct:
 
     def __init__(self, level: Level) -> None:
         assert level.stencil is not None
-        data, inverse, _, box = level.arrays
+        data, inverse, _, box, _ = level.arrays
         planes, rows, length = box[:3]
         coefficients = data.reshape(planes * rows, -1, length)
         n = planes * rows * length
@@ -246,24 +280,109 @@ def _box(
 
 
 _NO_COUPLINGS = np.zeros((0, 2), dtype=np.int64)
+_NO_OUTSIDE = np.zeros((0, 2))
 
 
-def _finest(problem: ElasticProblem, moduli: Moduli) -> Level:
-    d = problem.dimension
-    box = _box(problem.shape, FIRST, 1)
-    shape = (int(box[0]), int(box[2])) if d == 2 else tuple(int(n) for n in box[:3])
-    n, steps = prod(shape), box[sweeps.STEP : sweeps.STEP + d]
+def is_box(problem: ElasticProblem) -> bool:
+    """Tell whether a body is a full box of one material, with sides of one kind each, to halve."""
+    if any(n % 2 or n < FEWEST for n in problem.shape):
+        return False
+    inside = problem.kinds[problem.inner]
+    if inside.flat[0] < 0 or not np.all(inside == inside.flat[0]):
+        return False
+    layers = [problem.kinds[rim_layer(problem.dimension, s)] for s in range(2 * problem.dimension)]
+    return all(bool(np.all(layer == layer.flat[0])) for layer in layers)
+
+
+def _by_law(
+    cells: tuple[int, ...],
+    rim: NDArray[np.int32],
+    moduli: Moduli,
+    spring: FaceFields,
+    outside: NDArray[np.float64] | None = None,
+    *,
+    spread: bool = True,
+) -> Level:
+    """Return a level of which only moduli are stored.
+
+    `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. So have the
+    arrays of the level, unless they are `spread` over all places.
+    """
+    d, box = rim.ndim, _box(cells, FIRST, 1)
+    shape, whole = _shape(_box(tuple(n - 2 for n in rim.shape), FIRST, 1)), _shape(box)
+    n, steps = prod(shape), np.array([prod(shape[a + 1 :]) for a in range(d)])
     kinds = np.full(shape, AIR, dtype=np.int32)
-    body = tuple(slice(FIRST - 1, FIRST + size + 1) for size in problem.shape)
-    kinds[body] = problem.kinds
+    body = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in rim.shape)
+    kinds[body] = rim
     law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
     sweeps.lay_moduli(kinds.ravel(), _table(moduli), REENTRANT_WEIGHT, law, steps)
-    _lay_beds(problem, law[0].reshape(shape)[body])
+    _lay_beds(rim, spring, law[0].reshape(shape)[body])
     holds = (kinds == RIGID) | (kinds == ROLLER)
     code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
     sweeps.lay_faces(code.ravel(), law, steps, inverse)
-    arrays = (law.ravel(), inverse, _NO_COUPLINGS, box)
-    return Level(problem.shape, arrays, None, np.empty(d * n), np.empty(d * n))
+    rows = _rows(whole[:-1], shape[:-1], [n + 2 - m for n, m in zip(cells, rim.shape, strict=True)])
+    if spread and whole != shape:
+        law, inverse = (
+            x.reshape(-1, prod(shape[:-1]), shape[-1]).take(rows, 1) for x in (law, inverse)
+        )
+        rows = np.arange(len(rows))
+    arrays = (law.ravel(), inverse.ravel(), _NO_COUPLINGS, box, rows)
+    space = d * prod(whole)
+    outside = _NO_OUTSIDE if outside is None else outside
+    return Level(cells, arrays, None, np.empty(space), np.empty(space), outside)
+
+
+def _shape(box: Integers) -> tuple[int, ...]:
+    """Return the shape of a level's arrays of places."""
+    return tuple(int(n) for n in box[:3] if n > 1)
+
+
+def _rows(whole: tuple[int, ...], described: tuple[int, ...], left_out: Sequence[int]) -> Integers:
+    """Return for every row of places that which describes it."""
+    rows, inner = np.zeros((), dtype=np.int64), FIRST + ALIKE // 2 - 1
+    for every, some, fewer in zip(whole, described, left_out, strict=False):
+        place = np.arange(every)
+        like = np.minimum(place, np.maximum(inner, place - fewer))
+        rows = rows[..., None] * some + np.minimum(like, some - 1)
+    return rows.ravel()
+
+
+def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
+    """Return a full box and those of its parents that are boxes themselves.
+
+    They obey the law on cells twice as large. What moves beyond a free side goes on straight, what
+    is beyond a rigid one is its mirror image.
+    """
+    d, cells = problem.dimension, problem.shape
+    ends = [problem.kinds[rim_layer(d, side)].flat[0] for side in range(2 * d)]
+    outside = np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
+    rim = _described(problem.kinds, cells)
+    spring = tuple(_described(values, cells) for values in problem.spring)
+    levels: list[Level] = []
+    while True:
+        last = any(n % 2 or n < FEWEST for n in cells)
+        beyond = outside if levels else None
+        levels.append(_by_law(cells, rim, moduli, spring, beyond, spread=last))
+        if last:
+            return levels
+        cells = tuple(n // 2 for n in cells)
+        rim = np.ascontiguousarray(rim[..., _every_second(rim.shape[-1])])
+        moduli = Moduli(*(2.0 ** (d - 2) * values for values in moduli))
+        spring = tuple(2.0 ** (d - 1) * v[..., _every_second(v.shape[-1])] for v in spring)
+
+
+def _described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
+    """Return the values of those cells or faces of a full box that others are like."""
+    for axis, size in enumerate(cells[:-1]):
+        ends = [*range(1 + ALIKE // 2), *range(1 + ALIKE // 2 + size - ALIKE, values.shape[axis])]
+        values = values.take(ends, axis)
+    return values
+
+
+def _every_second(count: int) -> Integers:
+    """Return the places of every second face along an axis, the rim's included."""
+    # Along the normal the last face is one of them, across it the last two have one parent.
+    return np.array([0, *range(1, count - 1, 2), count - 1])
 
 
 def _table(moduli: Moduli) -> NDArray[np.float64]:
@@ -278,16 +397,16 @@ def _table(moduli: Moduli) -> NDArray[np.float64]:
     return table
 
 
-def _lay_beds(problem: ElasticProblem, stretch: NDArray[np.float64]) -> None:
+def _lay_beds(rim: NDArray[np.int32], spring: FaceFields, stretch: NDArray[np.float64]) -> None:
     """Make every bed a ghost cell that can only be squeezed, and whose far face is held."""
-    for side in range(2 * problem.dimension):
+    for side in range(2 * rim.ndim):
         axis, upper = divmod(side, 2)
-        beyond = rim_layer(problem.dimension, side)
+        beyond = rim_layer(rim.ndim, side)
         face = list(beyond)
         face[axis] = -2 if upper else 1
-        bed = problem.kinds[beyond] == FOUNDATION
+        bed = rim[beyond] == FOUNDATION
         if bed.any():
-            stretch[beyond][bed] = problem.spring[axis][tuple(face)][bed]
+            stretch[beyond][bed] = spring[axis][tuple(face)][bed]
 
 
 def _parents(fine: Level, depth: int) -> Level:
@@ -302,8 +421,9 @@ def _parents(fine: Level, depth: int) -> Level:
     terms = tuple(part for step in sums for part in (step.place, step.weight, step.rows))
     sweeps.galerkin(fine.arrays, _made(fine.arrays[3]), terms, box, coefficients)
     sweeps.invert_own(coefficients, stencil.own, box, inverse)
-    arrays = (coefficients, inverse, _flat(stencil, box), box)
-    return Level(cells, arrays, stencil, np.zeros_like(inverse), np.zeros_like(inverse))
+    arrays = (coefficients, inverse, _flat(stencil, box), box, np.arange(box[0] * box[1]))
+    u, load = np.zeros_like(inverse), np.zeros_like(inverse)
+    return Level(cells, arrays, stencil, u, load, _NO_OUTSIDE)
 
 
 def _flat(stencil: Stencil, box: Integers) -> Integers:

@@ -5,58 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU
 
-from .box_multigrid import BoxMultigrid, is_box
 from .fallback import algebraic_preconditioner, factorise
 from .hierarchy import Hierarchy
 from .incompressible import MixedForm
-from .problem import ElasticProblem, FaceFields
+from .problem import ElasticProblem
 from .staggered import Numbering, stiffness_matrix
 
 Vector = NDArray[np.float64]
 
 KEPT = 500_000
 """Bodies of more faces give back the memory of their matrices (about 1 kB a face)."""
-
-
-class Multigrid(Protocol):
-    """What the engine needs of a hierarchy."""
-
-    @property
-    def depth(self) -> int:
-        """Number of levels."""
-
-    @property
-    def moving(self) -> NDArray[np.bool_]:
-        """Which entries of its vectors are faces that can move."""
-
-    @property
-    def stiffness(self) -> Vector | float:
-        """A face's own stiffness."""
-
-    def gather(self, fields: FaceFields) -> Vector:
-        """Return the values of the faces that can move; all else is 0."""
-
-    def scatter(self, vector: Vector, fields: FaceFields) -> None:
-        """Add the values of the faces that can move to arrays of all faces."""
-
-    def views(self, vector: Vector) -> FaceFields:
-        """Return a vector as one array per axis."""
-
-    def apply(self, x: Vector) -> Vector:
-        """Return the stiffness times x."""
-
-    def precondition(self, load: Vector) -> Vector:
-        """Return one symmetric cycle's answer to a load."""
-
-    def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
-        """Return a first answer, and the potential energy of the parents' answer."""
 
 
 def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
@@ -83,13 +47,6 @@ class Prepared:
         self.slow = ""
 
     @cached_property
-    def box(self) -> BoxMultigrid | None:
-        """The hierarchy without matrices, if the body is a full box."""
-        if self.body.needs_mixed_form or not is_box(self.body):
-            return None
-        return BoxMultigrid(self.body, sweeps=2 if self.body.dimension == 2 else 3)
-
-    @cached_property
     def numbering(self) -> Numbering:
         """Numbers of the faces that are free to move."""
         return Numbering(self.body.face_states())
@@ -100,14 +57,9 @@ class Prepared:
         return stiffness_matrix(self.body, self.numbering)
 
     @cached_property
-    def cells(self) -> Hierarchy:
-        """The hierarchy for any body; of a nearly incompressible one, without the pressures."""
+    def hierarchy(self) -> Hierarchy:
+        """The body's hierarchy; of a nearly incompressible one, without the pressures."""
         return self.mixed.block if self.body.needs_mixed_form else Hierarchy(self.body)
-
-    @property
-    def hierarchy(self) -> Multigrid:
-        """The hierarchy that suits the body."""
-        return self.box or self.cells
 
     @cached_property
     def mixed(self) -> MixedForm:
@@ -143,4 +95,4 @@ class Prepared:
     def worth_keeping(self) -> bool:
         """Whether the next problem may have it: not if it is large."""
         faces = self.body.dimension * self.body.kinds.size
-        return self.box is not None or faces <= KEPT
+        return self.hierarchy.plain or faces <= KEPT

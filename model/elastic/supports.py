@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kaju.errors import SupportError
 from kaju.model.scene.kinds import FOUNDATION, RIGID
 
-from .box_multigrid import is_box
+from .hierarchy import is_box
 from .problem import ACTIVE, FIXED, ElasticProblem, Floats
 from .staggered import axis_pairs, cut, stiff_edges
 

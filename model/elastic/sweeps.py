@@ -8,7 +8,9 @@ on parents' levels the stencil (rows, entries, row length); as one vector;
 ``inverse`` (components × places): inverse of a face's own stiffness, 0 where it cannot move;
 ``couplings`` (couplings, 2): of a parents' level, the distance in the stencil from a row's first
 entry to the coefficient, and in a vector from the place of component 0 to the other face;
-``box``: integers, at the places named below.
+``box``: integers, at the places named below;
+``rows``: per row of places the row of ``inverse`` (and of the law) that says what it is like. In a
+full box nearly all are like each other, so that what is said of them stays in the cache.
 
 The law itself is stated in `staggered`; here it is only fast. One pass runs several sweeps at
 once, each as far behind the one before as a row reaches, so that a plane stays in the cache.
@@ -33,22 +35,34 @@ STEP, START, NEXT = 13, 16, 20
 """Distance in places along the axis that a component is normal to; its first coupling (and the
 end of all); entry of a face with its next in the row."""
 
+GHOST = 3
+"""Place of a parents' first ghost along every axis."""
+
 
 @part
-def unbalanced_by_law(u, f, law, box, a, s, w, r):
-    """Write f − Au on the row of component a that starts at place s."""
-    n, ea = box[SIZE], box[STEP + a]
-    at = a * n + s
+def alike(rows, box, row, ahead, step):
+    """Return the first place in use of what a row, or its neighbour a step ahead, is like."""
+    length = box[LENGTH]
+    return rows[row + ahead * (step // length)] * length + ahead * (step % length) + box[LOW]
+
+
+@part
+def unbalanced_by_law(u, f, level, a, row, r):
+    """Write f − Au on a row of component a."""
+    law, inverse, _couplings, box, rows = level
+    n, m, ea, w = box[SIZE], len(inverse) // box[COUNT], box[STEP + a], box[HIGH] - box[LOW]
+    s = row * box[LENGTH] + box[LOW]
+    at, here, last = a * n + s, alike(rows, box, row, 0, 0), alike(rows, box, row, -1, ea)
     x, ahead, behind = along(u, at), along(u, at + ea), along(u, at - ea)
-    c, before, load = along(law, s), along(law, s - ea), along(f, at)
-    d, back = along(law, n + s), along(law, n + s - ea)
+    c, before, load = along(law, here), along(law, last), along(f, at)
+    d, back = along(law, m + here), along(law, m + last)
     for b in range(box[COUNT]):
         if b == a:
             continue
-        eb, to, edge = box[STEP + b], b * n + s, (1 + a + b) * n + s
+        eb, to, edge = box[STEP + b], b * n + s, (1 + a + b) * m
         y, up = along(u, to), along(u, to + eb)
         low, corner = along(u, to - ea), along(u, to + eb - ea)
-        k, other = along(law, edge), along(law, edge + eb)
+        k, other = along(law, edge + here), along(law, edge + alike(rows, box, row, 1, eb))
         above, below = along(u, at + eb), along(u, at - eb)
         if b == (a == 0):
             # The first of the other components: what the row's own cells feel comes with it.
@@ -75,11 +89,11 @@ def unbalanced_by_law(u, f, law, box, a, s, w, r):
 @part
 def unbalanced(u, f, level, a, row, r):
     """Write f − Au on a row of component a."""
-    data, _inverse, couplings, box = level
+    data, _inverse, couplings, box, _rows = level
     length, lo, entries = box[LENGTH], box[LOW], box[ENTRIES]
     w, s = box[HIGH] - lo, row * length + lo
     if entries == 0:
-        unbalanced_by_law(u, f, data, box, a, s, w, r)
+        unbalanced_by_law(u, f, level, a, row, r)
         return
     load = along(f, a * box[SIZE] + s)
     for j in range(w):
@@ -102,8 +116,9 @@ def unbalanced(u, f, level, a, row, r):
 @part
 def relax_plane(u, f, level, p, parity, back, r):
     """Let the faces of a plane yield, component after component."""
-    data, inverse, _couplings, box = level
+    data, inverse, _couplings, box, rows = level
     n, count, entries, length, lo = box[SIZE], box[COUNT], box[ENTRIES], box[LENGTH], box[LOW]
+    m = len(inverse) // count
     first, end, w = box[FIRST_ROW], box[END_ROW], box[HIGH] - lo
     # Odd faces yield second going forward, even ones going back.
     later = along(parity, (lo + 1 - back) % 2)
@@ -113,13 +128,13 @@ def relax_plane(u, f, level, p, parity, back, r):
         for i in range(first, end):
             row = p * box[ROWS] + (first + end - 1 - i if back else i)
             unbalanced(u, f, level, a, row, here)
-            s = row * length + lo
-            at = a * n + s
-            x, v = along(u, at), along(inverse, at)
+            s = alike(rows, box, row, 0, 0)
+            at = a * m + s
+            x, v = along(u, a * n + row * length + lo), along(inverse, at)
             v_left, v_right = along(inverse, at - 1), along(inverse, at + 1)
             # Neighbours in a row share a cell (along the row) or an edge (across it).
             sign = 1.0
-            low = s - 1 if a == count - 1 else (count + a) * n + s
+            low = s - 1 if a == count - 1 else (count + a) * m + s
             if entries:
                 sign, low = -1.0, (row * entries + box[NEXT + a]) * length + lo - 1
             before, behind = along(data, low), along(data, low + 1)
@@ -157,15 +172,16 @@ def ancestors(a, p, i, count, coarse):
 @part
 def hand_over(u, f, g, level, coarse, p, some, r, t):
     """Hand what is left unbalanced on a plane to the parents' loads g; all of f if none of u."""
-    _data, inverse, _couplings, box = level
+    _data, inverse, _couplings, box, rows = level
     count, lo, w = box[COUNT], box[LOW], box[HIGH] - box[LOW]
-    low, half = coarse[LOW], coarse[HIGH] - coarse[LOW]
+    m = len(inverse) // count
+    low, half = GHOST, coarse[HIGH] - GHOST
     here, s = along(r, lo), along(r, 2 * low - 5)
     for a in range(count):
         for i in range(box[FIRST_ROW], box[END_ROW]):
             row = p * box[ROWS] + i
-            at = a * box[SIZE] + row * box[LENGTH] + lo
-            v, load = along(inverse, at), along(f, at)
+            v = along(inverse, a * m + alike(rows, box, row, 0, 0))
+            load = along(f, a * box[SIZE] + row * box[LENGTH] + lo)
             if some:
                 unbalanced(u, f, level, a, row, here)
             else:
@@ -189,8 +205,9 @@ def hand_over(u, f, g, level, coarse, p, some, r, t):
 @part
 def follow(u, g, level, coarse, p, t):
     """Add the parents' displacement g to the faces of a plane; those that are held keep theirs."""
-    _data, inverse, _couplings, box = level
-    count, low, half = box[COUNT], coarse[LOW], coarse[HIGH] - coarse[LOW]
+    _data, inverse, _couplings, box, rows = level
+    count, low, half = box[COUNT], GHOST, coarse[HIGH] - GHOST
+    m = len(inverse) // count
     before, own, after = along(t, low - 1), along(t, low), along(t, low + 1)
     for a in range(count):
         for i in range(box[FIRST_ROW], box[END_ROW]):
@@ -200,8 +217,9 @@ def follow(u, g, level, coarse, p, t):
                     one = along(g, start)
                     for j in range(len(t)):
                         t[j] += weight * one[j]
-            at = a * box[SIZE] + (p * box[ROWS] + i) * box[LENGTH] + 2 * low - 4
-            x, v = along(u, at), along(inverse, at)
+            row, lo = p * box[ROWS] + i, 2 * low - 4
+            x = along(u, a * box[SIZE] + row * box[LENGTH] + lo)
+            v = along(inverse, a * m + rows[row] * box[LENGTH] + lo)
             for j in range(half):
                 near = 0.75 * own[j]
                 even, odd = near + 0.25 * before[j], near + 0.25 * after[j]
@@ -211,8 +229,34 @@ def follow(u, g, level, coarse, p, t):
                 x[2 * j + 1] += odd if v[2 * j + 1] > 0.0 else 0.0
 
 
+@part
+def lead(g, coarse, outside, back):
+    """Let the ghosts beyond a full box follow the faces inside; or hand their load in.
+
+    Back, loads are handed in. `outside` has for every side the weights of the first two faces.
+    """
+    count = coarse[COUNT]
+    for turn in range(count * count if len(outside) else 0):
+        # Corners follow from the sides, so loads go back in the opposite order.
+        a, b = turn // count, count - 1 - turn % count if back else turn % count
+        axis, step = 2 if b == count - 1 else b, coarse[STEP + b]
+        for side in range(2 if a != b else 0):
+            near, far = outside[2 * b + side]
+            layer = coarse[END + 2 * axis] - 2 if side else coarse[FIRST + 2 * axis]
+            inward = -step if side else step
+            # Blocks of `step` places, one for every place along the axes before this one.
+            for start in range(layer * step, coarse[SIZE], coarse[axis] * step):
+                for at in range(a * coarse[SIZE] + start, a * coarse[SIZE] + start + step):
+                    if back:
+                        g[at] += near * g[at - inward]
+                        g[at + inward] += far * g[at - inward]
+                        g[at - inward] = 0.0
+                    else:
+                        g[at - inward] = near * g[at] + far * g[at + inward]
+
+
 @njit(cache=True, fastmath=True)
-def cross(u, f, g, level, coarse, parity, sweeps, back):
+def cross(u, f, g, level, coarse, outside, parity, sweeps, back):
     """Cross a level in one pass, on the way to the parents or (`back`) from them.
 
     To them: sweep from u = 0 and hand what is left unbalanced to their loads g; without sweeps all
@@ -221,7 +265,9 @@ def cross(u, f, g, level, coarse, parity, sweeps, back):
     box = level[3]
     first, reach, planes = box[FIRST], box[REACH], box[END] - box[FIRST]
     r, t = np.zeros(box[LENGTH]), np.zeros(coarse[LENGTH])
-    if not back:
+    if back:
+        lead(g, coarse, outside, 0)
+    else:
         g[:] = 0.0
         if sweeps:
             u[:] = 0.0
@@ -236,20 +282,23 @@ def cross(u, f, g, level, coarse, parity, sweeps, back):
         at = front - reach * sweeps
         if at >= 0 and not back:
             hand_over(u, f, g, level, coarse, first + at, sweeps, r, t)
+    if not back:
+        lead(g, coarse, outside, 1)
 
 
 @njit(cache=True, fastmath=True)
 def residual(u, f, share, level, out):
     """Write share·f − Au; 0 where a face cannot move."""
-    _data, inverse, _couplings, box = level
-    lo, w = box[LOW], box[HIGH] - box[LOW]
+    _data, inverse, _couplings, box, rows = level
+    lo, w, m = box[LOW], box[HIGH] - box[LOW], len(inverse) // box[COUNT]
     out[:] = 0.0
     for a in range(box[COUNT]):
         for p in range(box[FIRST], box[END]):
             for i in range(box[FIRST_ROW], box[END_ROW]):
                 row = p * box[ROWS] + i
                 at = a * box[SIZE] + row * box[LENGTH] + lo
-                o, load, v = along(out, at), along(f, at), along(inverse, at)
+                o, load = along(out, at), along(f, at)
+                v = along(inverse, a * m + alike(rows, box, row, 0, 0))
                 unbalanced(u, f, level, a, row, o)
                 for j in range(w):
                     o[j] = o[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
@@ -302,7 +351,7 @@ def law_row(data, inverse, made, s, w, pitch, out, to):
 @njit(cache=True, fastmath=True)
 def galerkin(level, made, terms, coarse, out):
     """Write the parents' coefficients P'AP, one axis after the other."""
-    data, inverse, _couplings, box = level
+    data, inverse, _couplings, box, _rows = level
     place0, weight0, rows0, place1, weight1, rows1, place2, weight2, _rows2 = terms
     planes, rows, length, half = box[PLANES], box[ROWS], box[LENGTH], box[LENGTH] // 2
     size, entries = (place0[-1, 0] + 1) * length, box[ENTRIES] if box[ENTRIES] else len(made)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,8 +90,12 @@ class System:
 
     def unheld(self, left: Vector) -> float:
         """Return by how much supports and loads differ where forces are left, as a share of all."""
-        most = max(abs(float(view.sum())) for view in self.prepared.hierarchy.views(left))
-        return most / (float(np.abs(self.right).sum()) or 1.0)
+        most = float(np.abs(left.reshape(self.problem.dimension, -1).sum(axis=1)).max())
+        return most / (self._loads or 1.0)
+
+    @cached_property
+    def _loads(self) -> float:
+        return float(np.linalg.norm(self.right, 1))
 
     def energy(self, x: Vector) -> float:
         """Return twice the stored energy of a solution x (or of what is nearly one)."""

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from kaju.model.elastic import sweeps
-from kaju.model.elastic.box_multigrid import BoxMultigrid, face_count
 from kaju.model.elastic.hierarchy import Hierarchy
 from kaju.model.elastic.problem import ACTIVE, make_problem
 from kaju.model.elastic.staggered import (
@@ -22,62 +21,11 @@ CASES = [
     ((32, 16), {"bottom": "rigid"}),
     ((16, 48), {"left": "rigid", "right": "roller", "top": ("foundation", 0.3)}),
     ((16, 16), {"top": "rigid", "right": "rigid", "bottom": "roller"}),
+    ((60, 36), {"bottom": "rigid", "right": ("foundation", 0.3)}),
     ((16, 32, 16), {"bottom": "rigid"}),
     ((16, 16, 32), {"left": "rigid", "right": "roller", "top": ("foundation", 0.3)}),
     ((16, 16, 16), {"back": "rigid", "front": "roller", "bottom": ("foundation", 2.0)}),
 ]
-
-
-class Box:
-    def __init__(self, shape, sides):
-        self.problem = make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0, sides=sides)
-        self.multigrid = BoxMultigrid(self.problem)
-        self.level, self.below = self.multigrid.levels[:2]
-        self.rng = np.random.default_rng(1)
-
-    def cross(self, u, load, coarse, sweeps, back):
-        """Cross the finest level, see `kernels_2d.cross`."""
-        u, load = self.level.views(u), self.level.views(load)
-        self.multigrid._cross(self.level, u, load, self.below.views(coarse), sweeps, back)
-
-    def random(self):
-        x = self.rng.standard_normal(face_count(self.problem.shape))
-        self.multigrid.clear_fixed(0, x)
-        return x
-
-
-@pytest.fixture(
-    params=CASES, ids=lambda case: "x".join(map(str, case[0])) + "-" + "-".join(case[1])
-)
-def box(request):
-    return Box(*request.param)
-
-
-def test_the_fused_passes_are_sweeps_one_after_the_other(box):
-    def crossed(load, sweeps):
-        u, coarse = np.full_like(load, np.nan), np.full(face_count(box.below.shape), np.nan)
-        box.cross(u, load, coarse, sweeps, False)
-        return u, coarse
-
-    def left_by(u):
-        left = load - box.multigrid.apply(u)
-        box.multigrid.clear_fixed(0, left)
-        return left
-
-    load = box.random()
-    fused, coarse = crossed(load, 2)
-    plain, _ = crossed(load, 1)
-    plain += crossed(left_by(plain), 1)[0]
-    np.testing.assert_allclose(fused, plain, atol=1e-13)
-    nothing, handed = crossed(left_by(plain), 0)
-    assert not nothing.any()
-    np.testing.assert_allclose(coarse, handed, atol=1e-13)
-
-    box.cross(fused, load, coarse, 2, True)
-    box.cross(plain, load, coarse, 0, True)
-    for _ in range(2):
-        box.cross(plain, load, np.zeros_like(coarse), 1, True)
-    np.testing.assert_allclose(fused, plain, atol=1e-13)
 
 
 MATERIALS = [(1.0, 0.3), (50.0, -0.2), (1e3, 0.4)]
@@ -106,7 +54,7 @@ def both(request):
         return problem, Hierarchy(problem)
     shape, sides = CASES[request.param]
     problem = make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0, sides=sides)
-    return problem, BoxMultigrid(problem)
+    return problem, Hierarchy(problem)
 
 
 def random(problem, multigrid, seed):
@@ -147,6 +95,19 @@ def residual(level, x):
     return out
 
 
+@pytest.mark.parametrize("case", range(len(CASES)))
+def test_parents_of_a_full_box_obey_its_law_on_larger_cells(case):
+    shape, sides = CASES[case]
+    levels = Hierarchy(make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0, sides=sides)).levels
+    for depth, level in enumerate(level for level in levels if level.stencil is None):
+        cells = [n >> depth for n in shape]
+        problem = make_problem(np.zeros(cells, int), [(1.0, 0.3)], 2.0**depth, sides=sides)
+        own = Hierarchy(problem).levels[0]
+        x = np.random.default_rng(depth).standard_normal(own.u.size)
+        expected = 2.0 ** (depth * (len(shape) - 2)) * residual(own, x)
+        np.testing.assert_allclose(residual(level, x), expected, atol=1e-13)
+
+
 @pytest.mark.parametrize("name", RAGGED)
 def test_parents_feel_what_their_children_feel_when_they_follow(name):
     hierarchy = Hierarchy(RAGGED[name])
@@ -176,14 +137,14 @@ def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(name):
     for at, (level, below) in enumerate(pairwise(hierarchy.levels)):
         load = np.random.default_rng(2).standard_normal(level.arrays[1].size)
         load *= level.arrays[1] > 0.0
-        parity, coarse = hierarchy._parity, below.arrays[3]
+        rest = (level.arrays, below.arrays[3], below.outside, hierarchy._parity)
         whole, parts = np.empty_like(load), np.zeros_like(load)
         handed, below_load = np.empty_like(below.load), np.empty_like(below.load)
-        sweeps.cross(whole, load, handed, level.arrays, coarse, parity, 3, 0)
+        sweeps.cross(whole, load, handed, *rest, 3, 0)
         for _ in range(3):  # One sweep from where the last ended: on what that left unbalanced.
             left, more = np.empty_like(load), np.empty_like(load)
             sweeps.residual(parts, load, 1.0, level.arrays, left)
-            sweeps.cross(more, left, below_load, level.arrays, coarse, parity, 1, 0)
+            sweeps.cross(more, left, below_load, *rest, 1, 0)
             parts += more
         np.testing.assert_allclose(whole, parts, atol=1e-12 * np.abs(parts).max())
         sweeps.residual(parts, load, 1.0, level.arrays, left)

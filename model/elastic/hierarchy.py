@@ -9,7 +9,7 @@ preconditioner.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
@@ -20,9 +20,11 @@ from numpy.typing import NDArray
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 from . import sweeps
+from .fallback import factorise
 from .krylov import best_of, dot
 from .moduli import REENTRANT_WEIGHT, Moduli
 from .problem import ElasticProblem, FaceFields, rim_layer
+from .staggered import compact
 from .stencils import Stencil, coarsening, finest_entries
 
 Vector = NDArray[np.float64]
@@ -42,6 +44,9 @@ In space a face feels 235 others by a stencil, eleven times as many as by the la
 """
 FEWEST = 16
 """A full box whose cells are even and at least so many along every axis has a box of parents."""
+DIRECT = 2_000
+"""Its last box is solved by factors if it has at most so many faces: without stencils, which take
+long to be compiled."""
 ALIKE = 4
 """Of a full box only so many cells along every axis but the last are described: two at each end,
 since a face feels one cell beyond its own. All others are like the inner of them."""
@@ -95,7 +100,8 @@ class Hierarchy:
         else:
             self.levels = [_by_law(problem.shape, problem.kinds, moduli, problem.spring)]
         stencils, coarsest = 0, SMALLEST[self.dimension]
-        while not stencils or max(self.levels[-1].cells) > coarsest:
+        few = self.plain and self.dimension * prod(self.levels[-1].cells) <= DIRECT
+        while not few and (not stencils or max(self.levels[-1].cells) > coarsest):
             stencils += 1
             self.levels.append(_parents(self.levels[-1], stencils))
         self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
@@ -152,7 +158,7 @@ class Hierarchy:
     def apply(self, x: Vector, out: Vector | None = None) -> Vector:
         """Return the stiffness times x."""
         out = np.empty_like(x) if out is None else out
-        sweeps.residual(x, x, 0.0, self.levels[0].arrays, out)
+        self._cross(0, x, x, out, 0, sweeps.ACROSS, share=0.0)
         return np.negative(out, out=out)
 
     def precondition(self, load: Vector, out: Vector | None = None) -> Vector:
@@ -179,7 +185,7 @@ class Hierarchy:
         x, energy = self._direct.solve(loads[-1]), 0.0
         for at in range(len(self.levels) - 2, -1, -1):
             x, left, more = self.follow(at, x), self.levels[at].load, self.levels[at].u
-            sweeps.residual(x, loads[at], 1.0, self.levels[at].arrays, left)
+            self._cross(at, x, loads[at], left, 0, sweeps.ACROSS)
             if at == 0:
                 energy = -0.5 * float(dot(load, x) + dot(left, x))
                 if guess is not None:
@@ -192,13 +198,13 @@ class Hierarchy:
     def follow(self, at: int, parents: Vector) -> Vector:
         """Return where the children on a level are if they follow their parents."""
         x: Vector = np.zeros_like(self.levels[at].u)
-        self._cross(at, x, x, parents, 0, back=True)
+        self._cross(at, x, x, parents, 0, sweeps.WAY_DOWN)
         return x
 
     def hand_over(self, at: int, load: Vector) -> Vector:
         """Return a level's load as its parents' one."""
         parents: Vector = np.empty_like(self.levels[at + 1].load)
-        self._cross(at, load, load, parents, 0, back=False)
+        self._cross(at, load, load, parents, 0, sweeps.WAY_UP)
         return parents
 
     def rough(self, x: Vector) -> Vector:
@@ -213,48 +219,85 @@ class Hierarchy:
             u[:] = self._direct.solve(load)
             return
         below, count = self.levels[at + 1], self.sweeps[self.levels[at].stencil is not None]
-        self._cross(at, u, load, below.load, count, back=False)
+        self._cross(at, u, load, below.load, count, sweeps.WAY_UP)
         self._cycle(at + 1, below.load, below.u)
-        self._cross(at, u, load, below.u, count, back=True)
+        self._cross(at, u, load, below.u, count, sweeps.WAY_DOWN)
 
     def _cross(
-        self, at: int, u: Vector, load: Vector, parents: Vector, count: int, *, back: bool
+        self,
+        at: int,
+        u: Vector,
+        load: Vector,
+        out: Vector,
+        count: int,
+        way: int,
+        share: float = 1.0,
     ) -> None:
         """Take `sweeps.cross`, which says what the vectors are."""
         level, below = self.levels[at].arrays, self.levels[at + 1]
-        rest = (below.arrays[3], below.outside, self._parity, count, int(back))
-        sweeps.cross(u, load, parents, level, *rest)
+        coarse, plain = below.arrays[3], len(below.outside) > 0
+        if plain and way == sweeps.WAY_DOWN:
+            sweeps.lead(out, coarse, below.outside, 0)
+        sweeps.cross(u, load, out, level, coarse, self._parity, count, way, share)
+        if plain and way == sweeps.WAY_UP:
+            sweeps.lead(out, coarse, below.outside, 1)
 
 
 class _Direct:
-    """The smallest level's inverse."""
+    """The smallest level: its inverse, or the factors of a full box."""
 
     def __init__(self, level: Level) -> None:
+        inverse = level.arrays[1]
+        self._there = np.flatnonzero(inverse)
+        self._number = np.full(len(inverse), -1)
+        self._number[self._there] = np.arange(len(self._there))
+        self._solve = self._by_law(level) if level.stencil is None else self._by_stencil(level)
+
+    def solve(self, load: Vector) -> Vector:
+        x = np.zeros_like(load)
+        x[self._there] = self._solve(load[self._there])
+        return x
+
+    def _by_law(self, level: Level) -> Callable[[Vector], Vector]:
+        law, inverse, _, box, _ = level.arrays
+        rows, columns, values = [], [], []
+        for sign, one, two, x, y in _made(box):
+            here = self._there[(one <= self._there) & (self._there < one + box[sweeps.SIZE])]
+            here = here[self._number[here - one + two] >= 0]
+            place = here - one
+            value = (sign or -0.5) * (law[place + x] + law[place + y])
+            faces = self._number[here], self._number[place + two]
+            # Of two components only the first one's entries are told.
+            mirrored = abs(two - one) > box[sweeps.SIZE] // 2
+            for row, column in [faces, faces[::-1]][: 1 + mirrored]:
+                rows.append(row)
+                columns.append(column)
+                values.append(1.0 / inverse[here] if sign == 2 else value)
+        places = np.concatenate(rows), np.concatenate(columns)
+        solve: Callable[[Vector], Vector] = factorise(
+            compact(*places, np.concatenate(values), (len(self._there),) * 2)
+        ).solve
+        return solve
+
+    def _by_stencil(self, level: Level) -> Callable[[Vector], Vector]:
         assert level.stencil is not None
-        data, inverse, _, box, _ = level.arrays
+        data, _, _, box, _ = level.arrays
         planes, rows, length = box[:3]
         coefficients = data.reshape(planes * rows, -1, length)
         n = planes * rows * length
-        self._there = np.flatnonzero(inverse)
-        number = np.full(len(inverse), -1)
-        number[self._there] = np.arange(len(self._there))
         matrix = np.zeros((len(self._there),) * 2)
         for a, b, *way, entry, p, q, j in level.stencil.couplings:
             here = self._there[(a * n <= self._there) & (self._there < (a + 1) * n)]
             other = here + (b - a) * n + (way[0] * rows + way[1]) * length + way[2]
             spot = here - a * n + (p * rows + q) * length + j
-            some = number[other] >= 0
+            some = self._number[other] >= 0
             value = coefficients[spot // length, entry, spot % length]
-            matrix[number[here[some]], number[other[some]]] = value[some]
+            matrix[self._number[here[some]], self._number[other[some]]] = value[some]
         size = np.sqrt(matrix.diagonal())
         matrix /= np.outer(size, size)
         matrix[np.diag_indices_from(matrix)] += GUARD
-        self._inverse = np.linalg.inv(matrix) / np.outer(size, size)
-
-    def solve(self, load: Vector) -> Vector:
-        x = np.zeros_like(load)
-        x[self._there] = self._inverse @ load[self._there]
-        return x
+        inverse: Vector = np.linalg.inv(matrix) / np.outer(size, size)
+        return lambda load: np.asarray(inverse @ load)
 
 
 def _box(

@@ -37,6 +37,10 @@ end of all); entry of a face with its next in the row."""
 
 GHOST = 3
 """Place of a parents' first ghost along every axis."""
+WAY_UP, WAY_DOWN, ACROSS = 0, 1, 2
+"""What `cross` is for."""
+YIELD, HAND_OVER, HAND_OVER_ALL, WRITE = 0, 1, 2, 3
+"""What is done on a plane."""
 
 
 @part
@@ -114,36 +118,6 @@ def unbalanced(u, f, level, a, row, r):
 
 
 @part
-def relax_plane(u, f, level, p, parity, back, r):
-    """Let the faces of a plane yield, component after component."""
-    data, inverse, _couplings, box, rows = level
-    n, count, entries, length, lo = box[SIZE], box[COUNT], box[ENTRIES], box[LENGTH], box[LOW]
-    m = len(inverse) // count
-    first, end, w = box[FIRST_ROW], box[END_ROW], box[HIGH] - lo
-    # Odd faces yield second going forward, even ones going back.
-    later = along(parity, (lo + 1 - back) % 2)
-    left, here, right = along(r, lo - 1), along(r, lo), along(r, lo + 1)
-    for turn in range(count):
-        a = count - 1 - turn if back else turn
-        for i in range(first, end):
-            row = p * box[ROWS] + (first + end - 1 - i if back else i)
-            unbalanced(u, f, level, a, row, here)
-            s = alike(rows, box, row, 0, 0)
-            at = a * m + s
-            x, v = along(u, a * n + row * length + lo), along(inverse, at)
-            v_left, v_right = along(inverse, at - 1), along(inverse, at + 1)
-            # Neighbours in a row share a cell (along the row) or an edge (across it).
-            sign = 1.0
-            low = s - 1 if a == count - 1 else (count + a) * m + s
-            if entries:
-                sign, low = -1.0, (row * entries + box[NEXT + a]) * length + lo - 1
-            before, behind = along(data, low), along(data, low + 1)
-            for j in range(w):
-                pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
-                x[j] += v[j] * (here[j] + sign * later[j] * pull)
-
-
-@part
 def parents(i, normal):
     """Return the two parents of place i along one axis, and their weights."""
     one = i // 2 + 2
@@ -170,31 +144,58 @@ def ancestors(a, p, i, count, coarse):
 
 
 @part
-def hand_over(u, f, g, level, coarse, p, some, r, t):
-    """Hand what is left unbalanced on a plane to the parents' loads g; all of f if none of u."""
-    _data, inverse, _couplings, box, rows = level
-    count, lo, w = box[COUNT], box[LOW], box[HIGH] - box[LOW]
-    m = len(inverse) // count
+def pass_plane(u, f, g, level, coarse, p, parity, task, back, share, r, t):
+    """Let the faces of a plane yield, hand what they leave unbalanced over to g, or write it to g.
+
+    `task` is YIELD, HAND_OVER (to the parents' loads), HAND_OVER_ALL (of f), WRITE (share·f − Au).
+    Forces are summed up at one place, for that is what takes long to be compiled.
+    """
+    data, inverse, _couplings, box, rows = level
+    n, count, entries, length, lo = box[SIZE], box[COUNT], box[ENTRIES], box[LENGTH], box[LOW]
+    first, end, w, m = box[FIRST_ROW], box[END_ROW], box[HIGH] - lo, len(inverse) // count
+    # Odd faces yield second going forward, even ones going back.
+    later = along(parity, (lo + 1 - back) % 2)
+    left, here, right = along(r, lo - 1), along(r, lo), along(r, lo + 1)
     low, half = GHOST, coarse[HIGH] - GHOST
-    here, s = along(r, lo), along(r, 2 * low - 5)
-    for a in range(count):
-        for i in range(box[FIRST_ROW], box[END_ROW]):
+    handed = along(r, 2 * low - 5)
+    for turn in range(count):
+        a = count - 1 - turn if back else turn
+        for k in range(first, end):
+            i = first + end - 1 - k if back else k
             row = p * box[ROWS] + i
-            v = along(inverse, a * m + alike(rows, box, row, 0, 0))
-            load = along(f, a * box[SIZE] + row * box[LENGTH] + lo)
-            if some:
-                unbalanced(u, f, level, a, row, here)
-            else:
+            place, s = a * n + row * length + lo, alike(rows, box, row, 0, 0)
+            v, load = along(inverse, a * m + s), along(f, place)
+            if task == HAND_OVER_ALL:
                 for j in range(w):
                     here[j] = load[j]
+            else:
+                unbalanced(u, f, level, a, row, here)
+            if task == YIELD:
+                x = along(u, place)
+                v_left, v_right = along(inverse, a * m + s - 1), along(inverse, a * m + s + 1)
+                # Neighbours in a row share a cell (along the row) or an edge (across it).
+                sign, at = 1.0, s - 1 if a == count - 1 else (count + a) * m + s
+                if entries:
+                    sign, at = -1.0, (row * entries + box[NEXT + a]) * length + lo - 1
+                before, behind = along(data, at), along(data, at + 1)
+                for j in range(w):
+                    pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
+                    x[j] += v[j] * (here[j] + sign * later[j] * pull)
+                continue
+            if task == WRITE:
+                out = along(g, place)
+                for j in range(w):
+                    out[j] = here[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
+                continue
             for j in range(w):
                 here[j] = here[j] if v[j] > 0.0 else 0.0
             if a == count - 1:
                 for j in range(half):
-                    t[j] = s[2 * j + 1] + 0.5 * (s[2 * j] + s[2 * j + 2])
+                    t[j] = handed[2 * j + 1] + 0.5 * (handed[2 * j] + handed[2 * j + 2])
             else:
                 for j in range(half):
-                    t[j] = 0.75 * (s[2 * j + 1] + s[2 * j + 2]) + 0.25 * (s[2 * j] + s[2 * j + 3])
+                    near = 0.75 * (handed[2 * j + 1] + handed[2 * j + 2])
+                    t[j] = near + 0.25 * (handed[2 * j] + handed[2 * j + 3])
             for start, weight in ancestors(a, p, i, count, coarse):
                 if weight != 0.0:
                     out = along(g, start + low)
@@ -229,14 +230,14 @@ def follow(u, g, level, coarse, p, t):
                 x[2 * j + 1] += odd if v[2 * j + 1] > 0.0 else 0.0
 
 
-@part
+@njit(cache=True)
 def lead(g, coarse, outside, back):
     """Let the ghosts beyond a full box follow the faces inside; or hand their load in.
 
     Back, loads are handed in. `outside` has for every side the weights of the first two faces.
     """
     count = coarse[COUNT]
-    for turn in range(count * count if len(outside) else 0):
+    for turn in range(count * count):
         # Corners follow from the sides, so loads go back in the opposite order.
         a, b = turn // count, count - 1 - turn % count if back else turn % count
         axis, step = 2 if b == count - 1 else b, coarse[STEP + b]
@@ -256,52 +257,30 @@ def lead(g, coarse, outside, back):
 
 
 @njit(cache=True, fastmath=True)
-def cross(u, f, g, level, coarse, outside, parity, sweeps, back):
-    """Cross a level in one pass, on the way to the parents or (`back`) from them.
+def cross(u, f, g, level, coarse, parity, sweeps, way, share):
+    """Cross a level in one pass.
 
-    To them: sweep from u = 0 and hand what is left unbalanced to their loads g; without sweeps all
-    of f. From them: add their displacement g and sweep in the opposite order.
+    On the WAY_UP, to the parents, sweep from u = 0 and hand what is left unbalanced to their loads
+    g; without sweeps all of f. On the WAY_DOWN add their displacement g and sweep in the opposite
+    order. ACROSS write share·f − Au to g; 0 where a face cannot move.
     """
-    box = level[3]
+    box, back = level[3], 1 if way == WAY_DOWN else 0
     first, reach, planes = box[FIRST], box[REACH], box[END] - box[FIRST]
     r, t = np.zeros(box[LENGTH]), np.zeros(coarse[LENGTH])
-    if back:
-        lead(g, coarse, outside, 0)
-    else:
+    last = HAND_OVER if sweeps else HAND_OVER_ALL
+    if not back:
         g[:] = 0.0
         if sweeps:
             u[:] = 0.0
     for front in range(planes + reach * sweeps):
         if back and front < planes:
             follow(u, g, level, coarse, first + planes - 1 - front, t)
-        for sweep in range(sweeps):
-            at = front - reach * (sweep + back)
+        for stage in range(sweeps + 1 - back):
+            at = front - reach * (stage + back)
             if 0 <= at < planes:
                 p = first + (planes - 1 - at if back else at)
-                relax_plane(u, f, level, p, parity, back, r)
-        at = front - reach * sweeps
-        if at >= 0 and not back:
-            hand_over(u, f, g, level, coarse, first + at, sweeps, r, t)
-    if not back:
-        lead(g, coarse, outside, 1)
-
-
-@njit(cache=True, fastmath=True)
-def residual(u, f, share, level, out):
-    """Write share·f − Au; 0 where a face cannot move."""
-    _data, inverse, _couplings, box, rows = level
-    lo, w, m = box[LOW], box[HIGH] - box[LOW], len(inverse) // box[COUNT]
-    out[:] = 0.0
-    for a in range(box[COUNT]):
-        for p in range(box[FIRST], box[END]):
-            for i in range(box[FIRST_ROW], box[END_ROW]):
-                row = p * box[ROWS] + i
-                at = a * box[SIZE] + row * box[LENGTH] + lo
-                o, load = along(out, at), along(f, at)
-                v = along(inverse, a * m + alike(rows, box, row, 0, 0))
-                unbalanced(u, f, level, a, row, o)
-                for j in range(w):
-                    o[j] = o[j] - (1.0 - share) * load[j] if v[j] > 0.0 else 0.0
+                task = YIELD if stage < sweeps else WRITE if way == ACROSS else last
+                pass_plane(u, f, g, level, coarse, p, parity, task, back, share, r, t)
 
 
 @part
@@ -410,7 +389,9 @@ def lay_moduli(kinds, table, share, law, steps):
     material. `share` is what a re-entrant corner keeps.
     """
     count = len(steps)
-    start = steps.sum()
+    start = 0
+    for step in steps:
+        start += step
     for q in range(start, len(kinds)):
         k = kinds[q]
         law[0, q], law[1, q] = table[k, 0], table[k, 1]
@@ -445,7 +426,9 @@ def lay_faces(code, law, steps, inverse):
     `code` of a place is 1 if there is body, 2 if what is there holds.
     """
     count, n = len(steps), len(code)
-    start = steps.sum()
+    start = 0
+    for step in steps:
+        start += step
     w = n - 2 * start
     for a in range(count):
         high, low = along(code, start), along(code, start - steps[a])

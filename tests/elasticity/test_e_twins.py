@@ -89,66 +89,72 @@ def test_the_cycle_is_symmetric_and_positive(both):
     assert ahead @ x > 0
 
 
-def residual(level, x):
-    out = np.empty_like(x)
-    sweeps.residual(x, x, 0.0, level.arrays, out)
+def residual(hierarchy, at, x, load=None, share=0.0):
+    """share·load − Ax on a level: on the smallest one as if it were not."""
+    out, load = np.empty_like(x), x if load is None else load
+    level = hierarchy.levels[at]
+    coarse = hierarchy.levels[min(at + 1, len(hierarchy.levels) - 1)].arrays[3]
+    rest = (level.arrays, coarse, hierarchy._parity, 0, sweeps.ACROSS, share)
+    sweeps.cross(x, load, out, *rest)
     return out
 
 
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_parents_of_a_full_box_obey_its_law_on_larger_cells(case):
     shape, sides = CASES[case]
-    levels = Hierarchy(make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0, sides=sides)).levels
-    for depth, level in enumerate(level for level in levels if level.stencil is None):
+    hierarchy = Hierarchy(make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0, sides=sides))
+    plain = [level for level in hierarchy.levels if level.stencil is None]
+    assert len(plain) > 1
+    for depth in range(len(plain)):
         cells = [n >> depth for n in shape]
         problem = make_problem(np.zeros(cells, int), [(1.0, 0.3)], 2.0**depth, sides=sides)
-        own = Hierarchy(problem).levels[0]
-        x = np.random.default_rng(depth).standard_normal(own.u.size)
-        expected = 2.0 ** (depth * (len(shape) - 2)) * residual(own, x)
-        np.testing.assert_allclose(residual(level, x), expected, atol=1e-13)
+        own = Hierarchy(problem)
+        x = np.random.default_rng(depth).standard_normal(own.levels[0].u.size)
+        expected = 2.0 ** (depth * (len(shape) - 2)) * residual(own, 0, x)
+        np.testing.assert_allclose(residual(hierarchy, depth, x), expected, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", RAGGED)
 def test_parents_feel_what_their_children_feel_when_they_follow(name):
     hierarchy = Hierarchy(RAGGED[name])
     rng = np.random.default_rng(1)
-    for at, (fine, coarse) in enumerate(pairwise(hierarchy.levels)):
+    for at, coarse in enumerate(hierarchy.levels[1:]):
         parents = rng.standard_normal(len(coarse.u)) * (coarse.arrays[1] > 0.0)
-        handed = hierarchy.hand_over(at, residual(fine, hierarchy.follow(at, parents)))
-        felt = residual(coarse, parents)
+        handed = hierarchy.hand_over(at, residual(hierarchy, at, hierarchy.follow(at, parents)))
+        felt = residual(hierarchy, at + 1, parents)
         np.testing.assert_allclose(felt, handed, atol=1e-13 * np.abs(handed).max())
 
 
-@pytest.mark.parametrize("name", RAGGED)
-def test_handing_up_is_the_transpose_of_following(name):
-    problem = RAGGED[name]
-    hierarchy = Hierarchy(problem)
+def moves(level):
+    """Which faces of a level can move."""
+    _, inverse, _, box, rows = level.arrays
+    return (inverse.reshape(box[sweeps.COUNT], -1, box[2])[:, rows] > 0.0).ravel()
+
+
+def test_handing_up_is_the_transpose_of_following(both):
+    problem, hierarchy = both
     x = random(problem, hierarchy, 3)[0]
     coarse = hierarchy.levels[1]
-    parents = np.random.default_rng(4).standard_normal(len(coarse.u)) * (coarse.arrays[1] > 0.0)
+    parents = np.random.default_rng(4).standard_normal(len(coarse.u)) * moves(coarse)
     handed = hierarchy.hand_over(0, x)
     assert parents @ handed == pytest.approx(hierarchy.follow(0, parents) @ x, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", RAGGED)
-def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(name):
-    problem = RAGGED[name]
-    hierarchy = Hierarchy(problem)
+def test_the_fused_passes_of_a_level_are_its_sweeps_one_after_the_other(both):
+    hierarchy = both[1]
     for at, (level, below) in enumerate(pairwise(hierarchy.levels)):
-        load = np.random.default_rng(2).standard_normal(level.arrays[1].size)
-        load *= level.arrays[1] > 0.0
-        rest = (level.arrays, below.arrays[3], below.outside, hierarchy._parity)
+        load = np.random.default_rng(2).standard_normal(level.u.size) * moves(level)
+        rest = (level.arrays, below.arrays[3], hierarchy._parity)
         whole, parts = np.empty_like(load), np.zeros_like(load)
         handed, below_load = np.empty_like(below.load), np.empty_like(below.load)
-        sweeps.cross(whole, load, handed, *rest, 3, 0)
+        sweeps.cross(whole, load, handed, *rest, 3, sweeps.WAY_UP, 1.0)
         for _ in range(3):  # One sweep from where the last ended: on what that left unbalanced.
-            left, more = np.empty_like(load), np.empty_like(load)
-            sweeps.residual(parts, load, 1.0, level.arrays, left)
-            sweeps.cross(more, left, below_load, *rest, 1, 0)
+            left, more = residual(hierarchy, at, parts, load, 1.0), np.empty_like(load)
+            sweeps.cross(more, left, below_load, *rest, 1, sweeps.WAY_UP, 1.0)
             parts += more
         np.testing.assert_allclose(whole, parts, atol=1e-12 * np.abs(parts).max())
-        sweeps.residual(parts, load, 1.0, level.arrays, left)
-        below_load = hierarchy.hand_over(at, left)
+        left = residual(hierarchy, at, parts, load, 1.0)
+        sweeps.cross(left, left, below_load, *rest, 0, sweeps.WAY_UP, 1.0)
         np.testing.assert_allclose(handed, below_load, atol=1e-12 * np.abs(handed).max())
 
 

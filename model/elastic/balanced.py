@@ -21,6 +21,7 @@ surface) the tractions are those of `ragged`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
@@ -187,8 +188,9 @@ class BalancedStress:
             square[at >= 0] = ((low * low + low * high + high * high) / 3.0).mean(axis=1)
         return np.asarray(square)
 
+    @cached_property
     def energies(self) -> Floats:
-        """Return the complementary energy of every box, scaled."""
+        """The complementary energy of every box, scaled."""
         energy = self.plain.energy(self.boxes.law) * self.boxes.size**self.boxes.dimension
         for box, form in self._forms:
             energy[box] = form.energy(self._data(box)) * self.boxes.size[box] ** 2
@@ -301,8 +303,11 @@ def _cut_up(
 
 
 def _pressed(boxes: Boxes) -> Floats:
-    """Return the normal stress that loads put on sides, shape (2·dimension, boxes)."""
-    pressed = np.zeros(boxes.beside.shape)
+    """Return the normal stress that balances on sides, shape (2·dimension, boxes).
+
+    That of the loads, but for what the iteration has left.
+    """
+    pressed = np.zeros(boxes.beside.shape) if boxes.rest is None else boxes.rest.copy()
     box, side, force = boxes.loads
     outward = 2.0 * (side % 2) - 1.0
     normal = force[np.arange(len(side)), side // 2]

@@ -15,8 +15,18 @@ from numpy.typing import NDArray
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
-from .problem import ABSENT, ElasticProblem, FaceFields, Floats
-from .staggered import Pair, axis_pairs, cell_modulus, cut, edge_modulus, strains, stresses
+from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields, Floats
+from .staggered import (
+    Pair,
+    Strains,
+    axis_pairs,
+    cell_modulus,
+    cut,
+    edge_modulus,
+    force_of,
+    strains,
+    stresses,
+)
 
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -135,6 +145,10 @@ class Boxes:
     held : list of Held
     beds : list of Bed
     mesh : Mesh
+    rest : array, shape (2·dimension, boxes)
+        Normal stress on sides that the iteration has not balanced yet.
+    unsettled : float
+        Relative error in the energy norm that this is, at most.
     corners : dict from pair of axes to Corners
         Re-entrant edges of solids.
     """
@@ -152,6 +166,8 @@ class Boxes:
     held: list[Held]
     beds: list[Bed]
     mesh: Mesh
+    rest: Floats | None = None
+    unsettled: float = 0.0
     corners: dict[Pair, Corners] = field(default_factory=dict)
 
     @property
@@ -201,7 +217,9 @@ def parted(corner: Index, count: int) -> tuple[Index, Index]:
     return corner, double
 
 
-def boxes_of_cells(problem: ElasticProblem, u: FaceFields, grid: Scene, stage: int | None) -> Boxes:
+def boxes_of_cells(
+    problem: ElasticProblem, u: FaceFields, unsettled: float, grid: Scene, stage: int | None
+) -> Boxes:
     """Return equal cells with the stresses of a solution.
 
     Parameters
@@ -209,7 +227,9 @@ def boxes_of_cells(problem: ElasticProblem, u: FaceFields, grid: Scene, stage: i
     problem : ElasticProblem
         Without loads along surfaces.
     u : tuple of arrays
-        Face displacements that solve its equations.
+        Face displacements that solve its equations, but for a relative error in the energy norm.
+    unsettled : float
+        That error.
     grid : Scene
         The scene on the problem's cells.
     stage : int or None
@@ -265,8 +285,29 @@ def boxes_of_cells(problem: ElasticProblem, u: FaceFields, grid: Scene, stage: i
         list(_held_cells(problem, cells, beyond)),
         list(_beds_of_cells(problem, cells, beyond)),
         Mesh(corner, corner, np.arange(n), np.ones(n), nothing, nothing.reshape(2, 0), start),
+        _rest_of_cells(problem, u, stress, number),
+        unsettled,
         corners,
     )
+
+
+def _rest_of_cells(
+    problem: ElasticProblem, u: FaceFields, stress: Strains, number: Index
+) -> Floats:
+    """Return what the cells' faces are left with, told by the cell below them if there is one."""
+    d = problem.dimension
+    rest = np.zeros((2 * d, int(number.max()) + 1))
+    states, force = problem.face_states(), force_of(problem, u, stress)
+    for axis, state in enumerate(states):
+        left = np.where(state == ACTIVE, problem.force[axis] - force[axis], 0.0)
+        low, high = (left[cut(d, axis, s)] for s in (slice(None, -1), slice(1, None)))
+        bare = np.pad(number >= 0, [(1, 0) if a == axis else (0, 0) for a in range(d)])
+        bare = ~bare[cut(d, axis, slice(None, -1))]
+        there = number >= 0
+        rest[2 * axis + 1, number[there]] = -high[there]
+        there &= bare
+        rest[2 * axis, number[there]] = low[there]
+    return rest
 
 
 def _at_ends(values: NDArray[Any], cells: Index, pair: Pair) -> NDArray[Any]:

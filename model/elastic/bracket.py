@@ -13,7 +13,9 @@ energy between them. No constant is unknown, and no assumption is made about smo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 from math import inf, sqrt
 
 import numpy as np
@@ -30,8 +32,10 @@ Means = tuple[Floats, dict[tuple[int, int], Floats]]
 
 BALANCED = 1e-6
 """Share of the largest stress that an answer may leave on a face, to be called balanced."""
-SETTLED = 1e-11
+SETTLED_TREE = 1e-11
 """Algebraic error that is no part of the bounds any more."""
+SETTLED = 0.015
+"""Share of the estimated error that the iteration may leave, and that is added to the bound."""
 MOST_PROVED = {2: 500_000, 3: 100_000}
 """Of more boxes bounds are worked out only when they are asked for."""
 MORE = 8
@@ -45,7 +49,7 @@ def worth_proving(boxes: int, estimated: int) -> bool:
     return boxes <= max(MORE * estimated, FEW)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bracket:
     """What is certain about an answer, scaled.
 
@@ -55,17 +59,28 @@ class Bracket:
         Bounds of the true energy.
     error : float
         Error of the mean stress in the energy norm, relative to the true stress, at most.
-    shares : array, shape (boxes,)
-        Every box's part of the squared distance: where smaller ones would serve.
-    stress : array, shape (boxes, dimension, dimension)
-        The mean stress.
+    parts : callable
+        Works out `shares` and `stress`.
     """
 
     lower: float
     upper: float
     error: float
-    shares: Floats
-    stress: Floats
+    parts: Callable[[], tuple[Floats, Floats]]
+
+    @cached_property
+    def _parts(self) -> tuple[Floats, Floats]:
+        return self.parts()
+
+    @property
+    def shares(self) -> Floats:
+        """Every box's part of the squared distance: where smaller ones would serve."""
+        return self._parts[0]
+
+    @property
+    def stress(self) -> Floats:
+        """The mean stress, shape (boxes, dimension, dimension)."""
+        return self._parts[1]
 
 
 def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
@@ -98,31 +113,42 @@ def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
     return _between(stress, field)
 
 
-def _between(stress: BalancedStress, field: CompatibleField) -> Bracket:
-    """Compare the two stresses: the hypercircle."""
+def _between(stress: BalancedStress, v: CompatibleField) -> Bracket:
+    """Compare the two stresses: the hypercircle.
+
+    What an iteration has left balances loads that differ a little from the true ones; the
+    lower bound is that of the true ones all the same.
+    """
     bed, wall_work = _at_supports(stress)
-    own = stress.energies()
-    complementary = float(own.sum()) + bed
-    field.settle(complementary - wall_work)
+    complementary = float(stress.energies.sum()) + bed
+    rest = stress.boxes.unsettled * sqrt(2.0 * complementary)
+    v.settle(complementary - wall_work)
     moved = any(held.value.any() for held in stress.boxes.held)
     if not moved:
-        field.displacement *= _best_share(field)
-    work, whole = field.work(), field.whole_energy()
-    upper, lower = complementary - wall_work, work - whole
-    radius = 0.5 * sqrt(max(2.0 * (upper - lower), 0.0))
+        v.stretch(_best_share(v))
+    work, whole = v.work(), v.whole_energy()
+    balanced = work - v.work_of_rest()
+    gap = complementary - wall_work - balanced + whole
+    radius = 0.5 * sqrt(max(2.0 * gap, 0.0)) + rest
     if moved:
         # ‖(σ + Cε(v))/2‖, the product of the two being the work of loads and walls.
-        both = complementary + whole + work + wall_work
+        both = complementary + whole + balanced + wall_work
         middle = sqrt(max(0.5 * both, 0.0))
         smallest = max(middle - radius, 0.0)
         lower, upper = 0.5 * smallest**2, 0.5 * (middle + radius) ** 2
     else:
+        lower, upper = work - whole, (sqrt(complementary) + sqrt(0.5) * rest) ** 2
         smallest = sqrt(2.0 * max(lower, 0.0))
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
+    return Bracket(lower, upper, error, partial(_parts, stress, v))
+
+
+def _parts(stress: BalancedStress, field: CompatibleField) -> tuple[Floats, Floats]:
+    """Return every box's part of the squared distance, and the mean stress."""
     means, strain = stress.means(), field.mean_strains()
     volume = stress.boxes.size**stress.boxes.dimension
-    shares = _shares(own + field.energies(), means, strain, volume)
-    return Bracket(lower, upper, error, shares, _mean_stress(stress.boxes.law, means, strain))
+    shares = _shares(stress.energies + field.energies(), means, strain, volume)
+    return shares, _mean_stress(stress.boxes.law, means, strain)
 
 
 def _best_share(field: CompatibleField) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -15,7 +15,7 @@ from kaju.model.formats import SolutionRecord
 from kaju.model.scene import Scene
 
 from . import fields, sampling
-from .engine import Answered, Solution, solve_problem
+from .engine import Solution, settled
 from .from_scene import problem_of_scene
 from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
@@ -160,15 +160,16 @@ class CellAgents:
     def bracket(self) -> Bracket | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
         from .boxes import boxes_of_cells
-        from .bracket import SETTLED, bracket_of
+        from .bracket import SETTLED, SETTLED_TREE, bracket_of
 
         problem, solution = self.problem, self.solution
-        if solution.algebraic > SETTLED:
-            solution = solve_problem(problem, SETTLED, Answered(problem, solution))
-        if any(np.any(shear) for shear in problem.surface_shear.values()):
+        dragged = any(np.any(shear) for shear in problem.surface_shear.values())
+        share = SETTLED_TREE if dragged else SETTLED * solution.discretisation
+        solution = settled(problem, solution, share)
+        if dragged:
             return self._by_tree(replace(self, solution=solution).tree)
         u = solution.displacement
-        return bracket_of(boxes_of_cells(problem, u, self.grid, self.stage))
+        return bracket_of(boxes_of_cells(problem, u, solution.algebraic, self.grid, self.stage))
 
     def _by_tree(self, tree: TreeAgents) -> Bracket | str:
         """Return the bracket of the same agents as a tree: in the order and units of these."""
@@ -177,13 +178,13 @@ class CellAgents:
             return found
         force, moved = units.force / own.force, units.displacement / own.displacement
         energy, stress = force * moved, units.modulus / own.modulus * moved
-        return replace(
-            found,
-            lower=energy * found.lower,
-            upper=energy * found.upper,
-            shares=energy * self.from_tree(found.shares),
-            stress=stress * self.from_tree(found.stress),
-        )
+        parts = partial(self._parts_by_tree, found, energy, stress)
+        lower, upper = energy * found.lower, energy * found.upper
+        return replace(found, lower=lower, upper=upper, parts=parts)
+
+    def _parts_by_tree(self, found: Bracket, energy: float, stress: float) -> tuple[Floats, Floats]:
+        """Return the parts of a bracket of the tree, in the order and units of these."""
+        return energy * self.from_tree(found.shares), stress * self.from_tree(found.stress)
 
     @cached_property
     def corners(self) -> Floats:

@@ -14,6 +14,7 @@ import numpy as np
 
 from kaju.model.scene.kinds import RIGID, ROLLER
 
+from . import kernels_bilinear as kernels
 from .boxes import Boxes, Index, corner_ends
 from .problem import Floats
 
@@ -33,6 +34,8 @@ class CompatibleField:
     Attributes
     ----------
     displacement : array, shape (nodes, dimension)
+    left : array, shape (nodes, dimension)
+        Loads less the forces that hold the corners at it; known once it has settled.
     jumps : bool
         Whether supports give a corner two displacements at once: no field without gaps has that.
     """
@@ -47,6 +50,7 @@ class CompatibleField:
         self._given, self.jumps = self._supports()
         self.displacement = self.mesh.start
         self.hold()
+        self.left = np.zeros_like(self.displacement)
 
     def hold(self) -> None:
         """Make the field fit: at the supports, and along straight sides."""
@@ -73,8 +77,11 @@ class CompatibleField:
 
     def _forces(self) -> Floats:
         boxes, mesh, d = self.boxes, self.mesh, self.boxes.dimension
-        each = (boxes.body[:, mesh.owner] * mesh.edge**d / len(self._ends)).T
-        load = self._gathered(mesh.element, np.broadcast_to(each, (len(self._ends), *each.shape)))
+        load = np.zeros_like(mesh.start)
+        if boxes.body.any():
+            each = (boxes.body[:, mesh.owner] * mesh.edge**d / len(self._ends)).T
+            shape = (len(self._ends), *each.shape)
+            load += self._gathered(mesh.element, np.broadcast_to(each, shape))
         for side in range(2 * d):
             on = boxes.loads.side == side
             box, force = boxes.loads.box[on], boxes.loads.force[on]
@@ -115,9 +122,8 @@ class CompatibleField:
 
     def force(self, v: Floats) -> Floats:
         """Return the forces that hold corners at a displacement."""
-        stress = self._modes.stress(self._modes.of(v[self.mesh.element]), self._moduli)
-        out = self._gathered(self.mesh.element, self._modes.back(stress))
-        d = self.boxes.dimension
+        d, out = self.boxes.dimension, np.zeros_like(v)
+        kernels.pull(self.mesh.element, *self._moduli, v, out)
         for bed in self.boxes.beds:
             axis = bed.side // 2
             node = self.boxes.side_nodes(bed.box, bed.side)
@@ -142,25 +148,27 @@ class CompatibleField:
         free = np.isnan(self._given) & (diagonal > 0.0)
         free[self.mesh.slave] = False
         weight = np.where(free, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
-        held = self.force(self.displacement)
-        gap = above + 0.5 * float(np.vdot(self.displacement, held)) - self.work()
-        left = np.where(free, self._load - held, 0.0)
-        z = weight * left
-        way, before = z.copy(), float(np.vdot(left, z))
+        self.left = self._load - self.force(self.displacement)
+        gap = above + self.whole_energy() - self.work()
+        way = weight * self.left
+        before = float(np.vdot(self.left, way))
         gains: list[float] = []
         while before > 0.0 and len(gains) < MOST_STEPS:
             self._straighten(way)
-            pull = np.where(free, self.force(way), 0.0)
+            pull = self.force(way)
             step = before / float(np.vdot(way, pull))
-            self.displacement += step * way
+            now = kernels.sink(self.displacement, self.left, way, pull, weight, step)
             gains.append(0.5 * step * before)
             gap -= gains[-1]
             if len(gains) >= STEPS and sum(gains[-STEPS:]) < WORTHWHILE * gap:
                 return
-            left -= step * pull
-            z = weight * left
-            now = float(np.vdot(left, z))
-            way, before = z + now / before * way, now
+            kernels.turn(way, self.left, weight, now / before)
+            before = now
+
+    def stretch(self, share: float) -> None:
+        """Multiply the field by a number."""
+        self.displacement *= share
+        self.left = (1.0 - share) * self._load + share * self.left
 
     def _diagonal(self) -> Floats:
         d = self.boxes.dimension
@@ -174,8 +182,9 @@ class CompatibleField:
             for law in ([np.array([float(k == own)]) for k in range(3)] for own in range(3))
         ]
         own = sum(share * modulus for share, modulus in zip(one, self._moduli, strict=True))
-        shape = (*self.mesh.element.shape, d)
-        out = self._gathered(self.mesh.element, np.broadcast_to(np.asarray(own)[:, None], shape))
+        column = np.zeros(len(self.mesh.start))
+        kernels.spread(self.mesh.element, own, column)
+        out = np.repeat(column[:, None], d, axis=1)
         for bed in self.boxes.beds:
             node = self.boxes.side_nodes(bed.box, bed.side)
             stiff = self._bed_stiffness(bed.box, bed.stiffness) / 3.0 ** (d - 1)
@@ -194,9 +203,17 @@ class CompatibleField:
         """Return the work of the loads."""
         return float(np.vdot(self._load, self.displacement))
 
+    def work_of_rest(self) -> float:
+        """Return the work of what an iteration has left of the loads."""
+        boxes = self.boxes
+        if boxes.rest is None:
+            return 0.0
+        area = boxes.size ** (boxes.dimension - 1)
+        return -float(kernels.work_on_sides(self.mesh.corner, boxes.rest, area, self.displacement))
+
     def whole_energy(self) -> float:
-        """Return the energy in body and bed."""
-        return 0.5 * float(np.vdot(self.displacement, self.force(self.displacement)))
+        """Return the energy in body and bed, once settled."""
+        return 0.5 * float(np.vdot(self.displacement, self._load - self.left))
 
     def mean_strains(self) -> Floats:
         """Return the mean strain tensors of the boxes, shape (boxes, d, d)."""

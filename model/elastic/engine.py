@@ -134,6 +134,27 @@ def solve_problem(
     return _prepared_solve(system, tolerance, guess)
 
 
+def settled(problem: ElasticProblem, solution: Solution, target: float) -> Solution:
+    """Let an answer settle further: to a relative algebraic error in the energy norm."""
+    if solution.algebraic <= target:
+        return solution
+    if solution.method not in ("full multigrid", "Galerkin multigrid"):
+        return solve_problem(problem, target, Answered(problem, solution))
+    system = System(problem, solution.prepared or Prepared(problem))
+    hierarchy, start = system.prepared.hierarchy, system.unknown(solution.displacement)
+    run = conjugate_gradients(
+        hierarchy.apply,
+        hierarchy.precondition,
+        system.right,
+        start,
+        lambda run: run.errors[-1] <= target or _at_rounding(run),
+        energy=system.energy,
+    )
+    return replace(
+        solution, displacement=system.displacement(run.solution), algebraic=run.errors[-1]
+    )
+
+
 def _prepared_solve(system: System, tolerance: float | None, guess: Vector | None) -> Solution:
     solution = _solve(system, tolerance, guess)
     _judge_rounding(system, solution)

@@ -130,7 +130,11 @@ def internal_force(problem: ElasticProblem, u: FaceFields) -> FaceFields:
     It is the gradient of the strain energy with respect to the face displacements, plus
     the force of the foundation.
     """
-    stress = stresses(problem, strains(u))
+    return force_of(problem, u, stresses(problem, strains(u)))
+
+
+def force_of(problem: ElasticProblem, u: FaceFields, stress: Strains) -> FaceFields:
+    """Return the forces on the faces by stresses, and by the foundation."""
     forces = []
     for axis, values in enumerate(u):
         force = problem.spring[axis] * values

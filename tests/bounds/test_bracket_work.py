@@ -7,9 +7,12 @@ import pytest
 
 from kaju import Scene, solve
 from kaju.model.elastic.balanced import BalancedStress
-from kaju.model.elastic.boxes import corner_ends
-from kaju.model.elastic.compatible import CompatibleField
+from kaju.model.elastic.boxes import boxes_of_cells, corner_ends
+from kaju.model.elastic.bracket import bracket_of
+from kaju.model.elastic.compatible import CompatibleField, _Modes
+from kaju.model.elastic.kernels_bilinear import pull
 from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
+from kaju.model.elastic.staggered import strain_energy
 
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
@@ -131,3 +134,33 @@ def test_bounds_of_solids_with_re_entrant_edges_lie_within_each_other(missing):
     for (low, high), (below, above) in pairwise(bounds):
         assert low < below < above < high
     assert bounds[-1][1] < 1.25 * bounds[-1][0]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_compiled_forces_are_those_of_the_modes(dimension):
+    rng = np.random.default_rng(dimension)
+    corners, count, nodes = 2**dimension, 40, 30
+    element = rng.permuted(np.tile(np.arange(nodes), (count, 1)), axis=1)[:, :corners].T.copy()
+    law = [rng.uniform(1, 2, count) for _ in range(3)]
+    v = rng.normal(size=(nodes, dimension))
+    found, modes = np.zeros_like(v), _Modes(dimension)
+    pull(element, *law, v, found)
+    plain = np.zeros_like(v)
+    np.add.at(plain, element, modes.back(modes.stress(modes.of(v[element]), law)))
+    np.testing.assert_allclose(found, plain, rtol=0, atol=1e-13 * np.abs(plain).max())
+
+
+def test_what_an_iteration_has_left_belongs_to_the_bound():
+    """An answer that has hardly settled: its bound holds, and is hardly worse."""
+    grid = solid(8, np.ones((2, 2, 2), dtype=int))
+    exact = solve(grid, strategy="uniform").found
+    for share in (1e-2, 1e-4):
+        rng = np.random.default_rng(1)
+        off = tuple(rng.normal(size=u.shape) * (u != 0) for u in exact.solution.displacement)
+        size = np.sqrt(strain_energy(exact.problem, off) / exact.energy)
+        u = tuple(
+            u + share / size * w for u, w in zip(exact.solution.displacement, off, strict=True)
+        )
+        found = bracket_of(boxes_of_cells(exact.problem, u, share, exact.grid, None))
+        assert found.lower <= exact.bracket.upper <= found.upper
+        assert exact.bracket.error <= found.error < exact.bracket.error + 4 * share

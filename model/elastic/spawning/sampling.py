@@ -51,7 +51,7 @@ def component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, ax
     wall = {a: walls[every, 2 * a + (local[:, a] > 0.5), axis] for a in others}
     for across, end in product(others, (0, 1)):
         loose = np.isnan(wall[across]) & np.isnan(walls[:, 2 * axis + end, axis])
-        some = np.flatnonzero(loose & (local[:, across] != 0.5))
+        some = np.flatnonzero(loose & (local[:, across] != 0.5) & (local[:, axis] != 1 - end))
         distance = (local[some, across] - 0.5) * grid.length[leaf[some]]
         slope = _slope(fields, leaf[some], axis, across, end, (distance > 0).astype(np.int64))
         value[some] += np.where(end, local[some, axis], 1.0 - local[some, axis]) * distance * slope

@@ -1,6 +1,7 @@
 """Random bodies put to their bounds: is the truth inside, and is the tolerance kept.
 
     python benchmarks/bounds.py [--bodies 200] [--first 0] [--tolerance 0.05] [--out FILE.csv]
+    python benchmarks/bounds.py --write      # the table in docs/bounds.md, from docs/bounds.csv
 
 Plane bodies of 3 to 6 pixels a side: up to three materials of contrasts up to 1e6, Poisson's ratios
 from -0.5 to 0.4999, clamped, on rollers, or both, pressed, pulled and dragged on sides and within.
@@ -26,6 +27,8 @@ from kaju.errors import ConvergenceError, KajuError
 from kaju.model.validation.graded_elements import solve_graded
 
 FEWER, LEVELS = 6, 10
+DOCS = Path(__file__).parent.parent / "docs"
+FROM, TO = "<!-- from bounds.csv -->", "<!-- to here -->"
 COLUMNS = (
     "seed", "status", "agents", "estimate", "bound", "lower", "upper", "doubt", "inside", "ratio",
     "true", "contrast", "ratio_most", "seconds", "why",
@@ -88,26 +91,28 @@ def put_to(seed: int, tolerance: float) -> dict[str, object] | None:
         doubt = abs(truth / solve_graded(scene, FEWER, order=3).energy - 1.0)
     except KajuError:
         return None
+    moduli = [m.youngs_modulus for m in scene.cell_materials]
+    about: dict[str, object] = {
+        "contrast": max(moduli) / min(moduli),
+        "ratio_most": max(m.poissons_ratio for m in scene.cell_materials),
+    }
     began, why = process_time(), ""
     try:
         result = solve(scene, tolerance=tolerance)
     except ConvergenceError as error:
         why, result = str(error)[:80], error.best
     except KajuError as error:
-        return {"seed": seed, "status": "refused", "why": str(error)[:80]}
+        return {"seed": seed, "status": "refused", "why": str(error)[:80]} | about
     seconds = process_time() - began
-    moduli = [m.youngs_modulus for m in scene.cell_materials]
     row: dict[str, object] = {
         "seed": seed,
         "status": result.tolerance_kept if not why else "error",
         "agents": result.agents,
         "estimate": result.error_estimate,
         "doubt": doubt,
-        "contrast": max(moduli) / min(moduli),
-        "ratio_most": max(m.poissons_ratio for m in scene.cell_materials),
         "seconds": round(seconds, 2),
         "why": why or result.no_bound,
-    }
+    } | about
     if result.energy_bounds is not None:
         lower, upper = result.energy_bounds
         # Elements come from below, and are off by about what two of their meshes differ in.
@@ -142,6 +147,43 @@ def told(rows: list[dict[str, object]], tolerance: float) -> str:
     )
 
 
+def table(rows: list[dict[str, str]]) -> str:
+    """Return what came of bodies as a table."""
+
+    def line(name: str, chosen: list[dict[str, str]]) -> str:
+        bounded = [row for row in chosen if row["bound"]]
+        ratio = np.array([float(row["ratio"]) for row in bounded])
+        inside = sum(row["inside"] == "True" for row in bounded)
+        kept = sum(row["status"] == "proved" for row in chosen)
+        told = f"{np.median(ratio):.2f} | {np.quantile(ratio, 0.95):.2f} | {ratio.max():.2f}"
+        return f"| {name} | {len(chosen)} | {len(bounded)} | {inside} | {told} | {kept} |"
+
+    near = [row for row in rows if float(row["ratio_most"]) > 0.45]
+    groups = {
+        "all": rows,
+        "contrast below 30": [row for row in rows if float(row["contrast"]) < 30],
+        "30 to 1,000": [row for row in rows if 30 <= float(row["contrast"]) < 1e3],
+        "above": [row for row in rows if float(row["contrast"]) >= 1e3],
+        "Poisson's ratio above 0.45": near,
+    }
+    head = [
+        "| bodies | number | with bounds | truth inside | bound / true error: median | 95 % | "
+        "largest | tolerance proved |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    return "\n".join([*head, *(line(name, chosen) for name, chosen in groups.items() if chosen)])
+
+
+def write() -> None:
+    """Put the table of the stored run into the page."""
+    with (DOCS / "bounds.csv").open(newline="") as stream:
+        found = table([row for row in csv.DictReader(stream) if row["ratio_most"]])
+    page = (DOCS / "bounds.md").read_text(encoding="utf-8")
+    before, rest = page.split(FROM)
+    after = rest.split(TO)[1]
+    (DOCS / "bounds.md").write_text(f"{before}{FROM}\n{found}\n{TO}{after}", encoding="utf-8")
+
+
 def main() -> None:
     """Put bodies to their bounds, and tell."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -149,7 +191,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--tolerance", type=float, default=0.05)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--write", action="store_true")
     asked = parser.parse_args()
+    if asked.write:
+        write()
+        return
     rows: list[dict[str, object]] = []
     seed = asked.first
     while len(rows) < asked.bodies:
@@ -162,11 +208,14 @@ def main() -> None:
             " ".join(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items())
         )
         sys.stdout.flush()
-    if asked.out:
-        with asked.out.open("w", newline="") as stream:
-            writer = csv.DictWriter(stream, COLUMNS)
-            writer.writeheader()
-            writer.writerows(rows)
+        if asked.out:
+            with asked.out.open("w", newline="") as stream:
+                writer = csv.DictWriter(stream, COLUMNS)
+                writer.writeheader()
+                writer.writerows(
+                    {k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()}
+                    for row in rows
+                )
     print(told(rows, asked.tolerance))
 
 

@@ -1,9 +1,10 @@
 """What a body of equal cells costs beside a plain plate or cube: `python benchmarks/room.py`.
 
 Processor time of `kaju.solve` a cell that is solved (where a member is one cell wide, the scene's
-cells are halved), the least of several runs that take turns, so that a busy
-machine slows all alike. The last column is what `error_bound` takes, as a share of that. Give another checkout's `src` folder by PYTHONPATH to see its figures;
-the ratios to the plain body of the same run are what can be compared.
+cells are halved), the least of several runs that take turns, so that a busy machine slows all
+alike; with `--bounds` also what `error_bound` takes, as a share of that. Give another checkout's
+`src` folder by PYTHONPATH to see its figures; the ratios to the plain body of the same run are
+what can be compared.
 """
 
 from __future__ import annotations
@@ -96,7 +97,8 @@ def main() -> None:
     prices = {n: 1e6 * least[n] / (asked.cells * finer[n]) ** asked.dimension for n in names}
     for name, price in prices.items():
         ratio, halved = price / prices["plain"], "yes" if finer[name] > 1 else "no"
-        print(f"{name:8} {price:9.3f} {ratio:6.2f} {halved:>6} {bound[name] / least[name]:6.2f}  {method[name]}")
+        share = bound[name] / least[name]
+        print(f"{name:8} {price:9.3f} {ratio:6.2f} {halved:>6} {share:6.2f}  {method[name]}")
 
 
 if __name__ == "__main__":

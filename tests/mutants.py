@@ -45,6 +45,7 @@ ROOMS = {
     "model/elastic/balanced.py": "bounds/test_bracket.py",
     "model/elastic/compatible.py": "bounds/test_bracket.py",
     "model/elastic/bracket.py": "bounds/test_bracket.py",
+    "model/elastic/volume_field.py": "bounds/test_bracket_work.py",
 }
 NAMED = {
     "friction on hexagons": (

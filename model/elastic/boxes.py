@@ -145,6 +145,8 @@ class Boxes:
     held : list of Held
     beds : list of Bed
     mesh : Mesh
+    moved : array, shape (2·dimension, boxes)
+        Mean displacement of every side across itself.
     rest : array, shape (2·dimension, boxes)
         Normal stress on sides that the iteration has not balanced yet.
     unsettled : float
@@ -166,6 +168,7 @@ class Boxes:
     held: list[Held]
     beds: list[Bed]
     mesh: Mesh
+    moved: Floats
     rest: Floats | None = None
     unsettled: float = 0.0
     corners: dict[Pair, Corners] = field(default_factory=dict)
@@ -285,10 +288,22 @@ def boxes_of_cells(
         list(_held_cells(problem, cells, beyond)),
         list(_beds_of_cells(problem, cells, beyond)),
         Mesh(corner, corner, np.arange(n), np.ones(n), nothing, nothing.reshape(2, 0), start),
+        _moved_cells(u, cells),
         _rest_of_cells(problem, u, stress, number),
         unsettled,
         corners,
     )
+
+
+def _moved_cells(u: FaceFields, cells: Index) -> Floats:
+    """Return how the faces of cells move across themselves."""
+    found = np.empty((2 * len(u), len(cells)))
+    for side, moved in enumerate(found):
+        axis, upper = divmod(side, 2)
+        place = cells.copy()
+        place[:, axis] += upper
+        moved[:] = u[axis][tuple(place.T)]
+    return found
 
 
 def _rest_of_cells(

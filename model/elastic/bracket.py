@@ -26,6 +26,7 @@ from .balanced import BalancedStress
 from .boxes import Boxes, Law
 from .compatible import CompatibleField
 from .problem import Floats
+from .volume_field import LOCKING, VolumeField
 
 Means = tuple[Floats, dict[tuple[int, int], Floats]]
 """Normal stresses along every axis, and shear stresses by pair of axes."""
@@ -113,7 +114,7 @@ def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
     return _between(stress, field)
 
 
-def _between(stress: BalancedStress, v: CompatibleField) -> Bracket:
+def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket:
     """Compare the two stresses: the hypercircle.
 
     What an iteration has left balances loads that differ a little from the true ones; the
@@ -122,10 +123,15 @@ def _between(stress: BalancedStress, v: CompatibleField) -> Bracket:
     bed, wall_work = _at_supports(stress)
     complementary = float(stress.energies.sum()) + bed
     rest = stress.boxes.unsettled * sqrt(2.0 * complementary)
-    v.settle(complementary - wall_work)
     moved = any(held.value.any() for held in stress.boxes.held)
-    if not moved:
-        v.stretch(_best_share(v))
+    fields: list[CompatibleField | VolumeField] = [plain]
+    if _locks(stress.boxes):
+        fields.append(VolumeField(plain))
+    for v in fields:
+        v.settle(complementary - wall_work)
+        if not moved:
+            v.stretch(_best_share(v))
+    v = max(fields, key=lambda v: v.work() - v.whole_energy())
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
     gap = complementary - wall_work - balanced + whole
@@ -143,7 +149,7 @@ def _between(stress: BalancedStress, v: CompatibleField) -> Bracket:
     return Bracket(lower, upper, error, partial(_parts, stress, v))
 
 
-def _parts(stress: BalancedStress, field: CompatibleField) -> tuple[Floats, Floats]:
+def _parts(stress: BalancedStress, field: CompatibleField | VolumeField) -> tuple[Floats, Floats]:
     """Return every box's part of the squared distance, and the mean stress."""
     means, strain = stress.means(), field.mean_strains()
     volume = stress.boxes.size**stress.boxes.dimension
@@ -151,7 +157,13 @@ def _parts(stress: BalancedStress, field: CompatibleField) -> tuple[Floats, Floa
     return shares, _mean_stress(stress.boxes.law, means, strain)
 
 
-def _best_share(field: CompatibleField) -> float:
+def _locks(boxes: Boxes) -> bool:
+    """Tell whether bodies are so nearly incompressible that sides have to bend."""
+    stiff = boxes.law.lateral > LOCKING * boxes.law.stretch
+    return boxes.dimension == 2 and not boxes.beds and bool(stiff.any())
+
+
+def _best_share(field: CompatibleField | VolumeField) -> float:
     """Return by what to multiply a field so that its potential energy is least."""
     whole = 2.0 * field.whole_energy()
     return field.work() / whole if whole > 0.0 else 1.0

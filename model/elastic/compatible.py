@@ -36,6 +36,8 @@ class CompatibleField:
     displacement : array, shape (nodes, dimension)
     left : array, shape (nodes, dimension)
         Loads less the forces that hold the corners at it; known once it has settled.
+    given : array, shape (nodes, dimension)
+        What supports give; NaN where nothing does.
     jumps : bool
         Whether supports give a corner two displacements at once: no field without gaps has that.
     """
@@ -46,15 +48,15 @@ class CompatibleField:
         self._modes = _Modes(boxes.dimension)
         owner, power = self.mesh.owner, boxes.dimension - 2
         self._moduli = [modulus[owner] * self.mesh.edge**power for modulus in boxes.law]
-        self._load = self._forces()
-        self._given, self.jumps = self._supports()
+        self._load = self.forces()
+        self.given, self.jumps = self._supports()
         self.displacement = self.mesh.start
         self.hold()
         self.left = np.zeros_like(self.displacement)
 
     def hold(self) -> None:
         """Make the field fit: at the supports, and along straight sides."""
-        self.displacement = np.where(np.isnan(self._given), self.displacement, self._given)
+        self.displacement = np.where(np.isnan(self.given), self.displacement, self.given)
         self._straighten(self.displacement)
 
     def _straighten(self, v: Floats) -> None:
@@ -75,18 +77,21 @@ class CompatibleField:
         flat = force.reshape(len(at), force.shape[-1])
         return np.stack([np.bincount(at, column, count) for column in flat.T], axis=1)
 
-    def _forces(self) -> Floats:
+    def forces(self, across: bool = True) -> Floats:
+        """Return the loads at the nodes, or only those along surfaces."""
         boxes, mesh, d = self.boxes, self.mesh, self.boxes.dimension
         load = np.zeros_like(mesh.start)
-        if boxes.body.any():
+        if across and boxes.body.any():
             each = (boxes.body[:, mesh.owner] * mesh.edge**d / len(self._ends)).T
             shape = (len(self._ends), *each.shape)
             load += self._gathered(mesh.element, np.broadcast_to(each, shape))
         for side in range(2 * d):
             on = boxes.loads.side == side
             box, force = boxes.loads.box[on], boxes.loads.force[on]
+            if not across:
+                force[:, side // 2] = 0.0
             node = boxes.side_nodes(box, side)
-            middle = self._middles(box, side)
+            middle = self.middles(box, side)
             # Where smaller boxes hang half of a load is the middle's.
             half = np.where(middle >= 0, 0.5, 0.0)[:, None] * force
             load += self._gathered(middle[middle >= 0], half[middle >= 0])
@@ -95,7 +100,7 @@ class CompatibleField:
         self._lead(load)
         return load
 
-    def _middles(self, box: Index, side: int) -> Index:
+    def middles(self, box: Index, side: int) -> Index:
         """Return the nodes in the middle of a side of boxes where smaller ones hang, else -1."""
         hanging, found = self.boxes.hanging, np.full(len(self.boxes.size), -1)
         here = hanging.side == side
@@ -123,7 +128,8 @@ class CompatibleField:
     def force(self, v: Floats) -> Floats:
         """Return the forces that hold corners at a displacement."""
         d, out = self.boxes.dimension, np.zeros_like(v)
-        kernels.pull(self.mesh.element, *self._moduli, v, out)
+        stretch, lateral, shear = self._moduli
+        kernels.pull(self.mesh.element, stretch, lateral, shear, v, out)
         for bed in self.boxes.beds:
             axis = bed.side // 2
             node = self.boxes.side_nodes(bed.box, bed.side)
@@ -145,7 +151,7 @@ class CompatibleField:
             potential energy of no field is below its negative.
         """
         diagonal = self._diagonal()
-        free = np.isnan(self._given) & (diagonal > 0.0)
+        free = np.isnan(self.given) & (diagonal > 0.0)
         free[self.mesh.slave] = False
         weight = np.where(free, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
         self.left = self._load - self.force(self.displacement)

@@ -344,7 +344,7 @@ def _conditions() -> tuple[Floats, Floats]:
     rows: list[Floats] = []
     data: list[Floats] = []
     shared: dict[tuple[tuple[float, float], ...], list[_Edge]] = {}
-    for number, corners in enumerate(_triangles()):
+    for number, corners in enumerate(triangles()):
         slope = np.linalg.inv(np.c_[np.ones(3), np.array(corners)])[1:]
         for axis in (0, 1):
             row, given = np.zeros(144), np.zeros(34)
@@ -396,7 +396,7 @@ class _Edge(NamedTuple):
         return row
 
 
-def _triangles() -> Iterator[list[tuple[float, float]]]:
+def triangles() -> Iterator[list[tuple[float, float]]]:
     """Yield the corners of the 16 triangles: four quarters, crossed."""
     for x in (0.0, 0.5):
         for y in (0.0, 0.5):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kaju import Scene, solve
+from kaju.model.elastic import bracket
 from kaju.model.elastic.balanced import BalancedStress
 from kaju.model.elastic.boxes import boxes_of_cells, corner_ends
 from kaju.model.elastic.bracket import bracket_of
@@ -13,6 +14,8 @@ from kaju.model.elastic.compatible import CompatibleField, _Modes
 from kaju.model.elastic.kernels_bilinear import pull
 from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
 from kaju.model.elastic.staggered import strain_energy
+from kaju.model.elastic.volume_field import _form
+from kaju.model.validation.graded_elements import solve_graded
 
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.2}
@@ -164,3 +167,51 @@ def test_what_an_iteration_has_left_belongs_to_the_bound():
         found = bracket_of(boxes_of_cells(exact.problem, u, share, exact.grid, None))
         assert found.lower <= exact.bracket.upper <= found.upper
         assert exact.bracket.error <= found.error < exact.bracket.error + 4 * share
+
+
+def rubber(rows):
+    return Scene(
+        body={"cell_size": 0.05, "drawing": "\n".join(rows), "plane": "strain", "thickness": 0.01},
+        legend={letter: {".": "air"}.get(letter, letter) for letter in set("".join(rows))},
+        materials={"a": {"youngs_modulus": 1e6, "poissons_ratio": 0.4999}, "b": SOFT},
+        sides={"bottom": "rigid", "left": "roller"},
+        loads=[*DRAGGED, INNER[2]],
+    )
+
+
+@pytest.mark.parametrize(
+    "rows", [["aa..", "aa..", "aaaa", "aaaa"], ["aaaa", "aaaa", "abaa", "aaaa"]]
+)
+@pytest.mark.parametrize("how", [{"strategy": "uniform", "resolution": 4}, {"tolerance": 0.06}])
+def test_what_keeps_its_volume_does_not_lock(rows, how, monkeypatch):
+    scene = rubber(rows)
+    truth = solve_graded(scene, 10, order=3).energy
+    result = solve(scene, **({"strategy": "spawning"} | how))
+    lower, upper = result.energy_bounds
+    assert 0.95 * truth < lower < truth < upper
+    boxes = boxes_of_agents(
+        result.found.tree.spawning.balance, result.found.tree.spawning.displacement
+    )
+    found = [bracket_of(boxes)]
+    monkeypatch.setattr(bracket, "LOCKING", 2.0)
+    found.append(bracket_of(boxes))
+    assert found[0].error < 0.5 * found[1].error
+
+
+def test_a_box_that_keeps_its_volume_strains_evenly_where_its_sides_do():
+    place = np.array([(0, 0), (0, 1), (1, 0), (1, 1), (0, 0.5), (1, 0.5), (0.5, 0), (0.5, 1)])
+    for slope in ([[0.0, 1.0], [0.0, 0.0]], [[1.0, 0.2], [0.0, -1.0]], [[1.0, 0.0], [0.5, 1.0]]):
+        moved = place @ np.transpose(slope)
+        halves = np.array([[(0, 0.25), (0, 0.75)], [(1, 0.25), (1, 0.75)], [(0.25, 0), (0.75, 0)],
+                           [(0.25, 1), (0.75, 1)]])  # fmt: skip
+        across = np.stack([(halves[k] @ np.transpose(slope))[:, k // 2] for k in range(4)])
+        data = np.concatenate([moved.ravel(), across.ravel()])
+        strain = 0.5 * (np.array(slope) + np.transpose(slope))
+        for straight in range(16):
+            form = _form(straight)
+            assert data @ form.shear @ data == pytest.approx((strain**2).sum())
+            np.testing.assert_allclose(form.mean @ data, moved[3] / 2, atol=1e-12)
+    # Of all within these sides, none strains less: three ways cost nothing, those of a rigid body.
+    values = np.linalg.eigvalsh(_form(0).shear)
+    assert values[:3] == pytest.approx(0.0, abs=1e-12)
+    assert values[3] > 0.1

@@ -31,10 +31,14 @@ from .leaves import Flags
 from .nested import NestedMultigrid
 
 if TYPE_CHECKING:
+    from kaju.model.elastic.bracket import Bracket
+
     from .generations import Spawner
 
 FAR, LOCAL = 1.6, 1.1
 """Factors of the two parts."""
+SURE, OF_GAP = 1.5, 0.25
+"""What is told is so many times the estimate, or this share of what the energy is unknown by."""
 ACCURACY, ROUGHLY = 1e-6, 0.02
 """To which share of itself the far-reaching part is solved: for the result, while spawning."""
 BEHIND = 0.125
@@ -59,6 +63,18 @@ class DisplacementError(NamedTuple):
     def largest(self) -> float:
         """The largest displacement error of all."""
         return float((self.far + self.local).max())
+
+
+def surely(error: DisplacementError, bracket: Bracket | str) -> float:
+    """Return a displacement error that the true one hardly exceeds.
+
+    Where stiff parts all but touch, agents do not see what lies between them: the bounds of
+    the energy do.
+    """
+    if isinstance(bracket, str) or not bracket.upper > 0.0:
+        return SURE * error.largest
+    gap = (bracket.upper - bracket.lower) / (bracket.upper + bracket.lower)
+    return max(SURE * error.largest, OF_GAP * gap)
 
 
 def displacement_error(

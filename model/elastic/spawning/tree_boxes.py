@@ -81,6 +81,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
         list(_held(grid, beyond)),
         list(_beds(grid)),
         _mesh(grid, fields, law, hanging),
+        fields.sides.T,
     )
 
 

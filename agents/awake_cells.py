@@ -9,6 +9,7 @@ looks: they tell the same as `MaterialAgent` and `BoundaryAgent`, and cannot be 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,9 +22,18 @@ from .material_agent import MaterialAgent
 from .placed import PlacedAgent
 
 if TYPE_CHECKING:
-    from .load import Load
     from .materials import Material
-    from .shares import Shares
+    from .shares import Load, Shares
+
+
+def _filled(row: NDArray[np.float64]) -> dict[int, float]:
+    """Return the entries of a row that are not 0."""
+    return {column: value for column, value in enumerate(row.tolist()) if value}
+
+
+def _told(column: str, read: Callable[[Any], Any]) -> Any:
+    """Return a property that reads the agent's row of a column of the current stage."""
+    return property(lambda agent: read(getattr(agent._stage, column)[agent.row]))
 
 
 class _Row(PlacedAgent):
@@ -54,6 +64,12 @@ class AwakeCell(_Row, MaterialAgent):
     """A material agent that is a row of the model's arrays."""
 
     _column = "cells"
+    spawn_step = _told("spawn_step", int)
+    taken = _told("taken", _filled)
+    pulled = _told("pulled", _filled)
+    squeezed = _told("kept", _filled)
+    passed = _told("passed", _filled)
+    dropped = _told("dropped", float)
 
     @property
     def material(self) -> Material:
@@ -68,44 +84,14 @@ class AwakeCell(_Row, MaterialAgent):
         return shares
 
     @property
-    def spawn_step(self) -> int:
-        """Generation in which the first load was taken, counted from 1."""
-        return int(self._stage.spawn_step[self.row])
-
-    @property
     def woken_by(self) -> list[AwakeCell]:
         """The agents whose loads arrived in that generation."""
         return [self.model.agent_at(cell) for cell in self.model.wakers(self.row)]
 
     @property
-    def taken(self) -> dict[int, float]:
-        """Loads taken (N), by the direction their force points along."""
-        return _filled(self._stage.taken[self.row])
-
-    @property
-    def pulled(self) -> dict[int, float]:
-        """The pulls among them (N)."""
-        return _filled(self._stage.pulled[self.row])
-
-    @property
     def kept(self) -> float:
         """Sum of the own shares (N)."""
         return self.shares.own * float(self._stage.taken[self.row].sum())
-
-    @property
-    def squeezed(self) -> dict[int, float]:
-        """What is kept along each axis (N), pushes less pulls."""
-        return _filled(self._stage.kept[self.row])
-
-    @property
-    def passed(self) -> dict[int, float]:
-        """Loads handed over (N), by arm."""
-        return _filled(self._stage.passed[self.row])
-
-    @property
-    def dropped(self) -> float:
-        """Emissions up to the threshold (N)."""
-        return float(self._stage.dropped[self.row])
 
     @property
     def form(self) -> int:
@@ -133,22 +119,14 @@ class AwakeBoundary(_Row, BoundaryAgent):
     """A boundary agent that is a row of the model's arrays."""
 
     _column = "boundary_cells"
+    spawn_step = _told("boundary_spawn_step", int)
+    returned = _told("returned", float)
 
     @property
     def name(self) -> str:
         """Whether it is "free", "rigid" or "roller"."""
         name: str = self.model.boundary_name(int(self._stage.boundary_kind[self.row]))
         return name
-
-    @property
-    def spawn_step(self) -> int:
-        """Generation in which the first load was given back, counted from 1."""
-        return int(self._stage.boundary_spawn_step[self.row])
-
-    @property
-    def returned(self) -> float:
-        """Sum of the loads given back (N)."""
-        return float(self._stage.returned[self.row])
 
     @property
     def kept(self) -> float:
@@ -164,8 +142,3 @@ class AwakeBoundary(_Row, BoundaryAgent):
     def passed(self) -> dict[int, float]:
         """Loads given back (N), by the arm to the agent that takes them."""
         return _filled(self.model.engine.at_boundary()[1][self.row])
-
-
-def _filled(row: NDArray[np.float64]) -> dict[int, float]:
-    """Return the entries of a row that are not 0."""
-    return {column: value for column, value in enumerate(row.tolist()) if value}

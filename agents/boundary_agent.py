@@ -6,8 +6,8 @@ from typing import Protocol
 
 from kaju._mesa import Cell
 
-from .load import Load
 from .placed import PlacedAgent
+from .shares import Load
 
 
 class Clock(Protocol):

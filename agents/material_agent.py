@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 
 from kaju._mesa import Cell
 
-from .load import Load
 from .placed import PlacedAgent
-from .shares import Emission, Shares
+from .shares import Emission, Load, Shares
 
 if TYPE_CHECKING:
     from .materials import Material

@@ -22,13 +22,13 @@ from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kaju.agents import rheology_steps as steps
 from kaju.agents.history import History
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
-Floats = NDArray[np.float64]
 Number = float | Floats
 Answer = Callable[[ArrayLike], Floats]
 

@@ -30,16 +30,15 @@ from math import sqrt
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from kaju.agents.history import History
-
-Floats = NDArray[np.float64]
 
 
 class Law(Protocol):

@@ -13,10 +13,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.agents.rules import ElasticRule
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.compare import Comparison, compare
 from kaju.model.elastic.settling.elastic_model import ElasticModel
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from kaju.model.result import BodyResult
     from kaju.model.scene import Scene
 
-Floats = NDArray[np.float64]
 
 CHOSEN = "prescribed rule"
 FITTED = "prescribed rule, fitted"

@@ -14,12 +14,12 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Floats
 from kaju.errors import ParameterError, StabilityError
-from kaju.model.compare import Comparison, Settling, compare
-from kaju.model.pair import Pair
+from kaju.model.compare import Comparison, Pair, Settling, compare
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
 from kaju.model.result import BodyResult
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.scene import Scene
 
-Floats = NDArray[np.float64]
 Quantity = Literal["displacement", "stress"]
 
 GLOBAL_SHARE = 0.7

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
 from kaju.model.archive import open_archive, reading, write_archive
 from kaju.model.formats import REFERENCE
@@ -21,7 +22,6 @@ from kaju.model.formats import REFERENCE
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-Floats = NDArray[np.float64]
 
 _SAME_PLACE = 1e-7
 """Points this near, as a share of the extent of all points, are the same point."""

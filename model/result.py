@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ResultError
 
 from .archive import Archive, open_archive, reading, write_archive
@@ -53,7 +54,6 @@ class Curves:
     logarithmic: bool = False
 
 
-Floats = NDArray[np.float64]
 _SCENE = "scene."
 
 INSIDE = "rigid"
@@ -96,14 +96,37 @@ class Result:
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per agent, or per time."""
 
-    @abstractmethod
     def save(self, path: str | Path) -> Path:
-        """Write it to one file, from which `kaju.load_result` reads it again."""
+        """Write it to one ``.npz`` file, whole or not at all; `kaju.load_result` reads it again.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        return write_archive(path, self.kind, *self._stored())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a result that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, is damaged, or holds something else.
+        """
+        archive = open_archive(path, *cls.kinds())
+        with reading(path):
+            return cls._restored(archive)
+
+    @abstractmethod
+    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored: arrays, and plain values."""
 
     @classmethod
     @abstractmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a result that `save` wrote."""
+    def _restored(cls, archive: Archive) -> Self:
+        """Return the result that `_stored` took apart."""
 
     @classmethod
     def kinds(cls) -> tuple[str, ...]:
@@ -217,35 +240,18 @@ class BodyResult(Result):
             columns[f"stress_{one}{other} (Pa)"] = stress[:, a, b]
         return pd.DataFrame(columns)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the result to one ``.npz`` file, whole or not at all.
-
-        Raises
-        ------
-        ResultFileError
-            If the file cannot be written.
-        """
+    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         text, scene_arrays = self.scene.to_archive()
         arrays, about = self._archive()
         arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
-        about |= {"scene": text, "seconds": self.seconds}
-        return write_archive(path, self.kind, arrays, about)
+        return arrays, about | {"scene": text, "seconds": self.seconds}
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a result that `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, is damaged, or holds something else.
-        """
+    def _restored(cls, archive: Archive) -> Self:
         from kaju.model.scene import Scene
 
-        archive = open_archive(path, *cls.kinds())
-        with reading(path):
-            scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
-            return cls._from_archive(scene, archive)
+        scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
+        return cls._from_archive(scene, archive)
 
     @abstractmethod
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

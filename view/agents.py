@@ -12,6 +12,7 @@ from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 from .body import draw_body, finish
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
-
-    from .section import Floats, Ints
 
 
 class Symbol(NamedTuple):

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaju.arrays import Floats
+
 from .comparison import (
     TITLE,
     Comparisons,
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from kaju.model.beside_elasticity import BesideElasticity, Way
     from kaju.model.compare import Comparison
 
-    from .section import Floats
 
 BELIEVED = "elasticity"
 

@@ -9,6 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.model.scene import kinds
 
 from .forces import draw_forces
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
     from kaju.model.scene import Scene
 
-    from .section import Floats, Ints, Section
+    from .section import Section
 
 _SUPPORTS = {
     kinds.RIGID: ("rigid", "////"),

@@ -13,9 +13,9 @@ from matplotlib.colors import Normalize, SymLogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.compare import Comparison, near_line
-from kaju.model.pair import Pair
+from kaju.model.compare import Comparison, Pair, near_line
 from kaju.model.reference import Reference
 
 from .body import draw_body
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .section import Floats, Section
+    from .section import Section
 
 
 COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")

@@ -11,6 +11,7 @@ from matplotlib import colormaps
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.elastic.export import same_points
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.result import BodyResult
 
-    from .section import Floats, Ints
 
 MovedAt = Callable[["Floats"], "Floats"]
 """Displacements (m) at points (m)."""

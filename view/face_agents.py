@@ -15,6 +15,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 from .agents import spawn_bar, spawn_norm
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 
     from kaju.model.elastic.settling.run import ElasticRun
 
-    from .section import Floats, Ints, Section
+    from .section import Section
 
 Cut = Mapping[str, float]
 

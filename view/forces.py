@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
+
 from .style import FORCE, add_polygons, arrow_polygons
 from .units import counted, quantity
 
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 
     from kaju.model.scene import AppliedLoads, Scene
 
-    from .section import Floats, Ints, Section
+    from .section import Section
 
 MOST_ARROWS = 24
 """Of more loaded faces than this, so many evenly chosen ones get an arrow."""

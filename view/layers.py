@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.collections import LineCollection
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.result import Tiles
 
 from .body import draw_body
-from .section import Floats, Ints, Section, layer_at, section_of
+from .section import Section, layer_at, section_of
 from .style import INK, add_polygons
 from .units import grouped, quantity
 

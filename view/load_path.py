@@ -10,12 +10,13 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 
+from kaju.arrays import Floats
 from kaju.model.propagation.load_path import load_path
 
 from .body import draw_body, finish
 from .forces import draw_forces
 from .loads import CLOSE_UP, load_norm
-from .section import WHOLE_UP_TO, Floats, Section, section_of
+from .section import WHOLE_UP_TO, Section, section_of
 from .style import INK, LOADS, RIM, add_polygons, arrow_polygons, colour_bar, new_axes
 from .units import counted, grouped
 

@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.lines import Line2D
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .body import draw_body, finish
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
 
-    from .section import Floats
 
 ARROWS_ACROSS = 64
 """Where more tiles than this lie side by side, arrows stand for blocks of cells."""

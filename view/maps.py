@@ -9,13 +9,14 @@ import numpy as np
 from matplotlib.colors import Normalize
 
 from kaju.agents.materials import suggestion
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 from .body import draw_body, finish
 from .forces import draw_forces
 from .layers import Squares, draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import load_norm
-from .section import Floats, Ints, Section, section_of
+from .section import Section, section_of
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity
 

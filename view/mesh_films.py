@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -18,6 +18,7 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.arrays import Floats, Ints
 from kaju.errors import MissingExtraError, ResultFileError
 from kaju.files import scratch_beside
 
@@ -26,9 +27,6 @@ from .files import new_folder
 from .motion import Frame, Motion
 from .style import SIZE
 from .units import round_down
-
-if TYPE_CHECKING:
-    from .section import Floats, Ints
 
 _FLOAT, _BYTE, _INDEX = 5126, 5121, 5125
 _VERTICES, _INDICES = 34962, 34963

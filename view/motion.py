@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
+
 from .section import CORNERS
 
 if TYPE_CHECKING:
@@ -22,8 +24,6 @@ if TYPE_CHECKING:
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.result import BodyResult
-
-    from .section import Floats, Ints
 
     MovedAt = Callable[[Floats], Floats]
 

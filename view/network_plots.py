@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .reels import TWO_LINES, Reel
@@ -38,8 +39,6 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
     from kaju.model.network.network_result import NetworkResult
-
-    from .section import Floats
 
 
 Colour = Literal["tension", "strain"]

@@ -9,11 +9,11 @@ from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from numpy.typing import NDArray
+
+from kaju.arrays import Flags, Floats, Ints
 
 from .layers import FINEST, small_agents, together
 from .quadtree import Standing, bar_of, look_of, standing, told
-from .section import Floats, Ints
 from .space import Box, box_around, space_for
 from .style import caption
 from .units import quantity
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.scene import Scene
 
-Flags = NDArray[np.bool_]
 
 MOST_ARROWS = 5
 """Few, for they hide what lies below."""

@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
 
 from kaju.agents.materials import suggestion
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.result import Tiles
 
 from .body import finish
 from .forces import draw_forces
 from .layers import agents_told, draw_squares, draw_surroundings, layer_of, squares_of
-from .section import Floats, Ints
 from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, colour_bar, new_axes
 
 if TYPE_CHECKING:

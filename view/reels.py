@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
@@ -25,7 +26,7 @@ from .layers import draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, loads_taken, sense_entries
 from .octree import MOST_ARROWS, draw_cubes, view_of, view_told
 from .quadtree import OF_EVERY_GENERATION, bar_of, look_of, standing, told
-from .section import Floats, section_of
+from .section import section_of
 from .space import box_around, draw_agents_in_space, space_for
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes

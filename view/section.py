@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 from .units import grouped, quantity
@@ -22,9 +23,6 @@ from .units import grouped, quantity
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y

@@ -12,6 +12,8 @@ from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from kaju.arrays import Floats, Ints
+
 from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
 from .forces import MOST_ARROWS, force_arrows, told
 from .section import one_a_place
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.scene import Scene
-
-    from .section import Floats, Ints
 
 
 MOST_ACROSS = 40

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .style import FAINT, FORCE, INK, LINE, caption, label_axis, new_axes, new_figure
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from kaju.model.propagation.transfer_result import TransferResult
 
-    from .section import Floats
 
 Growing = Literal["displacement", "agents"]
 

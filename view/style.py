@@ -23,6 +23,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
+
 from .files import RESOLUTION
 from .units import scale_for
 
@@ -202,8 +204,6 @@ def legend(ax: Axes, handles: Sequence[Artist]) -> None:
         columnspacing=1.4,
     )
 
-
-Floats = NDArray[np.float64]
 
 # Corners of an arrow: how far along it from the head backwards, in head lengths (-1: at the
 # tail), and how far aside, in shaft widths.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
 from kaju.model.sweep.job import ERROR
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Floats = NDArray[np.float64]
 
 MOST_LEVELS = 12
 """With more values than this, means are taken over bins of equally many runs."""

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.scene import Scene
 from kaju.model.validation.scene_elements import (
     ElementAnswer,
-    Floats,
     Index,
     cell_mesh,
     cells_of,

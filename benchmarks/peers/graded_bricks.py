@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
-from kaju.model.validation.scene_elements import Floats, Index, cells_of, factorised, scene_moduli
+from kaju.model.validation.scene_elements import Index, cells_of, factorised, scene_moduli
 
 DIRECT = 60_000
 """Up to this many unknowns are factorised."""

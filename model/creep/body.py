@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
 from kaju.agents.rheology_steps import Laws
+from kaju.arrays import Floats
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
 from kaju.model.formats import TRANSFER_IN_TIME, sizes_of
@@ -26,8 +27,6 @@ from kaju.model.result import BodyResult, cells_of_points
 
 from .elements import Elements
 from .state import BodyCourse, times_of
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

@@ -14,11 +14,12 @@ from time import perf_counter
 from typing import Any, Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kaju.agents import rheology_steps
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic.solve import solve
 from kaju.model.network.springs import SpringNetwork
@@ -33,9 +34,6 @@ from .march import Drive, Log, Pace, march
 from .network import CreepingNetwork
 from .network_result import NetworkCreepResult
 from .state import CreepResult, CreepState
-
-Floats = NDArray[np.float64]
-
 
 System = Elements | CreepingNetwork | SteppedBody
 _STATIC_TOLERANCE = 1e-10

@@ -19,7 +19,6 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from kaju.agents.materials import Material
 from kaju.agents.rheology_steps import (
@@ -31,6 +30,7 @@ from kaju.agents.rheology_steps import (
     stage_energy,
     stored_energy,
 )
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError
 from kaju.model.elastic.fallback import DIRECT_LIMIT, algebraic_preconditioner
 from kaju.model.elastic.hierarchy import Hierarchy
@@ -48,9 +48,6 @@ from kaju.model.factors import factors_of
 
 from .body import law_of
 from .march import Fields, Push
-
-Floats = NDArray[np.float64]
-
 
 _FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
 """Faces up to which factors, which serve many steps, are worth their making, by dimension."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.rheology_steps import Laws
+from kaju.arrays import Floats
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
 from kaju.model.elastic import fields
@@ -30,8 +31,6 @@ from .body import law_of
 from .elastic import CreepingBody
 from .elements import Elements
 from .state import BodyCourse, times_of
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.rheology_steps import (
     Energy,
@@ -14,10 +13,9 @@ from kaju.agents.rheology_steps import (
     stage_energy,
     stored_energy,
 )
+from kaju.arrays import Floats
 
 from .march import Fields, Push
-
-Floats = NDArray[np.float64]
 
 
 class Elements:

@@ -21,16 +21,15 @@ from math import ceil, inf, isfinite
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.history import History
 from kaju.agents.rheology_steps import Energy, Scheme
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, KajuError, TangentError
 from kaju.stopping import stopped
 
 from .state import CreepState
 
-Floats = NDArray[np.float64]
 Fields = tuple[Floats, ...]
 
 _SAME_MOMENT = 1e-12

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, diags_array
 
 from kaju.agents.rheology import ThreeElement
@@ -18,6 +18,7 @@ from kaju.agents.rheology_steps import (
     stage_energy,
     stored_energy,
 )
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import SpringLaw, find_balance, tangent_error
@@ -83,8 +84,6 @@ def _node_masses(mass: ArrayLike, nodes: int) -> Floats:
         raise ParameterError("mass: every node needs a mass above 0 kg; leave it out for none")
     return masses[:, None].copy()
 
-
-Floats = NDArray[np.float64]
 
 _SHARES = (1, 2, 4, 8, 16)
 """Into how many shares a load is divided, one after the other, before Newton gives up."""

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.model.archive import Archive
 from kaju.model.formats import NETWORK_IN_TIME
 from kaju.model.network.assembler import spring_forces, spring_geometry
@@ -21,8 +22,6 @@ from kaju.model.network.springs import SpringNetwork
 from kaju.model.result import Curves
 
 from .state import Course, times_of
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)

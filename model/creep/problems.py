@@ -12,15 +12,13 @@ from math import exp, expm1, log1p
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .state import CreepResult
-
-Floats = NDArray[np.float64]
 
 _ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 

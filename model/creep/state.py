@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.arrays import Floats
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_beside
-from kaju.model.archive import Archive, open_archive, reading, unpacked, write_archive
+from kaju.model.archive import Archive, reading, unpacked
 from kaju.model.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME, StateRecord
 from kaju.model.result import BodyResult, Curves, Result
 
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     import pandas
 
     from kaju.model.scene import Scene
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,41 +200,28 @@ class Course(Result):
                 columns[f"{name.replace(' ', '_')}_{curves.unit}"] = values
         return pd.DataFrame(columns)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the result to one ``.npz`` file, whole or not at all.
-
-        Raises
-        ------
-        ResultFileError
-            If the file cannot be written.
-        """
+    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = self._own()
         arrays |= {f"course.{name}": getattr(self, name) for name in COURSE}
         arrays |= {f"state.{i}": part for i, part in enumerate(self.state.fields)}
         numbers = {name: getattr(self.state, name) for name in CREEP_STATE}
-        about |= {"course_seconds": self.seconds, "course_notes": self.notes}
-        return write_archive(path, self.kind, arrays, {**about, "state": numbers})
+        course = {"course_seconds": self.seconds, "course_notes": self.notes}
+        return arrays, {**about, **course, "state": numbers}
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a result that `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, or holds something else.
-        """
-        archive = open_archive(path, cls.kind)
-        with reading(path):
-            course = archive.columns(COURSE, {}, "course.")
-            count = len(archive.part("state."))
-            fields = tuple(archive.array(f"state.{i}", "f", None) for i in range(count))
-            state = CreepState(fields, **archive.value("state", StateRecord))
-            seconds = archive.value("course_seconds", float)
-            archive.about.setdefault("course_notes", [])  # written before there were notes
-            notes = tuple(archive.value("course_notes", list[str]))
-            own = cls._from_own(archive)
-            return cls(**course, state=state, seconds=seconds, notes=notes, **own)
+    def _restored(cls, archive: Archive) -> Self:
+        course = archive.columns(COURSE, {}, "course.")
+        count = len(archive.part("state."))
+        fields = tuple(archive.array(f"state.{i}", "f", None) for i in range(count))
+        state = CreepState(fields, **archive.value("state", StateRecord))
+        archive.about.setdefault("course_notes", [])  # written before there were notes
+        return cls(
+            **course,
+            state=state,
+            seconds=archive.value("course_seconds", float),
+            notes=tuple(archive.value("course_notes", list[str])),
+            **cls._from_own(archive),
+        )
 
     def record_at(self, time: float) -> int:
         """Return the index of a time asked for.

@@ -24,7 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from .springs import Floats, SpringNetwork
+from kaju.arrays import Floats
+
+from .springs import SpringNetwork
 
 
 class Geometry(NamedTuple):

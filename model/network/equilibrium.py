@@ -12,11 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.errors import BucklingError, ConvergenceError, MechanismError, TangentError
 
 from .assembler import Assembler, Geometry, along_springs
 from .linear import GivesWayError, TangentSolver
-from .springs import Floats, SpringNetwork
+from .springs import SpringNetwork
 
 _NAMED = 8
 """How many of the moving nodes a message names."""

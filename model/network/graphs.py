@@ -9,9 +9,10 @@ from typing import Any
 import networkx as nx
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.errors import ResultError, SceneError
 
-from .springs import Floats, SpringNetwork
+from .springs import SpringNetwork
 
 
 def network_from_graph(

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import SceneError
 from kaju.model.scene import kinds
 
-from .springs import Floats, SpringNetwork
+from .springs import SpringNetwork
 
 if TYPE_CHECKING:
     from kaju.agents.materials import Material

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError, TangentError
 from kaju.stopping import stopped
 
@@ -28,7 +29,7 @@ from .equilibrium import (
 )
 from .linear import GivesWayError, Method, tangent_solver
 from .network_result import NetworkResult, Scheme
-from .springs import Floats, SpringNetwork
+from .springs import SpringNetwork
 
 _FINEST = 2.0**-10
 """Smallest part of an increment that is tried before the network is said to give way."""

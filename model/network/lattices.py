@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, KDTree
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
-from .springs import Floats, SpringNetwork, Springs
+from .springs import SpringNetwork, Springs
 
 Numbers = NDArray[np.int64]
 

@@ -20,11 +20,11 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, diags_array
 from scipy.sparse.linalg import spsolve_triangular
 
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, MissingExtraError, ParameterError
 from kaju.model.factors import factors_of
 
 from .assembler import Assembler
-from .springs import Floats
 
 
 class GivesWayError(ArithmeticError):

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from kaju._mesa import FixedAgent, Model, Network
+from kaju.arrays import Floats
 from kaju.errors import ParameterError, TangentError
 from kaju.model.archive import Archive
 from kaju.model.mesa_model import SteppedModel, Until
@@ -20,7 +21,7 @@ from kaju.model.mesa_model import SteppedModel, Until
 from .increments import IncrementalLoading
 from .linear import Method
 from .network_result import NetworkResult, Scheme, network_archive, network_from
-from .springs import Floats, SpringNetwork
+from .springs import SpringNetwork
 
 _AGENTS_UP_TO = 10_000
 """Nodes up to which they become agents by themselves; above, arrays alone are quick."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -12,14 +11,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 
 from kaju import __version__
+from kaju.arrays import Floats
 from kaju.errors import ResultError
-from kaju.model.archive import Archive, open_archive, reading, write_archive
+from kaju.model.archive import Archive
 from kaju.model.formats import NETWORK, RECORDS
 from kaju.model.result import Result
 
 from .assembler import spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network
-from .springs import Floats, SpringNetwork, Springs
+from .springs import SpringNetwork, Springs
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -287,38 +287,25 @@ class NetworkResult(Result):
             },
         )
 
-    def save(self, path: str | Path) -> Path:
-        """Write network and result to one ``.npz`` file, whole or not at all."""
-        arrays = {name: getattr(self, name) for name in RECORDS}
-        own, about = network_archive(self.network)
-        arrays |= own
-        text = {
-            **about,
+    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays, about = network_archive(self.network)
+        arrays |= {name: getattr(self, name) for name in RECORDS}
+        return arrays, about | {
             "scheme": self.scheme,
             "method": self.method,
             "seconds": self.seconds,
         }
-        return write_archive(path, self.kind, arrays, text)
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a result that `save` wrote.
-
-        Raises
-        ------
-        ResultFileError
-            If the file is missing, or is no result of a spring network.
-        """
-        archive = open_archive(path, cls.kind)
-        with reading(path):
-            network = network_from(archive)
-            return cls(
-                network=network,
-                **archive.columns(RECORDS, sizes_of_network(network)),
-                scheme=archive.value("scheme", Scheme),
-                method=archive.value("method", str),
-                seconds=archive.value("seconds", float),
-            )
+    def _restored(cls, archive: Archive) -> Self:
+        network = network_from(archive)
+        return cls(
+            network=network,
+            **archive.columns(RECORDS, sizes_of_network(network)),
+            scheme=archive.value("scheme", Scheme),
+            method=archive.value("method", str),
+            seconds=archive.value("seconds", float),
+        )
 
     @property
     def pictures(self) -> tuple[str, ...]:

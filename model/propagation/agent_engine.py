@@ -18,9 +18,9 @@ from kaju.agents.boundary_agent import (
     RigidBoundaryAgent,
     RollerBoundaryAgent,
 )
-from kaju.agents.load import Load, Sense
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.materials import suggestion
+from kaju.agents.shares import Load, Sense
 from kaju.errors import ParameterError
 from kaju.model.engine_choice import Order, chosen
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER

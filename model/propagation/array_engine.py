@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.load import Load
+from kaju.agents.shares import Load
 
 from .stage import (
     FloatArray,

@@ -24,8 +24,8 @@ from .transfer import BOUNDARY_NAMES, Transfer, states_of
 from .transfer_result import TransferResult
 
 if TYPE_CHECKING:
-    from kaju.agents.load import Load, Sense
     from kaju.agents.rules import Emission, ShareRule, Shares
+    from kaju.agents.shares import Load, Sense
     from kaju.model.scene import Scene
     from kaju.model.scene.lattice import Lattice
 

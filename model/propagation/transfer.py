@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.load import Sense
 from kaju.agents.rules import Emission, PrescribedRule, ShareRule, Shares
+from kaju.agents.shares import Sense
 from kaju.errors import ParameterError, SceneError
 from kaju.model.scene import scene_needed
 from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL

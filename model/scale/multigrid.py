@@ -12,12 +12,11 @@ from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kaju.arrays import Floats
 
 from .partition import Index, Level
 from .windows import Body, Rows, rows_of, slabs_of
-
-Floats = NDArray[np.float64]
 
 
 def rows_on(body: Body, level: Level) -> list[Rows]:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.arrays import Floats
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_folder, take_place
 from kaju.model.archive import Archive, open_archive, reading, write_archive
@@ -32,7 +33,6 @@ from kaju.model.scene import Scene
 if TYPE_CHECKING:
     import pandas
 
-Floats = NDArray[np.float64]
 Fields = dict[str, NDArray[Any]]
 
 INDEX = "result.pvti"

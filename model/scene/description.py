@@ -31,15 +31,7 @@ class RheologyTable(Described):
 
 
 class MaterialTable(Described):
-    """``[materials.NAME]``: numbers, or a material of the library with some of its own.
-
-    Parameters
-    ----------
-    base : str, optional
-        A material of the library, from which what is not given is taken.
-    youngs_modulus, poissons_ratio, density, source, rheology
-        As in `Material`.
-    """
+    """``[materials.NAME]``: numbers as in `Material`, or a material of the library with some."""
 
     base: Text | None = Field(default=None, description="the name of a material of the library")
     youngs_modulus: Number | None = Field(default=None, description="E (Pa)")
@@ -83,21 +75,8 @@ _WORDS = ("ramp", "hold", "release", "cycles")
 class HistoryStep(Described):
     """A step of a history, in one of four words.
 
-    ``{ramp = 1.0, duration = 0.2}``, ``{hold = 5.0}``, ``{release = 0.1}``, or
+    ``{ramp = 1.0, duration = 0.2}``, ``{hold = 5.0}``, ``{release = 0.1}`` (0: at once), or
     ``{cycles = 3, period = 0.6}``.
-
-    Parameters
-    ----------
-    ramp : float, optional
-        The factor to go to in a straight line, within `duration`.
-    hold : float, optional
-        How long the factor is kept (s).
-    release : float, optional
-        Within which time it goes back to 0 (s); 0 is at once.
-    cycles : int, optional
-        How often it rises to `high` and falls to `low`, each time within `period`.
-    duration, period, high, low : float
-        As above.
     """
 
     ramp: Number | None = Field(default=None, description="the factor to go to")

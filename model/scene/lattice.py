@@ -25,12 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.shares import Beside, Way
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 Cells = NDArray[np.int64]
 """Integer cell coordinates, shape (n, dimension)."""
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 PERIOD = 5040
 """Cells so many steps apart along an axis have the same form: 2, 3 ... 10 all divide it."""

@@ -11,9 +11,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kaju.agents.materials import suggestion
+from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 
-from .lattice import PERIOD, Cells, Floats, Ints, Lattice, area_of
+from .lattice import PERIOD, Cells, Lattice, area_of
 
 
 class Boxes(Lattice):

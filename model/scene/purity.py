@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags
+
 from .filling import FilledShape, Filling
 from .kinds import AIR
 from .lattice import Cells
@@ -19,7 +21,6 @@ MIXED = -99
 """A box of which no single kind can be told."""
 
 Kinds = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 class Purity:

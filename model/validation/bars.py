@@ -7,10 +7,10 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.scene import Scene
 
-from .boundary import Floats
 from .potentials import Complex, PlaneProblem, Potentials
 from .problem import MATERIAL, Quantity, ValidationProblem
 from .uniform import EXACT

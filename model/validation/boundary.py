@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.engine import solve_problem
@@ -17,7 +18,6 @@ from kaju.model.elastic.from_scene import problem_of_scene
 from kaju.model.elastic.problem import ElasticProblem, FaceFields
 from kaju.model.scene import Scene
 
-Floats = NDArray[np.float64]
 Field = Callable[[Floats], Floats]
 """Values at points (m), shape (n, dimension)."""
 

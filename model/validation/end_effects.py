@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 
-from .boundary import Floats
 from .potentials import Complex, PlaneProblem, Potentials
 from .problem import Quantity
 

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import RIGID, ROLLER
 
 from .scene_elements import (
     ElementAnswer,
-    Floats,
     Index,
     cell_mesh,
     cells_of,

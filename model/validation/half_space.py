@@ -15,9 +15,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.model.scene import Scene
 
-from .boundary import Floats
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
 from .problem import Quantity, ValidationProblem
 

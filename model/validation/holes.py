@@ -14,9 +14,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.scene import Scene
 
-from .boundary import Floats
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
 from .problem import Quantity
 

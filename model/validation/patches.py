@@ -15,9 +15,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.scene import Scene
 
-from .boundary import Floats
 from .problem import Quantity, ValidationProblem
 from .uniform import EXACT
 

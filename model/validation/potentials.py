@@ -19,7 +19,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .boundary import Floats
+from kaju.arrays import Floats
+
 from .problem import ValidationProblem
 
 Complex = NDArray[np.complex128]

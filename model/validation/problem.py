@@ -13,12 +13,13 @@ from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 
-from .boundary import Floats, solve_with_given_displacement, traction_loads
+from .boundary import solve_with_given_displacement, traction_loads
 
 Quantity = Literal["displacement", "stress"]
 MATERIAL = "elastic"

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.factors import factors_of
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
 
-Floats = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 NEAREST = 16

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.scene import Scene
 
-from .boundary import Floats
 from .problem import Quantity, ValidationProblem
 
 EXACT: dict[Quantity, tuple[float, float]] = {

@@ -149,7 +149,8 @@ def test_the_commands_of_the_readme_work_in_their_order(kaju):
     for words in commands:
         assert words[0] == "kaju"
         again = words[1] in drawn and words[1] in ("run", "solve")
-        code, _, err = kaju(*words[1:], *["--no-pictures"] * again)
+        fitted = words[1:] == ["compare", "my.toml"]
+        code, _, err = kaju(*words[1:], *["--no-pictures"] * again, *["--fit", "20"] * fitted)
         assert (code, err) == (0, ""), words
         drawn.add(words[1])
     assert {"summary.json", "result.npz", "agents.png", "deformed.png"} <= set(names("my-result"))

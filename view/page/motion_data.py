@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.result import Curves
 from kaju.view import motion
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene
     from kaju.view.motion import Motion
 
-Floats = NDArray[np.float64]
 
 MOST_FRAMES = 120
 """Longer runs are shown at so many of their moments."""

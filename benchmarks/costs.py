@@ -2,7 +2,7 @@
 
 Prints, for equal cells by each method and for agents that spawn, the seconds of a run as a
 fixed part and a part for each cell (agent), fitted to runs of several sizes by the smallest
-relative misfit; `model/elastic/spawning/costs.py` holds rounded ones. Run:
+relative misfit; `model/elastic/spawning/choice.py` holds rounded ones. Run:
 
     python benchmarks/costs.py
 """

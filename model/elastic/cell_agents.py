@@ -14,9 +14,9 @@ from kaju.model.archive import Archive
 from kaju.model.formats import SolutionRecord
 from kaju.model.scene import Scene
 
-from . import fields, sampling
+from . import fields
 from .engine import Solution, settled
-from .from_scene import problem_of_scene
+from .grid import problem_of_scene
 from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
 from .reactions import INSIDE, reactions
@@ -204,12 +204,12 @@ class CellAgents:
 
     def displacement_at(self, points: Floats, cells: Index) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
-        return sampling.at_nodes(self.corners, *self._within(points, cells))
+        return fields.at_nodes(self.corners, *self._within(points, cells))
 
     def stress_at(self, points: Floats, cells: Index) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
         kinds = self.problem.kinds[self.problem.inner]
-        return sampling.stress_at(self.parts, kinds, *self._within(points, cells))
+        return fields.stress_at(self.parts, kinds, *self._within(points, cells))
 
     def material_at(self, points: Floats, cells: Index) -> Index:
         """Return the material of the cells in or on which points lie."""

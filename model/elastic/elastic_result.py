@@ -268,7 +268,7 @@ class ElasticResult(BodyResult):
         it is asked for, by one more solution with the same agents.
         """
         from kaju.model.elastic.spawning.displacement_error import displacement_error, surely
-        from kaju.model.elastic.spawning.first import direct_limit
+        from kaju.model.elastic.spawning.held import direct_limit
         from kaju.model.elastic.spawning.nested import NestedMultigrid
         from kaju.model.elastic.spawning.quantities import DISPLACEMENT
 

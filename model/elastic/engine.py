@@ -15,10 +15,9 @@ from kaju.stopping import stopped
 
 from .fallback import DIRECT_LIMIT, solve_direct
 from .krylov import Iteration, conjugate_gradients, dot
-from .prepared import Prepared, same_body
 from .problem import FIXED, ElasticProblem, FaceFields
 from .staggered import internal_force
-from .system import System, likeness
+from .system import Prepared, System, likeness, same_body
 
 Vector = NDArray[np.float64]
 

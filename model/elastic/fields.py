@@ -1,8 +1,9 @@
-"""What follows from the faces' displacements: values at nodes and cells, in SI units."""
+"""What follows from the faces' displacements: values at nodes, in cells and anywhere; scaled."""
 
 from __future__ import annotations
 
 from functools import reduce
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,11 @@ from kaju.model.scene.kinds import RIGID
 
 from .moduli import Moduli
 from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields, Floats
-from .staggered import Strains, axis_pairs, cell_modulus, cut, strains, stresses
+from .staggered import Pair, Strains, axis_pairs, cell_modulus, cut, strains, stresses
 
 SURFACE_SHARE = 0.5
 """Weight of the surface's own slope against that of the line through the faces below."""
+Index = NDArray[np.int64]
 
 
 def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
@@ -197,3 +199,62 @@ def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
     shear = sum(stress[..., a, b] ** 2 for a, b in axis_pairs(d))
     x, y, z = normal
     return np.asarray(np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3 * shear))
+
+
+def at_nodes(nodes: Floats, cells: Index, local: Floats) -> Floats:
+    """Interpolate linearly between the nodes of the cell that each point lies in.
+
+    Parameters
+    ----------
+    nodes : array, shape (n + 1 along every axis, components)
+    cells : int array, shape (points, dimension)
+    local : array, shape (points, dimension)
+        Place within the cell, 0 to 1 along every axis.
+    """
+    total: Floats = np.zeros((len(cells), nodes.shape[-1]))
+    for corner in product((0, 1), repeat=cells.shape[1]):
+        weight = np.prod(np.where(corner, local, 1.0 - local), axis=1)
+        total += weight[:, None] * nodes[tuple((cells + corner).T)]
+    return total
+
+
+def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Index, local: Floats) -> Floats:
+    """Return stress tensors at points, shape (points, dimension, dimension).
+
+    Normal stresses run linearly from the cell's middle, by the differences to neighbours
+    of the same material; shear stresses between the cell's edges.
+    """
+    d = cells.shape[1]
+    tensor = np.zeros((len(cells), d, d))
+    for axis in range(d):
+        tensor[:, axis, axis] = _along_slopes(parts.cells[axis], kinds, cells, local)
+    for (a, b), tau in parts.edges.items():
+        tensor[:, a, b] = tensor[:, b, a] = _between_edges(tau, (a, b), cells, local)
+    return tensor
+
+
+def _between_edges(tau: Floats, pair: Pair, cells: Index, local: Floats) -> Floats:
+    total: Floats = np.zeros(len(cells))
+    for first, second in product((0, 1), repeat=2):
+        at = cells.copy()
+        at[:, pair[0]] += first
+        at[:, pair[1]] += second
+        a, b = local[:, pair[0]], local[:, pair[1]]
+        total += np.where(first, a, 1 - a) * np.where(second, b, 1 - b) * tau[tuple(at.T)]
+    return total
+
+
+def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Index, local: Floats) -> Floats:
+    own, kind = stress[tuple(cells.T)], kinds[tuple(cells.T)]
+    total: Floats = own.copy()
+    for axis in range(cells.shape[1]):
+        rise, count = np.zeros(len(cells)), np.zeros(len(cells))
+        for step in (-1, 1):
+            at = cells.copy()
+            at[:, axis] = np.clip(at[:, axis] + step, 0, kinds.shape[axis] - 1)
+            there = tuple(at.T)
+            alike = (kinds[there] == kind) & (at[:, axis] != cells[:, axis])
+            rise += np.where(alike, step * (stress[there] - own), 0.0)
+            count += alike
+        total += (local[:, axis] - 0.5) * rise / np.maximum(count, 1)
+    return total

@@ -25,7 +25,7 @@ from kaju.arrays import Floats
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_folder, take_place
 from kaju.model.archive import Archive, open_archive, reading, write_archive
-from kaju.model.elastic import sampling
+from kaju.model.elastic import fields
 from kaju.model.elastic.staggered import axis_pairs
 from kaju.model.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
@@ -265,7 +265,7 @@ class PiecedResult(BodyResult):
             local = points[here] / self.grid.lattice.cell_size - cells[here]
             inside = cells[here] - np.array(piece.lower)
             nodes = piece.nodes["displacement"]
-            found[here] = sampling.at_nodes(nodes, inside, np.clip(local, 0.0, 1.0))
+            found[here] = fields.at_nodes(nodes, inside, np.clip(local, 0.0, 1.0))
         return found
 
     def stress_at(self, points: NDArray[np.float64]) -> Floats:

@@ -14,7 +14,7 @@ from kaju.arrays import Floats
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.engine import solve_problem
-from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.problem import ElasticProblem, FaceFields
 from kaju.model.scene import Scene
 

@@ -13,7 +13,7 @@ from kaju.errors import (
     SupportError,
 )
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.problem import make_problem
 from kaju.model.elastic.solve import solve
 from kaju.model.elastic.supports import check_supports, slender_cell
@@ -350,7 +350,7 @@ def test_slender_members_are_found():
 def test_no_convergence_gives_the_best_field(monkeypatch):
     monkeypatch.setattr("kaju.model.elastic.engine.DIRECT_LIMIT", {2: 0, 3: 0})
     monkeypatch.setattr(
-        "kaju.model.elastic.prepared.algebraic_preconditioner",
+        "kaju.model.elastic.system.algebraic_preconditioner",
         lambda matrix, numbering: lambda load: np.zeros_like(load),
     )
     kinds = np.zeros((96, 96), int)

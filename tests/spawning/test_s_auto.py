@@ -10,7 +10,7 @@ from kaju import Scene, solve
 from kaju.errors import ParameterError, SceneError, SupportError
 from kaju.model.elastic.solve import solve as solve_equal_cells
 from kaju.model.elastic.spawning import choice
-from kaju.model.elastic.spawning.equal_cells import same_loads
+from kaju.model.elastic.spawning.choice import same_loads
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""

@@ -10,9 +10,9 @@ from kaju.model.elastic.spawning.agent_fields import AgentFields
 from kaju.model.elastic.spawning.block_multigrid import BlockMultigrid
 from kaju.model.elastic.spawning.block_spawner import agents_errors
 from kaju.model.elastic.spawning.blocks import BlockBalance, Window
+from kaju.model.elastic.spawning.curvature import indicate
 from kaju.model.elastic.spawning.forest import first_forest
 from kaju.model.elastic.spawning.ground import ground_of
-from kaju.model.elastic.spawning.indicator import indicate
 
 
 def plate(**changes):

@@ -8,7 +8,7 @@ from scipy.sparse.linalg import spsolve
 
 from kaju import Scene
 from kaju.errors import SceneError, SupportError
-from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.reactions import INSIDE, reactions
 from kaju.model.elastic.spawning.balance import Balance
 from kaju.model.elastic.spawning.composite import Composite

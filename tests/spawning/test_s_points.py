@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kaju import Scene, solve
-from kaju.model.elastic.spawning import sampling
+from kaju.model.elastic.spawning import agent_fields as sampling
 
 
 def spawned_by(scene, **how):

@@ -7,7 +7,7 @@ import pytest
 
 import kaju
 from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
-from kaju.model.elastic.from_scene import problem_of_scene
+from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.spawning import generations
 from kaju.model.elastic.spawning.field import slope_weights

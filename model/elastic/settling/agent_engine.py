@@ -13,7 +13,7 @@ from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.model.engine_choice import Order, chosen
 from kaju.model.scene.kinds import AIR
 
-from .kernels import replay, seat
+from .array_engine import replay, seat
 from .state import Floats, Integers, PushState
 from .table import PushTable
 

@@ -13,9 +13,8 @@ from kaju.model.mesa_model import SteppedModel, Until
 
 from .agent_engine import AgentPushEngine
 from .array_engine import ArrayPushEngine
-from .moments import Recorder
 from .orders import Visit, largest_first, multilevel, own_order, wave
-from .records import StepRecord
+from .records import Recorder, StepRecord
 from .run import ElasticRun, collect
 from .stability import WaveCertificate, certify_waves
 from .state import PushState

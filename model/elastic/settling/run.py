@@ -19,8 +19,7 @@ from kaju.model.elastic.staggered import strain_energy
 from kaju.model.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
 from kaju.model.result import BodyResult, Curves, idle_rheology
 
-from .moments import Moments
-from .records import BoundaryAgents, FaceAgents, PushLedger, StepRecord
+from .records import BoundaryAgents, FaceAgents, Moments, PushLedger, StepRecord
 from .stability import WaveCertificate
 
 if TYPE_CHECKING:

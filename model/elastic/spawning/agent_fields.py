@@ -1,16 +1,25 @@
-"""Strains, stresses and displacements of the agents of a composite grid; scaled."""
+"""Strains, stresses and displacements of the agents of a composite grid, and anywhere; scaled."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from kaju.model.elastic.staggered import Pair
+from kaju.model.scene.kinds import DISPLACED, RIGID
 
 from .balance import Balance
-from .composite import Floats
+from .composite import Composite, Floats
+from .field import known_slopes, nearest_known, oriented, slope_weights
+from .leaves import Index
+
+NEAR = 1e-6
+"""Points that are nearer to a face than this part of a cell lie on it."""
+SURFACE_SHARE = 0.5
+"""Weight of a free surface's own slope against that of the agents below, as on equal cells."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,3 +90,166 @@ class AgentFields:
     def displacement(self) -> Floats:
         """Displacement of the agents' middles, shape (agents, dimension)."""
         return np.asarray(self.sides.reshape(len(self.sides), -1, 2).mean(axis=2))
+
+
+def displacement_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
+    """Return displacements at points (units), shape (n, dimension).
+
+    Along its axis a displacement runs linearly between the leaf's two sides, across it by
+    the slopes at the edges that are nearest. On a wall it is the wall's. Where a point lies
+    on several leaves, of which `leaf` is one, it is the mean of what each of them says.
+    """
+    grid = fields.balance.grid
+    point, leaf = touching(grid, points, leaf)
+    walls = walls_beside(grid, leaf)
+    local = (points[point] - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
+    touched = np.abs(np.stack([local, 1.0 - local], axis=2).reshape(walls.shape[:2])) < NEAR
+    on_wall = (touched & ~np.isnan(walls[..., 0])).any(axis=1)
+    # Round the corner of a wall stand agents that know nothing of it.
+    counts = on_wall | ~np.isin(point, point[on_wall])
+    point, leaf, local, walls = point[counts], leaf[counts], local[counts], walls[counts]
+    columns = [component(fields, leaf, local, walls, axis) for axis in range(grid.dimension)]
+    return _means(point, np.stack(columns, axis=1))
+
+
+def component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, axis: int) -> Floats:
+    """Return u_axis in leaves at places in them, 0 to 1 along each axis."""
+    grid, every = fields.balance.grid, np.arange(len(leaf))
+    low, high = (fields.sides[leaf, 2 * axis + end] for end in (0, 1))
+    value = np.asarray((1.0 - local[:, axis]) * low + local[:, axis] * high)
+    others = [a for a in range(grid.dimension) if a != axis]
+    wall = {a: walls[every, 2 * a + (local[:, a] > 0.5), axis] for a in others}
+    for across, end in product(others, (0, 1)):
+        loose = np.isnan(wall[across]) & np.isnan(walls[:, 2 * axis + end, axis])
+        some = np.flatnonzero(loose & (local[:, across] != 0.5))
+        distance = (local[some, across] - 0.5) * grid.length[leaf[some]]
+        slope = _slope(fields, leaf[some], axis, across, end, (distance > 0).astype(np.int64))
+        value[some] += np.where(end, local[some, axis], 1.0 - local[some, axis]) * distance * slope
+    for across, given in wall.items():
+        held = np.flatnonzero(~np.isnan(given))
+        left = 1.0 - np.abs(2.0 * local[held, across] - 1.0)
+        value[held] = given[held] + left * (value[held] - given[held])
+    return value
+
+
+def _slope(
+    fields: AgentFields, leaf: Index, axis: int, across: int, end: int, near: Index
+) -> Floats:
+    """Return ∂u_axis/∂across in leaves, at an end along `axis`, towards the near side.
+
+    At a free surface ∂u_t/∂n follows from the shear strain, which is known there, and
+    ∂u_n/∂t. The agents below give another one, a little deeper: between them lies what holds
+    from the agent's middle to the surface.
+    """
+    grid, pair = fields.balance.grid, (min(axis, across), max(axis, across))
+    edges, first = grid.edges[pair], axis < across
+    gradients, table = oriented(edges, first)
+    own, other = fields.slopes[pair] if first else fields.slopes[pair][::-1]
+    shear = grid.ground.moduli.shear[grid.leaves.kind[leaf]]
+
+    def at(edge: Index, some: Index | slice) -> Floats:
+        weights = slope_weights(edges, gradients, edge, shear[some])
+        return np.asarray(weights[0] * own[edge] + weights[1] * other[edge])
+
+    edge = nearest_known(gradients, table[leaf], end, near)
+    slope = at(edge, slice(None))
+    bare = np.flatnonzero((gradients[1].valid & ~gradients[0].valid)[edge])
+    slope[bare] += fields.balance.surface_shear[pair][edge[bare]] / shear[bare]
+    inner = table[leaf[bare], end, 1 - near[bare]]
+    meets = (edge[bare] == table[leaf[bare], end, near[bare]]) & gradients[0].valid[inner]
+    meets &= known_slopes(gradients)[inner]
+    bare, below = bare[meets], at(inner[meets], bare[meets])
+    slope[bare] = SURFACE_SHARE * slope[bare] + (1.0 - SURFACE_SHARE) * below
+    return slope
+
+
+def stress_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
+    """Return stress tensors at points (units), shape (n, dimension, dimension).
+
+    Normal stresses run by the differences to neighbours of the same material, shear
+    stresses between the leaf's edges. Where a point lies on several leaves it is the mean
+    over those of the material of `leaf`.
+    """
+    grid, d = fields.balance.grid, fields.balance.grid.dimension
+    point, touched = touching(grid, points, leaf)
+    alike = grid.leaves.kind[touched] == grid.leaves.kind[leaf[point]]
+    point, leaf = point[alike], touched[alike]
+    local = (points[point] - grid.leaves.lower[leaf]) / grid.leaves.size[leaf, None]
+    tensor = np.zeros((len(leaf), d, d))
+    for a in range(d):
+        tensor[:, a, a] = _along_slopes(grid, fields.normal_stress[a], leaf, local)
+    for (a, b), shear in fields.edge_shear.items():
+        around, total = grid.edges[a, b].of_leaf[leaf], np.zeros(len(leaf))
+        for first, second in product((0, 1), repeat=2):
+            share = np.where(first, local[:, a], 1 - local[:, a])
+            share = share * np.where(second, local[:, b], 1 - local[:, b])
+            total += share * shear[around[:, first, second]]
+        tensor[:, a, b] = tensor[:, b, a] = total
+    return _means(point, tensor)
+
+
+def _along_slopes(grid: Composite, value: Floats, leaf: Index, local: Floats) -> Floats:
+    kind, h, total = grid.leaves.kind, grid.length, value[leaf].copy()
+    for axis in range(grid.dimension):
+        slope, count = np.zeros(len(leaf)), np.zeros(len(leaf))
+        for side in (2 * axis, 2 * axis + 1):
+            other = grid.beside[leaf, side]
+            alike = (other >= 0) & (kind[other] == kind[leaf])
+            rise = (value[other] - value[leaf]) / (0.5 * (h[other] + h[leaf]))
+            slope += np.where(alike, (2 * (side % 2) - 1) * rise, 0.0)
+            count += alike
+        total += (local[:, axis] - 0.5) * h[leaf] * slope / np.maximum(count, 1)
+    return np.asarray(total)
+
+
+def touching(grid: Composite, points: Floats, leaf: Index) -> tuple[Index, Index]:
+    """Return all leaves in or on which points (units) lie: pairs of point and leaf, in order.
+
+    Parameters
+    ----------
+    points : array, shape (n, dimension)
+    leaf : int array, shape (n,)
+        One leaf of each point.
+    """
+    reach = NEAR * grid.ground.cell
+    offset = points - grid.leaves.lower[leaf]
+    inner = (offset > reach) & (offset < grid.leaves.size[leaf, None] - reach)
+    on_face = np.flatnonzero(~inner.all(axis=1))
+    point, touched = [np.arange(len(leaf))], [leaf]
+    for way in product((-1, 1), repeat=grid.dimension):
+        cells = np.floor(points[on_face] + reach * np.array(way)).astype(np.int64)
+        found = grid.leaves.find(cells)
+        point.append(on_face[found >= 0])
+        touched.append(found[found >= 0])
+    pairs = np.unique(np.concatenate(point) * len(grid.leaves) + np.concatenate(touched))
+    return np.divmod(pairs, len(grid.leaves))
+
+
+def _means(point: Index, values: Floats) -> Floats:
+    """Return the mean of the values of each point; the points are in order."""
+    if not len(point):
+        return values
+    first = np.flatnonzero(np.append(True, point[1:] != point[:-1]))
+    count = np.diff(np.append(first, len(point)))
+    total = np.add.reduceat(values, first, axis=0)
+    return np.asarray(total / count.reshape(-1, *(1 for _ in values.shape[1:])))
+
+
+def walls_beside(grid: Composite, leaf: Index) -> Floats:
+    """Return how the rigid walls beside leaves move, NaN where there is none.
+
+    Returns
+    -------
+    array, shape (n, 2·dimension, dimension)
+        By side and component.
+    """
+    d = grid.dimension
+    given = np.full((len(leaf), 2 * d, d), np.nan)
+    for side in range(2 * d):
+        bare = np.flatnonzero(grid.beside[leaf, side] < 0)
+        point = grid.beyond(side, leaf[bare])
+        kind = grid.ground.kinds_at(point)
+        held = (kind == RIGID) | (kind == DISPLACED)
+        moved = (kind == DISPLACED) & grid.outside(point, side)
+        given[bare[held], side] = np.where(moved[held, None], grid.ground.given(side), 0.0)
+    return given

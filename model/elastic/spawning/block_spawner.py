@@ -24,6 +24,7 @@ from .aims import BULK, SPARE, Aim, Aimed, choose_among, unproved
 from .balance import Balance
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
+from .curvature import Indicator
 from .forest import ACROSS, Forest, evenly_loaded, first_forest
 from .generations import (
     ALGEBRAIC_SHARE,
@@ -36,13 +37,11 @@ from .generations import (
     out_of_reach,
 )
 from .ground import Ground
-from .indicator import Indicator
 from .leaves import Flags, Index, Leaves, morton
 from .mirror import mirrors, symmetrise
-from .nested import NestedMultigrid
+from .nested import WORST, NestedMultigrid
 from .previous import LEAST, SUITS, WORTHWHILE, answered
 from .retire import RETURN, share_of
-from .settle import WORST
 from .tree_boxes import bracket_of_agents
 
 Floats = NDArray[np.float64]

@@ -25,8 +25,7 @@ from .agent_fields import AgentFields
 from .aims import SPARE, Aimed, choose
 from .balance import Balance
 from .composite import Floats
-from .curvature import Curvature
-from .indicator import Indicator
+from .curvature import Curvature, Indicator
 from .leaves import Flags
 from .nested import NestedMultigrid
 

@@ -13,8 +13,7 @@ from kaju.model.elastic import fields as solid
 from kaju.model.elastic.problem import FIXED, Scales
 from kaju.model.elastic.reactions import INSIDE
 
-from . import sampling
-from .agent_fields import AgentFields
+from .agent_fields import AgentFields, displacement_at, stress_at, touching
 from .balance import Balance
 from .composite import Composite, Floats
 from .field import interpolation
@@ -77,10 +76,10 @@ class _Displaced:
     def of(self, fields: AgentFields) -> Value:
         grid = fields.balance.grid
         spots = _spots(self._site, grid, self._name)
-        moved = sampling.displacement_at(fields, spots.points, spots.leaf)
+        moved = displacement_at(fields, spots.points, spots.leaf)
         value = self.ways @ (spots.weight @ moved)
         doubt = float(np.linalg.norm(self.ways @ (spots.weight @ _bulge(fields, spots, moved))))
-        point, leaf = sampling.touching(grid, spots.points, spots.leaf)
+        point, leaf = touching(grid, spots.points, spots.leaf)
         weight = (spots.weight / np.bincount(point))[point]
         along = np.stack([
             interpolation(grid, spots.points[point], leaf, axis)[0].T @ weight
@@ -104,7 +103,7 @@ class _Stressed:
     def of(self, fields: AgentFields) -> Value:
         balance = fields.balance
         spots = _spots(self._site, balance.grid, self._name)
-        stress = sampling.stress_at(fields, spots.points, spots.leaf)
+        stress = stress_at(fields, spots.points, spots.leaf)
         found, slope = self._measured(stress, balance.grid, spots)
         value = np.array([spots.weight @ found])
         largest = float(np.sqrt((fields.stress**2).sum(axis=(1, 2)).max()))
@@ -228,7 +227,7 @@ def _bulge(fields: AgentFields, spots: Spots, middle: Floats) -> Floats:
     for axis, end in product(range(middle.shape[1]), (-0.25, 0.25)):
         points = spots.points.copy()
         points[:, axis] += end * spots.span[:, axis]
-        total += sampling.displacement_at(fields, points, spots.leaf) - middle
+        total += displacement_at(fields, points, spots.leaf) - middle
     return total / 12.0
 
 
@@ -241,7 +240,7 @@ def _pulled(balance: Balance, spots: Spots, weight: Floats) -> Floats:
     """
     grid, d = balance.grid, balance.grid.dimension
     n, kind = len(grid.leaves), grid.leaves.kind
-    point, leaf = sampling.touching(grid, spots.points, spots.leaf)
+    point, leaf = touching(grid, spots.points, spots.leaf)
     alike = kind[leaf] == kind[spots.leaf[point]]
     point, leaf = point[alike], leaf[alike]
     part = weight[point] / np.bincount(point)[point, None, None]

@@ -18,14 +18,12 @@ from .agent_fields import AgentFields
 from .aims import Aim, Aimed, EnergyAim, choose, unproved
 from .balance import Balance
 from .composite import Composite, Floats
-from .first import direct_limit, first_agents
+from .curvature import Indicator, indicate
 from .ground import Ground
-from .held import rebalance
-from .indicator import Indicator, indicate
+from .held import direct_limit, first_agents, rebalance
 from .leaves import Flags, Index, Leaves
-from .nested import NestedMultigrid
+from .nested import NestedMultigrid, energy_of, relative_error, settle
 from .previous import Heirs, Standing
-from .settle import energy_of, relative_error, settle
 from .tree_boxes import bracket_of_agents
 
 if TYPE_CHECKING:

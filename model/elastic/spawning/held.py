@@ -1,4 +1,7 @@
-"""Whether supports hold every part of a body, and whether its members can carry shear."""
+"""The first agents: as large as the body lets them be, and held.
+
+Supports have to hold every part of it, and its members to carry shear.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +10,22 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from kaju.errors import SupportError
-from kaju.model.elastic.problem import FIXED
+from kaju.model.elastic.problem import FIXED, STIFF_PRESSURE
 from kaju.model.scene.kinds import DISPLACED, RIGID
 
 from .balance import Balance
 from .composite import Composite, Floats
 from .field import oriented
-from .leaves import Flags, Index
+from .ground import Ground
+from .leaves import Flags, Index, Leaves
+from .nested import DIRECT
 
 FREE = 1e-13
 """A motion that strains supports by less than this share of what another one does is free."""
+HALVED = "were halved"
+"""How the notes end that tell of halved cells."""
+RUBBER = {2: 400_000, 3: 15_000}
+"""Up to so many faces every generation is factorised if a material is nearly incompressible."""
 
 
 def check_held(balance: Balance) -> None:
@@ -180,3 +189,47 @@ def slender(grid: Composite) -> Flags:
             loose |= sliding
             loose[other[sliding & (other >= 0)]] = True
     return loose
+
+
+def first_agents(ground: Ground) -> tuple[Balance, list[str]]:
+    """Return the first agents, and what is to be noted.
+
+    Members one agent wide and pins get smaller ones.
+
+    Raises
+    ------
+    SupportError
+        If a part of the body could move without straining.
+    """
+    leaves, notes = ground.start(), list[str]()
+    balance = Balance(_stiff(ground, leaves, notes))
+    if loose_part(balance) is not None:
+        pinned = beside_rigid_cells(balance.grid)
+        leaves = balance.grid.leaves.split(pinned, 0, np.zeros(len(pinned))).balanced(0)
+        balance = Balance(_stiff(ground, leaves, notes))
+        notes.append(f"a single rigid cell holds no turn: the cells beside {HALVED}")
+        check_held(balance)
+    return balance, notes
+
+
+def _stiff(ground: Ground, leaves: Leaves, notes: list[str]) -> Composite:
+    """Lay leaves so small that every one is held by its neighbours against sliding."""
+    grid = Composite(ground, leaves)
+    while True:
+        thin = slender(grid)
+        if not thin.any():
+            return grid
+        if not notes and (leaves.size[thin] <= ground.cell).any():
+            cell = leaves.lower[thin & (leaves.size <= ground.cell)][0] // ground.cell
+            place = ", ".join(str(int(i)) for i in cell)
+            notes.append(f"a member is one cell wide at ({place}): its cells {HALVED}")
+        leaves = leaves.split(thin, 0, np.zeros(len(leaves))).balanced(0)
+        grid = Composite(ground, leaves)
+
+
+def direct_limit(ground: Ground) -> int:
+    """Return up to how many faces a generation is factorised: all, if nearly incompressible."""
+    moduli = ground.moduli
+    d = ground.dimension
+    rubber = np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear)
+    return RUBBER[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]

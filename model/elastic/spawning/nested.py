@@ -11,17 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from math import inf, sqrt
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU
 
 from kaju.model.compiling import njit
-from kaju.model.elastic.krylov import Iteration, conjugate_gradients
+from kaju.model.elastic.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.factors import factors_of
 
 from .balance import Balance
 from .composite import Composite, Floats
+from .curvature import Indicator
 from .field import prolongation
 
 WORTHWHILE = 0.7
@@ -33,6 +35,8 @@ PATIENCE, MOST = 40, 400
 larger ones get MOST iterations."""
 DIRECT = {2: 1_500, 3: 2_500}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
+WORST = 0.05
+"""Displacements that are off by more than this share do not tell who has to spawn."""
 
 
 class NestedMultigrid:
@@ -213,3 +217,40 @@ def _factor(matrix: sp.csr_array) -> SuperLU:
     diagonal = matrix.diagonal()
     guard = np.where(diagonal > 0, 1e-15 * diagonal, 1.0)
     return factors_of(matrix + sp.diags_array(guard))
+
+
+def settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: float) -> Iteration:
+    """Solve for the free faces of `u`, in place, to a relative algebraic error."""
+    free = balance.free
+    right = (balance.load - balance.pull)[free]
+    load, given = balance.load[free], balance.given_energy
+
+    def twice_energy(x: Floats) -> float:
+        return 2 * float(dot(x, load)) - float(dot(x, right)) + given
+
+    def done(run: Iteration) -> bool:
+        return run.errors[-1] <= min(share, WORST) or _at_rounding(run)
+
+    run = hierarchy.solve(right, u[free], done, twice_energy)
+    u[free] = run.solution
+    return run
+
+
+def _at_rounding(run: Iteration) -> bool:
+    recent = run.residuals
+    return len(recent) > 8 and min(recent[-4:]) > 0.5 * min(recent[:-4]) and run.errors[-1] < 1e-8
+
+
+def energy_of(balance: Balance, u: Floats) -> float:
+    """Return the energy, of second order in what the iteration left."""
+    free = balance.free
+    rest = balance.force(u)[free] - balance.load[free]
+    return balance.energy(u) - float(dot(rest, u[free]))
+
+
+def relative_error(indicator: Indicator, energy: float) -> float:
+    """Return the estimated error in the energy norm, relative to a solution of some energy."""
+    total = float(indicator.square.sum())
+    if energy <= 0.0:
+        return 0.0 if total == 0.0 else inf
+    return sqrt(total / (2 * energy))

@@ -16,8 +16,8 @@ from .aims import Aimed
 from .balance import Balance
 from .composite import Composite, Floats
 from .field import interpolation
-from .first import HALVED, direct_limit, first_agents
 from .ground import Ground
+from .held import HALVED, direct_limit, first_agents
 from .leaves import Leaves
 from .nested import NestedMultigrid
 from .retire import even_share, retired

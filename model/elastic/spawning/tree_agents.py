@@ -16,18 +16,18 @@ from kaju.model.elastic.problem import Scales
 from kaju.model.formats import AnswerRecord, SpawningRecord
 from kaju.model.scene import Scene
 
-from . import sampling
+from . import agent_fields as sampling
 from .agent_fields import AgentFields
 from .aims import Aimed, Answer
 from .balance import Balance
 from .composite import Composite, Floats
+from .curvature import indicate
 from .family import levels
 from .generations import Generation, Spawning
 from .ground import Ground, ground_of
-from .indicator import indicate
 from .leaves import Index, Leaves
+from .nested import relative_error
 from .places import located
-from .settle import relative_error
 from .tree_boxes import bracket_of_agents
 
 if TYPE_CHECKING:

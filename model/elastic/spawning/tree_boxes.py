@@ -20,7 +20,7 @@ from kaju.model.elastic.boxes import (
 from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
-from . import sampling
+from . import agent_fields as sampling
 from .agent_fields import AgentFields
 from .balance import Balance
 from .composite import Composite, Floats

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import csv
+import signal
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import astuple, dataclass, fields
-from math import isfinite
+from math import ceil, isfinite
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from time import monotonic
+from time import monotonic, process_time
 from typing import TYPE_CHECKING, Any
 
 from kaju.errors import ParameterError
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 COLUMNS = tuple(field.name for field in fields(Outcome))
 MOST_MEMORY = 6 * 2**30
 """Address space of a worker (bytes): a scene that wants more is a finding."""
+PATIENCE = 10
+"""Times its processor time that a trial may take by the clock: the machine may be busy."""
+OUT_OF_TIME = getattr(signal, "SIGXCPU", 0)
 
 
 def trials(
@@ -37,7 +41,8 @@ def trials(
     workers : int
         Processes side by side.
     limit : float
-        A trial that takes more seconds than this has hung: its process is killed.
+        A trial that takes more seconds of processor time than this has hung: its process is
+        killed. One that only waits is, after ten times as many.
     beyond : float
         Seconds more for a process's first trial, in which much is compiled.
 
@@ -92,7 +97,7 @@ class _Worker:
     def give(self, number: int | None) -> None:
         self._number, self._since = number, monotonic()
         if number is not None:
-            self.pipe.send(number)
+            self.pipe.send((number, self._allowance))
 
     def ended(self) -> Outcome | None:
         """Return the trial's outcome if it has ended, or must end."""
@@ -101,11 +106,16 @@ class _Worker:
             try:
                 outcome: Outcome = self.pipe.recv()
             except EOFError:
-                return self._lost("the process died")
+                self._process.join()
+                hung = self._process.exitcode == -OUT_OF_TIME
+                return self._lost(self._hung() if hung else "the process died")
             self._allowance = self._limit
             return outcome
         spent = monotonic() - self._since
-        return self._lost(f"hung: killed after {spent:.0f} s") if spent > self._allowance else None
+        return self._lost(self._hung()) if spent > PATIENCE * self._allowance else None
+
+    def _hung(self) -> str:
+        return f"hung: killed after {monotonic() - self._since:.0f} s"
 
     def _lost(self, what: str) -> Outcome:
         number, spent = self._number, monotonic() - self._since
@@ -127,7 +137,19 @@ def _serve(pipe: Connection) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     with suppress(EOFError, KeyboardInterrupt):
         while True:
-            pipe.send(attempt(pipe.recv()))
+            number, seconds = pipe.recv()
+            _end_after(seconds)
+            pipe.send(attempt(number))
+
+
+def _end_after(seconds: float) -> None:
+    """Let the system end this process after so many more seconds of its own work, if it can."""
+    with suppress(ImportError, ValueError):
+        import resource
+
+        whole = ceil(process_time() + seconds)
+        _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+        resource.setrlimit(resource.RLIMIT_CPU, (whole, hard))
 
 
 @dataclass(frozen=True)

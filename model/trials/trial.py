@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, isfinite, nan, sqrt
-from time import perf_counter
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,6 +63,7 @@ class Outcome:
     iterations : int
         Iterations, steps or generations.
     seconds : float
+        Of processor time.
     """
 
     number: int
@@ -88,7 +89,7 @@ def attempt(number: int) -> Outcome:
     """Make the scene of a number, put it to its engine, and judge what comes of it."""
     rng = np.random.default_rng([2026, number])
     family, engine = put_to(number)
-    start = perf_counter()
+    start = process_time()
     told: dict[str, Any]
     try:
         with warnings.catch_warnings():
@@ -101,7 +102,7 @@ def attempt(number: int) -> Outcome:
     except Exception as error:
         told = {"verdict": FAILED, "what": f"raw {type(error).__name__}: {_line(error)}"}
     family = told.pop("family", family)
-    return Outcome(number, family, engine, seconds=perf_counter() - start, **told)
+    return Outcome(number, family, engine, seconds=process_time() - start, **told)
 
 
 def put_to(number: int) -> tuple[str, str]:

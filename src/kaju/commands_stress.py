@@ -25,7 +25,9 @@ def stress(
     ] = None,
     first: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the first.")] = 0,
     workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
-    limit: Annotated[float, typer.Option(help="Seconds after which a trial has hung.")] = 30.0,
+    limit: Annotated[
+        float, typer.Option(help="Seconds of processor time of a trial that has hung.")
+    ] = 30.0,
     pictures: Annotated[bool, typer.Option("--pictures/--no-pictures")] = True,
 ) -> None:
     """Put random and adversarial scenes to every rule and solver; exit code 1 if one fails.

@@ -11,7 +11,7 @@ import pytest
 from kaju import solve
 from kaju.__main__ import main
 from kaju.errors import KajuError, ParameterError
-from kaju.model.trials import trial
+from kaju.model.trials import run, trial
 from kaju.model.trials.coefficients import stability_map
 from kaju.model.trials.run import bounded, tally, trials
 from kaju.model.trials.trial import ENGINES, FAILED, REFUSED, attempt
@@ -92,6 +92,13 @@ def test_what_hangs_is_killed_and_the_rest_goes_on():
     whole = list(trials(numbers, workers=2, limit=60.0))
     assert sorted(o.number for o in whole) == numbers
     assert [row.answered for row in tally(whole)] == [3]
+
+
+def test_who_works_for_too_long_is_killed_whatever_the_clock_says(monkeypatch):
+    monkeypatch.setattr(run, "PATIENCE", 1e9)
+    (outcome,) = trials([5162], workers=1, limit=1.0, beyond=0.0)
+    assert outcome.verdict == FAILED
+    assert "hung: killed after" in outcome.what
 
 
 @pytest.mark.parametrize(("how", "message"), [({"workers": 0}, "workers"), ({"limit": 0}, "limit")])

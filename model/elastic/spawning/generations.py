@@ -22,6 +22,7 @@ from .curvature import Indicator, indicate
 from .ground import Ground
 from .held import direct_limit, first_agents, rebalance
 from .leaves import Flags, Index, Leaves
+from .mirror import mean_of_images
 from .nested import NestedMultigrid, energy_of, relative_error, settle
 from .previous import Heirs, Standing
 from .tree_boxes import bracket_of_agents
@@ -205,6 +206,7 @@ class Spawner:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
         self.aim = aim or EnergyAim()
         self._heirs = None
+        self._mirrors = tuple(range(ground.dimension))
         if previous is None:
             self._stand(_first(ground))
         else:
@@ -313,7 +315,9 @@ class Spawner:
 
     def _settle(self, share: float) -> Iteration:
         """Balance the forces to a relative algebraic error."""
-        return settle(self.balance, self.hierarchy, self.displacement, share)
+        run = settle(self.balance, self.hierarchy, self.displacement, share)
+        self._mirrors = mean_of_images(self.balance, self.displacement, self._mirrors)
+        return run
 
     def _look(self, algebraic: float | None) -> None:
         """See what is left unbalanced, besides an algebraic error."""

@@ -265,3 +265,21 @@ def test_extreme_units_change_nothing():
         extreme, count = result(size, modulus, force)
         np.testing.assert_allclose(extreme, usual, atol=1e-6 * np.abs(usual).max())
         assert count == pytest.approx(pushes, rel=0.05)
+
+
+@pytest.mark.parametrize(("soft", "doubted"), [(2e9, False), (2e5, True)])
+def test_a_meter_that_may_be_far_off_is_doubted(soft, doubted):
+    scene = Scene(
+        body={"cell_size": 0.01, "drawing": "aab\nbba\naab"},
+        legend={"a": "stiff", "b": "soft"},
+        materials={
+            "stiff": {"youngs_modulus": 2e11, "poissons_ratio": 0.3},
+            "soft": {"youngs_modulus": soft, "poissons_ratio": 0.3},
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 2], "force": [0.0, -1.0]}],
+        rule={"kind": "elastic"},
+    )
+    result = ElasticModel(scene, max_steps=20).run()
+    notes = result.result.summary()["notes"]
+    assert any("tens of times the estimate" in note for note in notes) == doubted

@@ -253,3 +253,26 @@ def test_image_on_finer_cells_is_stored_as_it_was_solved(tmp_path):
     points = result.lower + 0.25 * result.size[:, None]
     np.testing.assert_array_equal(again.displacement_at(points), result.displacement_at(points))
     np.testing.assert_array_equal(again.stress_at(points), result.stress_at(points))
+
+
+@pytest.mark.parametrize("seed", [11, 20])
+def test_a_body_that_is_its_own_image_has_such_agents(seed):
+    """Though generations of some thousand agents end before they have settled to rounding."""
+    rng = np.random.default_rng(seed)
+    half = np.asarray((rng.random((4, 6)) < 0.9) * rng.integers(1, 3, (4, 6)))
+    half[:, 0] = 1
+    half[-1] = 2
+    codes = np.concatenate([half, half[::-1]])
+    load = {"cell": [3, 5], "force": [0.5, -1.0]}
+    result = spawned_by(two_materials([load, mirrored(load, 8)], codes), tolerance=0.06)
+    assert result.agents > 1800
+    unit = CELL / 2**16
+    here = np.rint(result.middle / unit).astype(int)
+    there = np.rint((result.middle * [-1, 1] + [8 * CELL, 0.0]) / unit).astype(int)
+    assert set(map(tuple, here)) == set(map(tuple, there))
+    first, second = np.lexsort(here.T), np.lexsort(there.T)
+    np.testing.assert_allclose(
+        result.displacement[first],
+        result.displacement[second] * [-1, 1],
+        atol=1e-13 * np.abs(result.displacement).max(),
+    )

@@ -4,12 +4,16 @@ import json
 import os
 import signal
 import sys
+import zlib
 from pathlib import Path
+from time import process_time
 
+import numpy as np
 import pytest
 
 from kaju import LoadModel, Scene, load_result
 from kaju.errors import ResultFileError
+from kaju.model.archive import write_archive
 from kaju.output import Folder
 
 EVENTS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "shutil.rmtree")
@@ -161,3 +165,18 @@ def test_without_an_exchange_in_one_step_names_are_exchanged_all_the_same(old, n
     Folder(Path("here"), force=True).write(new, pictures=False)
     assert taken(Path("here")) == new.summary()["load_taken"]
     assert [path.name for path in Path().iterdir()] == ["here"]
+
+
+def test_large_results_are_packed_quickly(tmp_path):
+    """A run of a million agents is stored in seconds, also when Ctrl-C has ended it."""
+    rng = np.random.default_rng(1)
+    many = {"load": rng.normal(size=200_000), "agent": rng.integers(0, 90_000, 200_000)}
+    began = process_time()
+    path = write_archive(tmp_path / "many", "trial", many, {})
+    spent = process_time() - began
+    began = process_time()
+    for array in many.values():
+        zlib.compress(array.tobytes())
+    assert spent < 0.75 * (process_time() - began)
+    with np.load(path) as stored:
+        np.testing.assert_array_equal(stored["agent"], many["agent"])

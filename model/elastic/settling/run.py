@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+ROUGH = 1e4
+"""Contrast of moduli from which on the meter of the error left is not to be relied on."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ElasticRun(BodyResult):
@@ -305,10 +308,23 @@ def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
         levels=len(table.levels),
         residuals=meters,
         converged=model.at_rest,
-        notes=[outcome, "the error estimate is of the loads left; the grid's own is not in it"],
+        notes=[outcome, *_doubts(model)],
     )
     found = CellAgents(table.grid, model.stage, table.problem, table.origin, solution)
     return ElasticResult(model.scene, model.stage, found, model.seconds)
+
+
+def _doubts(model: ElasticModel) -> list[str]:
+    """Say what the meter of an error does not tell."""
+    said = ["the error estimate is of the loads left; the grid's own is not in it"]
+    moduli = [material.youngs_modulus for material in model.scene.cell_materials]
+    contrast = max(moduli) / min(moduli)
+    if contrast >= ROUGH:
+        said.append(
+            f"moduli differ by a factor of {contrast:.0e}: loads left on soft cells may hide an "
+            "error tens of times the estimate; a smaller threshold or `kaju solve` tells"
+        )
+    return said
 
 
 def _face_agents(model: ElasticModel) -> FaceAgents:

@@ -50,9 +50,7 @@ def draw(found: dict[str, Comparison]) -> list[Path]:
     row = Line("x, 5 mm below the top", (0.0, 0.195), (0.2, 0.195))
     pressure = 2.0 / (0.01 * 0.002)
     figures = {
-        "stress_ratio": plot_stress_ratio(
-            found, column, "yy", pressure, believed=BELIEVED, symbol=STRESS
-        ),
+        "stress_ratio": plot_stress_ratio(found, column, "y", pressure, believed=BELIEVED),
         "stress": plot_maps(found, "stress", "yy", believed=BELIEVED, symbol=STRESS),
         "deformed": plot_shapes(
             {name: comparison.result for name, comparison in found.items()},

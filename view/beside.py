@@ -7,26 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.arrays import Floats
-
 from .comparison import (
-    TITLE,
-    Comparisons,
     Line,
-    at_cells,
-    frame_of,
     legend_below,
-    look_of,
     plot_profile,
     plot_profiles,
-    plot_ratio,
     plot_shapes,
+    plot_stress_ratio,
+    stress_symbol,
 )
-from .style import INK, new_figure
+from .style import new_figure
 from .units import quantity
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from kaju.model.beside_elasticity import BesideElasticity, Way
@@ -60,7 +53,8 @@ def pictures_beside(
     along, across = names[study.axis], names[0 if study.axis else 1]
     down, rows = _line(study, study.down), [_line(study, way) for way in study.rows(depths)]
     found = study.comparisons
-    figures = {"stress_ratio": _ratios(study, down, along, across)}
+    stress = plot_stress_ratio(found, down, along + across, study.pressure, believed=BELIEVED)
+    figures = {"stress_ratio": stress}
     figures["stress_rows"] = _stress_rows(study, rows, (along, across))
     if study.scene.lattice.dimension == 2:
         shapes = {name: comparison.result for name, comparison in found.items()}
@@ -78,52 +72,14 @@ def _line(study: BesideElasticity, way: Way) -> Line:
     return Line(f"{across}, {quantity(way.depth, 'm')} below the load", way.start, way.end)
 
 
-def _symbol(axis: str) -> str:
-    return rf"$\sigma_{{{axis}{axis}}}$"
-
-
-def _ratios(study: BesideElasticity, down: Line, along: str, across: str) -> Figure:
-    found, component, symbol = study.comparisons, along * 2, _symbol(along)
-    figure = new_figure((12.6, 3.9))
-    left, middle, right = figure.subplots(1, 3)
-    what = ("stress", component)
-    plot_profile(left, found, down, what, -study.pressure, f"−{symbol} / $p$")
-    plot_ratio(found, down, "stress", component, believed=BELIEVED, symbol=symbol, ax=middle)
-    _cross_ratio(right, found, down, across * 2, component)
-    right.set_ylabel(f"{_symbol(across)} / {symbol}", fontsize=9)
-    left.set_title(f"Share of the pressure p = {quantity(study.pressure, 'Pa')}", **TITLE)
-    middle.set_title("Over the stress of elasticity", **TITLE)
-    right.set_title("Stress across over stress along", **TITLE)
-    legend_below(figure, found, BELIEVED)
-    return figure
-
-
-def _cross_ratio(ax: Axes, found: Comparisons, line: Line, above: str, below: str) -> None:
-    """Draw one stress over another of the same answer along a line."""
-    first = next(iter(found.values()))
-    profile = first.along(line.start, line.end, 401)
-    assert profile.stress is not None
-    tops, bottoms = profile.stress.component(above), profile.stress.component(below)
-    ax.plot(profile.distance, _over(tops.reference, bottoms.reference), color=INK, linewidth=1.6)
-    for number, comparison in enumerate(found.values()):
-        distance, top = at_cells(comparison, line, ("stress", above))
-        bottom = at_cells(comparison, line, ("stress", below))[1]
-        ax.plot(distance, _over(top.values, bottom.values), **look_of(number))
-    frame_of(ax, line, float(profile.distance.max()))
-
-
-def _over(above: Floats, below: Floats) -> Floats:
-    small = np.abs(below) < 1e-3 * np.abs(below).max(initial=0.0)
-    ratio: Floats = above / np.where(small | (below == 0.0), np.nan, below)
-    return ratio
-
-
 def _stress_rows(study: BesideElasticity, rows: Sequence[Line], axes: tuple[str, str]) -> Figure:
     figure = new_figure((4.1 * len(rows) + 0.5, 7.2))
     panels = figure.subplots(len(axes), len(rows), squeeze=False)
     for axis, row in zip(axes, panels, strict=True):
         for ax, line in zip(row, rows, strict=True):
-            plot_profile(ax, study.comparisons, line, ("stress", axis * 2), None, _symbol(axis))
+            plot_profile(
+                ax, study.comparisons, line, ("stress", axis * 2), None, stress_symbol(axis)
+            )
     legend_below(figure, study.comparisons, BELIEVED)
     return figure
 

@@ -142,25 +142,58 @@ def plot_ratio(
     return ax
 
 
+def stress_symbol(axis: str) -> str:
+    """Return how a normal stress is written."""
+    return rf"$\sigma_{{{axis}{axis}}}$"
+
+
 def plot_stress_ratio(
     comparisons: Comparisons,
     line: Line,
-    component: str,
+    axes: str,
     pressure: float,
     *,
     believed: str = "reference",
-    symbol: str = "σ",
 ) -> Figure:
-    """Draw stress as a share of a pressure (Pa), and over that of the reference."""
+    """Draw stress along a line as a share of a pressure (Pa), and over that of the reference.
+
+    `axes` is the axis along which it presses, and with another one after it the stress across is
+    drawn over that along, too.
+    """
     check_count(comparisons)
-    figure = new_figure((8.8, 3.9))
-    left, right = figure.subplots(1, 2)
+    component, symbol = axes[0] * 2, stress_symbol(axes[0])
+    figure = new_figure((4.2 * (1 + len(axes)) + 0.4 * (len(axes) == 1), 3.9))
+    left, middle, *rest = figure.subplots(1, 1 + len(axes))
     plot_profile(left, comparisons, line, ("stress", component), -pressure, f"−{symbol} / $p$")
-    plot_ratio(comparisons, line, "stress", component, believed=believed, symbol=symbol, ax=right)
+    plot_ratio(comparisons, line, "stress", component, believed=believed, symbol=symbol, ax=middle)
     left.set_title(f"Share of the pressure p = {with_unit(pressure, 'Pa')}", **TITLE)
-    right.set_title(f"Share of the stress of {believed}", **TITLE)
+    middle.set_title(f"Over the stress of {believed}", **TITLE)
+    for right in rest:
+        plot_cross_ratio(right, comparisons, line, axes[1] * 2, component)
+        right.set_ylabel(f"{stress_symbol(axes[1])} / {symbol}", fontsize=9)
+        right.set_title("Stress across over stress along", **TITLE)
     legend_below(figure, comparisons, believed)
     return figure
+
+
+def plot_cross_ratio(ax: Axes, found: Comparisons, line: Line, above: str, below: str) -> None:
+    """Draw one stress over another of the same answer along a line."""
+    first = next(iter(found.values()))
+    profile = first.along(line.start, line.end, 401)
+    assert profile.stress is not None
+    tops, bottoms = profile.stress.component(above), profile.stress.component(below)
+    ax.plot(profile.distance, _over(tops.reference, bottoms.reference), color=INK, linewidth=1.6)
+    for number, comparison in enumerate(found.values()):
+        distance, top = at_cells(comparison, line, ("stress", above))
+        bottom = at_cells(comparison, line, ("stress", below))[1]
+        ax.plot(distance, _over(top.values, bottom.values), **look_of(number))
+    frame_of(ax, line, float(profile.distance.max()))
+
+
+def _over(above: Floats, below: Floats) -> Floats:
+    small = np.abs(below) < 1e-3 * np.abs(below).max(initial=0.0)
+    ratio: Floats = above / np.where(small | (below == 0.0), np.nan, below)
+    return ratio
 
 
 TITLE: Any = {"loc": "left", "fontsize": 10, "fontweight": "bold", "color": INK}

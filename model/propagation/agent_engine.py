@@ -21,12 +21,13 @@ from kaju.agents.boundary_agent import (
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.materials import suggestion
 from kaju.agents.shares import Load, Sense
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.engine_choice import Order, chosen
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 from kaju.model.scene.lattices import BUILT_IN
 
-from .stage import FloatArray, History, IntArray, Ledger, News, Stage, Totals, collect_history
+from .stage import History, Ledger, News, Stage, Totals, collect_history
 
 if TYPE_CHECKING:
     from random import Random
@@ -113,14 +114,14 @@ class AgentEngine:
         self.space = _space(self.lattice, shape, model.random)
         # Mesa enters the class of the cells there for ever, and with it a layer of the grid.
         weakref.finalize(self.space, copyreg.dispatch_table.pop, self.space.cell_klass, None)
-        self.kinds: IntArray = scene.kinds(np.indices(shape).reshape(len(shape), -1).T - 1)
+        self.kinds: Ints = scene.kinds(np.indices(shape).reshape(len(shape), -1).T - 1)
         self.kinds = self.kinds.reshape(shape)
         self.steps = self.lattice.steps.tolist()
         self.agents: dict[Cell, MaterialAgent] = {}
         self.boundaries: dict[Cell, BoundaryAgent] = {}
         self._around: dict[Cell, dict[int, Cell]] = {}
 
-    def start(self, cells: IntArray, state: IntArray, magnitude: FloatArray) -> None:
+    def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
         for agent in self.agents.values():
             agent.remove()
@@ -360,7 +361,7 @@ class AgentEngine:
         """Sort agents by spawn step and place."""
         return sorted(agents, key=lambda agent: (agent.spawn_step, *agent.cell.coordinate))
 
-    def _places(self, agents: Sequence[MaterialAgent] | Sequence[BoundaryAgent]) -> IntArray:
+    def _places(self, agents: Sequence[MaterialAgent] | Sequence[BoundaryAgent]) -> Ints:
         """Return the cells of agents, without the rim."""
         cells = np.array([agent.cell.coordinate for agent in agents], dtype=np.int64)
         return cells.reshape(-1, self.lattice.dimension) - 1
@@ -400,7 +401,7 @@ def _space(lattice: Lattice, shape: tuple[int, ...], random: Random) -> Any:
     return Network(graph, random=random)
 
 
-def _table(amounts: list[dict[int, float]], columns: int) -> FloatArray:
+def _table(amounts: list[dict[int, float]], columns: int) -> Floats:
     """Return dictionaries as the rows of a table."""
     table = np.zeros((len(amounts), columns))
     for row, amount in enumerate(amounts):

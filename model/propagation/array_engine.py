@@ -12,17 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.shares import Load
+from kaju.arrays import Floats, Ints
 
-from .stage import (
-    FloatArray,
-    IntArray,
-    Ledger,
-    News,
-    Stage,
-    Totals,
-    collect_boundary,
-    collect_history,
-)
+from .stage import Ledger, News, Stage, Totals, collect_boundary, collect_history
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -54,27 +46,27 @@ class AgentTable:
         self.scene = scene
         self.lattice = scene.lattice
         directions = self.lattice.directions
-        self.key: IntArray = np.empty(0, dtype=np.int64)
-        self.material: IntArray = np.empty(0, dtype=np.int64)
-        self.spawn_step: IntArray = np.empty(0, dtype=np.int64)
-        self.woken_by: IntArray = np.empty(0, dtype=np.int64)
-        self.taken: FloatArray = np.empty((0, states))
-        self.passed: FloatArray = np.empty((0, directions))
-        self.dropped: FloatArray = np.empty(0)
+        self.key: Ints = np.empty(0, dtype=np.int64)
+        self.material: Ints = np.empty(0, dtype=np.int64)
+        self.spawn_step: Ints = np.empty(0, dtype=np.int64)
+        self.woken_by: Ints = np.empty(0, dtype=np.int64)
+        self.taken: Floats = np.empty((0, states))
+        self.passed: Floats = np.empty((0, directions))
+        self.dropped: Floats = np.empty(0)
         self._form: NDArray[np.int8] = np.empty(0, dtype=np.int8)
         self._beyond: NDArray[np.int16] = np.empty((0, directions), dtype=np.int16)
-        self._sorted_key: IntArray = np.empty(0, dtype=np.int64)
-        self._sorted_agent: IntArray = np.empty(0, dtype=np.int64)
+        self._sorted_key: Ints = np.empty(0, dtype=np.int64)
+        self._sorted_agent: Ints = np.empty(0, dtype=np.int64)
 
     def __len__(self) -> int:
         return len(self.key)
 
     @property
-    def cells(self) -> IntArray:
+    def cells(self) -> Ints:
         """Coordinates of the agents' cells."""
         return self.lattice.cells(self.key)
 
-    def missing(self, key: IntArray) -> NDArray[np.bool_]:
+    def missing(self, key: Ints) -> NDArray[np.bool_]:
         """Tell which cells have no agent yet."""
         place = np.searchsorted(self._sorted_key, key)
         found = np.zeros(len(key), dtype=np.bool_)
@@ -82,11 +74,11 @@ class AgentTable:
         found[inside] = self._sorted_key[place[inside]] == key[inside]
         return ~found
 
-    def find(self, key: IntArray) -> IntArray:
+    def find(self, key: Ints) -> Ints:
         """Return the agents of cells that have one."""
         return self._sorted_agent[np.searchsorted(self._sorted_key, key)]
 
-    def spawn(self, key: IntArray, woken_by: IntArray, step: int) -> None:
+    def spawn(self, key: Ints, woken_by: Ints, step: int) -> None:
         """Add agents in the cells `key` (sorted, each once, none with an agent)."""
         count, directions = len(key), self.lattice.directions
         cells = self.lattice.cells(key)
@@ -105,15 +97,15 @@ class AgentTable:
         unknown = np.full((count, directions), _UNKNOWN)
         self._beyond = np.append(self._beyond, unknown, axis=0)
 
-    def form(self, agent: IntArray) -> IntArray:
+    def form(self, agent: Ints) -> Ints:
         """Return the row of the rule's tables for agents: material, then form."""
         return self.material[agent] * self.lattice.forms + self._form[agent]
 
-    def neighbour(self, agent: IntArray, arm: IntArray) -> IntArray:
+    def neighbour(self, agent: Ints, arm: Ints) -> Ints:
         """Return the keys of the cells that agents reach over arms."""
         return self.key[agent] + self.lattice.key_steps[self._form[agent], arm]
 
-    def beyond(self, agent: IntArray, arm: IntArray) -> IntArray:
+    def beyond(self, agent: Ints, arm: Ints) -> Ints:
         """Return what lies over an arm: a material's number, or a kind of boundary.
 
         An agent looks round once, when it first has something to hand over.
@@ -145,10 +137,10 @@ class Rows(NamedTuple):
         Arms over which they came, one bit each.
     """
 
-    place: IntArray
+    place: Ints
     state: NDArray[np.int8]
     magnitude: NDArray[np.int32]
-    copies: FloatArray
+    copies: Floats
     bits: NDArray[np.uint8]
 
     def where(self, chosen: NDArray[Any]) -> Rows:
@@ -170,10 +162,10 @@ class BoundaryRows(NamedTuple):
         In which state it came, and over which arm of the sender.
     """
 
-    key: IntArray
-    load: FloatArray
+    key: Ints
+    load: Floats
     state: NDArray[np.int8]
-    arm: IntArray
+    arm: Ints
 
 
 class ArrayEngine:
@@ -194,11 +186,11 @@ class ArrayEngine:
         self.accumulate = transfer.rule.accumulate
         self.threshold = transfer.rule.threshold
 
-    def start(self, cells: IntArray, state: IntArray, magnitude: FloatArray) -> None:
+    def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
         self.generation = 0
         self.agents = AgentTable(self.scene, self.transfer.states)
-        self.record: list[tuple[IntArray, IntArray, FloatArray]] = []
+        self.record: list[tuple[Ints, Ints, Floats]] = []
         self.boundary: list[BoundaryRows] = []
         self.applied = float(magnitude.sum())
         self.taken = self.passed = self.returned = self.dropped = 0.0
@@ -213,9 +205,9 @@ class ArrayEngine:
         return len(self.agents)
 
     @property
-    def load(self) -> FloatArray:
+    def load(self) -> Floats:
         """Sum of the equal loads of each waiting row (N)."""
-        amount: FloatArray = self.values[self.waiting.magnitude] * self.waiting.copies
+        amount: Floats = self.values[self.waiting.magnitude] * self.waiting.copies
         return amount
 
     @property
@@ -232,7 +224,7 @@ class ArrayEngine:
         self._arrive(self._hand_over(self._emit(agent)))
         self.passed += self.pending - (self.returned - returned)
 
-    def _take(self, agent: IntArray) -> None:
+    def _take(self, agent: Ints) -> None:
         """Add up what each agent takes in each state; the rows are sorted by both."""
         state = self.waiting.state
         first = np.flatnonzero(
@@ -244,7 +236,7 @@ class ArrayEngine:
         self.agents.taken[agent, state] += load
         self.record.append((agent, state.astype(np.int64), load))
 
-    def _emit(self, agent: IntArray) -> Rows:
+    def _emit(self, agent: Ints) -> Rows:
         """Split the waiting loads into shares; the place of a row is agent and arm."""
         arms, states, shares = self.transfer.tables
         distinct, share_number = np.unique(shares, return_inverse=True)
@@ -272,7 +264,7 @@ class ArrayEngine:
         self.values = values
         return _joined(parts)
 
-    def _audible(self, agent: IntArray) -> tuple[Rows, IntArray, IntArray]:
+    def _audible(self, agent: Ints) -> tuple[Rows, Ints, Ints]:
         """Drop all that loads too small for any emission would send out; return the others.
 
         Returns
@@ -291,7 +283,7 @@ class ArrayEngine:
         rest = np.flatnonzero(largest > self.threshold)
         return self.waiting.where(rest), agent[rest], row[rest]
 
-    def _drop(self, agent: IntArray, load: FloatArray) -> None:
+    def _drop(self, agent: Ints, load: Floats) -> None:
         np.add.at(self.agents.dropped, agent, load)
         self.dropped += float(load.sum())
 
@@ -400,11 +392,11 @@ class ArrayEngine:
             for d, magnitude, copies, pulls in zip(*(c.tolist() for c in columns), strict=True)
         ]
 
-    def at_boundary(self) -> tuple[FloatArray, FloatArray]:
+    def at_boundary(self) -> tuple[Floats, Floats]:
         """Return what boundary agents took by direction, and gave back by arm (N)."""
         key, _, _ = collect_boundary([rows[:2] for rows in self.boundary])
         order = np.argsort(key)
-        taken: FloatArray = np.zeros((len(key), self.lattice.directions))
+        taken: Floats = np.zeros((len(key), self.lattice.directions))
         passed = np.zeros_like(taken)
         for rows in self.boundary:
             agent = order[np.searchsorted(key[order], rows.key)]
@@ -466,10 +458,10 @@ class ArrayEngine:
 
 
 def _rows(
-    place: IntArray,
+    place: Ints,
     state: NDArray[np.integer],
     magnitude: NDArray[np.integer],
-    copies: FloatArray,
+    copies: Floats,
     bits: NDArray[np.integer],
 ) -> Rows:
     """Return rows in as few bytes as they need: millions of them travel."""

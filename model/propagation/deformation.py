@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import RIGID, ROLLER
 
-from .stage import FloatArray, IntArray, Stage, Totals
+from .stage import Stage, Totals
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -48,31 +49,31 @@ class Squeeze:
     """
 
     lattice: Lattice
-    pressure: FloatArray
-    strain: FloatArray
-    widening: FloatArray
+    pressure: Floats
+    strain: Floats
+    widening: Floats
 
-    def strains(self) -> FloatArray:
+    def strains(self) -> Floats:
         """Return the strain (1) of every agent, shape (agents, dim, dim)."""
         along, across = self._projections()
-        strain: FloatArray = np.tensordot(self.widening, across, axes=1)
+        strain: Floats = np.tensordot(self.widening, across, axes=1)
         strain -= np.tensordot(self.strain, along, axes=1)
         return strain
 
-    def stresses(self) -> FloatArray:
+    def stresses(self) -> Floats:
         """Return the stress (Pa) of every agent, shape (agents, dim, dim)."""
-        stress: FloatArray = -np.tensordot(self.pressure, self._projections()[0], axes=1)
+        stress: Floats = -np.tensordot(self.pressure, self._projections()[0], axes=1)
         return stress
 
-    def elongation(self, axis: int) -> FloatArray:
+    def elongation(self, axis: int) -> Floats:
         """Return by how much every agent lengthens along an axis (m), shape (agents,)."""
         along, across = self._projections()
         normal = self.lattice.normals[self.lattice.axes[axis]]
-        length: FloatArray = self.widening @ (across @ normal @ normal)
+        length: Floats = self.widening @ (across @ normal @ normal)
         length -= self.strain @ (along @ normal @ normal)
         return length * self.lattice.cell_size
 
-    def _projections(self) -> tuple[FloatArray, FloatArray]:
+    def _projections(self) -> tuple[Floats, Floats]:
         """Return nₖnₖᵀ and 1 - nₖnₖᵀ, each (axes, dim, dim)."""
         normals = self.lattice.normals[self.lattice.axes]
         along = normals[:, :, None] * normals[:, None, :]
@@ -108,18 +109,18 @@ class LineDisplacement:
         What is added at the run's start (m), and what is taken away per cell (m).
     """
 
-    lines: IntArray
+    lines: Ints
     stride: int
-    code: IntArray
-    elongation: FloatArray
-    before: FloatArray
-    run: IntArray
-    start: IntArray
-    stop: IntArray
-    offset: FloatArray
-    slope: FloatArray
+    code: Ints
+    elongation: Floats
+    before: Floats
+    run: Ints
+    start: Ints
+    stop: Ints
+    offset: Floats
+    slope: Floats
 
-    def at(self, line: IntArray, position: IntArray, fraction: FloatArray) -> FloatArray:
+    def at(self, line: Ints, position: Ints, fraction: Floats) -> Floats:
         """Return the displacement (m) at a fraction (0 to 1) of the way through cells."""
         value = np.zeros(len(line))
         if not len(self.code):
@@ -164,20 +165,20 @@ class DisplacementField:
         normals = self.lattice.normals[self.lattice.axes]
         # The vector with these components along the axes, or nearest to having them.
         self.along = normals @ np.linalg.inv(normals.T @ normals)
-        self.awake: IntArray = scene.lattice.key(stage.cells)
+        self.awake: Ints = scene.lattice.key(stage.cells)
         self.axes = [
             _displacement_along(scene, stage.cells, squeezed.elongation(axis), axis)
             for axis in range(len(self.lattice.axes))
         ]
 
-    def at(self, points: FloatArray, cells: IntArray) -> FloatArray:
+    def at(self, points: Floats, cells: Ints) -> Floats:
         """Return displacements (m) at points (m) in cells, all (n, dim); 0 off the load."""
         total = np.zeros_like(points)
         reached = np.isin(self.lattice.key(cells), self.awake)
         total[reached] = self._within(points[reached], cells[reached])
         return total
 
-    def _within(self, points: FloatArray, cells: IntArray) -> FloatArray:
+    def _within(self, points: Floats, cells: Ints) -> Floats:
         """Return displacements (m) at points (m) in cells that a load reached."""
         lattice = self.lattice
         inside_cell = (points - lattice.centres(cells)) / lattice.cell_size
@@ -191,7 +192,7 @@ class DisplacementField:
 
 
 def _displacement_along(
-    scene: Scene, cells: IntArray, elongation: FloatArray, axis: int
+    scene: Scene, cells: Ints, elongation: Floats, axis: int
 ) -> LineDisplacement:
     line, position = scene.lattice.line(cells, axis)
     order = np.lexsort((position, line))
@@ -223,14 +224,14 @@ def _displacement_along(
     )
 
 
-def _first_and_last(run: IntArray) -> tuple[IntArray, IntArray]:
+def _first_and_last(run: Ints) -> tuple[Ints, Ints]:
     first = np.flatnonzero(np.diff(run, prepend=-1))
     return first, np.append(first[1:], len(run))[: len(first)] - 1
 
 
 def _runs(
-    scene: Scene, cells: IntArray, line: IntArray, position: IntArray, axis: int
-) -> tuple[IntArray, IntArray, IntArray, np.ndarray]:
+    scene: Scene, cells: Ints, line: Ints, position: Ints, axis: int
+) -> tuple[Ints, Ints, Ints, np.ndarray]:
     """Find the unbroken rows of body cells that sorted agents lie in.
 
     Returns
@@ -260,9 +261,7 @@ def _runs(
     return run, below + 1, stop[highest], np.stack([held_below, held_above[highest]], axis=1)
 
 
-def _end_of_body(
-    scene: Scene, cells: IntArray, axis: int, sense: int
-) -> tuple[IntArray, np.ndarray]:
+def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints, np.ndarray]:
     """Walk from cells along an axis until the body ends.
 
     The stride of the walk doubles, so long lines cost few calls; through a full box of squares

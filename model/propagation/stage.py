@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from kaju.arrays import Flags, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -73,11 +70,11 @@ class History:
         Whether these are pulls.
     """
 
-    generation: IntArray
-    agent: IntArray
-    direction: IntArray
-    load: FloatArray
-    pull: BoolArray
+    generation: Ints
+    agent: Ints
+    direction: Ints
+    load: Floats
+    pull: Flags
 
 
 class News(NamedTuple):
@@ -94,25 +91,25 @@ class News(NamedTuple):
         Cells of the new agents, and what `Stage` says of them.
     """
 
-    generation: IntArray
-    key: IntArray
-    channel: IntArray
-    load: FloatArray
-    born: IntArray
-    spawn_step: IntArray
-    woken_by: IntArray
+    generation: Ints
+    key: Ints
+    channel: Ints
+    load: Floats
+    born: Ints
+    spawn_step: Ints
+    woken_by: Ints
 
 
 class Totals(NamedTuple):
     """What each agent has done by now; the columns are those of `Stage`."""
 
-    cells: IntArray
-    material: IntArray
-    kept: FloatArray
-    shortened: FloatArray
-    widened: FloatArray
-    passed: FloatArray
-    dropped: FloatArray
+    cells: Ints
+    material: Ints
+    kept: Floats
+    shortened: Floats
+    widened: Floats
+    passed: Floats
+    dropped: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,29 +162,29 @@ class Stage:
     factor: float
     outcome: str
     generations: int
-    cells: IntArray
-    material: IntArray
-    spawn_step: IntArray
-    woken_by: IntArray
-    taken: FloatArray
-    pulled: FloatArray
-    kept: FloatArray
-    shortened: FloatArray
-    widened: FloatArray
-    passed: FloatArray
-    dropped: FloatArray
-    boundary_cells: IntArray
-    boundary_kind: IntArray
-    boundary_spawn_step: IntArray
-    returned: FloatArray
-    arrived: FloatArray
+    cells: Ints
+    material: Ints
+    spawn_step: Ints
+    woken_by: Ints
+    taken: Floats
+    pulled: Floats
+    kept: Floats
+    shortened: Floats
+    widened: Floats
+    passed: Floats
+    dropped: Floats
+    boundary_cells: Ints
+    boundary_kind: Ints
+    boundary_spawn_step: Ints
+    returned: Floats
+    arrived: Floats
     history: History
     ledger: Ledger
 
 
 def collect_boundary(
-    handed: list[tuple[IntArray, FloatArray]],
-) -> tuple[IntArray, IntArray, FloatArray]:
+    handed: list[tuple[Ints, Floats]],
+) -> tuple[Ints, Ints, Floats]:
     """Gather what boundary agents gave back, from (cell keys, loads) of each generation.
 
     Returns
@@ -203,15 +200,13 @@ def collect_boundary(
     step = np.concatenate([np.full(len(key), g + 2) for g, (key, _) in enumerate(handed)])
     load = np.concatenate([amount for _, amount in handed])
     key, first, number = np.unique(every, return_index=True, return_inverse=True)
-    returned: FloatArray = np.zeros(len(key))
+    returned: Floats = np.zeros(len(key))
     np.add.at(returned, number, load)
     order = np.lexsort((key, step[first]))
     return key[order], step[first][order], returned[order]
 
 
-def collect_history(
-    record: list[tuple[IntArray, IntArray, FloatArray]], directions: int
-) -> History:
+def collect_history(record: list[tuple[Ints, Ints, Floats]], directions: int) -> History:
     """Gather the loads taken, from (agent, state, load) of each generation."""
     nothing = np.empty(0, dtype=np.int64)
     generation = [np.full(len(agent), g) for g, (agent, _, _) in enumerate(record, start=1)]

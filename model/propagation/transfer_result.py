@@ -13,6 +13,7 @@ from typing_extensions import TypedDict
 
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Floats
 from kaju.errors import MissingExtraError, ResultError, ResultFileError
 from kaju.model.archive import Archive
 from kaju.model.elastic.export import corner_order, same_points
@@ -24,7 +25,7 @@ from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 from .deformation import DisplacementField, Squeeze, squeeze
 from .load_path import load_path
 from .stability import Certificate
-from .stage import FloatArray, History, Ledger, Stage
+from .stage import History, Ledger, Stage
 from .transfer import pulls, split_force
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ class TransferResult(BodyResult):
         return len(self.stages)
 
     @property
-    def taken(self) -> FloatArray:
+    def taken(self) -> Floats:
         """Loads taken (N) by direction, shape (agents, directions)."""
         return self.last.taken
 
@@ -155,7 +156,7 @@ class TransferResult(BodyResult):
         return self.stages[-1]
 
     @property
-    def reactions(self) -> dict[str, FloatArray]:
+    def reactions(self) -> dict[str, Floats]:
         """Forces (N) by which supports answered the loads that reached them, each (dimension,).
 
         By the name of the side, or "rigid" for rigid cells inside. A rigid agent answers a load
@@ -213,24 +214,24 @@ class TransferResult(BodyResult):
         return squeeze(self.scene, self.last)
 
     @cached_property
-    def strain(self) -> FloatArray:
+    def strain(self) -> Floats:
         """Strain of every agent, shape (agents, dim, dim)."""
         return self._squeeze.strains()
 
     @cached_property
-    def stress(self) -> FloatArray:
+    def stress(self) -> Floats:
         """Stress of every agent (Pa), shape (agents, dim, dim)."""
         return self._squeeze.stresses()
 
     @cached_property
-    def von_mises(self) -> FloatArray:
+    def von_mises(self) -> Floats:
         """Von Mises stress of every agent (Pa); in the plane, of plane stress."""
         stress = np.zeros((len(self.stress), 3, 3))
         dimension = self.scene.lattice.dimension
         stress[:, :dimension, :dimension] = self.stress
         mean = np.trace(stress, axis1=1, axis2=2) / 3.0
         deviator = stress - mean[:, None, None] * np.eye(3)
-        result: FloatArray = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+        result: Floats = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
         return result
 
     @cached_property
@@ -239,12 +240,12 @@ class TransferResult(BodyResult):
         return DisplacementField(self.scene, self.last, self._squeeze)
 
     @cached_property
-    def displacement(self) -> FloatArray:
+    def displacement(self) -> Floats:
         """Displacement of the middle of every agent's cell (m), shape (agents, dim)."""
         cells = self.last.cells
         return self.displacement_field.at(self.scene.lattice.centres(cells), cells)
 
-    def displacement_at(self, points: NDArray[np.float64]) -> FloatArray:
+    def displacement_at(self, points: NDArray[np.float64]) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension).
 
         Raises
@@ -255,7 +256,7 @@ class TransferResult(BodyResult):
         points, cells = cells_of_points(self.scene, points)
         return self.displacement_field.at(points, cells)
 
-    def stress_at(self, points: NDArray[np.float64]) -> FloatArray:
+    def stress_at(self, points: NDArray[np.float64]) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
 
         Stress is the same all over a cell, and 0 in cells that no load reached.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic.problem import ABSENT
 from kaju.model.elastic.settling.elastic_model import ElasticModel
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
     from kaju.model.elastic.settling.table import PushTable
 
-    from .scene_data import Columns, FloatArray
+    from .scene_data import Columns
 
 
 MOST_NUMBERS = 4_000_000
@@ -117,7 +118,7 @@ class LiveFaces(Session):
             header["outcome"] = model.certificate.verdict
         return header | wrong, self._columns(frames)
 
-    def _columns(self, frames: Sequence[dict[str, FloatArray]]) -> Columns:
+    def _columns(self, frames: Sequence[dict[str, Floats]]) -> Columns:
         columns: Columns = {"born": self._born()}
         for name in ("load_left", "load_taken", "moved"):
             told = "moved" if name == "moved" else f"value {name}"
@@ -125,7 +126,7 @@ class LiveFaces(Session):
             columns[told] = np.concatenate([np.empty(0), *values]).astype(np.float32)
         return columns
 
-    def _frame(self) -> dict[str, FloatArray]:
+    def _frame(self) -> dict[str, Floats]:
         """Return how things stand now, face by face."""
         model = self.model
         ground, moved = model.state.grounds[0], self._moving.at(model.state.grounds[0].displacement)
@@ -154,7 +155,7 @@ class Moving:
         self.axis, index = table.levels[0].place
         states = table.problem.face_states()
         unit = np.eye(len(states), dtype=np.int64)
-        self.round: dict[tuple[int, int], tuple[Any, FloatArray]] = {}
+        self.round: dict[tuple[int, int], tuple[Any, Floats]] = {}
         for a in range(len(states)):
             at = index[self.axis == a]
             for b in set(range(len(states))) - {a}:
@@ -163,7 +164,7 @@ class Moving:
                 there = states[b].ravel()[flat] != ABSENT
                 self.round[a, b] = flat, there / np.maximum(there.sum(axis=0), 1)
 
-    def at(self, displacement: FloatArray) -> FloatArray:
+    def at(self, displacement: Floats) -> Floats:
         """Return displacements (m), shape (faces, dimension), from those along the normals."""
         scale = self.table.problem.scales.displacement
         fields = tuple(values * scale for values in self.table.problem.fixed)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.propagation.deformation import squeeze
 from kaju.model.propagation.transfer import Transfer
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
 
 FORMAT = 1
 """Of what pages are told."""
@@ -134,9 +133,9 @@ class Rows:
         Newtons, of elongations metres.
     """
 
-    generation: IntArray
-    place: IntArray
-    amount: FloatArray
+    generation: Ints
+    place: Ints
+    amount: Floats
 
     def columns(self, first: int, last: int, exact: bool = False, name: str = "") -> Columns:
         """Return the history's columns for the generations `first` to `last`."""
@@ -172,10 +171,10 @@ class Account:
 
     def __init__(self, scene: Scene, own: bool) -> None:
         self.scene, self.own = scene, own
-        self.key: IntArray = np.empty(0, dtype=np.int64)
+        self.key: Ints = np.empty(0, dtype=np.int64)
         self._outside = np.empty((0, scene.lattice.directions), dtype=np.bool_)
-        self._known: dict[str, FloatArray] = {}
-        self._rows: dict[str, list[tuple[IntArray, IntArray, FloatArray]]] = {}
+        self._known: dict[str, Floats] = {}
+        self._rows: dict[str, list[tuple[Ints, Ints, Floats]]] = {}
         self._returns = True
 
     def note(self, generation: int, totals: Totals | Stage, returned: float) -> None:
@@ -196,7 +195,7 @@ class Account:
             when = np.full(len(row), generation)
             self._rows.setdefault(name, []).append((when, place, change[row, column]))
 
-    def _amounts(self, totals: Totals | Stage, returned: float) -> dict[str, FloatArray]:
+    def _amounts(self, totals: Totals | Stage, returned: float) -> dict[str, Floats]:
         """Return all sums so far, one row an agent.
 
         Loads one by one are handed over only above the threshold, so what went to a boundary

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+from matplotlib.figure import Figure
+
 from kaju import (
     ElasticModel,
     ElasticResult,
@@ -19,7 +22,9 @@ from kaju import (
     plot,
     solve,
 )
+from kaju.view.comparison import COLOURS
 from kaju.view.face_agents import waves
+from kaju.view.style import LINE, new_figure
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
@@ -39,6 +44,29 @@ def main() -> None:
     plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
     animate(_spawned(_square(), 0.03), folder / "agents_spawn.gif", fps=1.5)
     plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
+    _bracket().savefig(folder / "bracket.png", dpi=110)
+
+
+def _bracket() -> Figure:
+    """Draw how bounds close in on the energy as cells get smaller, and agents of many sizes."""
+    figure = new_figure((5.4, 3.6))
+    ax = figure.subplots()
+    equal = [solve(_square(), resolution=k, strategy="uniform") for k in (1, 2, 4, 8)]
+    spawning = [_spawned(_square(), tolerance) for tolerance in (0.2, 0.1, 0.05, 0.025)]
+    for answers, colour, name in ((equal, COLOURS[0], "equal cells"), (spawning, COLOURS[1], "")):
+        agents = [answer.agents for answer in answers]
+        lower, upper = 1e9 * np.array([answer.energy_bounds for answer in answers]).T
+        ax.fill_between(agents, lower, upper, color=colour, alpha=0.25, lw=0)
+        for edge in (lower, upper):
+            ax.plot(agents, edge, color=colour, marker=".", lw=1.2)
+        ax.plot([], [], color=colour, lw=5, alpha=0.4, label=name or "agents of many sizes")
+    ax.set_xscale("log")
+    ax.set_xlabel("agents", fontsize=9)
+    ax.set_ylabel("energy (nJ): the true one lies in the bands", fontsize=9)
+    ax.tick_params(labelsize=8)
+    ax.grid(color=LINE, lw=0.4)
+    ax.legend(fontsize=8, frameon=False)
+    return figure
 
 
 def _spawned(scene: Scene, tolerance: float) -> ElasticResult:

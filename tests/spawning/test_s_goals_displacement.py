@@ -40,7 +40,7 @@ def test_estimate_is_within_its_factors_of_the_true_error(body):
     for tolerance in (0.2, 0.08) if body in FLAT else (0.3, 0.15):
         result = spawned_by(body(), tolerance=tolerance)
         effectivity = result.displacement_error_estimate / true_error(result, body)
-        assert 0.5 < effectivity < 3.0
+        assert 0.8 < effectivity < 4.5
 
 
 @pytest.mark.parametrize("name", BODIES)
@@ -51,16 +51,13 @@ def test_finite_elements_are_no_further_off_than_twice_the_estimate(name):
     assert off.max() < 2 * result.displacement_error_estimate * result.max_displacement
 
 
-@pytest.mark.parametrize(("body", "share"), [(pierced, 1.0), (rubber, 1.5), (sheared, 1.0)])
-def test_fewer_agents_displace_with_a_smaller_error_than_those_the_energy_asks_for(body, share):
-    """They stand at corners, where the body turns by a lot and stores little.
-
-    For the energy of rubber more agents spawn than its estimate asks for, to prove the bound.
-    """
+@pytest.mark.parametrize("body", [pierced, rubber, sheared])
+def test_fewer_agents_displace_with_a_smaller_error_than_those_the_energy_asks_for(body):
+    """They stand at corners, where the body turns by a lot and stores little."""
     aimed = spawned_by(body(), tolerance=4e-3, tolerance_at="displacement")
     assert aimed.goal_error_estimate == aimed.displacement_error_estimate <= 4e-3
     assert aimed.error_share.sum() == pytest.approx(1.0)
-    by_energy = spawned_by(body(), tolerance=share * aimed.error_estimate)
+    by_energy = spawned_by(body(), tolerance=aimed.error_estimate)
     assert aimed.agents < by_energy.agents
     assert true_error(aimed, body) < true_error(by_energy, body)
 

@@ -22,15 +22,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 
 from kaju.model.scene.kinds import AIR
 
 from .boxes import Boxes, Index, Law
+from .crossed import Form
 from .problem import Floats
-from .ragged import BOTTOM, LEFT, RIGHT, TOP, Form, Ragged, ragged_tractions
+from .ragged import found_data, ragged_tractions
 from .staggered import Pair
 
 WRONG = 1e-7
@@ -133,16 +134,12 @@ class BalancedStress:
         self._pressed = _pressed(boxes)
         gap = np.where(boxes.uneven, 0.0, self._gaps(normal))
         gap = gap / scale if scale > 0.0 else gap
-        self.ragged = Ragged.none()
-        if boxes.dimension == 2:
-            uneven = boxes.uneven | (gap > WRONG)
-            self.ragged = ragged_tractions(boxes, normal, self._pressed, uneven, WRONG * scale)
-            gap[self.ragged.box] = self.ragged.left / (scale or 1.0)
+        uneven = boxes.uneven | (gap > WRONG)
+        self.ragged = ragged_tractions(boxes, normal, self._pressed, uneven, WRONG * scale)
+        gap[self.ragged.box] = self.ragged.left / (scale or 1.0)
         self.normal = normal
         self.left = float(gap.max(initial=0.0))
-        self._forms = Form.of_laws(boxes.law, self.ragged.box)
-        self._cut = np.flatnonzero(boxes.uneven) if boxes.dimension == 3 else self.ragged.box[:0]
-        self._parts = _eighths(boxes, self._cut) if len(self._cut) else None
+        self._forms = Form.of_laws(boxes.dimension, boxes.law, self.ragged.box)
 
     def _gaps(self, normal: Floats) -> Floats:
         """Return by how much boxes disagree with those beside them, or the load, on tractions."""
@@ -174,9 +171,7 @@ class BalancedStress:
             found[component] = ends.mean(axis=0)
         if len(self.ragged.box):
             at = self.ragged.at(box)
-            mean = self.ragged.traction[at[at >= 0], side].mean(axis=1)
-            found[axis, at >= 0] = mean[:, :2].mean(axis=1)
-            found[1 - axis, at >= 0] = mean[:, 2:].mean(axis=1)
+            found[:, at >= 0] = self.ragged.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
         return found
 
     def normal_square(self, side: int, box: Index) -> Floats:
@@ -184,8 +179,8 @@ class BalancedStress:
         square = self.normal[side, box] ** 2
         if len(self.ragged.box):
             at = self.ragged.at(box)
-            low, high = np.moveaxis(self.ragged.traction[at[at >= 0], side, :, :2], 2, 0)
-            square[at >= 0] = ((low * low + low * high + high * high) / 3.0).mean(axis=1)
+            modes = self.ragged.traction[at[at >= 0], side, :, side // 2] ** 2
+            square[at >= 0] = (modes[..., 0] + modes[..., 1:].sum(axis=-1) / 12.0).mean(axis=1)
         return np.asarray(square)
 
     @cached_property
@@ -193,11 +188,9 @@ class BalancedStress:
         """The complementary energy of every box, scaled."""
         energy = self.plain.energy(self.boxes.law) * self.boxes.size**self.boxes.dimension
         for box, form in self._forms:
-            energy[box] = form.energy(self._data(box)) * self.boxes.size[box] ** 2
-        if self._parts is not None:
-            law = Law(*(np.tile(modulus[self._cut], 8) for modulus in self.boxes.law))
-            mean = self._parts.energy(law).reshape(8, -1).mean(axis=0)
-            energy[self._cut] = mean * self.boxes.size[self._cut] ** 3
+            energy[box] = (
+                form.energy(self._data(box)) * self.boxes.size[box] ** self.boxes.dimension
+            )
         return energy
 
     def means(self) -> tuple[Floats, dict[Pair, Floats]]:
@@ -205,17 +198,14 @@ class BalancedStress:
         normal = self.plain.mean_normal()
         shear = {pair: t.mean(axis=(0, 1)) for pair, t in self.plain.shear.items()}
         for box, form in self._forms:
-            normal[0, box], normal[1, box], shear[0, 1][box] = form.mean(self._data(box))
-        if self._parts is not None:
-            normal[:, self._cut] = self._parts.mean_normal().reshape(3, 8, -1).mean(axis=1)
-            for pair, t in self._parts.shear.items():
-                shear[pair][self._cut] = t.mean(axis=(0, 1)).reshape(8, -1).mean(axis=0)
+            mean = form.mean(self._data(box))
+            normal[:, box] = mean[: len(normal)]
+            for pair, tau in zip(sorted(shear), mean[len(normal) :], strict=True):
+                shear[pair][box] = tau
         return normal, shear
 
     def _data(self, box: Index) -> Floats:
-        """Return the tractions on ragged boxes, and the force within."""
-        traction = self.ragged.traction[self.ragged.at(box)].reshape(len(box), -1)
-        return np.concatenate([traction, (self.boxes.body * self.boxes.size)[:, box].T], axis=1)
+        return found_data(self.boxes, self.ragged, self.ragged.at(box))
 
 
 def _polynomials(boxes: Boxes) -> Polynomials:
@@ -228,78 +218,6 @@ def _polynomials(boxes: Boxes) -> Polynomials:
     for (axis, _), difference in rise.items():
         low[axis] += 0.5 * difference[0]
     return Polynomials(low, rise, boxes.shear, body)
-
-
-def _eighths(boxes: Boxes, cells: Index) -> Polynomials:
-    """Return the field in the eighths of boxes round re-entrant edges of solids.
-
-    In the plane of its pair the shear τ of an edge goes through the two sides between the three
-    boxes, 2τ on the halves next to the edge, and the halves' normal tractions differ by what
-    passes on the couple that this leaves; along the edge all this is even. The shear in the
-    middles of sides and of the box makes the moments balance.
-    """
-    n, place = len(cells), np.full(len(boxes.size), -1)
-    place[cells] = np.arange(n)
-    body = boxes.body[:, cells] * boxes.size[cells]
-    first = boxes.sigma[:, cells] + 0.5 * body
-    slopes: dict[Pair, Floats] = {}
-    nodes: dict[Pair, Floats] = {}
-    for pair, tau in boxes.shear.items():
-        ends = tau[:, :, cells].copy()
-        through, slope = np.zeros((4, 2, n)), np.zeros((4, n))
-        if pair in boxes.corners:
-            own, along_b, along_a, low_a, low_b, t = boxes.corners[pair]
-            for box, high in ((own, low_b), (along_b, ~low_b)):
-                side = np.where(high, TOP, BOTTOM)
-                np.add.at(through, (side, low_a.astype(np.int64), place[box]), 2 * t)
-                np.add.at(slope, (side, place[box]), np.where(low_b, -4 * t, 4 * t))
-            for box, high in ((own, low_a), (along_a, ~low_a)):
-                side = np.where(high, RIGHT, LEFT)
-                np.add.at(through, (side, low_b.astype(np.int64), place[box]), 2 * t)
-                np.add.at(slope, (side, place[box]), np.where(low_a, -4 * t, 4 * t))
-            for box, high_a, high_b in (
-                (own, low_a, low_b), (along_b, low_a, ~low_b), (along_a, ~low_a, low_b),
-            ):  # fmt: skip
-                ends[high_a.astype(np.int64), high_b.astype(np.int64), place[box]] = 0.0
-        halves = np.stack([ends[0], ends[1], ends[:, 0], ends[:, 1]]) + through
-        middle = halves.mean(axis=1) + 0.5 * through.sum(axis=1)
-        t = np.zeros((3, 3, n))
-        t[::2, ::2] = ends
-        t[0, 1], t[2, 1], t[1, 0], t[1, 2] = middle
-        across = middle[TOP] + middle[BOTTOM] - middle[LEFT] - middle[RIGHT]
-        t[1, 1] = 0.5 * (slope[RIGHT] - slope[LEFT] + across) + 0.25 * ends.sum(axis=(0, 1))
-        nodes[pair], slopes[pair] = t, slope
-        first[pair[0]] += 0.5 * (halves[TOP, 0] - halves[BOTTOM, 0])
-        first[pair[1]] += 0.5 * (halves[RIGHT, 0] - halves[LEFT, 0])
-    return _cut_up(nodes, slopes, first, body)
-
-
-def _cut_up(
-    nodes: dict[Pair, Floats], slopes: dict[Pair, Floats], first: Floats, body: Floats
-) -> Polynomials:
-    """Return the polynomials of eighths from shears at 3 × 3 nodes and tractions on lower faces."""
-    eighth = list(product((0, 1), repeat=3))
-    shear = {
-        (a, b): np.stack([t[i[a] : i[a] + 2, i[b] : i[b] + 2] for i in eighth], axis=2)
-        for (a, b), t in nodes.items()
-    }
-    rise = {}
-    for (a, b), t in shear.items():
-        rise[a, b], rise[b, a] = t[:, 1] - t[:, 0], t[1] - t[0]
-    low = np.repeat(first[:, None], 8, axis=1)
-    for a in range(3):
-        for number, i in enumerate(eighth):
-            for b in set(range(3)) - {a}:
-                slope = slopes[min(a, b), max(a, b)][LEFT if a < b else BOTTOM]
-                low[a, number] += (i[b] - 0.5) * slope
-        for number, i in enumerate(eighth):
-            if i[a]:
-                before = eighth.index(tuple(0 if x == a else i[x] for x in range(3)))
-                passed = sum(rise[a, b][:, before].mean(axis=0) for b in set(range(3)) - {a})
-                low[a, number] -= passed + 0.5 * body[a]
-    flat = {key: value.reshape(2, -1) for key, value in rise.items()}
-    parts = {pair: t.reshape(2, 2, -1) for pair, t in shear.items()}
-    return Polynomials(low.reshape(3, -1), flat, parts, np.tile(0.5 * body, 8))
 
 
 def _pressed(boxes: Boxes) -> Floats:

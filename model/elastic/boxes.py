@@ -5,12 +5,15 @@ Equal cells and agents of many sizes are both told like this; scaled, lengths in
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
@@ -41,7 +44,7 @@ class Law(NamedTuple):
 
 
 class Hanging(NamedTuple):
-    """Sides with smaller boxes before them: box, side, and these two, the lower one first."""
+    """Sides with smaller boxes before them: box, side, and these, in the order of `corner_ends`."""
 
     box: Index
     side: Index
@@ -73,26 +76,6 @@ class Bed(NamedTuple):
     stiffness: Floats
 
 
-class Corners(NamedTuple):
-    """Re-entrant edges between a pair of axes: three boxes round each, and the shear stress.
-
-    Attributes
-    ----------
-    own, along_b, along_a : int arrays, shape (edges,)
-        The box opposite to the air, and its neighbours along the second and the first axis.
-    low_a, low_b : bool arrays, shape (edges,)
-        Whether the box opposite to the air lies before the edge.
-    shear : array, shape (edges,)
-    """
-
-    own: Index
-    along_b: Index
-    along_a: Index
-    low_a: Flags
-    low_b: Flags
-    shear: Floats
-
-
 class Mesh(NamedTuple):
     """Where a displacement without gaps has its values.
 
@@ -101,11 +84,13 @@ class Mesh(NamedTuple):
     corner : int array, shape (2^dimension, boxes)
         Nodes at the corners of the boxes.
     element : int array, shape (2^dimension, elements)
-        The same for the elements: the boxes, or their quarters where smaller ones hang.
+        The same for the elements: the boxes, or their parts where corners of smaller ones touch.
     owner : int array, shape (elements,)
     edge : array, shape (elements,)
-    slave, masters : int arrays, shape (n,) and (2, n)
-        Nodes that lie in the middle between two others on a side that stays straight.
+    parts : int array, shape (2^dimension, boxes)
+        The element at every corner of a box.
+    slave, masters : int arrays, shape (n,) and (2^(dimension - 1), n)
+        Nodes that lie in the middle of others on a side, or an edge, that stays straight.
     start : array, shape (nodes, dimension)
         Displacements to begin with.
     """
@@ -114,9 +99,17 @@ class Mesh(NamedTuple):
     element: Index
     owner: Index
     edge: Floats
+    parts: Index
     slave: Index
     masters: Index
     start: Floats
+
+
+def whole_mesh(corner: Index, size: Floats, start: Floats) -> Mesh:
+    """Return the nodes of boxes of which none is cut."""
+    each, nothing = np.arange(len(size)), np.zeros((len(corner) // 2, 0), dtype=np.int64)
+    parts = np.broadcast_to(each, corner.shape)
+    return Mesh(corner, corner, each, size, parts, nothing[0], nothing, start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +144,6 @@ class Boxes:
         Normal stress on sides that the iteration has not balanced yet.
     unsettled : float
         Relative error in the energy norm that this is, at most.
-    corners : dict from pair of axes to Corners
-        Re-entrant edges of solids.
     """
 
     size: Floats
@@ -171,7 +162,6 @@ class Boxes:
     moved: Floats
     rest: Floats | None = None
     unsettled: float = 0.0
-    corners: dict[Pair, Corners] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:
@@ -179,9 +169,12 @@ class Boxes:
         return len(self.sigma)
 
     def side_nodes(self, box: Index, side: int) -> Index:
-        """Return the nodes at the corners of a side of boxes, shape (2^(dimension - 1), n)."""
-        ends = corner_ends(self.dimension)
-        return np.asarray(self.mesh.corner[ends[:, side // 2] == side % 2][:, box])
+        """Return the nodes at the corners of the elements on a side of boxes.
+
+        Shape (2^(dimension - 1), 2^(dimension - 1), n): by corner, and by part of the side.
+        """
+        on = corner_ends(self.dimension)[:, side // 2] == side % 2
+        return np.asarray(self.mesh.element[on][:, self.mesh.parts[on][:, box]])
 
 
 def corner_ends(dimension: int) -> Index:
@@ -189,35 +182,59 @@ def corner_ends(dimension: int) -> Index:
     return np.array(list(product((0, 1), repeat=dimension)))
 
 
-def parted(corner: Index, count: int) -> tuple[Index, Index]:
-    """Give boxes of a plane body that touch at a corner only a node each.
+@lru_cache(maxsize=2)
+def _bodies_at_point(dimension: int) -> Index:
+    """Return the numbers of bodies round a point, by its filled octants (bits) and octant."""
+    ends = corner_ends(dimension)
+    beside = np.asarray(np.abs(ends[:, None] - ends).sum(axis=2) == 1)
+    found = np.zeros((1 << len(ends), len(ends)), dtype=np.int64)
+    for filled, row in enumerate(found):
+        there = np.array([filled >> k & 1 for k in range(len(ends))], dtype=np.bool_)
+        _, row[there] = connected_components(csr_array(beside[np.ix_(there, there)]))
+    return found
 
-    A point by itself holds nothing together: the displacement may differ on its two sides.
+
+def parted(nodes: list[Index], octants: list[int], count: int) -> tuple[list[Index], Index]:
+    """Give bodies that touch at a corner, or an edge, only a node each.
+
+    Points, and lines in solids, hold nothing together: the displacement may differ on both sides.
 
     Parameters
     ----------
-    corner : int array, shape (4, boxes)
-        Nodes at the corners of boxes, in the order of `corner_ends`.
+    nodes : list of int arrays
+        Nodes of boxes, none of them twice in one array.
+    octants : list of int
+        At which of its corners (bits, in the order of `corner_ends`) boxes have these nodes; at
+        several where it is in the middle of an edge or a side.
     count : int
+        Number of nodes.
 
     Returns
     -------
-    corner : int array, shape (4, boxes)
+    nodes : list of int arrays
         New nodes are numbered from `count` on.
     double : int array
-        The old nodes that there are twice now.
+        For every new node the old one.
     """
-    there = np.zeros(count, dtype=np.int64)
-    for end, node in enumerate(corner):
-        there[node] |= 1 << end
-    double = np.flatnonzero((there == 0b1001) | (there == 0b0110))
-    if not len(double):
-        return corner, double
-    fresh = np.arange(count)
-    fresh[double] = count + np.arange(len(double))
-    corner = corner.copy()
-    corner[2:] = fresh[corner[2:]]
-    return corner, double
+    many = max(octants).bit_length()
+    bodies = _bodies_at_point(2 if many <= 4 else 3)
+    filled = np.zeros(count, dtype=np.int64)
+    for node, bits in zip(nodes, octants, strict=True):
+        filled[node] |= bits
+    several = np.asarray(bodies.any(axis=1))
+    if not several[filled].any():
+        return nodes, np.zeros(0, dtype=np.int64)
+    keys = [
+        node * len(bodies) + bodies[filled[node], bits.bit_length() - 1]
+        for node, bits in zip(nodes, octants, strict=True)
+    ]
+    more = np.unique(np.concatenate(keys))
+    more = more[more % len(bodies) > 0]
+    found = [
+        np.where(key % len(bodies) > 0, count + np.searchsorted(more, key), node)
+        for key, node in zip(keys, nodes, strict=True)
+    ]
+    return found, more // len(bodies)
 
 
 def boxes_of_cells(
@@ -256,16 +273,14 @@ def boxes_of_cells(
         beside[side], beyond[side] = number[tuple(next_to.T)], kinds[tuple(next_to.T)]
     body, loads = _loads_of_cells(problem, grid, stage, number)
     uneven = np.zeros(n, dtype=np.bool_)
-    corners = {}
     for pair in axis_pairs(d):
         edges = reentrant_edges(problem, pair)
         uneven |= _at_ends(edges, cells, pair).any(axis=(0, 1))
-        if d == 3 and edges.any():
-            corners[pair] = _corners(np.argwhere(edges), pair, number, stress.edges[pair])
     nothing = np.zeros(0, dtype=np.int64)
     start = _corner_means(problem, u)
-    if d == 2:
-        corner, double = parted(corner, len(start))
+    nodes, double = parted(list(corner), [1 << k for k in range(1 << d)], len(start))
+    if len(double):
+        corner = np.stack(nodes)
         start = np.concatenate([start, start[double]])
         for node, end in zip(corner, corner_ends(d), strict=True):
             # There each side has the displacement of its own faces.
@@ -283,15 +298,14 @@ def boxes_of_cells(
         beside,
         beyond,
         uneven,
-        Hanging(nothing, nothing, nothing.reshape(0, 2)),
+        Hanging(nothing, nothing, nothing.reshape(0, 1 << (d - 1))),
         loads,
         list(_held_cells(problem, cells, beyond)),
         list(_beds_of_cells(problem, cells, beyond)),
-        Mesh(corner, corner, np.arange(n), np.ones(n), nothing, nothing.reshape(2, 0), start),
+        whole_mesh(corner, np.ones(n), start),
         _moved_cells(u, cells),
         _rest_of_cells(problem, u, stress, number),
         unsettled,
-        corners,
     )
 
 
@@ -333,24 +347,6 @@ def _at_ends(values: NDArray[Any], cells: Index, pair: Pair) -> NDArray[Any]:
         at[:, pair] += ends
         found.append(values[tuple(at.T)])
     return np.stack(found).reshape(2, 2, -1)
-
-
-def _corners(edges: Index, pair: Pair, number: Index, shear: Floats) -> Corners:
-    """Return the boxes round re-entrant edges."""
-    padded = np.pad(
-        number,
-        [(1, 1) if axis in pair else (0, 0) for axis in range(number.ndim)],
-        constant_values=-1,
-    )
-    around = np.empty((2, 2, len(edges)), dtype=np.int64)
-    for ends in product((0, 1), repeat=2):
-        at = edges.copy()
-        at[:, pair] += ends
-        around[ends] = padded[tuple(at.T)]
-    empty = np.argmax(around.reshape(4, -1) < 0, axis=0)
-    i, j, each = 1 - empty // 2, 1 - empty % 2, np.arange(len(edges))
-    own, along_b, along_a = around[i, j, each], around[i, 1 - j, each], around[1 - i, j, each]
-    return Corners(own, along_b, along_a, i == 0, j == 0, shear[tuple(edges.T)])
 
 
 def reentrant_edges(problem: ElasticProblem, pair: Pair) -> Flags:

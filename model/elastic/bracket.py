@@ -100,8 +100,6 @@ def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
     Bracket or str
         In words why there is none, where the theorem does not reach.
     """
-    if boxes.dimension == 3 and boxes.uneven.any() and not boxes.corners:
-        return "a load acts along the surface of a solid"
     stress = BalancedStress(boxes)
     if checked and not stress.left <= BALANCED:
         return (

@@ -61,14 +61,13 @@ class CompatibleField:
 
     def _straighten(self, v: Floats) -> None:
         """Put the middles of straight sides between their ends."""
-        low, high = self.mesh.masters
-        v[self.mesh.slave] = 0.5 * (v[low] + v[high])
+        v[self.mesh.slave] = v[self.mesh.masters].mean(axis=0)
 
     def _lead(self, force: Floats) -> None:
         """Hand the forces on middles of straight sides to their ends."""
         slave = self.mesh.slave
         for master in self.mesh.masters:
-            np.add.at(force, master, 0.5 * force[slave])
+            np.add.at(force, master, force[slave] / len(self.mesh.masters))
         force[slave] = 0.0
 
     def _gathered(self, node: Index, force: Floats) -> Floats:
@@ -91,22 +90,16 @@ class CompatibleField:
             if not across:
                 force[:, side // 2] = 0.0
             node = boxes.side_nodes(box, side)
-            middle = self.middles(box, side)
-            # Where smaller boxes hang half of a load is the middle's.
-            half = np.where(middle >= 0, 0.5, 0.0)[:, None] * force
-            load += self._gathered(middle[middle >= 0], half[middle >= 0])
-            share = np.broadcast_to((force - half) / len(node), (*node.shape, d))
+            share = np.broadcast_to(force / len(node) ** 2, (*node.shape, d))
             load += self._gathered(node, share)
         self._lead(load)
         return load
 
     def middles(self, box: Index, side: int) -> Index:
-        """Return the nodes in the middle of a side of boxes where smaller ones hang, else -1."""
+        """Return the nodes in the middle of a plane box's side where smaller ones hang, else -1."""
         hanging, found = self.boxes.hanging, np.full(len(self.boxes.size), -1)
-        here = hanging.side == side
-        if here.any():
-            fine = hanging.fine[here, 0]
-            found[hanging.box[here]] = self.boxes.side_nodes(fine, side ^ 1)[1]
+        here = hanging.box[hanging.side == side]
+        found[here] = self.boxes.side_nodes(here, side)[1, 0]
         return np.asarray(found[box])
 
     def _supports(self) -> tuple[Floats, bool]:
@@ -118,7 +111,8 @@ class CompatibleField:
                 if held.kind != kind:
                     continue
                 axis = held.side // 2
-                for node in self.boxes.side_nodes(held.box, held.side):
+                sides = self.boxes.side_nodes(held.box, held.side)
+                for node in sides.reshape(-1, sides.shape[-1]):
                     for component in [axis] if kind == ROLLER else range(self.boxes.dimension):
                         old, new = given[node, component], held.value[:, component]
                         jumps |= bool(np.any(~np.isnan(old) & (old != new)))
@@ -133,13 +127,15 @@ class CompatibleField:
         for bed in self.boxes.beds:
             axis = bed.side // 2
             node = self.boxes.side_nodes(bed.box, bed.side)
-            pull = _bed_matrix(d) @ (v[node, axis] * self._bed_stiffness(bed.box, bed.stiffness))
+            pull = v[node, axis] * self._bed_stiffness(bed.box, bed.stiffness)
+            pull = np.tensordot(_bed_matrix(d), pull, 1)
             out[:, axis] += np.bincount(node.ravel(), pull.ravel(), len(out))
         self._lead(out)
         return out
 
     def _bed_stiffness(self, box: Index, stiffness: Floats) -> Floats:
-        return stiffness * self.boxes.size[box] ** (self.boxes.dimension - 1)
+        """Return the stiffness of each part of the boxes' sides on a bed."""
+        return stiffness * (0.5 * self.boxes.size[box]) ** (self.boxes.dimension - 1)
 
     def settle(self, above: float) -> None:
         """Let the field sink by conjugate gradients, as long as that is worth while.

@@ -1,35 +1,34 @@
-"""Tractions where one function a side is too simple, and the stress that they leave within.
+"""Tractions where one function a side is too simple.
 
-On half sides of such a plane box the tractions run linearly. The shear goes from corner to corner
-as everywhere, but on a free side it is the load's; a side with two smaller boxes before it takes
-over theirs. That leaves boxes round re-entrant corners, and beside loads along the surface, out of
-balance; what is left over, they pass on to each other through the sides between them: the
-smallest tractions, the stiffer neighbours bearing more, that bring every box into balance.
-
-Within a box the stress is linear on 16 triangles (four quarters, crossed) and has the least
-energy of all such fields with these tractions: a fixed quadratic form per material.
+On the parts of the sides of such a box (halves; in solids quarters) the tractions run linearly. The
+shear goes from corner to corner as everywhere, but on a free side it is the load's; a side with
+smaller boxes before it takes over theirs. That leaves boxes round re-entrant corners, and beside
+loads along the surface, out of balance; what is left over, they pass on to each other through the
+sides between them: the smallest tractions, the stiffer neighbours bearing more, that bring every
+box into balance. The stress within follows from them (`crossed`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sl
+from scipy.sparse.csgraph import connected_components
 
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
-from .boxes import Boxes, Flags, Index, Law
+from .boxes import Boxes, Flags, Index, corner_ends
+from .crossed import balance_rows
 from .problem import Floats
 
-LEFT, RIGHT, BOTTOM, TOP = range(4)
-SHIFT = 1e-10
-"""Share of the diagonal that keeps parts without a wall from floating."""
-WIDER = 3
+HOLD = 1e-6
+"""Share of its stiffness that keeps a box of a group without a wall from floating."""
+WIDER = 6
 """How often those beside unbalanced boxes are asked to pass on as well."""
 
 
@@ -41,9 +40,9 @@ class Ragged:
     ----------
     box : int array, shape (n,)
         Which, in order.
-    traction : array, shape (n, 4, 2, 4)
-        By side (left, right, bottom, top) and half of it: the normal stress at its lower and its
-        upper end, and the shear stress at both.
+    traction : array, shape (n, 2·d, 2^(d-1), d, d)
+        By side and part of it, in the order of `corner_ends`: every component's mean, and its
+        slopes along the axes of the side, times the part's edge.
     left : array, shape (n,)
         Largest force or moment left over, as a stress.
     """
@@ -53,9 +52,10 @@ class Ragged:
     left: Floats
 
     @classmethod
-    def none(cls) -> Ragged:
+    def none(cls, d: int) -> Ragged:
         """Return no boxes."""
-        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 2, 4)), np.zeros(0))
+        empty = np.zeros((0, 2 * d, 1 << (d - 1), d, d))
+        return cls(np.zeros(0, dtype=np.int64), empty, np.zeros(0))
 
     def at(self, box: Index) -> Index:
         """Return where boxes stand among these, -1 for those that do not."""
@@ -73,81 +73,118 @@ def ragged_tractions(
     Parameters
     ----------
     boxes : Boxes
-    normal : array, shape (4, boxes)
+    normal : array, shape (2·d, boxes)
         Normal tractions of all boxes by their own middles.
-    pressed : array, shape (4, boxes)
+    pressed : array, shape (2·d, boxes)
         Normal stress of the loads on bare sides.
     uneven : bool array, shape (boxes,)
     small : float
         A stress that may be left over.
     """
     if not uneven.any():
-        return Ragged.none()
+        return Ragged.none(boxes.dimension)
+    hanging = boxes.hanging
+    # Smaller boxes before a side alone leave no box out of balance.
+    helps = uneven.copy()
+    helps[hanging.box] = False
     uneven = uneven.copy()
-    uneven[boxes.hanging.box] = True
+    uneven[hanging.box] = True
     for _ in range(WIDER):
         found = _taken(boxes, normal, pressed, np.flatnonzero(uneven))
         off = _imbalance(boxes, found)
-        if np.abs(off).max(initial=0.0) > small:
-            _pass_on(boxes, found, off)
-            off = _imbalance(boxes, found)
-        found = Ragged(found.box, found.traction, np.abs(off).max(axis=1, initial=0.0))
-        far = found.box[found.left > small]
+        group, left = np.arange(len(off)), np.abs(off).max(axis=1, initial=0.0)
+        helps[found.box[left > small]] = True
+        if left.max(initial=0.0) > small:
+            group = _pass_on(boxes, found, off, helps[found.box])
+            left = np.abs(_imbalance(boxes, found)).max(axis=1, initial=0.0)
+        found = replace(found, left=left)
+        far = found.box[np.isin(group, group[left > small])]
         if not len(far):
             break
         around = boxes.beside[:, far].ravel()
-        uneven[around[around >= 0]] = True
-        large = np.isin(boxes.hanging.fine, far).any(axis=1)
-        uneven[boxes.hanging.box[large]] = True
-        uneven[boxes.hanging.fine[np.isin(boxes.hanging.box, far)].ravel()] = True
+        helps[around[around >= 0]] = True
+        helps[hanging.box[np.isin(hanging.fine, far).any(axis=1)]] = True
+        helps[hanging.fine[np.isin(hanging.box, far)].ravel()] = True
+        uneven |= helps
     return found
 
 
-def _shear_ends(boxes: Boxes, box: Index, dragged: Floats) -> Floats:
-    """Return the shear stress at both ends of the sides of boxes, shape (n, 4, 2)."""
-    tau = boxes.shear[0, 1][..., box]
-    ends = np.stack([tau[0], tau[1], tau[:, 0], tau[:, 1]]).transpose(2, 0, 1)
+@lru_cache(maxsize=2)
+def _parted(d: int) -> Floats:
+    """Return the modes on the parts of a side by those on the whole: shape (2^(d-1), d, d)."""
+    split = np.zeros((1 << (d - 1), d, d))
+    for one, end in zip(split, corner_ends(d - 1), strict=True):
+        one[0] = [1.0, *(0.5 * end - 0.25)]
+        one[range(1, d), range(1, d)] = 0.5
+    return split
+
+
+def _mode(side: int, component: int) -> int:
+    """Return the mode that is the slope along a component's own axis."""
+    return 1 + component - (component > side // 2)
+
+
+def _whole(boxes: Boxes, box: Index, dragged: Floats) -> Floats:
+    """Return shear stresses on whole sides of boxes, shape (n, 2·d, d, d)."""
+    d = boxes.dimension
+    whole = np.zeros((len(box), 2 * d, d, d))
+    for pair, tau in boxes.shear.items():
+        t = tau[..., box]
+        for upper, (axis, other) in product((0, 1), (pair, pair[::-1])):
+            low, high = t[upper] if axis < other else t[:, upper]
+            side = 2 * axis + upper
+            whole[:, side, other, 0] = 0.5 * (low + high)
+            whole[:, side, other, _mode(side, other)] = high - low
     kind = boxes.kind[:, box].T
     slides = (kind < 0) & np.isin(kind, (AIR, ROLLER, FOUNDATION))
-    own = dragged[:, box].T[:, :, None]
+    whole[slides] = 0.0
     # A load on a side between two boxes parts their tractions.
-    return np.where(slides[:, :, None], own, np.where((kind >= 0)[:, :, None], ends + own, ends))
+    own = np.where((slides | (kind >= 0))[..., None], dragged[..., box].transpose(2, 0, 1), 0.0)
+    whole[..., 0] += own
+    return whole
+
+
+def _dragged(boxes: Boxes) -> Floats:
+    """Return the shear stresses that loads put on sides, shape (2·d, d, boxes)."""
+    d, (box, side, force) = boxes.dimension, boxes.loads
+    dragged = np.zeros((2 * d, d, len(boxes.size)))
+    outward = 2.0 * (side % 2) - 1.0
+    for component in range(d):
+        along = np.flatnonzero((side // 2 != component) & (force[:, component] != 0.0))
+        stress = outward * force[:, component] / boxes.size[box] ** (d - 1)
+        np.add.at(dragged[:, component], (side[along], box[along]), stress[along])
+    return dragged
 
 
 def _taken(boxes: Boxes, normal: Floats, pressed: Floats, box: Index) -> Ragged:
     """Return the tractions that boxes have by their middles and corners, and by who is beside."""
-    n, hanging = len(box), boxes.hanging
-    dragged = np.zeros(boxes.beside.shape)
-    load = boxes.loads
-    along = load.force[np.arange(len(load.side)), 1 - load.side // 2]
-    outward = 2.0 * (load.side % 2) - 1.0
-    np.add.at(dragged, (load.side, load.box), outward * along / boxes.size[load.box])
-    found = Ragged(box, np.zeros((n, 4, 2, 4)), np.zeros(n))
-    ends = _shear_ends(boxes, box, dragged)
-    shear = found.traction[..., 2:]
-    shear[:, :, 0, 0], shear[:, :, 1, 1] = ends[:, :, 0], ends[:, :, 1]
-    shear[:, :, 0, 1] = shear[:, :, 1, 0] = ends.mean(axis=2)
-    through = ends.copy()
+    d, hanging = boxes.dimension, boxes.hanging
+    dragged = _dragged(boxes)
+    whole = _whole(boxes, box, dragged)
+    traction = np.einsum("qml,nscl->nsqcm", _parted(d), whole)
+    found = Ragged(box, traction, np.zeros(len(box)))
     at = found.at(hanging.box)
-    for half in (0, 1):
-        fine = _shear_ends(boxes, hanging.fine[:, half], dragged)
-        own = fine[np.arange(len(at)), hanging.side ^ 1]
-        parted = dragged[hanging.side, hanging.box]
-        own = own + (parted - dragged[hanging.side ^ 1, hanging.fine[:, half]])[:, None]
-        shear[at, hanging.side, half] = own
-        through[at, hanging.side, half] = own.mean(axis=1)
+    for part, fine in enumerate(hanging.fine.T):
+        own = _whole(boxes, fine, dragged)[np.arange(len(at)), hanging.side ^ 1]
+        between = dragged[hanging.side, :, hanging.box] - dragged[hanging.side ^ 1, :, fine]
+        own[..., 0] += between
+        traction[at, hanging.side, part] = own
+    mine = np.empty((2 * d, len(box)))
     body = 0.5 * boxes.body[:, box] * boxes.size[box]
-    mine = np.empty((4, n))
-    for axis, (low, high) in enumerate(((BOTTOM, TOP), (LEFT, RIGHT))):
+    for axis in range(d):
         middle = boxes.sigma[axis, box]
-        rise = 0.5 * (through[:, high] - through[:, low])
-        mine[2 * axis] = middle + rise[:, 0] + body[axis]
-        mine[2 * axis + 1] = middle - rise[:, 1] - body[axis]
+        low, high = middle + body[axis], middle - body[axis]
+        for side in range(2 * d):
+            if side // 2 != axis:
+                sign = side % 2 - 0.5
+                first, last = _through(found, whole, boxes, side, axis, at)
+                low, high = low + sign * first, high - sign * last
+        mine[2 * axis], mine[2 * axis + 1] = low, high
     everyone = normal.copy()
     everyone[:, box] = mine
     ragged = np.zeros(len(boxes.size), dtype=np.bool_)
     ragged[box] = True
-    for side in range(4):
+    for side in range(2 * d):
         other, kind = boxes.beside[side, box], boxes.kind[side, box]
         alike = (other >= 0) & (boxes.size[other] == boxes.size[box])
         # A load on a side between two boxes parts their tractions.
@@ -155,252 +192,182 @@ def _taken(boxes: Boxes, normal: Floats, pressed: Floats, box: Index) -> Ragged:
         mean = np.where(ragged[other], 0.5 * (mine[side] + theirs), theirs)
         free = (other < 0) & (kind == AIR)
         mine[side] = np.where(alike, mean, np.where(free, pressed[side, box], mine[side]))
-    found.traction[..., :2] = mine.T[:, :, None, None]
+        traction[:, side, :, side // 2, 0] = mine[side][:, None]
     everyone[:, box] = mine
-    for half in (0, 1):
-        small = hanging.fine[:, half]
+    for part, small in enumerate(hanging.fine.T):
         theirs = everyone[hanging.side ^ 1, small] - pressed[hanging.side ^ 1, small]
         theirs = theirs + pressed[hanging.side, hanging.box]
-        found.traction[at, hanging.side, half, :2] = theirs[:, None]
+        traction[at, hanging.side, part, hanging.side // 2, 0] = theirs
     return found
 
 
+def _through(
+    found: Ragged, whole: Floats, boxes: Boxes, side: int, component: int, at: Index
+) -> tuple[Floats, Floats]:
+    """Return a shear stress at both ends of a side along its component: what the equations take.
+
+    Where smaller boxes hang it is the mean on either half.
+    """
+    mode = _mode(side, component)
+    mean, slope = whole[:, side, component, 0], 0.5 * whole[:, side, component, mode]
+    low, high = mean - slope, mean + slope
+    on = at[boxes.hanging.side == side]
+    upper = corner_ends(boxes.dimension - 1)[:, mode - 1] == 1
+    taken = found.traction[on, side, :, component, 0]
+    low[on], high[on] = taken[:, ~upper].mean(axis=1), taken[:, upper].mean(axis=1)
+    return low, high
+
+
 def _imbalance(boxes: Boxes, found: Ragged) -> Floats:
-    """Return the forces, and the moment, that boxes are left with, over edge and its square."""
-    traction = found.traction
-    half = traction.reshape(*traction.shape[:3], 2, 2).mean(axis=4)  # side, half, normal or shear
-    mean = half.mean(axis=2)
-    normal, shear = mean[..., 0], mean[..., 1]
-    body = (boxes.body * boxes.size)[:, found.box]
-    x = normal[:, RIGHT] - normal[:, LEFT] + shear[:, TOP] - shear[:, BOTTOM] + body[0]
-    y = normal[:, TOP] - normal[:, BOTTOM] + shear[:, RIGHT] - shear[:, LEFT] + body[1]
-    n0, n1 = traction[..., 0], traction[..., 1]
-    place = np.array([[-0.5, 0.0], [0.0, 0.5]])
-    first = (2 * n0 + n1) * place[:, 0] + (n0 + 2 * n1) * place[:, 1]
-    lever = first.sum(axis=2) / 12.0
-    turn = 0.5 * (shear[:, RIGHT] + shear[:, LEFT] - shear[:, TOP] - shear[:, BOTTOM])
-    turn += lever[:, TOP] - lever[:, BOTTOM] - lever[:, RIGHT] + lever[:, LEFT]
-    return np.stack([x, y, turn], axis=1)
+    """Return forces and moments that boxes are left with, over powers of the edge."""
+    return np.asarray(found_data(boxes, found) @ balance_rows(boxes.dimension, 2).T)
+
+
+def found_data(boxes: Boxes, found: Ragged, some: Index | slice = slice(None)) -> Floats:
+    """Return the tractions on ragged boxes, and the forces within: data of `crossed.Form`."""
+    box = found.box[some]
+    traction = found.traction[some].reshape(len(box), -1)
+    return np.concatenate([traction, (boxes.body[:, box] * boxes.size[box]).T], axis=1)
 
 
 class _Joint(NamedTuple):
-    """Sides between ragged boxes: who has it, which side, and which half of it (-1: all)."""
+    """Sides between ragged boxes: who has it, which side, and which part of it (-1: all)."""
 
     box: Index
     side: Index
-    half: Index
+    part: Index
 
 
-def _pass_on(boxes: Boxes, found: Ragged, off: Floats) -> None:
-    """Let boxes pass on what they are left with, through the sides between them."""
-    first, second, stiff, slides = _joints(boxes, found)
-    count = len(first.box)
+@lru_cache(maxsize=2)
+def _passing(d: int) -> Floats:
+    """Return what is passed on through sides and their parts: stresses that move like a rigid body.
+
+    Returns
+    -------
+    array, shape (2·d, 1 + 2^(d-1), d (d + 1) / 2, 2^(d-1), d, d)
+        By side and part (first all of it), forces along the axes and turns between pairs: tractions
+        like those of `Ragged`.
+    """
+    pairs = list(combinations(range(d), 2))
+    parts = 1 << (d - 1)
+    modes = np.zeros((2 * d, 1 + parts, d + len(pairs), parts, d, d))
+    for side in range(2 * d):
+        whole = np.zeros((d + len(pairs), d, d))
+        whole[range(d), range(d), 0] = 1.0
+        for number, (i, j) in enumerate(pairs, start=d):
+            for component, along, sign in ((j, i, 2.0), (i, j, -2.0)):
+                if along != side // 2:
+                    whole[number, component, _mode(side, along)] = sign
+        modes[side, 0] = np.einsum("qml,kcl->kqcm", _parted(d), whole)
+        for part in range(parts):
+            modes[side, 1 + part, :, part] = whole
+    return modes
+
+
+@lru_cache(maxsize=2)
+def _felt(d: int) -> Floats:
+    """Return the forces and moments that boxes feel of what is passed on, shape (2·d, ., k, k)."""
+    modes = _passing(d)
+    rows = balance_rows(d, 2)[:, :-d].reshape(modes.shape[2], 2 * d, *modes.shape[3:])
+    return np.asarray(np.einsum("fsqcm,spkqcm->spfk", rows, modes))
+
+
+@lru_cache(maxsize=2)
+def _slips(d: int) -> Flags:
+    """Tell what a side without friction does not pass on, shape (2·d, d (d + 1) / 2)."""
+    modes = _passing(d)[:, 0]
+    return np.stack([np.delete(m, s // 2, axis=2).any(axis=(1, 2, 3)) for s, m in enumerate(modes)])
+
+
+def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
+    """Let boxes pass on what they are left with, through the sides between them.
+
+    Returns the groups of boxes that did so with each other.
+    """
+    d = boxes.dimension
+    first, second, stiff, slides = _joints(boxes, found, helps)
+    count, kinds = len(first.box), off.shape[1]
+    two = np.flatnonzero(second.box >= 0)
+    graph = (np.ones(len(two)), (first.box[two], second.box[two]))
+    shape = (len(found.box), len(found.box))
+    _, group = connected_components(sp.coo_array(graph, shape=shape), directed=False)
     if not count:
-        return
-    everything = [_shares(first), _shares(second)]
-    row, column, value = (np.concatenate(part) for part in zip(*everything, strict=True))
-    kept = row >= 0
-    # Through a wall without friction no shear is passed on.
-    kept &= ~((column % 3 == 1) & slides[column // 3])
-    shape = (3 * len(found.box), 3 * count)
-    take = sp.csr_array((value[kept], (row[kept], column[kept])), shape=shape)
-    weight = sp.diags_array(np.repeat(stiff, 3))
+        return np.asarray(group)
+    row, column, value = [], [], []
+    for joint in (first, second):
+        there = np.flatnonzero(joint.box >= 0)
+        felt = _felt(d)[joint.side[there], joint.part[there] + 1]
+        slips = slides[there, None] & _slips(d)[joint.side[there]]
+        shape = felt.shape
+        value.append(np.where(slips[:, None], 0.0, felt).ravel())
+        own = kinds * joint.box[there, None, None] + np.arange(kinds)[:, None]
+        row.append(np.broadcast_to(own, shape).ravel())
+        passed = kinds * there[:, None, None] + np.arange(kinds)
+        column.append(np.broadcast_to(passed, shape).ravel())
+    entries = [np.concatenate(part) for part in (value, row, column)]
+    # Forces and moments as they are, so that boxes of all sizes move alike.
+    size = boxes.size[found.box][:, None]
+    real = np.concatenate([np.tile(size ** (d - 1), d), np.tile(size**d, kinds - d)], axis=1)
+    real = real.ravel()
+    entries[0] *= real[entries[1]]
+    used, entries[1] = np.unique(entries[1], return_inverse=True)
+    take = sp.csr_array((entries[0], (entries[1], entries[2])), shape=(len(used), kinds * count))
+    take.eliminate_zeros()
+    weight = sp.diags_array(np.repeat(stiff / size[first.box, 0] ** d, kinds))
     matrix = sp.csc_array(take @ weight @ take.T)
     diagonal = matrix.diagonal()
-    shift = SHIFT * np.where(diagonal > 0.0, diagonal, 1.0)
-    factor = sl.splu(sp.csc_array(matrix + sp.diags_array(shift)))
-    right, x = -off.ravel(), np.zeros(shape[0])
-    for _ in range(4):
-        x += factor.solve(right - matrix @ x)
-    passed = (weight @ (take.T @ x)).reshape(-1, 3)
+    # One box of every group that no wall holds is kept from floating.
+    _, start = np.unique(group, return_index=True)
+    loose = start[~np.isin(group[start], group[first.box[(second.box < 0) & ~slides]])]
+    floats = np.isin(used // kinds, loose)
+    holds = sp.diags_array(np.where(floats, HOLD * diagonal, 0.0))
+    factor = sl.splu(sp.csc_array(matrix + holds))
+    left, flat = -(off.ravel() * real)[used], np.zeros(kinds * count)
+    for _ in range(5):
+        # What rounding has left of the largest tractions is passed on once more.
+        flat += weight @ (take.T @ factor.solve(left - take @ flat))
+    passed = flat.reshape(-1, kinds)
     for joint in (first, second):
-        there = joint.box >= 0
-        n, q, couple = passed[there].T
-        box, side, half = (part[there] for part in joint)
-        for h in (0, 1):
-            # A couple is a traction that runs from -couple to couple along the side.
-            whole = half < 0
-            on = whole | (half == h)
-            low = np.where(whole, (h - 1.0) * couple, -couple)
-            high = np.where(whole, h * couple, couple)
-            for k, change in enumerate((n + low, n + high, q, q)):
-                np.add.at(found.traction, (box[on], side[on], h, k), change[on])
+        there = np.flatnonzero(joint.box >= 0)
+        modes = _passing(d)[joint.side[there], joint.part[there] + 1]
+        change = np.einsum("nk,nkqcm->nqcm", passed[there], modes)
+        np.add.at(found.traction, (joint.box[there], joint.side[there]), change)
+    return np.asarray(group)
 
 
-def _joints(boxes: Boxes, found: Ragged) -> tuple[_Joint, _Joint, Floats, Flags]:
-    """Return sides with ragged boxes on both sides, or a wall; their stiffness; who slides."""
+def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, Floats, Flags]:
+    """Return sides with helping boxes on both sides, or a wall; their stiffness; who slides."""
     stretch, hanging = boxes.law.stretch, boxes.hanging
+    own = np.flatnonzero(helps)
     mine: list[Index] = []
-    for side in range(4):
-        other, kind = boxes.beside[side, found.box], boxes.kind[side, found.box]
-        alike = (other >= 0) & (boxes.size[other] == boxes.size[found.box])
-        at = found.at(other)
+
+    def helper(box: Index) -> Index:
+        at = found.at(box)
+        return np.where((at >= 0) & helps[at], at, -1)
+
+    for side in range(2 * boxes.dimension):
+        box = found.box[own]
+        other, kind = boxes.beside[side, box], boxes.kind[side, box]
+        alike = (other >= 0) & (boxes.size[other] == boxes.size[box])
+        at = helper(other)
         if side % 2:
-            here = np.flatnonzero(alike & (at >= 0))
-            mine.append(_joint_rows(here, side, at[here], side ^ 1, -1, 0))
-        wall = np.flatnonzero((other < 0) & np.isin(kind, (RIGID, ROLLER)))
+            here = alike & (at >= 0)
+            mine.append(_joint_rows(own[here], side, at[here], side ^ 1, -1, 0))
+        wall = (other < 0) & np.isin(kind, (RIGID, ROLLER))
         slides = (kind[wall] == ROLLER).astype(np.int64)
-        mine.append(_joint_rows(wall, side, np.full(len(wall), -1), side ^ 1, -1, slides))
-    large = found.at(hanging.box)
-    for half in (0, 1):
-        fine = found.at(hanging.fine[:, half])
+        mine.append(_joint_rows(own[wall], side, np.full(len(slides), -1), side ^ 1, -1, slides))
+    large = helper(hanging.box)
+    for part, small in enumerate(hanging.fine.T):
+        fine = helper(small)
         here = np.flatnonzero((large >= 0) & (fine >= 0))
         coarse = hanging.side[here]
-        mine.append(_joint_rows(fine[here], coarse ^ 1, large[here], coarse, half, 0))
-    box, own, second, across, part, loose = np.concatenate(mine, axis=1)
+        mine.append(_joint_rows(fine[here], coarse ^ 1, large[here], coarse, part, 0))
+    box, side, second, across, part, loose = np.concatenate(mine, axis=1)
     beyond = np.where(second >= 0, second, box)
     stiff = np.minimum(stretch[found.box[box]], stretch[found.box[beyond]])
-    first = _Joint(box, own, np.full_like(part, -1))
+    first = _Joint(box, side, np.full_like(part, -1))
     return first, _Joint(second, across, part), stiff, loose.astype(np.bool_)
 
 
 def _joint_rows(*columns: Index | int) -> Index:
     return np.stack(np.broadcast_arrays(*columns))
-
-
-def _shares(joint: _Joint) -> tuple[Index, Index, Floats]:
-    """Return what boxes feel of a normal stress, a shear stress and a couple on their sides.
-
-    Rows are the boxes' two forces and moments, columns the three of every side.
-    """
-    axis, sign = joint.side // 2, 2.0 * (joint.side % 2) - 1.0
-    part = np.where(joint.half < 0, 1.0, 0.5)
-    lever = np.where(joint.half < 0, 0.0, 0.5 * joint.half - 0.25)
-    turned = np.where(axis == 1, 1.0, -1.0)
-    rows, columns, values = [], [], []
-    number = 3 * np.arange(len(joint.box))
-    start = np.where(joint.box >= 0, 3 * joint.box, -3)
-    for at, column, value in (
-        (axis, 0, sign * part),
-        (2, 0, sign * turned * part * lever),
-        (1 - axis, 1, sign * part),
-        (2, 1, -0.5 * turned * part),
-        (2, 2, sign * turned * part**2 / 6.0),
-    ):
-        rows.append(np.where(start >= 0, start + at, -1))
-        columns.append(number + column)
-        values.append(value)
-    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-
-
-@dataclass(frozen=True, eq=False)
-class Form:
-    """Energy and mean stress within a box of unit edge by its tractions and the force within.
-
-    Attributes
-    ----------
-    quadratic : array, shape (34, 34)
-    linear : array, shape (3, 34)
-        Mean σ_xx, σ_yy and τ.
-    """
-
-    quadratic: Floats
-    linear: Floats
-
-    @classmethod
-    def of_laws(cls, law: Law, box: Index) -> list[tuple[Index, Form]]:
-        """Return boxes of one material each, and their form."""
-        if not len(box):
-            return []
-        rows = np.stack([modulus[box] for modulus in law], axis=1)
-        laws, which = np.unique(rows, axis=0, return_inverse=True)
-        return [(box[which.ravel() == k], _form(*map(float, one))) for k, one in enumerate(laws)]
-
-    def energy(self, data: Floats) -> Floats:
-        """Return the energies by data, shape (n, 34)."""
-        return np.asarray(0.5 * np.einsum("ni,ni->n", data @ self.quadratic, data))
-
-    def mean(self, data: Floats) -> Floats:
-        """Return the mean stresses, shape (3, n)."""
-        return np.asarray(self.linear @ data.T)
-
-
-@lru_cache(maxsize=64)
-def _form(stretch: float, lateral: float, shear: float) -> Form:
-    """Work the form out: the least energy under balance, continuity and the tractions."""
-    rows, data = _conditions()
-    size = stretch**2 - lateral**2
-    compliance = np.array(
-        [
-            [stretch / size, -lateral / size, 0.0],
-            [-lateral / size, stretch / size, 0.0],
-            [0.0, 0.0, 1.0 / shear],
-        ]
-    )
-    mass = np.kron(np.eye(16), np.kron((np.ones((3, 3)) + np.eye(3)) / 12.0, compliance)) / 16.0
-    inverse = np.linalg.inv(np.linalg.cholesky(mass))
-    # Least squares in the norm of the energy.
-    stress = inverse.T @ (np.linalg.pinv(rows @ inverse.T, rcond=1e-10) @ data)
-    mean = np.kron(np.full((1, 48), 1.0 / 48.0), np.eye(3)) @ stress
-    return Form(stress.T @ mass @ stress, mean)
-
-
-@lru_cache(maxsize=1)
-def _conditions() -> tuple[Floats, Floats]:
-    """Return ``rows @ stress = data @ (tractions, force)`` of the 16 triangles' stresses.
-
-    The stress is (σ_xx, σ_yy, τ) at the three corners of every triangle.
-    """
-    rows: list[Floats] = []
-    data: list[Floats] = []
-    shared: dict[tuple[tuple[float, float], ...], list[_Edge]] = {}
-    for number, corners in enumerate(triangles()):
-        slope = np.linalg.inv(np.c_[np.ones(3), np.array(corners)])[1:]
-        for axis in (0, 1):
-            row, given = np.zeros(144), np.zeros(34)
-            for k in range(3):
-                at = 9 * number + 3 * k
-                row[at + axis] += slope[axis, k]
-                row[at + 2] += slope[1 - axis, k]
-            given[32 + axis] = -1.0
-            rows.append(row)
-            data.append(given)
-        for k in range(3):
-            a, b = corners[k], corners[(k + 1) % 3]
-            edge = _Edge(9 * number, {a: k, b: (k + 1) % 3})
-            shared.setdefault(tuple(sorted((a, b))), []).append(edge)
-    for (a, b), edges in shared.items():
-        along = np.array(b) - np.array(a)
-        normal = np.array([along[1], -along[0]]) / np.hypot(*along)
-        for point in (a, b):
-            if len(edges) == 2:
-                for component in (0, 1):
-                    first, second = (edge.traction(point, normal, component) for edge in edges)
-                    rows.append(first - second)
-                    data.append(np.zeros(34))
-                continue
-            axis = 0 if abs(normal[0]) > 0.5 else 1
-            low = min(a[1 - axis], b[1 - axis])
-            start = 8 * (2 * axis + (a[axis] > 0.5)) + 4 * (low > 0.25) + (point[1 - axis] > low)
-            for component, kind in ((axis, 0), (2, 2)):
-                row, given = np.zeros(144), np.zeros(34)
-                row[edges[0].start + 3 * edges[0].corner[point] + component] = 1.0
-                given[start + kind] = 1.0
-                rows.append(row)
-                data.append(given)
-    return np.array(rows), np.array(data)
-
-
-class _Edge(NamedTuple):
-    """An edge of a triangle: where its stresses begin, and which corners it joins."""
-
-    start: int
-    corner: dict[tuple[float, float], int]
-
-    def traction(self, point: tuple[float, float], normal: Floats, component: int) -> Floats:
-        """Return the row of a traction at an end."""
-        row = np.zeros(144)
-        at = self.start + 3 * self.corner[point]
-        row[at + component] += normal[component]
-        row[at + 2] += normal[1 - component]
-        return row
-
-
-def triangles() -> Iterator[list[tuple[float, float]]]:
-    """Yield the corners of the 16 triangles: four quarters, crossed."""
-    for x in (0.0, 0.5):
-        for y in (0.0, 0.5):
-            square = [(x, y), (x + 0.5, y), (x + 0.5, y + 0.5), (x, y + 0.5)]
-            middle = (x + 0.25, y + 0.25)
-            for k in range(4):
-                yield [square[k], square[(k + 1) % 4], middle]

@@ -16,8 +16,8 @@ import numpy as np
 
 from .boxes import Index
 from .compatible import MOST_STEPS, STEPS, WORTHWHILE, CompatibleField
+from .crossed import triangles
 from .problem import Floats
-from .ragged import triangles
 
 LOCKING = 0.8
 """Bodies with a larger C₁₂/C₁₁ (a Poisson's ratio of 0.45 in plane strain) call for the field."""

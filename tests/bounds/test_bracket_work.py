@@ -12,6 +12,7 @@ from kaju.model.elastic.boxes import boxes_of_cells, corner_ends
 from kaju.model.elastic.bracket import bracket_of
 from kaju.model.elastic.compatible import CompatibleField, _Modes
 from kaju.model.elastic.kernels_bilinear import pull
+from kaju.model.elastic.ragged import ragged_tractions
 from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
 from kaju.model.elastic.staggered import strain_energy
 from kaju.model.elastic.volume_field import _form
@@ -40,31 +41,30 @@ def drawn(rows, loads, sides):
 
 
 def work_of(stress, field, v):
-    """Add up the work of the tractions on the four sides of every box, and of the forces within."""
-    boxes, mesh = stress.boxes, stress.boxes.mesh
-    tau, n = boxes.shear[0, 1], len(boxes.size)
-    ends = np.stack([tau[0], tau[1], tau[:, 0], tau[:, 1]]).transpose(2, 0, 1)
-    traction = np.zeros((n, 4, 2, 4))
-    traction[..., :2] = stress.normal.T[:, :, None, None]
-    traction[:, :, 0, 2], traction[:, :, 1, 3] = ends[..., 0], ends[..., 1]
-    traction[:, :, 0, 3] = traction[:, :, 1, 2] = ends.mean(axis=-1)
+    """Add up the work of the tractions on all sides of every box, and of the forces within."""
+    boxes, mesh, d = stress.boxes, stress.boxes.mesh, stress.boxes.dimension
+    everyone = np.arange(len(boxes.size))
+    normal = np.zeros(boxes.beside.shape)
+    found = ragged_tractions(boxes, stress.normal, normal, np.ones(len(everyone), bool), np.inf)
+    traction = found.traction
+    for side, value in enumerate(stress.normal):
+        traction[:, side, :, side // 2, 0] = value[:, None]
     traction[stress.ragged.box] = stress.ragged.traction
-    quarter = v[mesh.element].mean(axis=0) * mesh.edge[:, None] ** 2
-    total = float(np.vdot(boxes.body[:, mesh.owner].T, quarter))
-    for side in range(4):
-        axis, upper = divmod(side, 2)
-        low, high = v[boxes.side_nodes(np.arange(n), side)]
-        middle = 0.5 * (low + high)
-        here = boxes.hanging.side == side
-        across = corner_ends(2)[:, axis] == 1 - upper
-        corner = mesh.corner[across][1, boxes.hanging.fine[here, 0]]
-        middle[boxes.hanging.box[here]] = v[corner]
-        for half, (p, q) in enumerate(pairwise((low, middle, high))):
-            for kind, component in ((0, axis), (2, 1 - axis)):
-                s, t = (traction[:, side, half, kind + k] for k in (0, 1))
-                x, y = p[:, component], q[:, component]
-                part = (2 * s * x + s * y + t * x + 2 * t * y) / 12
-                total += (2 * upper - 1) * float((boxes.size * part).sum())
+    part = v[mesh.element].mean(axis=0) * mesh.edge[:, None] ** d
+    total = float(np.vdot(boxes.body[:, mesh.owner].T, part))
+    ends = corner_ends(d - 1)
+    cut = mesh.parts[0] != mesh.parts[1]
+    for side in range(2 * d):
+        corners = v[boxes.side_nodes(everyone, side)]
+        for q, end in enumerate(ends):
+            # Of a box that is not cut the part's corners lie between those of the side.
+            between = np.prod(1.0 - np.abs(0.5 * (ends + end)[:, None] - ends), axis=2)
+            own = np.where(cut[:, None], corners[:, q], np.tensordot(between, corners[:, q], 1))
+            modes = [own.mean(axis=0)]
+            for sign in 2.0 * ends.T - 1.0:
+                modes.append((sign[:, None, None] * own).mean(axis=0) / 6.0)
+            share = np.einsum("ncm,mnc->n", traction[:, side, q], np.array(modes))
+            total += (side % 2 * 2 - 1) * float((share * boxes.size ** (d - 1)).sum()) / len(ends)
     return total
 
 

@@ -16,6 +16,7 @@ from kaju.model.elastic.boxes import (
     Mesh,
     corner_ends,
     parted,
+    whole_mesh,
 )
 from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
@@ -29,8 +30,6 @@ from .leaves import Flags, Index, morton
 
 def bracket_of_agents(balance: Balance, u: Floats) -> Bracket | str:
     """Hold the true energy between two that can be computed; see `bracket_of`."""
-    if balance.grid.dimension == 3 and len(np.unique(balance.grid.leaves.size)) > 1:
-        return "the agents of a solid are of many sizes"
     return bracket_of(boxes_of_agents(balance, u))
 
 
@@ -80,7 +79,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
         loads,
         list(_held(grid, beyond)),
         list(_beds(grid)),
-        _mesh(grid, fields, law, hanging),
+        _mesh(grid, fields, law),
         fields.sides.T,
     )
 
@@ -94,31 +93,35 @@ def _kinds_beyond(grid: Composite, side: int) -> Index:
 
 
 def _hanging(grid: Composite) -> Hanging:
-    """Return the sides of leaves with two smaller ones before them."""
+    """Return the sides of leaves with smaller ones before them."""
     box, side = np.nonzero(grid.master < 0)
-    if grid.dimension == 3 or not len(box):
-        nothing = np.zeros(0, dtype=np.int64)
-        return Hanging(nothing, nothing, nothing.reshape(0, 2))
-    leaves, each = grid.leaves, np.arange(len(box))
+    leaves, each, d = grid.leaves, np.arange(len(box)), grid.dimension
     lower = leaves.lower[box]
     lower[each, side // 2] += np.where(side % 2, leaves.size[box], -1)
-    upper = lower.copy()
-    upper[each, 1 - side // 2] += leaves.size[box] // 2
-    return Hanging(box, side, np.stack([leaves.find(lower), leaves.find(upper)], axis=1))
+    axes = np.array([[k for k in range(d) if k != axis] for axis in range(d)])[side // 2]
+    fine = []
+    for end in corner_ends(d - 1):
+        at = lower.copy()
+        np.add.at(at, (each[:, None], axes), end * (leaves.size[box] // 2)[:, None])
+        fine.append(leaves.find(at))
+    return Hanging(box, side, np.stack(fine, axis=1))
 
 
 def _round_corners(grid: Composite) -> Flags:
     """Tell which leaves lie round an edge of which one of the four is air, and shear acts."""
     found = np.zeros(len(grid.leaves), dtype=np.bool_)
     for pair, edges in grid.edges.items():
-        around = np.bincount(edges.of_leaf.ravel(), minlength=len(edges.modulus))
+        quarters = np.zeros(len(edges.modulus), dtype=np.int64)
         bare = np.zeros(len(edges.modulus), dtype=np.bool_)
         for first, second in product((0, 1), repeat=2):
             edge = edges.of_leaf[:, first, second]
+            there = np.zeros(len(edges.modulus), dtype=np.int64)
+            there[edge] = 1
+            quarters += there
             # A leaf whose side is bare where it meets the edge looks on air, or on a wall.
             for axis, end in zip(pair, (first, second), strict=True):
                 bare[edge[grid.beside[:, 2 * axis + end] < 0]] = True
-        corner = bare & (around == 3) & (edges.modulus > 0)
+        corner = bare & (quarters == 3) & (edges.modulus > 0)
         found |= corner[edges.of_leaf].any(axis=(1, 2))
     return found
 
@@ -147,46 +150,65 @@ def _beds(grid: Composite) -> list[Bed]:
     return found
 
 
-def _mesh(grid: Composite, fields: AgentFields, law: Law, hanging: Hanging) -> Mesh:
-    """Return the nodes: corners of leaves, and of the quarters of those with hanging sides."""
+def _mesh(grid: Composite, fields: AgentFields, law: Law) -> Mesh:
+    """Return the nodes: corners of leaves, and of the parts of those that smaller ones touch."""
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
     ends = corner_ends(d)
-    place = 2 * (leaves.lower + ends[:, None] * leaves.size[:, None])  # in half units
-    cut = np.unique(hanging.box)
     thirds = np.array(list(product((0, 1, 2), repeat=d)))
-    inner = 2 * leaves.lower[cut] + thirds[:, None] * leaves.size[cut, None]
-    points = np.concatenate([place.reshape(-1, d), inner.reshape(-1, d)])
-    _, first, number = np.unique(morton(points), return_index=True, return_inverse=True)
+    middles = (thirds == 1).sum(axis=1)
+
+    def keys(leaf: Index, third: Index) -> Index:
+        # In half units.
+        points = 2 * leaves.lower[leaf] + third[:, None] * leaves.size[leaf, None]
+        return morton(points.reshape(-1, d)).reshape(len(third), len(leaf))
+
+    corners = keys(np.arange(n), 2 * ends)
+    large = np.flatnonzero(leaves.size > leaves.size.min())
+    touched = np.isin(keys(large, thirds[(middles > 0) & (middles < d)]), corners)
+    cut = large[touched.any(axis=0)]
+    inner = keys(cut, thirds)
+    known, number = np.unique(np.concatenate([corners.ravel(), inner.ravel()]), return_inverse=True)
     number = number.ravel()
-    corner, nine = number[: len(ends) * n].reshape(len(ends), n), number[len(ends) * n :]
-    count = len(first)
-    if d == 2:
-        corner, double = parted(corner, count)
-        count += len(double)
-    own = np.zeros(count, dtype=np.bool_)
-    own[corner] = True
+    octants = [1 << k for k in range(len(ends))]
+    for third in thirds:
+        round_it = np.all((third == 1) | (2 * ends == third), axis=1)
+        octants.append(int((1 << np.flatnonzero(round_it)).sum()))
+    at_corners, at_thirds = np.split(number, [corners.size])
+    nodes = [*at_corners.reshape(corners.shape), *at_thirds.reshape(inner.shape)]
+    nodes, double = parted(nodes, octants, len(known))
+    corner, count = np.stack(nodes[: len(ends)]), len(known) + len(double)
     start = _at_corners(grid, fields, law, corner, count)
     if not len(cut):
-        nothing = np.zeros(0, dtype=np.int64)
-        none = nothing.reshape(2, 0)
-        return Mesh(corner, corner, np.arange(n), grid.length, nothing, none, start)
-    nine = nine.reshape(3, 3, len(cut)).copy()
-    nine[::2, ::2] = corner[:, cut].reshape(2, 2, len(cut))
+        return whole_mesh(corner, grid.length, start)
+    lattice = np.stack(nodes[len(ends) :]).reshape(*[3] * d, len(cut))
     whole = np.ones(n, dtype=np.bool_)
     whole[cut] = False
-    quarters = [nine[i : i + 2, j : j + 2].reshape(4, -1) for i in (0, 1) for j in (0, 1)]
-    element = np.concatenate([corner[:, whole], *quarters], axis=1)
-    owner = np.concatenate([np.flatnonzero(whole), np.tile(cut, 4)])
-    edge = np.concatenate([grid.length[whole], np.tile(0.5 * grid.length[cut], 4)])
-    middles = [(nine[k, 1], nine[k, ::2]) for k in (0, 2)]
-    middles += [(nine[1, k], nine[::2, k]) for k in (0, 2)]
-    slave = np.concatenate([middle for middle, _ in middles])
-    masters = np.concatenate([between for _, between in middles], axis=1)
-    straight = ~own[slave]
-    slave, at = np.unique(slave[straight], return_index=True)
-    masters = masters[:, straight][:, at]
-    start[nine[1, 1]] = start[corner[:, cut]].mean(axis=0)
-    return Mesh(corner, element, owner, edge, slave, masters, start)
+    cut_up = [lattice[tuple(slice(i, i + 2) for i in end)] for end in ends]
+    element = [corner[:, whole], *(part.reshape(len(ends), -1) for part in cut_up)]
+    parts = np.empty(corner.shape, dtype=np.int64)
+    parts[:, whole] = np.arange(n - len(cut))
+    parts[:, cut] = n - len(cut) + np.arange(len(ends) * len(cut)).reshape(len(ends), -1)
+    slave, masters = [], []
+    for third, many in zip(thirds, middles, strict=True):
+        if 0 < many < d:
+            between = corner[np.all((third == 1) | (2 * ends == third), axis=1)][:, cut]
+            slave.append(lattice[tuple(third)])
+            masters.append(np.tile(between, (len(ends) // 2 // len(between), 1)))
+    start[lattice[(1,) * d]] = start[corner[:, cut]].mean(axis=0)
+    own = np.zeros(count, dtype=np.bool_)
+    own[corner] = True
+    middle, at = np.unique(np.concatenate(slave), return_index=True)
+    straight = ~own[middle]
+    return Mesh(
+        corner,
+        np.concatenate(element, axis=1),
+        np.concatenate([np.flatnonzero(whole), np.tile(cut, len(ends))]),
+        np.concatenate([grid.length[whole], np.tile(0.5 * grid.length[cut], len(ends))]),
+        parts,
+        middle[straight],
+        np.concatenate(masters, axis=1)[:, at[straight]],
+        start,
+    )
 
 
 def _at_corners(

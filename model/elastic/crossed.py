@@ -1,0 +1,237 @@
+"""The least stress within a box that has given tractions: linear on its crossed parts.
+
+A box is halved along every axis, and every part cut from its middle through its edges (in solids
+through the middles of its sides as well): 4 triangles a quarter, 24 tetrahedra an eighth. On each
+the stress is linear, without a jump of tractions between them. Whatever linear tractions its sides
+have, if only they are in balance, there is such a stress; the one of least energy is a fixed matrix
+per material.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations, product
+
+import numpy as np
+
+from .boxes import Index, Law, corner_ends
+from .problem import Floats
+
+Point = tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """Energy and mean stress within a box of unit edge by its tractions and the force within.
+
+    Attributes
+    ----------
+    quadratic : array, shape (data, data)
+    linear : array, shape (d (d + 1) / 2, data)
+        Mean normal stresses, then shear stresses pair by pair.
+    """
+
+    quadratic: Floats
+    linear: Floats
+
+    @classmethod
+    def of_laws(cls, dimension: int, law: Law, box: Index) -> list[tuple[Index, Form]]:
+        """Return boxes of one material each, and their form."""
+        if not len(box):
+            return []
+        rows = np.stack([modulus[box] for modulus in law], axis=1)
+        laws, which = np.unique(rows, axis=0, return_inverse=True)
+        which = which.ravel()
+        return [(box[which == k], _form(dimension, *map(float, one))) for k, one in enumerate(laws)]
+
+    def energy(self, data: Floats) -> Floats:
+        """Return the energies by data, shape (n, data)."""
+        return np.asarray(0.5 * np.einsum("ni,ni->n", data @ self.quadratic, data))
+
+    def mean(self, data: Floats) -> Floats:
+        """Return the mean stresses, shape (d (d + 1) / 2, n)."""
+        return np.asarray(self.linear @ data.T)
+
+
+@lru_cache(maxsize=2)
+def balance_rows(dimension: int, halves: int) -> Floats:
+    """Return force and moments on a box of unit edge by its tractions and the force within.
+
+    Parameters
+    ----------
+    dimension : int
+    halves : int
+        Into how many parts sides are cut along each axis, 1 or 2.
+
+    Returns
+    -------
+    array, shape (d (d + 1) / 2, data)
+        Data are, for every side, part, component and mode (the mean, and the slope along each axis
+        of the side), the stress; and the force.
+    """
+    d = dimension
+    parts = list(product(range(halves), repeat=d - 1))
+    force = np.zeros((d, 2 * d, len(parts), d, d))
+    moment = np.zeros((d, *force.shape))  # ∫ r_k t_i: k, then i by component
+    for side, (number, part) in product(range(2 * d), enumerate(parts)):
+        axis, upper = divmod(side, 2)
+        share = (2.0 * upper - 1.0) / len(parts)
+        across = [k for k in range(d) if k != axis]
+        for i in range(d):
+            force[i, side, number, i, 0] = share
+            moment[axis, i, side, number, i, 0] = share * (upper - 0.5)
+            for mode, (k, at) in enumerate(zip(across, part, strict=True), start=1):
+                moment[k, i, side, number, i, 0] = share * ((at + 0.5) / halves - 0.5)
+                moment[k, i, side, number, i, mode] = share / (12.0 * halves)
+    turns = [moment[i, j] - moment[j, i] for i, j in combinations(range(d), 2)]
+    rows = np.concatenate([force, turns]).reshape(d + len(turns), -1)
+    within = np.eye(len(rows), d)
+    return np.concatenate([rows, within], axis=1)
+
+
+@lru_cache(maxsize=64)
+def _form(dimension: int, stretch: float, lateral: float, shear: float) -> Form:
+    """Work the form out: parts of least energy, and the least tractions between them."""
+    d = dimension
+    part = _part(d, stretch, lateral, shear)
+    sides, halves = 2 * d, 1 << (d - 1)
+    count = sides * halves * d * d + d
+    inner = d * halves  # sides between parts
+    ends = corner_ends(d)
+    eye = np.eye(d * d)
+    take = np.zeros((len(ends), part.quadratic.shape[0], count + inner * d * d))
+    for number, end in enumerate(ends):
+        for side in range(sides):
+            axis, upper = divmod(side, 2)
+            place = int("".join(str(end[k]) for k in range(d) if k != axis), 2)
+            outside = end[axis] == upper
+            at = (side * halves if outside else axis * halves) + place
+            start = at * d * d + (0 if outside else count)
+            take[number, side * d * d : (side + 1) * d * d, start : start + d * d] = eye
+        take[number, sides * d * d :, count - d : count] = 0.5 * np.eye(d)
+    # Stresses are taken by the modulus, so that materials of any stiffness are alike.
+    share = 1.0 / len(ends)
+    energy = (
+        stretch * share * np.einsum("pia,ij,pjb->ab", take, part.quadratic, take, optimize=True)
+    )
+    rows = np.concatenate([balance_rows(d, 1) @ one for one in take])
+    zero = np.zeros((len(rows), len(rows)))
+    system = np.block([[energy[count:, count:], rows[:, count:].T], [rows[:, count:], zero]])
+    right = np.concatenate([energy[count:, :count], rows[:, :count]])
+    between = -(np.linalg.pinv(system, rcond=1e-10, hermitian=True) @ right)[: inner * d * d]
+    whole = take @ np.concatenate([np.eye(count), between])
+    quadratic = share * np.einsum("pia,ij,pjb->ab", whole, part.quadratic, whole, optimize=True)
+    return Form(quadratic, share * np.einsum("ki,pia->ka", part.linear, whole))
+
+
+def _part(d: int, stretch: float, lateral: float, shear: float) -> Form:
+    """Return the form of one part, of unit edge."""
+    stress, free = _stresses(d)
+    law = np.full((d, d), lateral) + (stretch - lateral) * np.eye(d)
+    pairs = d * (d - 1) // 2
+    compliance = np.zeros((d + pairs, d + pairs))
+    compliance[:d, :d] = np.linalg.inv(law)
+    compliance[d:, d:] = np.eye(pairs) / shear
+    corners = d + 1
+    count = len(_simplices(d))
+    mass = (np.ones((corners, corners)) + np.eye(corners)) / (corners * (corners + 1) * count)
+    blocks = stress.shape[0] // (corners * (d + pairs))
+
+    def weigh(field: Floats) -> Floats:
+        each = field.reshape(blocks, corners, d + pairs, -1)
+        heavy = np.einsum("kl,ij,tljx->tkix", mass, compliance, each, optimize=True)
+        return np.asarray(heavy.reshape(field.shape))
+
+    heavy = weigh(free)
+    stress = stress - free @ np.linalg.solve(free.T @ heavy, heavy.T @ stress)
+    mean = stress.reshape(-1, d + pairs, stress.shape[1]).mean(axis=0)
+    return Form(stress.T @ weigh(stress), mean)
+
+
+@lru_cache(maxsize=2)
+def _stresses(d: int) -> tuple[Floats, Floats]:
+    """Return a stress for all data of a part, and those that need none, column by column.
+
+    The stress is (normal stresses, shear stresses) at the corners of every simplex.
+    """
+    rows, data = _conditions(d)
+    left, size, right = np.linalg.svd(rows, full_matrices=True)
+    rank = int(np.count_nonzero(size > 1e-10 * size[0]))
+    stress = right[:rank].T @ ((left[:, :rank].T @ data) / size[:rank, None])
+    return stress, right[rank:].T
+
+
+def _conditions(d: int) -> tuple[Floats, Floats]:
+    """Return ``rows @ stress = data @ given``: balance, equal tractions, and those of the sides."""
+    pairs = list(combinations(range(d), 2))
+    kinds, sides = d + len(pairs), 2 * d
+    component = np.zeros((d, d), dtype=np.int64)
+    for i in range(d):
+        component[i, i] = i
+    for number, (i, j) in enumerate(pairs):
+        component[i, j] = component[j, i] = d + number
+    simplices = _simplices(d)
+    unknowns, given = len(simplices) * (d + 1) * kinds, sides * d * d + d
+    rows: list[Floats] = []
+    data: list[Floats] = []
+    facets: dict[tuple[Point, ...], list[int]] = {}
+
+    def start(number: int, point: Point) -> int:
+        return ((d + 1) * number + simplices[number].index(point)) * kinds
+
+    for number, points in enumerate(simplices):
+        slope = np.linalg.inv(np.c_[np.ones(d + 1), np.array(points)])[1:]
+        for i in range(d):
+            row, known = np.zeros(unknowns), np.zeros(given)
+            for k, point in enumerate(points):
+                for j in range(d):
+                    row[start(number, point) + component[i, j]] += slope[j, k]
+            known[sides * d * d + i] = -1.0
+            rows.append(row)
+            data.append(known)
+        for facet in combinations(sorted(points), d):
+            facets.setdefault(facet, []).append(number)
+    for facet, owners in facets.items():
+        normal = _normal(np.array(facet))
+        for point, i in product(facet, range(d)):
+            row, known = np.zeros(unknowns), np.zeros(given)
+            for sign, number in zip((1.0, -1.0), owners, strict=False):
+                for j in range(d):
+                    row[start(number, point) + component[i, j]] += sign * normal[j]
+            if len(owners) == 1:
+                axis = int(np.argmax(np.abs(normal)))
+                at = ((2 * axis + int(point[axis])) * d + i) * d
+                across = [point[k] - 0.5 for k in range(d) if k != axis]
+                known[at : at + d] = normal[axis] * np.array([1.0, *across])
+            rows.append(row)
+            data.append(known)
+    return np.array(rows), np.array(data)
+
+
+def _normal(points: Floats) -> Floats:
+    """Return the normal of d points in d dimensions, of unit length."""
+    return np.asarray(np.linalg.svd(np.diff(points, axis=0))[2][-1])
+
+
+def _simplices(d: int) -> list[list[Point]]:
+    """Return the corners of the simplices of a part: each has its middle, and that of a side."""
+    return list(_crossed(d))
+
+
+def _crossed(d: int) -> Iterator[list[Point]]:
+    if d == 1:
+        yield [(0.0,), (1.0,)]
+        return
+    for points in _crossed(d - 1):
+        for axis, end in product(range(d), (0.0, 1.0)):
+            side = [(*point[:axis], end, *point[axis:]) for point in points]
+            yield [*side, (0.5,) * d]
+
+
+def triangles() -> Iterator[list[tuple[float, float]]]:
+    """Yield the corners of the 16 triangles of a plane box of unit edge."""
+    for x, y in product((0.0, 0.5), repeat=2):
+        for points in _crossed(2):
+            yield [(x + 0.5 * p, y + 0.5 * q) for p, q in points]

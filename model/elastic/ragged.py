@@ -316,6 +316,7 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
     weight = sp.diags_array(np.repeat(stiff / size[first.box, 0] ** d, kinds))
     matrix = sp.csc_array(take @ weight @ take.T)
     diagonal = matrix.diagonal()
+    diagonal[diagonal == 0.0] = 1.0
     # One box of every group that no wall holds is kept from floating.
     _, start = np.unique(group, return_index=True)
     loose = start[~np.isin(group[start], group[first.box[(second.box < 0) & ~slides]])]

@@ -88,6 +88,44 @@ def test_the_work_of_a_stress_that_balances_is_that_of_the_loads(rows, loads, si
         assert own == pytest.approx(field.work(), abs=1e-8 * size)
 
 
+@pytest.mark.parametrize("how", [{"strategy": "uniform"}, {"tolerance": 0.4}])
+@pytest.mark.parametrize("sides", [{"bottom": "rigid"}, {"bottom": "roller", "left": "rigid"}])
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [["aa", "aa"], ["a.", "ba"]],  # re-entrant edges that meet, and two materials
+        [["aa", "aa"], ["aa", "aa"]],
+    ],
+)
+def test_in_solids_that_work_is_the_same(rows, sides, how):
+    codes = np.array([[[".ab".index(k) for k in row] for row in layer] for layer in rows])
+    names = {0: "air", 1: "a", 2: "b"}
+    scene = Scene.from_array(
+        codes.transpose(2, 1, 0),
+        legend={int(k): names[int(k)] for k in np.unique(codes)},
+        cell_size=0.05,
+        materials={n: {"a": STEEL, "b": SOFT}[n] for k, n in names.items() if k and k in codes},
+        sides=sides,
+        loads=[
+            {"cell": [0, 1, 0 if codes[1, 1, 0] == 0 else 1], "side": "top", "force": [7, 3, -9]},
+            {"cell": [0, 0, 0], "side": "right", "force": [0.0, 2.0, 1.0]},
+            {"cell": [1, 1, 0], "force": [1.0, 2.0, -3.0]},
+        ],
+    )
+    result = solve(scene, **({"strategy": "spawning"} | how))
+    spawning = result.found.tree.spawning
+    boxes = boxes_of_agents(spawning.balance, spawning.displacement)
+    stress, field = BalancedStress(boxes), CompatibleField(boxes)
+    assert stress.left < 1e-7
+    assert ("tolerance" in how) == (len(np.unique(boxes.size)) > 1)
+    rng = np.random.default_rng(0)
+    field.displacement = rng.normal(size=field.displacement.shape)
+    field.hold()
+    own = work_of(stress, field, field.displacement)
+    size = np.abs(field.displacement).max() * np.abs(boxes.loads.force).sum()
+    assert own == pytest.approx(field.work(), abs=1e-10 * size)
+
+
 def solid(n, codes):
     """Return a cube of 0.2 m, `n` cells a side, of pixels."""
     cells = codes.repeat(n // len(codes), 0).repeat(n // len(codes), 1).repeat(n // len(codes), 2)

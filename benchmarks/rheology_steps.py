@@ -15,6 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+import kaju
 from kaju.agents import rheology_steps as steps
 from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
@@ -22,7 +23,7 @@ from kaju.model.creep.elastic import CreepingBody
 from kaju.model.creep.march import take_step
 from kaju.model.creep.network import CreepingNetwork
 from kaju.model.elastic.engine import solve_problem
-from kaju.model.elastic.problem import CellLoads, make_problem
+from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.network.lattices import triangular
 
 REPEATS = 5
@@ -70,17 +71,22 @@ def plate(size: int) -> None:
     """Advance a plate with an inclusion, and compare with one elastic solution of it."""
     kinds = np.zeros((size, size), dtype=np.int64)
     kinds[size // 4 : size // 2, size // 4 : size // 2] = 1
-    columns = np.arange(int(0.45 * size), int(0.55 * size))
-    cells = np.stack([columns, np.full(len(columns), size - 1)], axis=1)
-    force = np.tile([0.0, -1.0 / len(columns)], (len(columns), 1))
     materials = [Material("soft", 1e5, 0.3, rheology=SOFT), Material("stiff", 1e6, 0.3)]
-    problem = make_problem(
+    side = 0.01 * size
+    scene = kaju.Scene.from_array(
         kinds,
-        [(m.youngs_modulus, m.poissons_ratio) for m in materials],
-        0.01,
+        legend=dict(enumerate(material.name for material in materials)),
+        cell_size=0.01,
+        materials={
+            m.name: {"youngs_modulus": m.youngs_modulus, "poissons_ratio": m.poissons_ratio}
+            for m in materials
+        },
         sides={"bottom": "rigid"},
-        loads=CellLoads(cells, np.full(len(cells), 3), force),
+        loads=[
+            {"region": {"box": [[0.45 * side, side], [0.55 * side, side]]}, "force": [0.0, -1.0]}
+        ],
     )
+    problem, _ = problem_of_scene(scene)
     elastic = median(lambda: solve_problem(problem, 1e-8), 3)
     print(f"{size}² plate, elastic to 1e-8: {elastic:.2f} s")
     body = CreepingBody(problem, materials)

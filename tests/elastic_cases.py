@@ -6,8 +6,37 @@ from hypothesis import strategies as st
 
 from kaju.errors import SupportError
 from kaju.model.elastic.engine import solve_problem
-from kaju.model.elastic.problem import CellLoads, make_problem
+from kaju.model.elastic.problem import SIDES, CellLoads, problem_of, rim_layer
 from kaju.model.elastic.supports import check_supports, slender_cell
+from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
+
+BEYOND = {
+    "free": AIR,
+    "rigid": RIGID,
+    "roller": ROLLER,
+    "foundation": FOUNDATION,
+    "displacement": RIGID,
+}
+
+
+def make_problem(kinds, materials, cell_size, *, plane=None, thickness=1.0, sides=None, loads=None):
+    """A problem from an array of kinds; sides are words, or words with a number."""
+    rim = np.pad(np.asarray(kinds, dtype=np.int32), 1, constant_values=AIR)
+    sides = {
+        name: (side, None) if isinstance(side, str) else side
+        for name, side in (sides or {}).items()
+    }
+    for name, (word, _) in sides.items():
+        rim[rim_layer(rim.ndim, SIDES[rim.ndim].index(name))] = BEYOND[word]
+    return problem_of(
+        rim,
+        materials,
+        cell_size,
+        plane=plane or ("stress" if rim.ndim == 2 else None),
+        thickness=thickness,
+        sides={name: side for name, side in sides.items() if side[1] is not None},
+        loads=loads,
+    )
 
 
 def press(cells, direction, forces):

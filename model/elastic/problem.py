@@ -21,8 +21,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import ParameterError, SceneError
-from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
+from kaju.errors import SceneError
+from kaju.model.scene.kinds import RIGID, ROLLER
 
 from .moduli import Moduli, moduli_of
 
@@ -165,8 +165,8 @@ def _states(kinds: NDArray[np.int32], axis: int) -> NDArray[np.int8]:
     return np.ascontiguousarray(np.moveaxis(padded, 0, axis))
 
 
-Side = str | tuple[str, float | Sequence[float]]
-""""free", "rigid", "roller", ("foundation", N/m³) or ("displacement", (x, y[, z]) in m)."""
+Side = tuple[str, float | Sequence[float]]
+"""A side that needs a number: ("foundation", N/m³) or ("displacement", (x, y[, z]) in m)."""
 
 
 class CellLoads(NamedTuple):
@@ -175,69 +175,6 @@ class CellLoads(NamedTuple):
     cells: NDArray[np.int64]
     direction: NDArray[np.int64]
     force: Floats
-
-
-def make_problem(
-    kinds: NDArray[np.int_],
-    materials: Sequence[tuple[float, float]],
-    cell_size: float,
-    *,
-    plane: Literal["stress", "strain"] | None = None,
-    thickness: float = 1.0,
-    sides: Mapping[str, Side] | None = None,
-    loads: CellLoads | None = None,
-) -> ElasticProblem:
-    """Build a problem from an array of cells.
-
-    Parameters
-    ----------
-    kinds : int array, one entry per cell
-        Index into `materials`, or AIR, RIGID.
-    materials : sequence of (Young's modulus in Pa, Poisson's ratio)
-    cell_size, thickness : float
-        In metres; the thickness counts in two dimensions only.
-    plane : {"stress", "strain"}
-        Assumption in two dimensions ("stress" by default).
-    sides : mapping from side name to what lies beyond; "free" where nothing is said.
-    loads : CellLoads
-        Cells, face by which the force enters (-1: the middle of the cell), force (N).
-    """
-    dimension = kinds.ndim
-    if dimension == 2 and plane is None:
-        plane = "stress"
-    rim = np.pad(np.asarray(kinds, dtype=np.int32), 1, constant_values=AIR)
-    described = dict(sides or {})
-    unknown = set(described) - set(SIDES[dimension])
-    if unknown:
-        raise ParameterError(f"sides: {sorted(unknown)} are not among {SIDES[dimension]}")
-    for name, side in described.items():
-        lay_rim(rim, SIDES[dimension].index(name), side)
-    return problem_of(
-        rim,
-        materials,
-        cell_size,
-        plane=plane,
-        thickness=thickness,
-        sides=described,
-        loads=loads,
-    )
-
-
-def lay_rim(rim: NDArray[np.int32], index: int, side: Side) -> None:
-    """Say what lies beyond one side."""
-    what = side if isinstance(side, str) else side[0]
-    kind = {
-        "free": AIR,
-        "rigid": RIGID,
-        "roller": ROLLER,
-        "foundation": FOUNDATION,
-        "displacement": RIGID,
-    }.get(what)
-    if kind is None:
-        raise ParameterError(
-            f"sides: {what!r} is none of free, rigid, roller, foundation, displacement"
-        )
-    rim[rim_layer(rim.ndim, index)] = kind
 
 
 def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
@@ -258,9 +195,23 @@ def problem_of(
     loads: CellLoads | None,
     scales: Scales | None = None,
 ) -> ElasticProblem:
-    """Build a problem from cells whose rim is already laid; see `make_problem`.
+    """Build a problem from an array of cells.
 
-    With `scales` given the cells may be a part of a body, even without material.
+    Parameters
+    ----------
+    rim : int array
+        Index into `materials` of each cell, or AIR, RIGID; with one layer more that says what lies
+        beyond the sides.
+    materials : sequence of (Young's modulus in Pa, Poisson's ratio)
+    cell_size, thickness : float
+        In metres; the thickness counts in two dimensions only.
+    plane : {"stress", "strain", None}
+        Assumption in two dimensions.
+    sides : mapping from side name to the number that what lies beyond needs
+    loads : CellLoads
+        Cells, face by which the force enters (-1: the middle of the cell), force (N).
+    scales : Scales, optional
+        With them given the cells may be a part of a body, even without material.
 
     Raises
     ------
@@ -308,11 +259,7 @@ def _scales(
     used = [k for k in range(len(table)) if len(table) == 1 or bool(np.any(rim == k))]
     modulus = float(np.max(table[used, 0]))
     stiffness = modulus * (thickness if rim.ndim == 2 else cell_size)
-    moved = [
-        float(np.abs(side[1]).max())
-        for side in sides.values()
-        if not isinstance(side, str) and side[0] == "displacement"
-    ]
+    moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]
     peak = 0.0 if loads is None or not len(loads.force) else float(np.abs(loads.force).max())
     force = max([peak, *(stiffness * displacement for displacement in moved)])
     return Scales.of(modulus, force, cell_size, stiffness)
@@ -324,8 +271,6 @@ def _side_fields(
     """Return the given displacements and the foundation's stiffness of all faces, scaled."""
     fixed, spring = _face_zeros(rim), _face_zeros(rim)
     for name, side in sides.items():
-        if isinstance(side, str):
-            continue
         index = SIDES[rim.ndim].index(name)
         value = np.asarray(side[1], dtype=np.float64)
         if side[0] == "displacement":

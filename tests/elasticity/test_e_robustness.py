@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from elastic_cases import cube, pixel_body, plate, press
+from elastic_cases import cube, make_problem, pixel_body, plate, press
 from scipy.sparse.linalg import spsolve
 
 from kaju.model.elastic import hierarchy
 from kaju.model.elastic.engine import solve_problem
-from kaju.model.elastic.problem import make_problem
 from kaju.model.elastic.staggered import Numbering, stiffness_matrix
 
 

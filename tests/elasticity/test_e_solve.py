@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from elastic_cases import make_problem
 
 from kaju import Scene
 from kaju.errors import (
@@ -14,7 +15,6 @@ from kaju.errors import (
 )
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import problem_of_scene
-from kaju.model.elastic.problem import make_problem
 from kaju.model.elastic.solve import solve
 from kaju.model.elastic.supports import check_supports, slender_cell
 

@@ -4,10 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from elastic_cases import make_problem
 
 from kaju.model.elastic import sweeps
 from kaju.model.elastic.hierarchy import Hierarchy
-from kaju.model.elastic.problem import ACTIVE, make_problem
+from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import (
     Numbering,
     axis_pairs,

@@ -375,27 +375,9 @@ def solve_cheaply(
 ) -> ElasticResult:
     """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of square or cubic cells. They say where the body is, and may be divided; equal cells
-        are considered only if they pose the same problem when they are.
-    tolerance : float
-        Relative error in the energy norm.
-    resolution, stage, most_agents
-        As in `solve_spawning`; no cell and no agent is smaller than the resolution allows.
-    previous : ElasticResult, optional
-        The answer to a scene of which something was changed: as many cells are tried first.
-
-    Returns
-    -------
-    ElasticResult
-        Its notes say what was chosen, and why.
-
-    Raises
-    ------
-    SupportError, ConvergenceError, ParameterError, SceneError
-        As `solve_spawning`.
+    Arguments and errors are those of `kaju.solve`. The scene's cells may be divided; equal cells
+    are considered only if they pose the same problem when they are. As many as in the previous
+    answer are tried first. The answer's notes say what was chosen, and why.
     """
     start = perf_counter()
     check_numbers(tolerance, resolution)

@@ -36,33 +36,17 @@ def solve_spawning(
     most_agents: int | None = None,
     previous: ElasticResult | None = None,
 ) -> ElasticResult:
-    """Solve a scene as linear elasticity by agents of many sizes.
+    """Solve a scene by agents of many sizes: `kaju.solve` with the strategy "spawning".
 
     The first agents are as large as the body, its materials, supports and loads let them
     be. Those that leave most load unbalanced spawn 4 (in three dimensions 8) children of
     half their size, and all settle again, until the estimated error is within the tolerance.
+    The scene's cells say where the body is; it is never rasterised as a whole.
 
     Parameters
     ----------
-    scene : Scene
-        Of square or cubic cells. Its cells say where the body is; agents may be smaller and
-        larger than they are, and the body is never rasterised as a whole.
-    tolerance : float
-        Relative error in the energy norm, unless `tolerance_at` asks for another. Its square
-        is the relative error of the energy. By default 0.01, or that of the previous answer.
-    resolution : int, optional
-        The body is described by cells that are this many times smaller (regions are asked
-        again, so that round shapes become rounder), and no agent is smaller than these. By
-        default agents become as small as the tolerance asks, or as in the previous answer.
-    tolerance_at : optional
-        What the tolerance is about instead, as in the previous answer unless it is given.
-        "displacement" is the largest displacement error anywhere, relative to the largest
-        displacement. A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
-        quantity: its error is relative to itself, or to a hundredth of the largest
-        displacement, stress or reaction if that is more; of several the worst counts. A
-        point, a region or a side stands for its `Deflection`.
-    stage : int, optional
-        Stage of loading; by default the last.
+    scene, tolerance, resolution, tolerance_at, stage
+        As of `kaju.solve`; what is not given is as in the previous answer.
     most_agents : int, optional
         Give up before there are more; by default 4 million, 400,000 in three dimensions, of
         agents in blocks 20 and 4 million.
@@ -71,20 +55,10 @@ def solve_spawning(
         are those to begin with; where the body is the same they keep their matrices, where
         fewer would do they retire and a parent comes back.
 
-    Returns
-    -------
-    ElasticResult
-        Short of the tolerance only where agents may not be smaller, which its notes say.
-
     Raises
     ------
-    SupportError
-        If a part of the body could move without straining.
-    ConvergenceError
-        If the tolerance asks for too many agents, or these do not settle; `best` holds the
-        result so far.
-    ParameterError, SceneError
-        If an argument or the scene breaks a rule.
+    SupportError, ConvergenceError, ParameterError, SceneError
+        As `kaju.solve`.
     """
     start = perf_counter()
     before, tolerance, resolution = _continued(previous, tolerance, resolution)

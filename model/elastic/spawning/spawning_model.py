@@ -49,7 +49,7 @@ class SpawningModel(SteppedModel):
     tolerance : float
         Relative error: in the energy norm, unless `tolerance_at` asks for another.
     resolution, stage, most_agents, tolerance_at
-        As in `kaju.model.elastic.spawning.solve.solve_spawning`.
+        As of `kaju.solve`.
     rng : int, optional
         Seed for Mesa; the agents draw no random numbers.
 

@@ -1,20 +1,108 @@
-"""Draw the map of stable coefficients (a minute).
+"""Draw the map of stable coefficients, or put the outcome of all trials into the document.
 
-Run from the repository's root: ``python docs/draw_stability.py``.
+Run from the repository's root: ``python docs/draw_stability.py`` draws the map (a minute);
+``kaju stress --out stress`` and then ``python docs/draw_stability.py stress`` write the record
+``docs/stress.json``, the table of ``docs/stability.md`` and its picture.
 """
 
+from __future__ import annotations
+
+import csv
+import json
+import re
+import sys
+from collections import Counter
 from pathlib import Path
+from typing import Any, get_type_hints
 
 from kaju.model.trials.coefficients import stability_map
-from kaju.view.trials import plot_stability
+from kaju.model.trials.trial import FAILED, REFUSED, Outcome
+from kaju.view.trials import plot_stability, plot_trials
 
+HERE = Path(__file__).parent
 RULES = [(1.0, 0.3), (0.5, 0.3), (0.5, 0.45), (0.0, 0.49)]
+REASONS = {
+    "a part of the body is held by nothing": r"touch nothing that holds|nothing holds the body",
+    "a part could move or turn": r"it could (move|turn)",
+    "a load acts on faces that are held, or on none": r"faces are held|no cell of the body lies",
+    "a couple has no lever": r"SceneError: couple",
+    "the tolerance takes more agents than allowed": r"agents leave an estimated error",
+    "rounding leaves no answer": r"rounding leaves",
+    "factors do not fit in memory": r"OutOfMemoryError",
+    "a network buckles": r"BucklingError",
+    "a network is a mechanism": r"MechanismError",
+    "a network creeps until it snaps": r"no step however short",
+    "a network is pressed at held nodes only": r"only held nodes are pressed",
+}
+"""Why trials are refused, and how that is told."""
+TABLE = re.compile(r"(<!-- all trials -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def outcomes_of(table: Path) -> list[Outcome]:
+    """Read the rows that `kaju stress` has written."""
+    kinds = get_type_hints(Outcome)
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return [Outcome(**{name: kinds[name](cell) for name, cell in row.items()}) for row in rows]
+
+
+def record_of(outcomes: list[Outcome], told: dict[str, Any]) -> dict[str, Any]:
+    """Return what the document says of trials; `told` is what the command says of itself."""
+    reasons = Counter(_reason(o.what) for o in outcomes if o.verdict == REFUSED)
+    failed = Counter(re.sub(r"\d[\d.e+-]*", "…", o.what) for o in outcomes if o.verdict == FAILED)
+    return told | {"refused": dict(reasons.most_common()), "failed": dict(failed.most_common())}
+
+
+def _reason(what: str) -> str:
+    return next((words for words, how in REASONS.items() if re.search(how, what)), "others")
+
+
+def table_of(record: dict[str, Any]) -> str:
+    """Return the record as text and tables."""
+    known, proven, inside = record["bounds"]
+    lines = [
+        f"{record['trials']:,} trials (version {record['kaju_version']}), "
+        f"{record['minutes']:.0f} minutes by {record['workers']} processes:",
+        "",
+        "| put to | answered | refused | failed |",
+        "|---|---|---|---|",
+        *(f"| {name} | {a} | {r} | {f} |" for name, (a, r, f) in record["engines"].items()),
+        "",
+        "| refused because | trials |",
+        "|---|---|",
+        *(f"| {reason} | {count} |" for reason, count in record["refused"].items()),
+    ]
+    if known:
+        told = f"The truth is known of {known} answers; {proven} of these prove bounds, and "
+        lines += ["", f"{told}{inside} truths lie within them."]
+    if record["failed"]:
+        lines += ["", "| failed | trials |", "|---|---|"]
+        lines += [f"| {what} | {count} |" for what, count in record["failed"].items()]
+    return "\n".join(lines) + "\n"
+
+
+def write(folder: Path) -> None:
+    """Put the outcome of trials into record, document and picture."""
+    outcomes = outcomes_of(folder / "stress.csv")
+    told = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    record = record_of(outcomes, told)
+    text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
+    (HERE / "stress.json").write_text(text, encoding="utf-8")
+    document = HERE / "stability.md"
+    words = document.read_text(encoding="utf-8")
+    document.write_text(
+        TABLE.sub(lambda m: m[1] + table_of(record) + m[2], words), encoding="utf-8"
+    )
+    print(plot_trials(outcomes, HERE / "pictures" / "outcomes.png"))
 
 
 def main() -> None:
-    """Draw the map, and say how often a run contradicts its certificate."""
+    """Draw the map, and say how often a run contradicts its certificate; or tell of trials."""
+    if sys.argv[1:]:
+        write(Path(sys.argv[1]))
+        return
     maps = [stability_map(beta, ratio) for beta, ratio in RULES]
-    print(plot_stability(maps, Path(__file__).parent / "pictures" / "stability_map.png"))
+    print(plot_stability(maps, HERE / "pictures" / "stability_map.png"))
     runs = sum(one.radius.size for one in maps)
     print(f"{runs} rules, {sum(m.contradicted for m in maps)} of them not as certified")
 

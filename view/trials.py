@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 COLOURS = {"answered": "#3b6a8f", "refused": "#d9d4c5", "failed": "#b2340b"}
 WORDS = {"answered": "answered", "refused": "refused by a named error", "failed": "failed"}
 
+SMALLEST = 1e-3
+"""True errors are drawn from here on: the elements that tell them are off by less."""
+
 
 def plot_trials(outcomes: Sequence[Outcome], path: str | Path) -> Path:
     """Draw what came of trials, and estimated against true errors; return the file."""
@@ -53,8 +56,8 @@ def _bars(ax: Axes, outcomes: Sequence[Outcome]) -> None:
 def _errors(ax: Axes, outcomes: Sequence[Outcome]) -> None:
     known = [o for o in outcomes if np.isfinite(o.true_error) and o.estimate > 0.0]
     told = np.array([o.estimate for o in known])
-    true = np.maximum([o.true_error for o in known], 1e-6)
-    ax.plot([1e-6, 10.0], [1e-6, 10.0], color=INK, linewidth=0.8)
+    true = np.maximum([o.true_error for o in known], SMALLEST)
+    ax.plot([SMALLEST, 10.0], [SMALLEST, 10.0], color=INK, linewidth=0.8)
     ax.plot(true, told, "o", color=COLOURS["answered"], markersize=3, alpha=0.6)
     ax.set_xscale("log")
     ax.set_yscale("log")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from kaju import __version__
 from kaju.errors import ResultFileError
 
 if TYPE_CHECKING:
@@ -17,7 +20,8 @@ QUICK, ALL = 300, 10_000
 
 def stress(
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for stress.csv and pictures.")
+        Path,
+        typer.Option("--out", "-o", metavar="DIR", help="Folder for tables and pictures."),
     ] = Path("stress"),
     quick: Annotated[bool, typer.Option("--quick", help=f"{QUICK} trials only.")] = False,
     count: Annotated[
@@ -45,6 +49,7 @@ def stress(
         table.touch()
     except OSError as error:
         raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
+    began = perf_counter()
     number = count or (QUICK if quick else ALL)
     outcomes: list[Outcome] = []
     for outcome in record(trials(range(first, first + number), workers, limit), table):
@@ -59,6 +64,16 @@ def stress(
         typer.echo(f"{row.engine:16}{row.answered:10}{row.refused:10}{row.failed:10}")
     known, proven, inside = bounded(outcomes)
     typer.echo(f"truth known of {known} answers, bounds of {proven}, truth within {inside} of them")
+    told = {
+        "trials": number,
+        "kaju_version": __version__,
+        "workers": workers,
+        "minutes": round((perf_counter() - began) / 60.0, 1),
+        "processor_minutes": round(sum(outcome.seconds for outcome in outcomes) / 60.0, 1),
+        "engines": {row.engine: [row.answered, row.refused, row.failed] for row in counts},
+        "bounds": [known, proven, inside],
+    }
+    (out / "summary.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     typer.echo(table)
     if pictures:
         from kaju.view.trials import plot_trials

@@ -1,8 +1,11 @@
 """Trials find what they are there to find, and survive it."""
 
 import csv
+import json
+import runpy
 import sys
 from dataclasses import astuple, replace
+from pathlib import Path
 from time import process_time
 
 import numpy as np
@@ -130,6 +133,27 @@ def test_the_command_writes_a_row_a_trial(monkeypatch, capsys, tmp_path):
     assert (row["number"], row["verdict"]) == (str(first), "answered")
     assert (tmp_path / "here/outcomes.png").stat().st_size > 10_000
     assert "answered" in capsys.readouterr().out
+    told = json.loads((tmp_path / "here/summary.json").read_text())
+    assert told["engines"] == {"three elements": [1, 0, 0]}
+
+
+def test_the_document_tells_the_record_of_all_trials(tmp_path):
+    docs = Path(__file__).parents[2] / "docs"
+    teller = runpy.run_path(str(docs / "draw_stability.py"))
+    record = json.loads((docs / "stress.json").read_text())
+    assert sum(map(sum, record["engines"].values())) == record["trials"] == 10_000
+    refused = sum(refused for _, refused, _ in record["engines"].values())
+    assert sum(record["refused"].values()) == refused
+    assert record["refused"].get("others", 0) < 10
+    assert teller["table_of"](record) in (docs / "stability.md").read_text()
+    made = [attempt(number_of("network", after=n)) for n in (20, 60)]
+    again = teller["outcomes_of"](_stored(made, tmp_path / "stress.csv"))
+    assert [astuple(o)[:5] for o in again] == [astuple(o)[:5] for o in made]
+
+
+def _stored(outcomes, table):
+    list(run.record(outcomes, table))
+    return table
 
 
 WITH_TRUTH = 164

@@ -301,3 +301,15 @@ def test_loads_that_meet_on_a_face_are_bounded_as_their_sum():
     np.testing.assert_allclose(two.mean_stress, one.mean_stress, rtol=0, atol=1e-8 * largest)
     off = np.linalg.norm(one.mean_stress - one.stress, axis=(1, 2))
     assert np.median(off / np.linalg.norm(one.stress, axis=(1, 2))) < 0.1
+
+
+@pytest.mark.parametrize("sides", [{"bottom": "rigid"}, {"left": "rigid", "bottom": "roller"}])
+def test_an_answer_of_few_iterations_settles_until_its_bound_is_hardly_wider(sides):
+    scene = plate(40, sides=sides)
+    rough = solve(scene, strategy="uniform", resolution=1, tolerance=0.05)
+    exact = solve(scene, strategy="uniform")
+    assert rough.found.solution.algebraic > 1e-3
+    assert exact.error_bound < rough.error_bound < 1.06 * exact.error_bound
+    rough, exact = rough.found.bracket, exact.found.bracket
+    assert rough.lower == pytest.approx(exact.lower, rel=1e-4)
+    assert exact.upper < rough.upper < exact.upper + 0.2 * (exact.upper - exact.lower)

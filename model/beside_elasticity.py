@@ -24,6 +24,7 @@ from kaju.model.fitting import Fit, fit_rule
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.solving import solve
+from kaju.stopping import NOTE, Interrupted
 
 if TYPE_CHECKING:
     from kaju.model.result import BodyResult
@@ -70,6 +71,8 @@ class BesideElasticity:
         Along which the load presses most.
     seconds : float
         Time that all of it took (s).
+    notes : tuple of str
+        What is to be known of it, such as that it was interrupted.
     """
 
     scene: Scene
@@ -78,6 +81,7 @@ class BesideElasticity:
     fit: Fit | None
     axis: int
     seconds: float
+    notes: tuple[str, ...] = ()
 
     @property
     def down(self) -> Way:
@@ -181,6 +185,7 @@ class BesideElasticity:
             "squared_error_where_no_load_arrived": self.unreached(),
             "fit": fitted,
             "believed": {key: reference[key] for key in ("agents", "error_estimate")},
+            "notes": list(self.notes),
             "seconds": self.seconds,
             "kaju_version": __version__,
         }
@@ -214,6 +219,8 @@ def beside_elasticity(
         If `evaluations` is between 0 and 10.
     SceneError
         If the scene cannot be solved as linear elasticity.
+    Interrupted
+        By Ctrl-C, with the comparisons made until then.
     """
     began = perf_counter()
     loads = tuple(load.model_copy(update={"steps": 1}) for load in scene.loads)
@@ -222,15 +229,25 @@ def beside_elasticity(
         across = max(scene.lattice.shape)
         resolution = min(8, max(1, CELLS_ACROSS[scene.lattice.dimension] // across))
     believed = solve(scene, resolution=resolution, strategy="uniform")
-    found: dict[str, Comparison] = {}
-    fit, elastic = None, scene
-    if scene.rule.kind == "prescribed":
-        found[CHOSEN] = compare(LoadModel(scene).run(), believed)
-        if evaluations:
-            fit = fit_rule(scene, believed, evaluations=evaluations)
-            found[FITTED] = fit.after
-        elastic = scene.replace(rule=ElasticRule(tolerance=ELASTIC_TOLERANCE))
-    found[DERIVED] = compare(ElasticModel(elastic, engine="arrays").run(), believed)
     force = np.abs(scene.applied().force).sum(axis=0)
-    axis = int(force.argmax())
-    return BesideElasticity(scene, believed, found, fit, axis, perf_counter() - began)
+    found: dict[str, Comparison] = {}
+    fit: Fit | None = None
+
+    def told(*notes: str) -> BesideElasticity:
+        axis, seconds = int(force.argmax()), perf_counter() - began
+        return BesideElasticity(scene, believed, found, fit, axis, seconds, notes)
+
+    elastic = scene
+    try:
+        if scene.rule.kind == "prescribed":
+            found[CHOSEN] = compare(LoadModel(scene).run(), believed)
+            if evaluations:
+                fit = fit_rule(scene, believed, evaluations=evaluations)
+                found[FITTED] = fit.after
+            elastic = scene.replace(rule=ElasticRule(tolerance=ELASTIC_TOLERANCE))
+        found[DERIVED] = compare(ElasticModel(elastic, engine="arrays").run(), believed)
+    except KeyboardInterrupt:
+        if not found:
+            raise
+        raise Interrupted(told(NOTE)) from None
+    return told()

@@ -11,6 +11,7 @@ import typer
 
 from kaju.errors import ParameterError, ResultFileError
 from kaju.files import check_writable
+from kaju.stopping import NOTE, Interrupted
 
 from .console import Console
 from .options import Force, Json, Pictures, Quiet, Settings, scene_of
@@ -74,8 +75,16 @@ def compare(
             )
         folder = out or Path(f"{judged.stem}-compared")
         _check_free(folder, force)
-        told = _rule(judged, settings, resolution, depth, fit, console)
-        _write(folder, *told, pictures, console)
+        try:
+            told = _rule(judged, settings, resolution, depth, fit, console)
+        except KeyboardInterrupt:
+            typer.echo("interrupted before there was anything to keep", err=True)
+            raise typer.Exit(130) from None
+        ended_early = bool(told[0]["notes"])
+        _write(folder, *told, pictures and not ended_early, console)
+        if ended_early:
+            typer.echo(f"{NOTE}; it is in {folder}", err=True)
+            raise typer.Exit(130)
         return
     for given, name in ((settings, "--set"), (resolution, "--resolution"), (depth, "--depth")):
         if given is not None:
@@ -101,10 +110,15 @@ def _rule(
     console: Console,
 ) -> tuple[dict[str, Any], Figures]:
     """Set a scene's rule beside elasticity, and say what was found."""
-    from kaju.model.beside_elasticity import beside_elasticity
+    from kaju.model.beside_elasticity import BesideElasticity, beside_elasticity
     from kaju.view.beside import pictures_beside, words_beside
 
-    study = beside_elasticity(scene_of(path, settings), resolution=resolution, evaluations=fit)
+    try:
+        study = beside_elasticity(scene_of(path, settings), resolution=resolution, evaluations=fit)
+    except Interrupted as stop:
+        if not isinstance(stop.best, BesideElasticity):
+            raise
+        study = stop.best
     study.rows(depth)  # refuses a depth outside of the body before anything is said
     for line in words_beside(study):
         console.say(line)

@@ -13,6 +13,7 @@ import pytest
 
 import kaju
 from kaju import ElasticModel, History, LoadModel, Scene, SpawningModel, ThreeElement, creep, solve
+from kaju.__main__ import main
 from kaju.stopping import NOTE, Interrupted
 
 
@@ -168,3 +169,25 @@ def test_a_command_that_is_interrupted_leaves_a_whole_folder_or_none(tmp_path, v
         words += [getattr(result, "outcome", "")]
         assert any("interrupted" in word for word in words)
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize(("at", "kept"), [(2, []), (12, ["prescribed rule"])])
+def test_a_comparison_keeps_what_was_compared(monkeypatch, tmp_path, capsys, at, kept):
+    """The scene's own rule is run first, then its coefficients are fitted."""
+    (tmp_path / "scene.toml").write_text(LARGE.format(cells=10, middle=5, last=9, rule=""))
+    monkeypatch.chdir(tmp_path)
+    words = ["kaju", "compare", "scene.toml", "--out", "beside", "--resolution", "2"]
+    monkeypatch.setattr(sys, "argv", words)
+    interrupting(monkeypatch, (LoadModel, "_note"), at)
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 130
+    told = capsys.readouterr().err
+    if not kept:
+        assert "before there was anything to keep" in told
+        assert not (tmp_path / "beside").exists()
+        return
+    assert "it is in beside" in told
+    found = json.loads((tmp_path / "beside/comparison.json").read_text())
+    assert list(found["answers"]) == kept
+    assert found["notes"] == [NOTE]

@@ -1,12 +1,14 @@
 """Random bodies put to their bounds: is the truth inside, and is the tolerance kept.
 
     python benchmarks/bounds.py [--bodies 200] [--first 0] [--tolerance 0.05] [--out FILE.csv]
+    python benchmarks/bounds.py --solids --bodies 40 --tolerance 0.15
     python benchmarks/bounds.py --write      # the table in docs/bounds.md, from docs/bounds.csv
 
 Plane bodies of 3 to 6 pixels a side: up to three materials of contrasts up to 1e6, Poisson's ratios
 from -0.5 to 0.4999, clamped, on rollers, or both, pressed, pulled and dragged on sides and within.
 The truth is that of elements of order 3 graded into every corner; what it is off by itself is taken
-from a second one with fewer levels.
+from a second one with fewer levels. Solids of 1 to 3 pixels a side (`--solids`) alike, with bricks
+of order 2 graded to all edges.
 
 The mean stress is off by exactly half the distance of the two stresses (Prager and Synge), so that
 bound / true error is the root of true energy / lower bound. Needs scikit-fem.
@@ -17,16 +19,19 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from time import process_time
 
 import numpy as np
+from peers.graded_bricks import solve_bricks
 
 from kaju import Scene, solve
 from kaju.errors import ConvergenceError, KajuError
 from kaju.model.validation.graded_elements import solve_graded
 
 FEWER, LEVELS = 6, 10
+PARTS = 3, 2
 DOCS = Path(__file__).parent.parent / "docs"
 FROM, TO = "<!-- from bounds.csv -->", "<!-- to here -->"
 COLUMNS = (
@@ -82,13 +87,64 @@ def body_of(seed: int) -> Scene:
     )
 
 
-def put_to(seed: int, tolerance: float) -> dict[str, object] | None:
+def solid_of(seed: int) -> Scene:
+    """Return a random solid: the materials, supports and kinds of load of the plane bodies."""
+    rng = np.random.default_rng([13, seed])
+    shape = rng.integers(1, 4, 3)
+    count = int(rng.integers(1, 4))
+    codes = rng.integers(1, count + 1, shape) * (rng.random(shape) < rng.choice([0.7, 0.85, 1.0]))
+    codes[:, :, 0] = np.maximum(codes[:, :, 0], 1)
+    contrast = 10 ** rng.uniform(0, rng.choice([0.5, 2, 6]))
+    highest = float(rng.choice([0.35, 0.47, 0.4999]))
+    names = {0: "air", 1: "a", 2: "b", 3: "c"}
+    used = np.unique(codes)
+    materials = {
+        names[int(c)]: {
+            "youngs_modulus": 1e9 * contrast ** (0.0, 1.0, 0.5)[int(c) - 1],
+            "poissons_ratio": float(rng.uniform(-0.5, highest)),
+        }
+        for c in used[used > 0]
+    }
+    sides = [
+        {"bottom": "rigid"},
+        {"bottom": "rigid", "left": "roller"},
+        {"bottom": "roller", "left": "rigid"},
+        {"bottom": "roller", "left": "roller", "front": "roller"},
+    ][int(rng.integers(4))]
+    loads = []
+    for _ in range(int(rng.integers(1, 4))):
+        x, y = (int(rng.integers(n)) for n in shape[:2])
+        top = int(np.flatnonzero(codes[x, y]).max())
+        along = rng.normal(size=2) if rng.random() < 0.4 else np.zeros(2)
+        force = [float(f) for f in (*along, rng.normal())]
+        loads.append({"cell": [x, y, top], "side": "top", "force": force})
+    return Scene.from_array(
+        codes,
+        legend={int(code): names[int(code)] for code in used},
+        cell_size=0.01,
+        materials=materials,
+        sides=sides,
+        loads=loads,
+    )
+
+
+def truths(scene: Scene) -> tuple[float, float]:
+    """Return the energies of a finer and a coarser graded mesh."""
+    if scene.lattice.dimension == 2:
+        return tuple(solve_graded(scene, levels, order=3).energy for levels in (LEVELS, FEWER))
+    planes = [range(n + 1) for n in scene.lattice.shape]
+    return tuple(solve_bricks(scene, planes, parts).energy for parts in PARTS)
+
+
+def put_to(
+    scene_of: Callable[[int], Scene], seed: int, tolerance: float
+) -> dict[str, object] | None:
     """Return what came of a body; None if it is not held, or its truth is not known."""
     try:
-        scene = body_of(seed)
+        scene = scene_of(seed)
         solve(scene, strategy="uniform", resolution=2)
-        truth = solve_graded(scene, LEVELS, order=3).energy
-        doubt = abs(truth / solve_graded(scene, FEWER, order=3).energy - 1.0)
+        truth, less = truths(scene)
+        doubt = abs(truth / less - 1.0)
     except KajuError:
         return None
     moduli = [m.youngs_modulus for m in scene.cell_materials]
@@ -188,6 +244,7 @@ def main() -> None:
     """Put bodies to their bounds, and tell."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bodies", type=int, default=200)
+    parser.add_argument("--solids", action="store_true", help="solids of 1 to 3 cells a side")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--tolerance", type=float, default=0.05)
     parser.add_argument("--out", type=Path)
@@ -199,7 +256,7 @@ def main() -> None:
     rows: list[dict[str, object]] = []
     seed = asked.first
     while len(rows) < asked.bodies:
-        row = put_to(seed, asked.tolerance)
+        row = put_to(solid_of if asked.solids else body_of, seed, asked.tolerance)
         seed += 1
         if row is None:
             continue

@@ -2,7 +2,7 @@
 
 A plate of 320 × 320 cells (102,400) under 2 N over 20 mm of its top, with and without a round
 hole, by equal cells and by spawning agents. Every change starts from the answer to the plate
-with the load in its first place; times are medians of the calls of `solve` alone. Run:
+with the load in its first place; times are the processor's, medians of the calls of `solve`. Run:
 
     python benchmarks/interactive.py              # everything, some minutes
     python benchmarks/interactive.py plate        # equal cells, no hole
@@ -16,7 +16,7 @@ import gc
 import sys
 import tracemalloc
 from statistics import median
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -62,9 +62,9 @@ def timed(scene, first, repeats, **how):
     answers, seconds = {}, {"again": [], "afresh": []}
     for _ in range(repeats):
         for kind, previous in (("again", first), ("afresh", None)):
-            start = perf_counter()
+            start = process_time()
             answers[kind] = solve(scene, previous=previous, **how)
-            seconds[kind].append(perf_counter() - start)
+            seconds[kind].append(process_time() - start)
     return [(answers[kind], 1e3 * median(seconds[kind])) for kind in ("again", "afresh")]
 
 

@@ -1,7 +1,7 @@
 """Agents and time against error: equal cells and agents that spawn; growth with the body.
 
 The error is √(U/U* − 1), the relative error in the energy norm, U* from a spawning run with
-a third of the smallest tolerance, improved by its own estimate. Run:
+a third of the smallest tolerance, improved by its own estimate. Times are the processor's. Run:
 
     python benchmarks/spawning.py            # everything, a few minutes
     python benchmarks/spawning.py plate      # one table
@@ -12,7 +12,7 @@ mesh on the way counted; it needs scikit-fem and pyamg.
 
 import sys
 from math import log, sqrt
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -124,9 +124,9 @@ TABLES = {
 
 
 def timed(scene, **how):
-    start = perf_counter()
+    start = process_time()
     result = solve(scene, **{"strategy": "spawning", **how})
-    return result, perf_counter() - start
+    return result, process_time() - start
 
 
 def table(name):
@@ -166,10 +166,10 @@ def beside():
         scene = TABLES[name][0]
         fine = solve(scene, strategy="spawning", tolerance=1e-3)
         limit = fine.strain_energy * (1 - fine.error_estimate**2)
-        start, meshes = perf_counter(), []
+        start, meshes = process_time(), []
         for answer, _ in adaptive(scene, order=2):
             error = sqrt(abs(answer.energy / limit - 1))
-            meshes.append((error, answer.basis.mesh.nelements, perf_counter() - start))
+            meshes.append((error, answer.basis.mesh.nelements, process_time() - start))
             if error < targets[-1] or answer.unknowns > 400_000:
                 break
         for target in targets:

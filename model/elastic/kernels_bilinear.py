@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from kaju.model.compiling import njit
 
 
-@njit(cache=True, fastmath=True)
-def pull(element, stretch, lateral, shear, v, out):  # type: ignore[no-untyped-def]
+def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any) -> None:
     """Add the forces that hold the corners of boxes at a displacement.
 
     Parameters
@@ -22,10 +23,8 @@ def pull(element, stretch, lateral, shear, v, out):  # type: ignore[no-untyped-d
         Moduli, times the edge in three dimensions.
     v, out : arrays, shape (nodes, d)
     """
-    if element.shape[0] == 4:
-        _pull_plane(element, stretch, lateral, shear, v, out)
-    else:
-        _pull_solid(element, stretch, lateral, shear, v, out)
+    loop = _pull_plane if element.shape[0] == 4 else _pull_solid  # compiled if it is needed
+    loop(element, stretch, lateral, shear, v, out)
 
 
 @njit(cache=True, fastmath=True)

@@ -202,10 +202,12 @@ class Ground:
         large = (owner >= 0) & (leaves.size[owner] >= self.cell)
         parts = [LeafForces(owner[large], self._direction[large], self._force[large])]
         # Few cells are loaded: only the smaller leaves in these are asked for every direction.
-        ends, ways = leaves.lower // self.cell, 2 * self.dimension + 1
-        near = np.isin(self.scene.lattice.key(ends), self._key // ways)
-        small = np.flatnonzero((leaves.size < self.cell) & near)
-        cells = ends[small]
+        small = np.flatnonzero(leaves.size < self.cell)
+        key = self.scene.lattice.key(leaves.lower[small] // self.cell)
+        known = self._key // (2 * self.dimension + 1)
+        at = np.minimum(np.searchsorted(known, key), len(known) - 1)
+        small = small[known[at] == key]
+        cells = leaves.lower[small] // self.cell
         offset = leaves.lower[small] - cells * self.cell
         share = leaves.size[small] / self.cell
         for way in range(-1, 2 * self.dimension):

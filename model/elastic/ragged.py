@@ -10,6 +10,7 @@ box into balance. The stress within follows from them (`crossed`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations, product
@@ -28,6 +29,10 @@ from .problem import Floats
 
 HOLD = 1e-6
 """Share of its stiffness that keeps a box of a group without a wall from floating."""
+FACTORED, MOST_STEPS = 30_000, 2_000
+"""Up to how many unknowns leftovers are passed on by factors; beyond, iterations at most."""
+ROUNDING = 1e-14
+"""Share of the leftovers that rounding leaves over."""
 WIDER = 6
 """How often those beside unbalanced boxes are asked to pass on as well."""
 
@@ -322,11 +327,14 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
     loose = start[~np.isin(group[start], group[first.box[(second.box < 0) & ~slides]])]
     floats = np.isin(used // kinds, loose)
     holds = sp.diags_array(np.where(floats, HOLD * diagonal, 0.0))
-    factor = sl.splu(sp.csc_array(matrix + holds))
+    moved_by = _solver(matrix + holds)
     left, flat = -(off.ravel() * real)[used], np.zeros(kinds * count)
     for _ in range(5):
         # What rounding has left of the largest tractions is passed on once more.
-        flat += weight @ (take.T @ factor.solve(left - take @ flat))
+        rest = left - take @ flat
+        if np.abs(rest).max() <= ROUNDING * np.abs(left).max():
+            break
+        flat += weight @ (take.T @ moved_by(rest))
     passed = flat.reshape(-1, kinds)
     for joint in (first, second):
         there = np.flatnonzero(joint.box >= 0)
@@ -334,6 +342,22 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
         change = np.einsum("nk,nkqcm->nqcm", passed[there], modes)
         np.add.at(found.traction, (joint.box[there], joint.side[there]), change)
     return np.asarray(group)
+
+
+def _solver(matrix: sp.csr_array) -> Callable[[Floats], Floats]:
+    """Return what solves a system: by factors, or by iteration where they would fill memory."""
+    if matrix.shape[0] <= FACTORED:
+        factor = sl.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A")
+        return lambda right: np.asarray(factor.solve(right))
+    scale = 1.0 / np.sqrt(matrix.diagonal())
+    alike = sp.csr_array(sp.diags_array(scale) @ matrix @ sp.diags_array(scale))
+
+    def solved(right: Floats) -> Floats:
+        # What is left after so many steps is told as left over.
+        found, _ = sl.cg(alike, scale * right, rtol=1e-8, maxiter=MOST_STEPS)
+        return np.asarray(scale * found)
+
+    return solved
 
 
 def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, Floats, Flags]:

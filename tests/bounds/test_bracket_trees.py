@@ -152,3 +152,21 @@ def test_a_corner_alone_holds_nothing_together():
         assert lower <= truth * (1 + 1e-5)
         assert truth <= upper * (1 + 1e-9)
     assert agents.error_bound < 0.08
+
+
+@pytest.mark.parametrize("strategy", ["uniform", "spawning"])
+def test_a_long_solid_has_bounds_from_end_to_end(strategy):
+    """Sixteen cells of 2¹⁶ parts each are as long as codes of places reach."""
+    beam = Scene(
+        body={"size": [1.0, 0.25, 0.25], "cells": [16, 4, 4], "material": "steel"},
+        sides={"left": "rigid"},
+        loads=[{"side": "right", "force": [0.0, 0.0, -1.0]}],
+    )
+    bent = solve(beam, strategy=strategy, tolerance=None if strategy == "uniform" else 0.2)
+    lower, upper = bent.energy_bounds
+    # Bending and shear of a slender bar: F²L³/6EI + F²L/2κGA.
+    youngs, inertia, area = 206e9, 0.25**4 / 12, 0.25**2
+    exact = 1 / (6 * youngs * inertia) + 1.3 / (5 / 6 * youngs * area)
+    assert lower < 1.01 * exact
+    assert 0.97 * exact < upper < 1.2 * exact
+    assert lower > 0.85 * upper

@@ -30,6 +30,10 @@ from .leaves import Flags, Index, morton
 
 def bracket_of_agents(balance: Balance, u: Floats) -> Bracket | str:
     """Hold the true energy between two that can be computed; see `bracket_of`."""
+    leaves = balance.grid.leaves
+    across = int((leaves.lower + leaves.size[:, None]).max()) // int(leaves.size.min())
+    if across >= 1 << (30 if balance.grid.dimension == 2 else 20):
+        return "the smallest agents are too small beside the body to number their corners"
     return bracket_of(boxes_of_agents(balance, u))
 
 
@@ -157,13 +161,16 @@ def _mesh(grid: Composite, fields: AgentFields, law: Law) -> Mesh:
     thirds = np.array(list(product((0, 1, 2), repeat=d)))
     middles = (thirds == 1).sum(axis=1)
 
+    smallest = leaves.size.min()
+
     def keys(leaf: Index, third: Index) -> Index:
-        # In half units.
+        # In halves of the smallest leaf: codes have no room for halves of the units themselves.
         points = 2 * leaves.lower[leaf] + third[:, None] * leaves.size[leaf, None]
+        points //= smallest
         return morton(points.reshape(-1, d)).reshape(len(third), len(leaf))
 
     corners = keys(np.arange(n), 2 * ends)
-    large = np.flatnonzero(leaves.size > leaves.size.min())
+    large = np.flatnonzero(leaves.size > smallest)
     touched = np.isin(keys(large, thirds[(middles > 0) & (middles < d)]), corners)
     cut = large[touched.any(axis=0)]
     inner = keys(cut, thirds)

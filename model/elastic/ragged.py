@@ -29,9 +29,9 @@ from .problem import Floats
 
 HOLD = 1e-6
 """Share of its stiffness that keeps a box of a group without a wall from floating."""
-FACTORED, MOST_STEPS = 30_000, 2_000
+FACTORED, MOST_STEPS = {2: 100_000, 3: 5_000}, 2_000
 """Up to how many unknowns leftovers are passed on by factors; beyond, iterations at most."""
-ROUNDING = 1e-14
+ROUNDING = 1e-12
 """Share of the leftovers that rounding leaves over."""
 WIDER = 6
 """How often those beside unbalanced boxes are asked to pass on as well."""
@@ -327,7 +327,7 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
     loose = start[~np.isin(group[start], group[first.box[(second.box < 0) & ~slides]])]
     floats = np.isin(used // kinds, loose)
     holds = sp.diags_array(np.where(floats, HOLD * diagonal, 0.0))
-    moved_by = _solver(matrix + holds)
+    moved_by = _solver(matrix + holds, d)
     left, flat = -(off.ravel() * real)[used], np.zeros(kinds * count)
     for _ in range(5):
         # What rounding has left of the largest tractions is passed on once more.
@@ -344,9 +344,9 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
     return np.asarray(group)
 
 
-def _solver(matrix: sp.csr_array) -> Callable[[Floats], Floats]:
+def _solver(matrix: sp.csr_array, d: int) -> Callable[[Floats], Floats]:
     """Return what solves a system: by factors, or by iteration where they would fill memory."""
-    if matrix.shape[0] <= FACTORED:
+    if matrix.shape[0] <= FACTORED[d]:
         factor = sl.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A")
         return lambda right: np.asarray(factor.solve(right))
     scale = 1.0 / np.sqrt(matrix.diagonal())
@@ -354,7 +354,7 @@ def _solver(matrix: sp.csr_array) -> Callable[[Floats], Floats]:
 
     def solved(right: Floats) -> Floats:
         # What is left after so many steps is told as left over.
-        found, _ = sl.cg(alike, scale * right, rtol=1e-8, maxiter=MOST_STEPS)
+        found, _ = sl.cg(alike, scale * right, rtol=1e-6, maxiter=MOST_STEPS)
         return np.asarray(scale * found)
 
     return solved

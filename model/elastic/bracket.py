@@ -39,6 +39,8 @@ SETTLED = 0.015
 """Share of the estimated error that the iteration may leave, and that is added to the bound."""
 MOST_PROVED = {2: 500_000, 3: 100_000}
 """Of more boxes bounds are worked out only when they are asked for."""
+CROSSED = 1e-6
+"""Share by which rounding may cross the bounds of an exact answer."""
 MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
 FEW = 20_000
@@ -112,7 +114,7 @@ def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
     return _between(stress, field)
 
 
-def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket:
+def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     """Compare the two stresses: the hypercircle.
 
     What an iteration has left balances loads that differ a little from the true ones; the
@@ -143,6 +145,8 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket:
     else:
         lower, upper = work - whole, (sqrt(complementary) + sqrt(0.5) * rest) ** 2
         smallest = sqrt(2.0 * max(lower, 0.0))
+    if lower > (1.0 + CROSSED) * upper:
+        return "rounding has eaten the bounds: the lower one lies above the upper"
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
     return Bracket(lower, upper, error, partial(_parts, stress, v))
 

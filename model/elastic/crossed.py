@@ -20,6 +20,8 @@ from .boxes import Index, Law, corner_ends
 from .problem import Floats
 
 Point = tuple[float, ...]
+STIFFEST = 1e6
+"""C₁₂ over μ, at most: ν up to 0.4999995."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,10 @@ def balance_rows(dimension: int, halves: int) -> Floats:
 def _form(dimension: int, stretch: float, lateral: float, shear: float) -> Form:
     """Work the form out: parts of least energy, and the least tractions between them."""
     d = dimension
+    # A softer law only adds to the energy of a stress, and rounding leaves room for no stiffer one.
+    twice, lateral = stretch - lateral, min(lateral, STIFFEST * shear)
+    stretch = lateral + twice
+    softest = min(twice, shear, stretch + (d - 1) * lateral)
     part = _part(d, stretch, lateral, shear)
     sides, halves = 2 * d, 1 << (d - 1)
     count = sides * halves * d * d + d
@@ -111,10 +117,10 @@ def _form(dimension: int, stretch: float, lateral: float, shear: float) -> Form:
             start = at * d * d + (0 if outside else count)
             take[number, side * d * d : (side + 1) * d * d, start : start + d * d] = eye
         take[number, sides * d * d :, count - d : count] = 0.5 * np.eye(d)
-    # Stresses are taken by the modulus, so that materials of any stiffness are alike.
+    # Stresses are taken by the least modulus, so that materials of any stiffness are alike.
     share = 1.0 / len(ends)
     energy = (
-        stretch * share * np.einsum("pia,ij,pjb->ab", take, part.quadratic, take, optimize=True)
+        softest * share * np.einsum("pia,ij,pjb->ab", take, part.quadratic, take, optimize=True)
     )
     rows = np.concatenate([balance_rows(d, 1) @ one for one in take])
     zero = np.zeros((len(rows), len(rows)))

@@ -170,3 +170,20 @@ def test_a_long_solid_has_bounds_from_end_to_end(strategy):
     assert lower < 1.01 * exact
     assert 0.97 * exact < upper < 1.2 * exact
     assert lower > 0.85 * upper
+
+
+@pytest.mark.parametrize("ratio", [0.49999, 0.4999999, 0.499999998])
+def test_bounds_go_on_up_to_incompressible_bodies(ratio):
+    """A stress does not care how stiff against compression a body is that hardly shrinks."""
+
+    def bridge(ratio):
+        gum = {"youngs_modulus": 1.8e11, "poissons_ratio": ratio}
+        stiff = {"youngs_modulus": 3.9e11, "poissons_ratio": 0.31}
+        drag = [{"cell": [8, 5], "side": "top", "force": [0.4, 0.2]}]
+        rows = ["aaabbbaaa"] * 3 + ["aaa...aaa"] * 3
+        sides = {"left": "roller", "bottom": "rigid"}
+        return drawn(rows, drag, sides, size=0.01).replace(materials={"a": gum, "b": stiff})
+
+    usual, answer = solve(bridge(0.4999)), solve(bridge(ratio))
+    np.testing.assert_allclose(answer.energy_bounds, usual.energy_bounds, rtol=0.06)
+    assert answer.error_bound == pytest.approx(usual.error_bound, rel=0.15)

@@ -21,6 +21,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sl
 from scipy.sparse.csgraph import connected_components
 
+from kaju.model.factors import factors_of
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 from .boxes import Boxes, Flags, Index, corner_ends
@@ -347,7 +348,7 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
 def _solver(matrix: sp.csr_array, d: int) -> Callable[[Floats], Floats]:
     """Return what solves a system: by factors, or by iteration where they would fill memory."""
     if matrix.shape[0] <= FACTORED[d]:
-        factor = sl.splu(sp.csc_array(matrix), permc_spec="MMD_AT_PLUS_A")
+        factor = factors_of(sp.csc_array(matrix))
         return lambda right: np.asarray(factor.solve(right))
     scale = 1.0 / np.sqrt(matrix.diagonal())
     alike = sp.csr_array(sp.diags_array(scale) @ matrix @ sp.diags_array(scale))

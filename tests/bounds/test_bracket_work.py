@@ -253,3 +253,15 @@ def test_a_box_that_keeps_its_volume_strains_evenly_where_its_sides_do():
     values = np.linalg.eigvalsh(_form(0).shear)
     assert values[:3] == pytest.approx(0.0, abs=1e-12)
     assert values[3] > 0.1
+
+
+def test_shares_of_boxes_add_up_to_what_lies_between_the_bounds():
+    plate = Scene(
+        body={"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [4, 7], "side": "top", "force": [0.0, -2.0]}],
+    )
+    bounds = solve(plate).found.bracket
+    # The energies differ by half the squared distance.
+    assert 0.5 * bounds.shares.sum() == pytest.approx(bounds.upper - bounds.lower, rel=0.05)
+    assert (bounds.shares > 0.0).all()

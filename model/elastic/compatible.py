@@ -10,6 +10,8 @@ A box on which smaller ones hang is cut into quarters, so that it follows their 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from kaju.model.scene.kinds import RIGID, ROLLER
@@ -22,6 +24,37 @@ STEPS, MOST_STEPS = 4, 60
 """Of conjugate gradients, at least and at most."""
 WORTHWHILE = 0.1
 """So much of the gap between the energies the last few steps must have closed for more."""
+
+
+def sink(
+    v: Floats, left: Floats, weight: Floats, gap: float, force: Callable[[Floats], Floats]
+) -> None:
+    """Let a field sink by conjugate gradients, as long as that closes enough of a gap.
+
+    Parameters
+    ----------
+    v, left : array, shape (nodes, dimension)
+        Displacements, and the loads less the forces that hold the nodes at them: both go along.
+    weight : array, shape (nodes, dimension)
+        One over the diagonal; 0 where nodes are held.
+    gap : float
+        How far the energy may be above what it can sink to.
+    force : callable
+        What holds the nodes at a displacement; may make it fit first.
+    """
+    way = weight * left
+    before = float(np.vdot(left, way))
+    gains: list[float] = []
+    while before > 0.0 and len(gains) < MOST_STEPS:
+        pull = force(way)
+        step = before / float(np.vdot(way, pull))
+        now = kernels.sink(v, left, way, pull, weight, step)
+        gains.append(0.5 * step * before)
+        gap -= gains[-1]
+        if len(gains) >= STEPS and sum(gains[-STEPS:]) < WORTHWHILE * gap:
+            return
+        kernels.turn(way, left, weight, now / before)
+        before = now
 
 
 class CompatibleField:
@@ -152,20 +185,11 @@ class CompatibleField:
         weight = np.where(free, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
         self.left = self._load - self.force(self.displacement)
         gap = above + self.whole_energy() - self.work()
-        way = weight * self.left
-        before = float(np.vdot(self.left, way))
-        gains: list[float] = []
-        while before > 0.0 and len(gains) < MOST_STEPS:
-            self._straighten(way)
-            pull = self.force(way)
-            step = before / float(np.vdot(way, pull))
-            now = kernels.sink(self.displacement, self.left, way, pull, weight, step)
-            gains.append(0.5 * step * before)
-            gap -= gains[-1]
-            if len(gains) >= STEPS and sum(gains[-STEPS:]) < WORTHWHILE * gap:
-                return
-            kernels.turn(way, self.left, weight, now / before)
-            before = now
+        sink(self.displacement, self.left, weight, gap, self._straight_force)
+
+    def _straight_force(self, way: Floats) -> Floats:
+        self._straighten(way)
+        return self.force(way)
 
     def stretch(self, share: float) -> None:
         """Multiply the field by a number."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .boxes import Index
-from .compatible import MOST_STEPS, STEPS, WORTHWHILE, CompatibleField
+from .compatible import CompatibleField, sink
 from .crossed import triangles
 from .problem import Floats
 
@@ -108,21 +108,11 @@ class VolumeField:
         weight = np.where(free, 1.0 / np.where(free, diagonal, 1.0), 0.0)
         left = self._load - self._gathered(self._bends(self._data(self.displacement, self._flux)))
         gap = above + self.whole_energy() - self.work()
-        way = weight * left
-        before = float(np.vdot(left, way))
-        gains: list[float] = []
-        while before > 0.0 and len(gains) < MOST_STEPS:
-            pull = self._gathered(self._bends(self._data(way, 0.0)))
-            step = before / float(np.vdot(way, pull))
-            self.displacement += step * way
-            left -= step * pull
-            gains.append(0.5 * step * before)
-            gap -= gains[-1]
-            if len(gains) >= STEPS and sum(gains[-STEPS:]) < WORTHWHILE * gap:
-                return
-            z = weight * left
-            now = float(np.vdot(left, z))
-            way, before = z + now / before * way, now
+        sink(self.displacement, left, weight, gap, self._force)
+
+    def _force(self, way: Floats) -> Floats:
+        """Return what holds the nodes at a displacement, the sides' bending left out."""
+        return self._gathered(self._bends(self._data(way, 0.0)))
 
     def stretch(self, share: float) -> None:
         """Multiply the field by a number."""

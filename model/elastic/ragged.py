@@ -320,7 +320,7 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
     take = sp.csr_array((entries[0], (entries[1], entries[2])), shape=(len(used), kinds * count))
     take.eliminate_zeros()
     weight = sp.diags_array(np.repeat(stiff / size[first.box, 0] ** d, kinds))
-    matrix = sp.csc_array(take @ weight @ take.T)
+    matrix = sp.csr_array(take @ weight @ take.T)
     diagonal = matrix.diagonal()
     diagonal[diagonal == 0.0] = 1.0
     # One box of every group that no wall holds is kept from floating.
@@ -348,7 +348,7 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
 def _solver(matrix: sp.csr_array, d: int) -> Callable[[Floats], Floats]:
     """Return what solves a system: by factors, or by iteration where they would fill memory."""
     if matrix.shape[0] <= FACTORED[d]:
-        factor = factors_of(sp.csc_array(matrix))
+        factor = factors_of(matrix)
         return lambda right: np.asarray(factor.solve(right))
     scale = 1.0 / np.sqrt(matrix.diagonal())
     alike = sp.csr_array(sp.diags_array(scale) @ matrix @ sp.diags_array(scale))

@@ -38,8 +38,6 @@ FAR, LOCAL = 1.6, 1.1
 """Factors of the two parts."""
 SURE, OF_GAP = 1.5, 0.25
 """What is told is so many times the estimate, or this share of what the energy is unknown by."""
-KNOWN_GAP = 0.5
-"""Bounds of the energy that lie further apart, as a share of their sum, tell nothing."""
 ACCURACY, ROUGHLY = 1e-6, 0.02
 """To which share of itself the far-reaching part is solved: for the result, while spawning."""
 BEHIND = 0.125
@@ -75,8 +73,7 @@ def surely(error: DisplacementError, bracket: Bracket | str) -> float:
     if isinstance(bracket, str) or not bracket.upper > 0.0:
         return SURE * error.largest
     gap = (bracket.upper - bracket.lower) / (bracket.upper + bracket.lower)
-    # Bounds that lie apart by their own size tell nothing of displacements.
-    return max(SURE * error.largest, OF_GAP * gap if gap < KNOWN_GAP else 0.0)
+    return max(SURE * error.largest, OF_GAP * gap)
 
 
 def displacement_error(

@@ -10,7 +10,7 @@ LENGTH, WIDTH, YOUNGS = 0.12, 0.04, 1e9
 
 
 def bar(axis, sides=None, loads=None, ratio=0.3):
-    """Return a bar of 4 × 4 × 12 cells along an axis: it slides on three sides, pulled at its end."""
+    """Return a bar of 4 × 4 × 12 cells: sliding on three sides, pulled at its end."""
     cells = [12 if a == axis else 4 for a in range(3)]
     rollers = {SIDES[a][0]: "roller" for a in range(3)}
     force = [8.0 * (a == axis) for a in range(3)]

@@ -34,6 +34,7 @@ FEWER, LEVELS = 6, 10
 PARTS = 3, 2
 DOCS = Path(__file__).parent.parent / "docs"
 FROM, TO = "<!-- from bounds.csv -->", "<!-- to here -->"
+NAMES = ("air", "a", "b", "c")
 COLUMNS = (
     "seed", "status", "agents", "estimate", "bound", "lower", "upper", "doubt", "inside", "ratio",
     "true", "contrast", "ratio_most", "seconds", "why",
@@ -74,17 +75,14 @@ def body_of(seed: int) -> Scene:
     if rng.random() < 0.3:
         within = solid[int(rng.integers(len(solid)))]
         loads.append({"cell": [int(i) for i in within], "force": [1.0, 0.5]})
-    names = {0: "air", 1: "a", 2: "b", 3: "c"}
-    used = np.unique(codes)
-    return Scene.from_array(
-        codes,
-        legend={int(code): names[int(code)] for code in used},
-        cell_size=0.01,
-        materials={names[int(c)]: materials[names[int(c)]] for c in used if c},
-        sides=sides,
-        loads=loads,
-        plane=plane,
-    )
+    return made_of(codes, materials, sides=sides, loads=loads, plane=plane)
+
+
+def made_of(codes: np.ndarray, materials: dict[str, dict[str, float]], **others: object) -> Scene:
+    """Return the scene of a body of small cells: 0 is air, 1 to 3 are a, b and c."""
+    used = {code: NAMES[code] for code in np.unique(codes).tolist()}
+    present = {name: materials[name] for name in used.values() if name in materials}
+    return Scene.from_array(codes, legend=used, cell_size=0.01, materials=present, **others)
 
 
 def solid_of(seed: int) -> Scene:
@@ -96,10 +94,9 @@ def solid_of(seed: int) -> Scene:
     codes[:, :, 0] = np.maximum(codes[:, :, 0], 1)
     contrast = 10 ** rng.uniform(0, rng.choice([0.5, 2, 6]))
     highest = float(rng.choice([0.35, 0.47, 0.4999]))
-    names = {0: "air", 1: "a", 2: "b", 3: "c"}
     used = np.unique(codes)
     materials = {
-        names[int(c)]: {
+        NAMES[int(c)]: {
             "youngs_modulus": 1e9 * contrast ** (0.0, 1.0, 0.5)[int(c) - 1],
             "poissons_ratio": float(rng.uniform(-0.5, highest)),
         }
@@ -118,14 +115,7 @@ def solid_of(seed: int) -> Scene:
         along = rng.normal(size=2) if rng.random() < 0.4 else np.zeros(2)
         force = [float(f) for f in (*along, rng.normal())]
         loads.append({"cell": [x, y, top], "side": "top", "force": force})
-    return Scene.from_array(
-        codes,
-        legend={int(code): names[int(code)] for code in used},
-        cell_size=0.01,
-        materials=materials,
-        sides=sides,
-        loads=loads,
-    )
+    return made_of(codes, materials, sides=sides, loads=loads)
 
 
 def truths(scene: Scene) -> tuple[float, float]:

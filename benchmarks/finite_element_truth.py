@@ -66,13 +66,17 @@ def quarter() -> Scene:
     )
 
 
-def told(kind: str, fine, coarse, moved, before) -> str:
-    """Return where an answer comes from, and how far another mesh's is from it."""
+def on_two(kind: str, solve, sizes, points):
+    """Return the finer of two answers, its displacement at points, and where it comes from."""
+    coarse, fine = (solve(size) for size in sizes)
+    before, moved = (answer.displacement_at(points) for answer in (coarse, fine))
     gap = np.abs(moved - before).max() / np.abs(moved).max()
     return (
+        fine,
+        moved,
         f"finite elements: {kind}, {fine.unknowns} unknowns (scikit-fem {skfem.__version__}); "
         f"displacement within {gap:.0e}, energy within {abs(fine.energy / coarse.energy - 1):.0e} "
-        f"of a coarser mesh's, {coarse.unknowns} unknowns"
+        f"of a coarser mesh's, {coarse.unknowns} unknowns",
     )
 
 
@@ -83,11 +87,9 @@ def write(path: Path, points, displacement, stress, energy, source: str) -> None
 
 
 def triangles(scene: Scene, levels, points):
-    """Return the finer answer, its displacement at points, and its source."""
-    coarse, fine = (solve_graded(scene, number) for number in levels)
-    moved, before = fine.displacement_at(points), coarse.displacement_at(points)
+    """Answer a plane scene; see `on_two`."""
     kind = f"triangles of order 4, halved {levels[1]} times at singular points"
-    return fine, moved, told(kind, fine, coarse, moved, before)
+    return on_two(kind, lambda number: solve_graded(scene, number), levels, points)
 
 
 def plane_truth(problem: Problem, patch, points, path: Path, stressed: bool) -> None:
@@ -129,9 +131,10 @@ def block() -> None:
     folded = np.minimum(points, [0.5, 0.5, 1.0])
     mirrored = points[:, :2] > 0.5
     folded[:, :2] = np.where(mirrored, 1.0 - points[:, :2], points[:, :2])
-    coarse, fine = (solve_bricks(quarter(), planes, parts) for parts in PARTS["cube"])
-    before, moved = (answer.displacement_at(folded) for answer in (coarse, fine))
-    source = told("graded bricks of order 2 on a quarter", fine, coarse, moved, before)
+    scene, kind = quarter(), "graded bricks of order 2 on a quarter"
+    fine, moved, source = on_two(
+        kind, lambda parts: solve_bricks(scene, planes, parts), PARTS["cube"], folded
+    )
     moved[:, :2] *= np.where(mirrored, -1.0, 1.0)
     write(HERE / "peers" / "truth_block.npz", points, moved, None, 4.0 * fine.energy, source)
 
@@ -143,10 +146,10 @@ def of_spawning(name: str) -> None:
     if name in PLANE:
         fine, moved, source = triangles(scene, FEWER, points)
     else:
-        coarse, fine = (solve_bricks(scene, PLANES[name], parts) for parts in PARTS[name])
-        moved, before = fine.displacement_at(points), coarse.displacement_at(points)
         kind = f"bricks of order 2, {PARTS[name][1]} along a graded cell"
-        source = told(kind, fine, coarse, moved, before)
+        fine, moved, source = on_two(
+            kind, lambda parts: solve_bricks(scene, PLANES[name], parts), PARTS[name], points
+        )
     write(TESTS / "data" / "spawning" / f"{name}.npz", points, moved, None, fine.energy, source)
 
 

@@ -1,12 +1,15 @@
-"""Sparse LU factors of symmetric matrices, and the error when they do not fit in memory."""
+"""What sparse solvers share: LU factors of symmetric matrices, and rigid motions."""
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
+import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import OutOfMemoryError
 
 
@@ -38,3 +41,22 @@ def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
             f"the factors of a matrix of {columns.shape[0]:,} rows do not fit in memory; take "
             "fewer cells (a smaller resolution) or a larger tolerance, or free memory"
         ) from error
+
+
+def rigid_motions(places: Floats, axis: Ints) -> Floats:
+    """Return what displacements are in rigid motions, a column each: shifts first, then turns.
+
+    Parameters
+    ----------
+    places : array, shape (n, dimension)
+        Where the displacements are.
+    axis : int array, shape (n,)
+        Along which axis each is.
+    """
+    d = places.shape[1]
+    shifts = np.eye(d)[axis]
+    turns = [
+        np.where(axis == a, -places[:, b], np.where(axis == b, places[:, a], 0.0))
+        for a, b in combinations(range(d), 2)
+    ]
+    return np.column_stack([shifts, *turns])

@@ -24,18 +24,17 @@ from kaju.model.scene import Scene
 from kaju.model.validation.scene_elements import (
     ElementAnswer,
     Index,
+    answer_of,
     cell_mesh,
     cells_of,
     densities,
     depth,
     held,
-    load_vector,
     scene_moduli,
-    stiffness,
     surroundings,
 )
 
-from .finite_elements import RESIDUAL, rigid_body_modes
+from .finite_elements import iterated, rigid_body_modes
 
 SHARE = 0.5
 """Elements with more than this share of the largest η are refined."""
@@ -60,23 +59,16 @@ def solve_elements(scene: Scene, mesh: Any, order: int = 1) -> ElementAnswer:
         3: (skfem.ElementTetP1, skfem.ElementTetP2),
     }
     element = elements[mesh.dim()][order - 1]()
-    kinds = surroundings(scene)
     basis = skfem.Basis(mesh, skfem.ElementVector(element), intorder=2 * order - 1)
-    matrix = stiffness(scene, basis, kinds[tuple(cells_of(mesh) + 1)])
-    right = load_vector(scene, basis)
-    free = np.setdiff1d(np.arange(basis.N), held(basis, kinds))
-    reduced, u = matrix[free][:, free], np.zeros(basis.N)
-    if len(free) <= DIRECT[mesh.dim()]:
-        from scipy.sparse.linalg import spsolve
 
-        u[free] = spsolve(reduced.tocsc(), right[free])
-    else:
-        import pyamg
+    def solve(matrix: Any, right: Floats, free: Index) -> Floats:
+        if len(free) <= DIRECT[mesh.dim()]:
+            from scipy.sparse.linalg import spsolve
 
-        modes = rigid_body_modes(basis.doflocs)[free]
-        hierarchy = pyamg.smoothed_aggregation_solver(reduced.tocsr(), B=modes)
-        u[free] = hierarchy.solve(right[free], tol=RESIDUAL, accel="cg", maxiter=500)
-    return ElementAnswer(basis, u, 0.5 * float(u @ right), scene.lattice.cell_size)
+            return np.asarray(spsolve(matrix.tocsc(), right))
+        return iterated(matrix.tocsr(), right, rigid_body_modes(basis.doflocs)[free])
+
+    return answer_of(scene, basis, surroundings(scene), solve)
 
 
 def adaptive(scene: Scene, order: int = 1) -> Iterator[tuple[ElementAnswer, float]]:

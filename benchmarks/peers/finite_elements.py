@@ -8,6 +8,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.model.factors import rigid_motions
+
 from .problems import Problem
 
 Floats = NDArray[np.float64]
@@ -41,7 +43,8 @@ def solve(
 
         u[free] = spsolve(reduced.tocsc(), right)
     else:
-        u[free] = _multigrid(reduced, right, rigid_body_modes(basis.doflocs)[free], problem)
+        blocks = reduced.tobsr((problem.dimension, problem.dimension))
+        u[free] = iterated(blocks, right, rigid_body_modes(basis.doflocs)[free])
     return lambda: _at(problem, basis, u)
 
 
@@ -100,21 +103,16 @@ def rigid_body_modes(places: Floats) -> Floats:
     -------
     array, shape (n, 3) in the plane, (n, 6) in space
     """
-    d, n = places.shape
-    axis = np.arange(n) % d
-    modes = [(axis == a).astype(np.float64) for a in range(d)]
-    for a in range(d):
-        for b in range(a + 1, d):
-            modes.append(np.where(axis == a, -places[b], np.where(axis == b, places[a], 0.0)))
-    return np.stack(modes, axis=1)
+    axis = np.arange(places.shape[1]) % len(places)
+    return rigid_motions(places.T, axis)
 
 
-def _multigrid(matrix: Any, right: Floats, modes: Floats, problem: Problem) -> Floats:
+def iterated(matrix: Any, right: Floats, modes: Floats, residual: float = RESIDUAL) -> Floats:
+    """Solve by conjugate gradients with pyamg's smoothed aggregation; modes: rigid ones."""
     import pyamg
 
-    block = (problem.dimension, problem.dimension)
-    hierarchy = pyamg.smoothed_aggregation_solver(matrix.tobsr(block), B=modes)
-    u: Floats = hierarchy.solve(right, tol=RESIDUAL, accel="cg", maxiter=500)
+    hierarchy = pyamg.smoothed_aggregation_solver(matrix, B=modes)
+    u: Floats = hierarchy.solve(right, tol=residual, accel="cg", maxiter=2000)
     return u
 
 

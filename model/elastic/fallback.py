@@ -8,7 +8,6 @@ solve is quick while the body is small; algebraic multigrid by smoothed aggregat
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU
 
 from kaju.errors import SceneError
-from kaju.model.factors import factors_of
+from kaju.model import factors
 
 from .krylov import Iteration, dot
 from .problem import ACTIVE
@@ -43,7 +42,7 @@ def factorise(matrix: sp.csr_array) -> SuperLU:
         If the factors do not fit in memory.
     """
     try:
-        return factors_of(matrix)
+        return factors.factors_of(matrix)
     except RuntimeError as error:
         raise SceneError(
             "body: some of its cells hang together by single faces, about which they turn freely; "
@@ -92,20 +91,10 @@ def algebraic_preconditioner(
 
 def rigid_motions(numbering: Numbering) -> NDArray[np.float64]:
     """Return the rigid motions' face displacements, one column each."""
-    d = len(numbering.states)
-    turns = list(combinations(range(d), 2))
-    modes = np.zeros((numbering.size, d + len(turns)))
-    start = 0
-    for axis, state in enumerate(numbering.states):
-        place = np.argwhere(state == ACTIVE) + 0.5
-        place[:, axis] -= 0.5
-        rows = slice(start, start + len(place))
-        modes[rows, axis] = 1.0
-        for column, (a, b) in enumerate(turns):
-            if axis == a:
-                modes[rows, d + column] = -place[:, b]
-            elif axis == b:
-                modes[rows, d + column] = place[:, a]
-        start += len(place)
+    faces = [np.argwhere(state == ACTIVE) for state in numbering.states]
+    d = len(faces)
+    axis = np.repeat(np.arange(d), [len(some) for some in faces])
+    places = np.concatenate(faces) + 0.5 * (axis[:, None] != np.arange(d))
+    modes = factors.rigid_motions(places, axis)
     modes[:, d:] -= modes[:, d:].mean(axis=0)
     return modes

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import spsolve_triangular
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, MissingExtraError, ParameterError
-from kaju.model.factors import factors_of
+from kaju.model.factors import factors_of, rigid_motions
 
 from .assembler import Assembler
 
@@ -148,18 +148,8 @@ def rigid_body_modes(assembler: Assembler) -> Floats:
     """
     positions = assembler.network.positions - assembler.network.positions.mean(axis=0)
     positions /= np.abs(positions).max() or 1.0
-    dimension = assembler.network.dimension
-    modes = []
-    for axis in range(dimension):
-        shift = np.zeros_like(positions)
-        shift[:, axis] = 1.0
-        modes.append(shift)
-    for first in range(dimension):
-        for second in range(first + 1, dimension):
-            turn = np.zeros_like(positions)
-            turn[:, first], turn[:, second] = -positions[:, second], positions[:, first]
-            modes.append(turn)
-    return np.stack([assembler.restrict(mode) for mode in modes], axis=1)
+    node, axis = np.divmod(assembler.free, assembler.network.dimension)
+    return rigid_motions(positions[node], axis)
 
 
 def _block_size(assembler: Assembler) -> int:

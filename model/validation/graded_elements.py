@@ -16,17 +16,7 @@ from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import RIGID, ROLLER
 
-from .scene_elements import (
-    ElementAnswer,
-    Index,
-    cell_mesh,
-    cells_of,
-    factorised,
-    held,
-    load_vector,
-    stiffness,
-    surroundings,
-)
+from .scene_elements import ElementAnswer, Index, answer_of, cell_mesh, surroundings
 
 NEAR = 1e-9
 """Forces that differ by less than this share are the same."""
@@ -56,12 +46,7 @@ def solve_graded(scene: Scene, levels: int, order: int = 4) -> ElementAnswer:
     mesh = graded_mesh(kinds, singular_points(scene, kinds), levels)
     elements = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3, skfem.ElementTriP4)
     basis = skfem.Basis(mesh, skfem.ElementVector(elements[order - 1]()))
-    matrix = stiffness(scene, basis, kinds[tuple(cells_of(mesh) + 1)])
-    right = load_vector(scene, basis)
-    u = np.zeros(basis.N)
-    free = np.setdiff1d(np.arange(basis.N), held(basis, kinds))
-    u[free] = factorised(matrix[free][:, free], right[free])
-    return ElementAnswer(basis, u, 0.5 * float(u @ right), scene.lattice.cell_size)
+    return answer_of(scene, basis, kinds)
 
 
 def singular_points(scene: Scene, kinds: Index) -> Floats:

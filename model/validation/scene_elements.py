@@ -5,6 +5,7 @@ Lengths are in cells of the scene, displacements in metres, forces in newtons.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +28,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ElementAnswer:
-    """Displacements (m) of triangles or tetrahedra, and the strain energy (J).
+    """Displacements (m) of triangles, tetrahedra or bricks, and the strain energy (J).
 
     Attributes
     ----------
@@ -77,7 +78,11 @@ def _elements_around(basis: Any, place: Floats) -> Index:
     """
     from scipy.spatial import cKDTree
 
-    middles = basis.mesh.p[:, basis.mesh.t].mean(axis=1)
+    corners = basis.mesh.p[:, basis.mesh.t]
+    if corners.shape[1] == 2 ** len(place):  # bricks, which lie along the axes
+        low, high = corners.min(axis=1).T - ROUNDING, corners.max(axis=1).T + ROUNDING
+        return np.array([np.argmax(np.all((p >= low) & (p <= high), axis=1)) for p in place.T])
+    middles = corners.mean(axis=1)
     nearest = cKDTree(middles.T).query(place.T, min(NEAREST, middles.shape[1]))[1]
     near = np.asarray(nearest, dtype=np.int64).reshape(place.shape[1], -1)
     found = np.empty(len(near), dtype=np.int64)
@@ -199,7 +204,7 @@ def load_vector(scene: Scene, basis: Any) -> Floats:
     facets = basis.mesh.boundary_facets()
     traction, weight = densities(scene, basis.mesh, facets)
     loaded = np.abs(traction).max(axis=0) > 0.0
-    total = _push(weight, basis)
+    total = _push(weight, basis) if weight.any() else np.zeros(basis.N)
     if loaded.any():
         side = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets[loaded])
         total += _push(traction[:, loaded], side)
@@ -243,7 +248,37 @@ def cell_mesh(kinds: Index) -> Any:
     return whole.restrict(np.flatnonzero(kinds[tuple(cells_of(whole) + 1)] >= 0))
 
 
-def factorised(matrix: Any, right: Floats) -> Floats:
+def factorised(matrix: Any, right: Floats, _free: Index) -> Floats:
     """Solve by elimination, in an order that suits symmetric matrices."""
     found: Floats = factors_of(matrix).solve(right)
     return found
+
+
+def answer_of(
+    scene: Scene,
+    basis: Any,
+    kinds: Index,
+    solve: Callable[[Any, Floats, Index], Floats] = factorised,
+    matrix: Any = None,
+) -> ElementAnswer:
+    """Solve a scene on the elements of a basis.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of square cells or cubes.
+    basis : skfem.Basis
+        Vector-valued, on a mesh in cells.
+    kinds : int array
+        What is where; see `surroundings`.
+    solve : callable
+        From a matrix, what acts, and which unknowns these are, to the unknowns.
+    matrix : sparse array, optional
+        The stiffness of all unknowns; `stiffness` unless given.
+    """
+    if matrix is None:
+        matrix = stiffness(scene, basis, kinds[tuple(cells_of(basis.mesh) + 1)])
+    right, u = load_vector(scene, basis), np.zeros(basis.N)
+    free = np.setdiff1d(np.arange(basis.N), held(basis, kinds))
+    u[free] = solve(matrix[free][:, free], right[free], free)
+    return ElementAnswer(basis, u, 0.5 * float(u @ right), scene.lattice.cell_size)

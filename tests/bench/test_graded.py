@@ -88,5 +88,5 @@ def test_what_elements_do_not_know_is_named():
         body={"cells": [2] * 3, "cell_size": 1.0, "material": "steel"},
         sides={"bottom": {"stiffness": 1e9}},
     )
-    with pytest.raises(ParameterError, match="foundation"):
+    with pytest.raises(ParameterError, match="rollers"):
         solve_bricks(cubes, ((), (), ()), 2)

@@ -23,7 +23,7 @@ from . import motion
 from .creep import curves_over_time, network_over_time
 from .face_agents import waves
 from .files import new_folder
-from .mesh_films import film_of_motion
+from .motion import film_of_motion
 from .network_plots import increments
 from .reels import Reel, creeping, generations, growing, loading, spawning
 from .subject import check_options

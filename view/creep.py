@@ -4,26 +4,92 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial, wraps
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
 
 from kaju.errors import ParameterError
 
-from .body import finish
-from .curves import draw_curves, panels_for
+from .body import draw_forces, finish
+from .comparison import COLOURS
 from .deformed import draw_deformation, moving_cells
-from .forces import draw_forces
 from .network_plots import Colour, Stand, plot_network
-from .reels import TWO_LINES, Reel
+from .reels import Reel
 from .section import section_of
-from .style import INK, caption, figure_of, new_axes
+from .style import FAINT, INK, LINE, caption, label_axis, new_axes, new_figure
 from .units import quantity
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-    from kaju.model.creep.network_result import NetworkCreepResult
+    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.creep.state import BodyCourse, Course
+    from kaju.model.result import Curves
+
+
+_ACROSS = 2  # panels side by side
+_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+
+
+class HasCurves(Protocol):
+    """An answer that changes along something."""
+
+    def curves(self) -> Sequence[Curves]:
+        """Return what changes, a panel each."""
+
+
+def plot_curves(result: HasCurves, ax: Axes | None = None, *, panel: int = 0) -> Axes | Figure:
+    """Draw all curves of a result, or one panel of them on axes that are given."""
+    every = result.curves()
+    if ax is not None:
+        return draw_curves(ax, every[panel])
+    figure, panels = panels_for(every)
+    for drawn, curves in zip(panels, every, strict=True):
+        draw_curves(drawn, curves)
+    return figure
+
+
+def panels_for(every: Sequence[Curves]) -> tuple[Figure, list[Axes]]:
+    """Return a new figure, and axes in it for each of some curves."""
+    rows, across = -(-len(every) // _ACROSS), min(_ACROSS, len(every))
+    figure = new_figure((4.9 * across, 3.6 * rows))
+    panels = figure.subplots(rows, across, squeeze=False).ravel().tolist()
+    for empty in panels[len(every) :]:
+        empty.set_axis_off()
+    return figure, panels[: len(every)]
+
+
+def draw_curves(ax: Axes, curves: Curves) -> Axes:
+    """Draw the lines of one panel, with units and, if there are several, their names."""
+    single = len(curves.lines) == 1
+    for number, (name, values) in enumerate(curves.lines.items()):
+        colour = INK if single else COLOURS[number % len(COLOURS)]
+        dash = _DASHES[number % len(_DASHES)]
+        ax.plot(curves.at, values, lw=1.4, color=colour, ls=dash, label=name)
+    label_axis(
+        ax.xaxis, curves.along, [float(curves.at.min()), float(curves.at.max())], curves.along_unit
+    )
+    called = next(iter(curves.lines)) if single else curves.title.lower()
+    if curves.logarithmic:
+        ax.set_yscale("log")
+        ax.set_ylabel(f"{called} ({curves.unit})" if curves.unit else called, fontsize=9)
+        ax.tick_params(labelsize=8)
+    else:
+        every = np.concatenate(list(curves.lines.values()))
+        label_axis(ax.yaxis, called, [float(every.min()), float(every.max())], curves.unit)
+        ax.axhline(0.0, color=FAINT, lw=0.6, zorder=0)
+    ax.grid(color=LINE, lw=0.4)
+    for spine in ax.spines.values():
+        spine.set_color(LINE)
+    if not single:
+        ax.legend(fontsize=8, frameon=False, loc="best")
+    caption(ax, curves.title, [])
+    return ax
+
 
 Cut = Mapping[str, float]
 
@@ -70,17 +136,11 @@ def network_over_time(
 ) -> Reel:
     """Return the network as it stood at the times asked for."""
     stand = Stand(course.to_network_result(), None, colour, magnification)
-    stand.draw_rest()
-    first = stand.draw_springs(0)
-    stand.bar(first[0])
-    for artist in first:
-        artist.set_visible(False)
-    notes = stand.finish(TWO_LINES)
 
     def words(record: int) -> str:
         return "\n".join([_moment(course, record), "; ".join(stand.words(record))])
 
-    return Reel(figure_of(stand.ax), len(course.times) - 1, stand.draw_springs, notes, words)
+    return stand.reel(words)
 
 
 def curves_over_time(course: Course) -> Reel:

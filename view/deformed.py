@@ -13,12 +13,11 @@ from matplotlib.colors import Normalize
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.elastic.export import same_points
+from kaju.model.mesh import same_points
 
-from .body import draw_body, finish
-from .forces import draw_forces
+from .body import draw_body, draw_forces, finish
 from .layers import OUTLINED, Layer, layer_of, squares_of
-from .section import CORNERS, Section, section_of
+from .section import Section, section_of
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity, round_down, times
 
@@ -35,10 +34,51 @@ if TYPE_CHECKING:
 MovedAt = Callable[["Floats"], "Floats"]
 """Displacements (m) at points (m)."""
 
+CORNERS = 180.0
+"""Corners are the same if they are as near as such a part of a cell, which rounding never is."""
+_WITHIN = 1e-6
+"""Corners are asked for this share inside the cell, where they belong to no other."""
 _LARGEST_SHIFT = 0.09  # of the picture's width
 _UNMOVED = 1e-4  # of the largest displacement
 _LARGEST_STRAIN = 0.45  # a cell must not be turned inside out
 _FOLDED = 64  # agents smaller than this part of the picture may be drawn so
+
+
+class Joined(NamedTuple):
+    """Cells that share corners, and how to find the displacement of these.
+
+    Attributes
+    ----------
+    points : array, shape (points, dimension)
+        The corners (m), each once.
+    parts : int array, shape (n, corners)
+        The corners of every cell.
+    inside : array, shape (n corners, dimension)
+        Where cells are asked for the displacement of their corners.
+    """
+
+    points: Floats
+    parts: Ints
+    inside: Floats
+
+    def moved(self, moved_at: MovedAt) -> Floats:
+        """Return the displacement of the points: the mean of what their cells say."""
+        own = moved_at(self.inside)
+        number = self.parts.ravel()
+        share = np.bincount(number)
+        return np.stack([np.bincount(number, column) / share for column in own.T], axis=1)
+
+
+def join(corners: Floats, apart: Floats) -> Joined:
+    """Join cells, corners of shape (n, corners, dimension), where they touch.
+
+    Corners that are farther from each other than a share of `apart` are two; see `CORNERS`.
+    """
+    flat = corners.reshape(-1, corners.shape[2])
+    first, number = same_points(flat, apart / CORNERS)
+    middles = np.repeat(corners.mean(axis=1), corners.shape[1], axis=0)
+    inside = flat + _WITHIN * (middles - flat)
+    return Joined(flat[first], number.reshape(corners.shape[:2]), inside)
 
 
 def corner_displacements(
@@ -49,17 +89,12 @@ def corner_displacements(
     Cells that share a corner move it together: by the mean of what each of them would.
     `moved_at` takes the place of the result's own displacements.
     """
-    corners = section.polygons(tiles)
-    inwards = section.centres(tiles)[:, None] - corners
-    inside = (corners + 1e-6 * inwards).reshape(-1, 2)
-    moved = section.in_plane(_within(result, section.in_body(inside), moved_at))
-    place = np.rint(CORNERS * corners.reshape(-1, 2) / section.tile_size).astype(np.int64)
-    key = (place[:, 0] - place[:, 0].min()) * (np.ptp(place[:, 1]) + 1) + place[:, 1]
-    _, number = np.unique(key, return_inverse=True)
-    share = np.bincount(number)
-    mean = np.stack([np.bincount(number, moved[:, i]) / share for i in (0, 1)], axis=1)
-    together: Floats = mean[number].reshape(corners.shape)
-    return together
+    joined = join(section.polygons(tiles), section.tile_size)
+
+    def seen_at(points: Floats) -> Floats:
+        return section.in_plane(_within(result, section.in_body(points), moved_at))
+
+    return np.asarray(joined.moved(seen_at)[joined.parts])
 
 
 def _within(result: BodyResult, points: Floats, moved_at: MovedAt | None) -> Floats:

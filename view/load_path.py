@@ -11,10 +11,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 
 from kaju.arrays import Floats
-from kaju.model.propagation.load_path import load_path
+from kaju.model.propagation.transfer_result import load_path
 
-from .body import draw_body, finish
-from .forces import draw_forces
+from .body import draw_body, draw_forces, finish
 from .loads import CLOSE_UP, load_norm
 from .section import WHOLE_UP_TO, Section, section_of
 from .style import INK, LOADS, RIM, add_polygons, arrow_polygons, colour_bar, new_axes

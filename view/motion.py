@@ -1,42 +1,44 @@
 """A stored run as a mesh in motion, for programs that draw in their own way.
 
 Points stay the same from frame to frame, so that a moving body is its rest form and one
-displacement field a frame.
+displacement field a frame. Files of it are GLB, for Blender and its like, or a series of VTK files
+for ParaView. A GLB holds the body at rest and one *morph target* a frame (glTF 2.0, section
+3.7.2.2): its displacements, magnified until they can be seen. Weights that rise and fall one after
+the other play the frames, with straight lines between them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
 
+from kaju import __version__
 from kaju.arrays import Floats, Ints
+from kaju.errors import MissingExtraError, ResultFileError
+from kaju.files import scratch_beside
+from kaju.model.mesh import corner_order
 
-from .section import CORNERS
+from .deformed import Joined, check_magnification, join, largest_shift
+from .files import new_folder
+from .style import SIZE
+from .units import round_down
 
 if TYPE_CHECKING:
     from kaju.model.creep.body import TransferCreepResult
-    from kaju.model.creep.elastic_result import ElasticCreepResult
-    from kaju.model.creep.network_result import NetworkCreepResult
+    from kaju.model.creep.elastic import ElasticCreepResult
+    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.propagation.transfer_result import TransferResult
     from kaju.model.result import BodyResult
-
-    MovedAt = Callable[[Floats], Floats]
-
-_SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float64)
-_CUBE = np.vstack([np.pad(_SQUARE, [(0, 0), (0, 1)], constant_values=z) for z in (0, 1)])
-_FORMS = {2: _SQUARE, 3: _CUBE}
-_WITHIN = 1e-6
-"""Corners are asked for this share inside the cell, where they belong to no other."""
-
-
-def corners_of(dimension: int) -> Floats:
-    """Return the corners of a unit square or cube from its lower one, shape (4 or 8, dim)."""
-    return _FORMS[dimension]
 
 
 class Frame(NamedTuple):
@@ -74,46 +76,16 @@ class Motion:
         )
 
 
-class _Cells(NamedTuple):
-    """Cells of a body as parts, and how to find the displacement of their corners."""
-
-    points: Floats
-    parts: Ints
-    inside: Floats
-
-    def moved(self, moved_at: MovedAt) -> Floats:
-        """Return the displacement of the points: the mean of what their cells say."""
-        own = moved_at(self.inside)
-        number = self.parts.ravel()
-        share = np.bincount(number)
-        return np.stack([np.bincount(number, column) / share for column in own.T], axis=1)
-
-
-def _cells(corners: Floats, apart: Floats) -> _Cells:
-    """Join cells, corners of shape (n, corners, dimension), where they touch.
-
-    Corners that are farther from each other than a share of `apart` are two; see `CORNERS`.
-    """
-    flat = corners.reshape(-1, corners.shape[2])
-    place = np.rint(CORNERS * flat / apart).astype(np.int64)
-    place -= place.min(axis=0)
-    key = np.ravel_multi_index(tuple(place.T), tuple(place.max(axis=0) + 1))
-    _, first, number = np.unique(key, return_index=True, return_inverse=True)
-    middles = np.repeat(corners.mean(axis=1), corners.shape[1], axis=0)
-    inside = flat + _WITHIN * (middles - flat)
-    return _Cells(flat[first], number.reshape(corners.shape[:2]), inside)
-
-
-def _body(result: BodyResult) -> tuple[_Cells, Ints]:
+def _body(result: BodyResult) -> tuple[Joined, Ints]:
     """Return the cells of a result's grid, and where they are."""
     lattice = result.grid.lattice
     cells = np.argwhere(result.grid.rasterise() >= 0)
     if lattice.boxes:
-        forms = lattice.cell_size * (_FORMS[lattice.dimension] - 0.5)[None]
+        forms = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)[None]
     else:
         forms = np.stack([lattice.outline(form) for form in range(lattice.forms)])
     corners = lattice.centres(cells)[:, None] + forms[lattice.form(cells)]
-    return _cells(corners, np.diag(lattice.pitch)), cells
+    return join(corners, np.diag(lattice.pitch)), cells
 
 
 def _on(cells: Ints, shape: tuple[int, ...], where: Ints, values: Floats) -> Floats:
@@ -167,8 +139,8 @@ def _transfer(result: TransferResult, states: Sequence[TransferResult]) -> Motio
 def loaded(result: ElasticResult) -> Motion:
     """Return an elastic body at rest and under its load."""
     d = result.lower.shape[1]
-    places = result.lower[:, None] + result.size[:, None, None] * _FORMS[d]
-    body = _cells(places, np.full(d, result.size.min()))
+    places = result.lower[:, None] + result.size[:, None, None] * corner_order(d)
+    body = join(places, np.full(d, result.size.min()))
     values = {"von_mises": result.von_mises, "level": result.level.astype(np.float64)}
     moved = body.moved(result.displacement_at)
     rest = Frame(0.0, np.zeros_like(moved), {name: np.zeros_like(v) for name, v in values.items()})
@@ -201,3 +173,256 @@ def times(result: TransferCreepResult | ElasticCreepResult) -> Motion:
         for k, time in enumerate(result.times)
     ]
     return Motion(body.points, body.parts, frames)
+
+
+_FLOAT, _BYTE, _INDEX = 5126, 5121, 5125
+_VERTICES, _INDICES = 34962, 34963
+_LINES, _TRIANGLES = 1, 4
+_COMPONENTS = {_FLOAT: np.float32, _BYTE: np.uint8, _INDEX: np.uint32}
+_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+
+# Faces of a cube by VTK's numbering of its corners, outwards.
+_FACES = np.array(
+    [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+)
+
+
+def write_glb(
+    motion: Motion, path: Path, *, fps: float, hold: float, magnification: float | None = None
+) -> None:
+    """Write a motion as binary glTF.
+
+    Parameters
+    ----------
+    motion : Motion
+        What moves.
+    path : Path
+        The file.
+    fps : float
+        Frames per second.
+    hold : float
+        For how long the last frame stays (s).
+    magnification : float, optional
+        How many times larger than true the displacements are; a round number that makes them
+        visible unless given. The file's `extras` state it.
+    """
+    check_magnification(magnification)
+    surface = _surface(motion)
+    used, corners = np.unique(surface, return_inverse=True)
+    factor = magnification or _visible(motion)
+    moved = [_upright(factor * frame.moved[used]) for frame in motion.frames]
+    glb = _Buffer()
+    index = glb.add(corners.ravel().astype(np.uint32)[:, None], _INDICES)
+    attributes = {
+        "POSITION": glb.add(_upright(motion.points[used]), _VERTICES, bounded=True),
+        "COLOR_0": glb.add(_colours(motion.frames[-1].moved[used]), _VERTICES, normalized=True),
+    }
+    targets = [{"POSITION": glb.add(move, _VERTICES, bounded=True)} for move in moved[1:]]
+    primitive = {
+        "attributes": attributes,
+        "indices": index,
+        "material": 0,
+        "mode": _LINES if surface.shape[1] == 2 else _TRIANGLES,
+        "targets": targets,
+    }
+    times, weights = _weights(len(moved), fps, hold)
+    sampler = {
+        "input": glb.add(times[:, None], bounded=True),
+        "output": glb.add(weights.reshape(-1, 1)),
+        "interpolation": "LINEAR",
+    }
+    scene = {
+        "asset": {
+            "version": "2.0",
+            "generator": f"kaju {__version__}",
+            "extras": {"magnification": factor, "unit": "m"},
+        },
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "body"}],
+        "meshes": [
+            {
+                "primitives": [primitive],
+                "weights": [0.0] * len(targets),
+                "extras": {"targetNames": [f"frame {k}" for k in range(1, len(moved))]},
+            }
+        ],
+        "materials": [
+            {
+                "name": "displacement",
+                "doubleSided": True,
+                "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
+            }
+        ],
+        "animations": [
+            {
+                "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}],
+                "samplers": [sampler],
+            }
+        ],
+    }
+    path.write_bytes(glb.packed(scene))
+
+
+class _Buffer:
+    """The binary part of a GLB, and the table of what lies where."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+        self.views: list[dict[str, int]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def add(
+        self,
+        array: NDArray[Any],
+        target: int | None = None,
+        *,
+        bounded: bool = False,
+        normalized: bool = False,
+    ) -> int:
+        """Add rows of numbers; return the number of their accessor."""
+        kind = _FLOAT
+        if array.dtype.kind == "u":
+            kind = _BYTE if array.dtype.itemsize == 1 else _INDEX
+        packed = np.ascontiguousarray(array, dtype=_COMPONENTS[kind])
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": packed.nbytes}
+        self.views.append(view if target is None else view | {"target": target})
+        self.data += packed.tobytes()
+        self.data += bytes(-len(self.data) % 4)
+        accessor: dict[str, Any] = {
+            "bufferView": len(self.views) - 1,
+            "componentType": kind,
+            "count": len(packed),
+            "type": _TYPES[packed.shape[1]],
+        }
+        if bounded:
+            accessor |= {"min": packed.min(axis=0).tolist(), "max": packed.max(axis=0).tolist()}
+        if normalized:
+            accessor["normalized"] = True
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+    def packed(self, scene: dict[str, Any]) -> bytes:
+        """Return the whole file: header, JSON, numbers."""
+        about = scene | {
+            "buffers": [{"byteLength": len(self.data)}],
+            "bufferViews": self.views,
+            "accessors": self.accessors,
+        }
+        text = json.dumps(about, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        parts = b"".join(
+            len(part).to_bytes(4, "little") + name + part
+            for name, part in ((b"JSON", text), (b"BIN\0", bytes(self.data)))
+        )
+        head = b"glTF" + (2).to_bytes(4, "little") + (12 + len(parts)).to_bytes(4, "little")
+        return head + parts
+
+
+def _surface(motion: Motion) -> Ints:
+    """Return springs as they are, and all else as triangles that can be seen from outside."""
+    parts = motion.parts
+    if parts.shape[1] == 2:
+        return parts
+    if parts.shape[1] == 8:
+        faces = parts[:, _FACES].reshape(-1, 4)
+        _, number, count = np.unique(
+            np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
+        )
+        parts = faces[count[number.ravel()] == 1]
+    fans = [parts[:, [0, k, k + 1]] for k in range(1, parts.shape[1] - 1)]
+    return np.concatenate(fans)
+
+
+def _upright(points: Floats) -> NDArray[np.float32]:
+    """Return points with y upwards, as glTF wants them: z of a body in space is its height."""
+    if points.shape[1] == 2:
+        found = np.pad(points, [(0, 0), (0, 1)])
+    else:
+        found = np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
+    return found.astype(np.float32)
+
+
+def _visible(motion: Motion) -> float:
+    span = float(np.ptp(motion.points, axis=0).max())
+    farthest = motion.farthest
+    wanted = largest_shift(span) / farthest if farthest > 0.0 else 1.0
+    return 1.0 if 0.3 < wanted < 1.0 or farthest == 0.0 else round_down(wanted)
+
+
+def _colours(moved: Floats) -> NDArray[np.uint8]:
+    """Return colours by how far the points move at the end, in linear light."""
+    size = np.linalg.norm(moved, axis=1)
+    seen = colormaps[SIZE](size / (size.max(initial=0.0) or 1.0))[:, :3]
+    light = np.where(seen <= 0.04045, seen / 12.92, ((seen + 0.055) / 1.055) ** 2.4)
+    return np.rint(255.0 * np.pad(light, [(0, 0), (0, 1)], constant_values=1.0)).astype(np.uint8)
+
+
+def _weights(frames: int, fps: float, hold: float) -> tuple[Floats, Floats]:
+    """Return the times of the keys (s), and the weights of the targets, one row a key."""
+    times = np.arange(frames) / fps
+    weights = np.eye(frames)[:, 1:]
+    if hold > 0.0:
+        times, weights = np.append(times, times[-1] + hold), np.vstack([weights, weights[-1]])
+    return times, weights
+
+
+_VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
+
+
+def write_series(motion: Motion, path: Path, target: Path) -> None:
+    """Write a motion as one ``.vtu`` file a frame, in a folder, and the ``.pvd`` that lists them.
+
+    Parameters
+    ----------
+    motion : Motion
+        What moves; displacements are written as they are (m), to be magnified by the reader.
+    path : Path
+        Where to write the list.
+    target : Path
+        What the list will be called; the folder has its name without the ending.
+    """
+    try:
+        import meshio
+    except ImportError as error:
+        raise MissingExtraError(f"{target}: needs meshio: pip install 'kaju[vtk]'") from error
+
+    flat = [(0, 0), (0, 3 - motion.points.shape[1])]
+    points = np.pad(motion.points, flat)
+    cells = [(_VTK[motion.parts.shape[1]], motion.parts)]
+    names = [f"{target.stem}_{number:04d}.vtu" for number in range(len(motion.frames))]
+    with new_folder(target.with_suffix("")) as folder:
+        for name, frame in zip(names, motion.frames, strict=True):
+            moved = {"displacement": np.pad(frame.moved, flat)}
+            values = {label: [column] for label, column in frame.values.items()}
+            meshio.Mesh(points, cells, moved, values).write(folder / name)
+    path.write_text(_listed(motion.frames, [f"{target.stem}/{name}" for name in names]))
+
+
+def _listed(frames: Sequence[Frame], files: list[str]) -> str:
+    lines = [
+        f'    <DataSet timestep="{frame.time!r}" part="0" file={quoteattr(file)}/>'
+        for frame, file in zip(frames, files, strict=True)
+    ]
+    return "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
+            "  <Collection>",
+            *lines,
+            "  </Collection>",
+            "</VTKFile>",
+            "",
+        ]
+    )
+
+
+def film_of_motion(
+    motion: Motion, target: Path, fps: float, hold: float, magnification: float | None
+) -> None:
+    """Write a motion to a ``.glb`` or ``.pvd`` file, whole or not at all."""
+    with scratch_beside(target, ResultFileError) as scratch:
+        if target.suffix.lower() == ".glb":
+            write_glb(motion, scratch, fps=fps, hold=hold, magnification=magnification)
+        else:
+            write_series(motion, scratch, target)

@@ -34,6 +34,8 @@ from .style import (
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.text import Text
@@ -219,6 +221,16 @@ class Stand:
         unit = "N" if self.colour == "tension" else ""
         colour_bar(self.ax, cast(Any, springs), label, unit)
 
+    def reel(self, words: Callable[[int], str]) -> Reel:
+        """Return all states, one frame each, over the network at rest."""
+        self.draw_rest()
+        first = self.draw_springs(0)
+        self.bar(first[0])
+        for artist in first:
+            artist.set_visible(False)
+        notes, last = self.finish(TWO_LINES), len(self.records) - 1
+        return Reel(figure_of(self.ax), last, self.draw_springs, notes, words)
+
 
 def plot_network(
     result: NetworkResult,
@@ -265,16 +277,10 @@ def increments(
 ) -> Reel:
     """Return the states of a network, one frame each."""
     stand = Stand(result, None, colour, magnification)
-    stand.draw_rest()
-    first = stand.draw_springs(0)
-    stand.bar(first[0])
-    for artist in first:
-        artist.set_visible(False)
-    notes = stand.finish(TWO_LINES)
     last = len(stand.records) - 1
 
     def words(record: int) -> str:
         load, shown = stand.words(record)
         return f"increment {record} of {last}; {load}\n{shown}"
 
-    return Reel(figure_of(stand.ax), last, stand.draw_springs, notes, words)
+    return stand.reel(words)

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y
 _SQUARE_STEPS = np.array([[[-1, 0], [1, 0], [0, -1], [0, 1]]])
-CORNERS = 180.0
-"""Corners are the same if they are as near as such a part of a cell, which rounding never is."""
 _PAIRING = {"min": np.minimum, "max": np.maximum, "sum": np.add}
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import MissingExtraError, ResultFileError
+from kaju.errors import MissingExtraError
+from kaju.model.mesh import corner_order, write_vtk
 
-from .problem import Floats
 from .staggered import axis_pairs
 
 if TYPE_CHECKING:
@@ -84,20 +83,7 @@ def dataset(result: ElasticResult, resolution: int | None) -> xarray.Dataset:
 
 def write_mesh(result: ElasticResult, path: str | Path) -> Path:
     """Write agents as quadrilaterals or hexahedra; see `ElasticResult.to_vtk`."""
-    try:
-        import meshio
-    except ImportError as error:
-        raise MissingExtraError("to_vtk needs meshio: pip install 'kaju[vtk]'") from error
-
-    target = Path(path)
-    if target.suffix not in (".vtu", ".vtk"):
-        target = target.with_name(target.name + ".vtu")
     d = result.lower.shape[1]
-    corners = result.lower[:, None] + np.array(corner_order(d)) * result.size[:, None, None]
-    first, cells = same_points(corners.reshape(-1, d), result.size.min())
-    points = corners.reshape(-1, d)[first]
-    flat = [(0, 0), (0, 3 - d)]
-    moved = np.pad(result.displacement_at(points), flat)
     values = {
         "size": result.size,
         "level": result.level,
@@ -107,38 +93,5 @@ def write_mesh(result: ElasticResult, path: str | Path) -> Path:
         "stress": result.stress.reshape(-1, d * d),
         "strain": result.strain.reshape(-1, d * d),
     }
-    written = meshio.Mesh(
-        np.pad(points, flat),
-        [("quad" if d == 2 else "hexahedron", cells.reshape(corners.shape[:2]))],
-        {"displacement": moved},
-        {name: [column] for name, column in values.items()},
-    )
-    try:
-        written.write(target)
-    except OSError as error:
-        raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
-    return target
-
-
-def corner_order(dimension: int) -> list[tuple[int, ...]]:
-    """Return the corners of a cell in VTK's order: round the bottom, then round the top."""
-    ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    if dimension == 2:
-        return list(ring)
-    return [(*corner, level) for level, corner in product((0, 1), ring)]
-
-
-def same_points(points: Floats, apart: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return which points to keep of those that are the same, and which of these each is.
-
-    Parameters
-    ----------
-    points : array, shape (n, dimension)
-        Not below 0.
-    apart : float
-        The distance of points that differ.
-    """
-    place = np.rint(points / apart).astype(np.int64)
-    key = np.ravel_multi_index(tuple(place.T), tuple(place.max(axis=0) + 1))
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    return first, inverse
+    corners = result.lower[:, None] + corner_order(d) * result.size[:, None, None]
+    return write_vtk(path, corners, result.size.min(), values, result.displacement_at)

@@ -14,19 +14,18 @@ from typing_extensions import TypedDict
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats
-from kaju.errors import MissingExtraError, ResultError, ResultFileError
+from kaju.errors import ResultError
 from kaju.model.archive import Archive
-from kaju.model.elastic.export import corner_order, same_points
 from kaju.model.formats import HISTORY, STAGE, sizes_of
+from kaju.model.mesh import corner_order, write_vtk
 from kaju.model.result import INSIDE, BodyResult, cells_of_points, idle_rheology
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 from .deformation import DisplacementField, Squeeze, squeeze
-from .load_path import load_path
 from .stability import Certificate
 from .stage import History, Ledger, Stage
-from .transfer import pulls, split_force
+from .transfer import BOUNDARY_NAMES, pulls, split_force
 
 if TYPE_CHECKING:
     import networkx
@@ -39,11 +38,6 @@ MOST_CELLS = 5_000_000
 
 def write_mesh(result: TransferResult, path: str | Path) -> Path:
     """Write the body as quadrilaterals or hexahedra; see `TransferResult.to_vtk`."""
-    try:
-        import meshio
-    except ImportError as error:
-        raise MissingExtraError("to_vtk needs meshio: pip install 'kaju[vtk]'") from error
-
     scene, stage = result.scene, result.last
     lattice = scene.lattice
     if not lattice.boxes or lattice.size > MOST_CELLS:
@@ -51,9 +45,6 @@ def write_mesh(result: TransferResult, path: str | Path) -> Path:
             f"to_vtk: writes squares and cubes, up to {MOST_CELLS:.0e} of them, got "
             f"{lattice.size} {lattice.kind}s; kaju.plot and to_dataframe take any body"
         )
-    target = Path(path)
-    if target.suffix not in (".vtu", ".vtk"):
-        target = target.with_name(target.name + ".vtu")
     d, kinds = lattice.dimension, scene.rasterise()
     cells = np.argwhere(kinds >= 0)
     place = np.ravel_multi_index(tuple(stage.cells.T), lattice.shape)
@@ -66,25 +57,14 @@ def write_mesh(result: TransferResult, path: str | Path) -> Path:
         "stress": result.stress.reshape(-1, d * d),
         "strain": result.strain.reshape(-1, d * d),
     }
-    values = {"material": [kinds[kinds >= 0]]}
+    values = {"material": kinds[kinds >= 0]}
     for name, column in columns.items():
-        full = np.zeros((len(cells), *column.shape[1:]), dtype=column.dtype)
-        full[row] = column
-        values[name] = [full]
-    middles = lattice.centres(cells)
-    values["displacement"] = [np.pad(result.displacement_at(middles), ((0, 0), (0, 3 - d)))]
-    corners = (cells[:, None] + np.array(corner_order(d))) * lattice.cell_size
-    first, numbers = same_points(corners.reshape(-1, d), lattice.cell_size)
-    written = meshio.Mesh(
-        np.pad(corners.reshape(-1, d)[first], ((0, 0), (0, 3 - d))),
-        [("quad" if d == 2 else "hexahedron", numbers.reshape(corners.shape[:2]))],
-        cell_data=values,
-    )
-    try:
-        written.write(target)
-    except OSError as error:
-        raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
-    return target
+        values[name] = np.zeros((len(cells), *column.shape[1:]), dtype=column.dtype)
+        values[name][row] = column
+    moved = result.displacement_at(lattice.centres(cells))
+    values["displacement"] = np.pad(moved, ((0, 0), (0, 3 - d)))
+    corners = (cells[:, None] + corner_order(d)) * lattice.cell_size
+    return write_vtk(path, corners, lattice.cell_size, values)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -408,3 +388,49 @@ PICTURES = (
 def _columns(record: Stage | History) -> dict[str, NDArray[Any]]:
     every = {field.name: getattr(record, field.name) for field in fields(record)}
     return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
+
+
+def load_path(scene: Scene, stage: Stage) -> networkx.DiGraph:
+    """Return the graph of all loads handed over.
+
+    Returns
+    -------
+    networkx.DiGraph
+        Nodes are cells (tuples of int) with the attributes ``kind`` ("material", "free",
+        "rigid" or "roller"), ``material``, ``spawn_step`` and ``pos`` (m). An edge leads from
+        the cell that passed loads on to the one that took them; its ``weight`` is their sum
+        (N). A boundary hands all it gets back over an edge of the same weight.
+    """
+    import networkx
+
+    lattice = scene.lattice
+    graph = networkx.DiGraph()
+    names = [material.name for material in scene.cell_materials]
+    cells = [tuple(cell) for cell in stage.cells.tolist()]
+    centres = lattice.centres(stage.cells).tolist()
+    for cell, number, step, centre in zip(
+        cells, stage.material.tolist(), stage.spawn_step.tolist(), centres, strict=True
+    ):
+        graph.add_node(
+            cell, kind="material", material=names[number], spawn_step=step, pos=tuple(centre)
+        )
+    boundaries = [tuple(cell) for cell in stage.boundary_cells.tolist()]
+    centres = lattice.centres(stage.boundary_cells).tolist()
+    for cell, kind, step, centre in zip(
+        boundaries,
+        stage.boundary_kind.tolist(),
+        stage.boundary_spawn_step.tolist(),
+        centres,
+        strict=True,
+    ):
+        graph.add_node(cell, kind=BOUNDARY_NAMES[kind], spawn_step=step, pos=tuple(centre))
+    outside = set(boundaries)
+    for arm in range(lattice.directions):
+        passing = np.flatnonzero(stage.passed[:, arm] > 0.0)
+        targets = lattice.neighbours(stage.cells[passing], arm).tolist()
+        for row, target in zip(passing.tolist(), map(tuple, targets), strict=True):
+            if target in graph:
+                graph.add_edge(cells[row], target, weight=float(stage.passed[row, arm]))
+            if target in outside:
+                graph.add_edge(target, cells[row], weight=float(stage.passed[row, arm]))
+    return graph

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
+from kaju.model.mesh import corner_order
 from kaju.model.result import Curves
 from kaju.view import motion
 
@@ -134,8 +135,8 @@ def curve_data(curves: Curves) -> dict[str, Any]:
 def _pictures(result: Result) -> Pictures:
 
     from kaju.model.creep.body import TransferCreepResult
-    from kaju.model.creep.elastic_result import ElasticCreepResult
-    from kaju.model.creep.network_result import NetworkCreepResult
+    from kaju.model.creep.elastic import ElasticCreepResult
+    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network.network_result import NetworkResult
@@ -236,7 +237,7 @@ def _spawned(result: ElasticResult) -> Pictures:
     """Agents of every generation, each from when it spawned to when it retired."""
     family, generations = result.family, result.generations
     rows, dimension = family.rows, result.lower.shape[1]
-    corners = motion.corners_of(dimension)
+    corners = corner_order(dimension)
     places = family.lower[:, None] + family.size[:, None, None] * corners
     count = np.arange(float(len(generations)))
     over = ("generation", "", count)
@@ -268,7 +269,7 @@ def diamonds(middle: Floats, h: float) -> tuple[Floats, NDArray[np.integer]]:
     """Return points and parts that stand for faces of cells: each half in either cell."""
     dimension = middle.shape[1]
     if dimension == 3:
-        corners = 0.5 * (motion.corners_of(3) - 0.5)
+        corners = 0.5 * (corner_order(3) - 0.5)
     else:
         corners = 0.5 * np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])
     points = (middle[:, None] + h * corners).reshape(-1, dimension)

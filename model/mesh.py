@@ -1,0 +1,92 @@
+"""Cells as meshes: which of their corners are one point, and VTK files of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Floats, Ints
+from kaju.errors import MissingExtraError, ResultFileError
+
+
+def corner_order(dimension: int) -> Floats:
+    """Return the corners of a unit cell in VTK's order: round the bottom, then round the top."""
+    ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    if dimension == 2:
+        return np.array(ring, dtype=np.float64)
+    return np.array([(*corner, level) for level, corner in product((0, 1), ring)], np.float64)
+
+
+def same_points(points: Floats, apart: float | Floats) -> tuple[Ints, Ints]:
+    """Return which points to keep of those that are the same, and which of these each is.
+
+    Parameters
+    ----------
+    points : array, shape (n, dimension)
+        Where they are (m).
+    apart : float or array, shape (dimension,)
+        The distance of points that differ (m), or a part of it.
+    """
+    place = np.rint(points / apart).astype(np.int64)
+    place -= place.min(axis=0)
+    key = np.ravel_multi_index(tuple(place.T), tuple(place.max(axis=0) + 1))
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return first, inverse
+
+
+def write_vtk(
+    path: str | Path,
+    corners: Floats,
+    apart: float,
+    values: Mapping[str, NDArray[Any]],
+    moved_at: Callable[[Floats], Floats] | None = None,
+) -> Path:
+    """Write squares or cubes to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    corners : array, shape (n, 4 or 8, dimension)
+        Where their corners are (m), in the order of `corner_order`.
+    apart : float
+        The distance of corners that differ (m).
+    values : mapping of str to array
+        What is known of each.
+    moved_at : callable, optional
+        Displacements (m) at points (m), to be written for the corners.
+
+    Raises
+    ------
+    MissingExtraError
+        If meshio is missing.
+    ResultFileError
+        If the file cannot be written.
+    """
+    try:
+        import meshio
+    except ImportError as error:
+        raise MissingExtraError("to_vtk needs meshio: pip install 'kaju[vtk]'") from error
+
+    target = Path(path)
+    if target.suffix not in (".vtu", ".vtk"):
+        target = target.with_name(target.name + ".vtu")
+    d = corners.shape[2]
+    first, cells = same_points(corners.reshape(-1, d), apart)
+    points, flat = corners.reshape(-1, d)[first], [(0, 0), (0, 3 - d)]
+    written = meshio.Mesh(
+        np.pad(points, flat),
+        [("quad" if d == 2 else "hexahedron", cells.reshape(corners.shape[:2]))],
+        {} if moved_at is None else {"displacement": np.pad(moved_at(points), flat)},
+        {name: [column] for name, column in values.items()},
+    )
+    try:
+        written.write(target)
+    except OSError as error:
+        raise ResultFileError(f"{target}: cannot be written: {error.strerror}") from error
+    return target

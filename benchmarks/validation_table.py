@@ -18,8 +18,7 @@ from kaju.model.validation import (
     ValidationProblem,
     convergence,
 )
-from kaju.model.validation.corner import EXPONENT
-from kaju.model.validation.end_effects import DECAY
+from kaju.model.validation.eigenfields import DECAY, EXPONENT
 
 HEAD = "| problem | compared | order | error | cells | source |\n|---|---|---|---|---|---|"
 

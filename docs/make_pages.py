@@ -15,7 +15,7 @@ from kaju import ElasticRule, History, Scene, SpawningModel, ThreeElement, creep
 from kaju.model.network import triangular
 
 if TYPE_CHECKING:
-    from kaju.model.creep.network_result import NetworkCreepResult
+    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.network import NetworkResult
     from kaju.model.result import Result
 

@@ -39,8 +39,8 @@ def load_result(path: str | Path) -> Result:
 
 def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.creep.body import TransferCreepResult
-    from kaju.model.creep.elastic_result import ElasticCreepResult
-    from kaju.model.creep.network_result import NetworkCreepResult
+    from kaju.model.creep.elastic import ElasticCreepResult
+    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.creep.state import CreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun

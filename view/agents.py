@@ -15,8 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
-from .body import draw_body, finish
-from .forces import draw_forces
+from .body import draw_body, draw_forces, finish
 from .section import Section, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, colour_bar, new_axes
 from .subject import threshold_of

@@ -19,8 +19,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 from .agents import spawn_bar, spawn_norm
-from .body import draw_body, finish
-from .forces import draw_forces
+from .body import draw_body, draw_forces, finish
 from .reels import TWO_LINES, Reel
 from .section import section_of
 from .style import (

@@ -13,8 +13,7 @@ from matplotlib.lines import Line2D
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
-from .body import draw_body, finish
-from .forces import draw_forces
+from .body import draw_body, draw_forces, finish
 from .section import WHOLE_UP_TO, Section, section_of
 from .style import (
     FORCE,

@@ -12,8 +12,7 @@ from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
-from .body import draw_body, finish
-from .forces import draw_forces
+from .body import draw_body, draw_forces, finish
 from .layers import Squares, draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import load_norm
 from .section import Section, section_of

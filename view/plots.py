@@ -17,8 +17,7 @@ from kaju.model.scene import Scene
 
 from .agents import plot_agents
 from .body import draw_scene
-from .creep import plot_body_at, plot_network_at
-from .curves import plot_curves
+from .creep import plot_body_at, plot_curves, plot_network_at
 from .deformed import plot_deformed
 from .face_agents import plot_face_agents, plot_left
 from .files import save
@@ -27,8 +26,7 @@ from .load_path import plot_load_path
 from .loads import plot_loads
 from .maps import plot_map
 from .network_plots import plot_network, plot_response
-from .octree import plot_octree
-from .quadtree import plot_quadtree
+from .quadtree import plot_octree, plot_quadtree
 from .section import section_of
 from .space import plot_body_in_space, plot_voxels
 from .stages import plot_both, plot_stages

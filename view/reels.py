@@ -19,13 +19,21 @@ from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
-from .body import draw_body, finish
+from .body import draw_body, draw_forces, finish
 from .deformed import Moving, draw_deformed, draw_rest, magnification_for, moving_cells
-from .forces import draw_forces
 from .layers import draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, loads_taken, sense_entries
-from .octree import MOST_ARROWS, draw_cubes, view_of, view_told
-from .quadtree import OF_EVERY_GENERATION, bar_of, look_of, standing, told
+from .quadtree import (
+    MOST_ARROWS,
+    OF_EVERY_GENERATION,
+    bar_of,
+    draw_cubes,
+    look_of,
+    standing,
+    told,
+    view_of,
+    view_told,
+)
 from .section import section_of
 from .space import box_around, draw_agents_in_space, space_for
 from .stages import applied_loads
@@ -38,7 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
     from kaju.model.creep.body import TransferCreepResult
-    from kaju.model.creep.elastic_result import ElasticCreepResult
+    from kaju.model.creep.elastic import ElasticCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.propagation.stage import Stage
     from kaju.model.propagation.transfer_result import TransferResult

@@ -15,7 +15,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from kaju.arrays import Floats, Ints
 
 from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
-from .forces import MOST_ARROWS, force_arrows, told
+from .body import MOST_ARROWS, force_arrows, told
 from .section import one_a_place
 from .style import BODY, FAINT, FORCE, INK, SEQUENTIAL, caption, label_axis, legend, new_axes
 from .units import grouped

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.model.creep import creep
-from kaju.model.creep.network_result import NetworkCreepResult
+from kaju.model.creep.network import NetworkCreepResult
 from kaju.model.creep.state import CreepState
 from kaju.model.network.lattices import triangular
 from kaju.model.network.springs import SpringNetwork

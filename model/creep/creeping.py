@@ -28,11 +28,10 @@ from kaju.model.scene import Scene
 from kaju.stopping import NOTE, keeping, stopped
 
 from .body import CreepingAgents, TransferCreepResult
-from .elastic_result import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
+from .elastic import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
 from .elements import Elements
 from .march import Drive, Log, Pace, march
-from .network import CreepingNetwork
-from .network_result import NetworkCreepResult
+from .network import CreepingNetwork, NetworkCreepResult
 from .state import CreepResult, CreepState
 
 System = Elements | CreepingNetwork | SteppedBody

@@ -23,14 +23,22 @@ from .filling import CellBox
 from .lattice import Cells, Lattice
 from .pictures import embedded
 from .purity import Purity
-from .reading import located, overridden, table_from, table_from_archive
 from .refinement import refined_body, refined_loads
 from .regions import Region
 from .selection import Selection, select
 from .shapes import Mask
 from .sides import FREE, SideCondition
 from .support import check_body
-from .writing import archive_of, save, table_of, text_of
+from .text import (
+    archive_of,
+    located,
+    overridden,
+    save,
+    table_from,
+    table_from_archive,
+    table_of,
+    text_of,
+)
 
 
 class Scene(Description):

@@ -8,19 +8,20 @@ True
 """
 
 from .bars import BimaterialBar, TimoshenkoCantilever
-from .corner import LCorner
-from .end_effects import SaintVenantDecay
-from .half_space import Boussinesq, Cerruti, Flamant, StripLoad
-from .holes import BrazilianDisk, Kirsch, Lame
-from .patches import (
+from .eigenfields import LCorner, SaintVenantDecay
+from .exact import (
+    ConfinedCompression,
     DisplacementPatch,
     ForcePatch,
+    PureShear,
     RigidRotation,
     SolidDisplacementPatch,
     SolidForcePatch,
+    UniformCompression,
 )
+from .half_space import Boussinesq, Cerruti, Flamant, StripLoad
+from .holes import BrazilianDisk, Kirsch, Lame
 from .problem import Study, ValidationProblem, convergence
-from .uniform import ConfinedCompression, PureShear, UniformCompression
 
 EXACT_PROBLEMS: tuple[type[ValidationProblem], ...] = (
     UniformCompression,

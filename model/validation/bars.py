@@ -11,9 +11,9 @@ from kaju.arrays import Floats
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.scene import Scene
 
+from .exact import EXACT
 from .potentials import Complex, PlaneProblem, Potentials
 from .problem import MATERIAL, Quantity, ValidationProblem
-from .uniform import EXACT
 
 SECOND = "second"
 

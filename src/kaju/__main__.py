@@ -14,10 +14,9 @@ from kaju.errors import KajuError
 from . import (
     commands_compare,
     commands_look,
+    commands_many,
     commands_run,
     commands_scene,
-    commands_stress,
-    commands_sweep,
 )
 
 app = typer.Typer(
@@ -38,8 +37,8 @@ for _verb in (
     commands_look.page,
     commands_look.watch,
     commands_compare.compare,
-    commands_stress.stress,
-    commands_sweep.sweep,
+    commands_many.stress,
+    commands_many.sweep,
     commands_scene.materials,
 ):
     app.command()(_verb)

@@ -111,7 +111,7 @@ def _rule(
 ) -> tuple[dict[str, Any], Figures]:
     """Set a scene's rule beside elasticity, and say what was found."""
     from kaju.model.beside_elasticity import BesideElasticity, beside_elasticity
-    from kaju.view.beside import pictures_beside, words_beside
+    from kaju.view.comparison import pictures_beside, words_beside
 
     try:
         study = beside_elasticity(scene_of(path, settings), resolution=resolution, evaluations=fit)

@@ -200,8 +200,6 @@ def solve(
     console, described = Console(as_json, quiet), scene_of(scene, settings)
     folder = out or Path(f"{scene.stem}-solved")
     if engine is EngineName.PETSC:
-        from .commands_run import solve_on_processes
-
         how = {"tolerance": tolerance, "resolution": resolution}
         if solve_on_processes(described, folder, console, **how):
             return

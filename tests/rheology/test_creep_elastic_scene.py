@@ -7,7 +7,7 @@ from kaju.agents.history import History
 from kaju.agents.materials import Material
 from kaju.agents.rheology import ThreeElement
 from kaju.model.creep import creep
-from kaju.model.creep.elastic_result import SteppedBody
+from kaju.model.creep.elastic import SteppedBody
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 

@@ -12,8 +12,7 @@ from kaju.model.validation import (
     TimoshenkoCantilever,
     convergence,
 )
-from kaju.model.validation.corner import EXPONENT
-from kaju.model.validation.end_effects import DECAY
+from kaju.model.validation.eigenfields import DECAY, EXPONENT
 
 STEP = 1e-5
 

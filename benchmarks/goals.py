@@ -6,15 +6,17 @@ norm takes to come as near, and to stay so. Run:
 
     python benchmarks/goals.py            # some minutes
     python benchmarks/goals.py plate      # one body
+    python benchmarks/goals.py random     # bounds of figures of random bodies: are they kept
 """
 
 import sys
 from pathlib import Path
 
 import numpy as np
+from bounds import body_of
 
 from kaju import Deflection, Reaction, Stress, solve
-from kaju.errors import ConvergenceError
+from kaju.errors import ConvergenceError, KajuError
 from kaju.model.elastic.spawning.quantities import described, quantities_of
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
@@ -121,6 +123,51 @@ def table(name):
         print(f"  {text_of(quantity):44}", " |".join(row), flush=True)
 
 
+def drawn(seed):
+    """Return a random body of `bounds`, and means over a cell, and a figure at a point."""
+    scene, rng = body_of(seed), np.random.default_rng([15, seed])
+    cells, edge = np.indices(scene.lattice.shape).reshape(2, -1).T, scene.lattice.cell_size
+    cells = cells[scene.kinds(cells) >= 0]
+    low = edge * cells[rng.integers(len(cells))]
+    box = {"box": [low.tolist(), (low + edge).tolist()]}
+    component = str(rng.choice(["xx", "yy", "xy"]))
+    point = tuple((low + edge * rng.random(2)).tolist())
+    return scene, [Deflection(box), Stress(box, component), Deflection(point)]
+
+
+def random(bodies=40, tolerance=0.05):
+    """Tell how often tolerances are kept, and the truth is within the bound."""
+    found = {name: [] for name in ("mean deflection", "mean stress", "deflection of a point")}
+    seed = -1
+    while len(found["mean stress"]) < bodies:
+        seed += 1
+        scene, quantities = drawn(seed)
+        moduli = [m.youngs_modulus for m in scene.cell_materials]
+        if max(moduli) > 1e4 * min(moduli):
+            continue
+        for name, quantity in zip(found, quantities, strict=True):
+            try:
+                result = solve(scene, tolerance=tolerance, tolerance_at=quantity)
+            except KajuError:
+                continue
+            truth, scale = finest(scene, quantity, tolerance / 20)
+            goal = result.goals[0]
+            off = np.linalg.norm(goal.value - truth) / scale
+            own = np.linalg.norm(result.value_of(quantity) - truth) / scale
+            found[name].append((off, own, goal.relative_bound, result.agents))
+    for name, rows in found.items():
+        off, own, bound, agents = np.array(rows, dtype=float).T
+        off, own, bound = (error / tolerance for error in (off, own, bound))
+        print(f"{name}: {len(rows)}, of {np.median(agents):.0f} agents")
+        for what, error in (("error", off), ("error without the dual stress", own)):
+            print(f"  {what}: kept {np.mean(error <= 1.0):.1%}, worst {error.max():.2f} times")
+        outside = np.count_nonzero(off > bound + 0.005)
+        print(
+            f"  bound: proved {np.mean(bound <= 1.0):.1%}, truth outside {outside} times, median "
+            f"{np.median(bound):.1f}, largest {bound.max():.1f} times the tolerance"
+        )
+
+
 def text_of(quantity):
     values = [value for value in described(quantity).values() if value is not None]
     return " ".join(str(value) for value in values)[:44]
@@ -128,7 +175,7 @@ def text_of(quantity):
 
 def main():
     for name in sys.argv[1:] or CASES:
-        table(name)
+        random() if name == "random" else table(name)
 
 
 if __name__ == "__main__":

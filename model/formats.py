@@ -174,8 +174,9 @@ class SpawningRecord(TypedDict):
     retired: int
 
 
-AnswerRecord = tuple[float | list[float] | list[list[float]], float, float]
-"""A goal's value, its error, and that as a share."""
+_Value = float | list[float] | list[list[float]]
+AnswerRecord = tuple[_Value, float, float] | tuple[_Value, float, float, float, float | None, str]
+"""A goal's value, its error, and that as a share of the scale; the scale, and what is certain."""
 
 
 class StateRecord(TypedDict):

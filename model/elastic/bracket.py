@@ -62,6 +62,8 @@ class Bracket:
         Bounds of the true energy.
     error : float
         Error of the mean stress in the energy norm, relative to the true stress, at most.
+    potential : tuple of float
+        Bounds of the potential energy, which supports that move do not widen.
     parts : callable
         Works out `shares` and `stress`.
     """
@@ -69,6 +71,7 @@ class Bracket:
     lower: float
     upper: float
     error: float
+    potential: tuple[float, float]
     parts: Callable[[], tuple[Floats, Floats]]
 
     @cached_property
@@ -148,7 +151,8 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     if lower > (1.0 + CROSSED) * upper:
         return "rounding has eaten the bounds: the lower one lies above the upper"
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
-    return Bracket(lower, upper, error, partial(_parts, stress, v))
+    potential = wall_work - complementary, whole - work
+    return Bracket(lower, upper, error, potential, partial(_parts, stress, v))
 
 
 def _parts(stress: BalancedStress, field: CompatibleField | VolumeField) -> tuple[Floats, Floats]:

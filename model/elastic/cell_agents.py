@@ -180,7 +180,8 @@ class CellAgents:
         energy, stress = force * moved, units.modulus / own.modulus * moved
         parts = partial(self._parts_by_tree, found, energy, stress)
         lower, upper = energy * found.lower, energy * found.upper
-        return replace(found, lower=lower, upper=upper, parts=parts)
+        potential = energy * found.potential[0], energy * found.potential[1]
+        return replace(found, lower=lower, upper=upper, potential=potential, parts=parts)
 
     def _parts_by_tree(self, found: Bracket, energy: float, stress: float) -> tuple[Floats, Floats]:
         """Return the parts of a bracket of the tree, in the order and units of these."""

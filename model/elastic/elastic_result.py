@@ -229,10 +229,13 @@ class ElasticResult(BodyResult):
         """Whether the tolerance is kept; None without one.
 
         "proved": `error_bound` is within it; "estimated": there is no bound (`no_bound`), and the
-        estimated error is within it; "missed": the one or the other is above it.
+        estimated error is within it; "missed": the one or the other is above it. Of goals the
+        bound may be above it, too, where their error is "estimated".
         """
         if self.tolerance is None:
             return None
+        if self.goals and not self._unproved:
+            return "proved"
         bound = self.error_bound if self._promised else None
         if bound is not None:
             return "proved" if bound <= self.tolerance else "missed"
@@ -299,7 +302,11 @@ class ElasticResult(BodyResult):
         for quantity, answer in zip(self.tolerance_at, self._spawning.aimed.answers, strict=True):
             unit = unit_of(quantity, self.found.scales)
             value = plain(unit * answer.value)
-            found.append(Goal(quantity, value, unit * answer.error, answer.relative_error))
+            goal = Goal(quantity, value, unit * answer.error, answer.relative_error)
+            if answer.bound is not None:
+                off, share = unit * answer.bound, answer.bound / answer.scale
+                goal = goal._replace(error_bound=off, relative_bound=share)
+            found.append(goal._replace(no_bound=answer.no_bound))
         return tuple(found)
 
     @property
@@ -354,7 +361,11 @@ class ElasticResult(BodyResult):
     @property
     def _unproved(self) -> list[str]:
         """Say where a tolerance is not known to be kept."""
-        if self.tolerance is None or not self._promised:
+        if self.tolerance is None:
+            return []
+        if self.goals:
+            return [told for goal in self.goals if (told := goal.doubt(self.tolerance))]
+        if not self._promised:
             return []
         bound = self.error_bound
         if bound is None:
@@ -480,6 +491,7 @@ class ElasticResult(BodyResult):
                     "value": np.asarray(goal.value).tolist(),
                     "error_estimate": goal.error_estimate,
                     "relative_error": goal.relative_error,
+                    "error_bound": goal.error_bound,
                 }
                 for goal in self.goals
             ]

@@ -54,19 +54,35 @@ def spawned_by(scene, **how):
 
 @pytest.mark.parametrize("number", range(len(CASES)))
 def test_estimates_are_within_their_factors_of_the_true_errors(number):
-    """On the mean of some tolerances, for a single error may vanish by chance."""
+    """On the mean of some tolerances, for a single error may vanish by chance.
+
+    Where a value has bounds their middle is nearer than what the agents say by themselves.
+    """
     body, quantity = CASES[number]
     tolerances = np.array([0.02, 0.013, 0.008]) * (6 if body in (cube, beam) else 1)
     truth = spawned_by(body(), tolerance=tolerances[-1] / 6, tolerance_at=quantity).goals[0]
     scale = truth.error_estimate / truth.relative_error
-    factors = []
+    factors, gains = [], []
     for tolerance in tolerances:
         result = spawned_by(body(), tolerance=tolerance, tolerance_at=quantity)
         assert result.goal_error_estimate <= tolerance
         off = np.linalg.norm(result.goal_values[0] - truth.value) / scale
-        assert off < 2 * tolerance
-        factors.append(result.goal_error_estimate / off)
+        own = np.linalg.norm(result.value_of(quantity) - truth.value) / scale
+        bounded = result.goals[0].error_bound is not None
+        assert off < (1.0 if bounded else 2.0) * tolerance
+        factors.append(result.goal_error_estimate / own)
+        gains.append(own / off)
     assert 0.5 < np.exp(np.log(factors).mean()) < 3.0
+    assert np.exp(np.log(gains).mean()) > (1.3 if bounded else 0.99)
+
+
+def test_few_agents_keep_a_tolerance():
+    """What they say by themselves is twice as far off."""
+    stress = Stress({"box": [[0.05, 0.05], [0.15, 0.15]]}, "xy")
+    truth = spawned_by(sheared(), tolerance=1e-3, tolerance_at=stress).goal_values[0]
+    result = spawned_by(sheared(), tolerance=0.02, tolerance_at=stress)
+    assert abs(result.value_of(stress) / truth - 1) > 0.035
+    assert abs(result.goal_values[0] / truth - 1) < 0.018
 
 
 @pytest.mark.parametrize("name", PLANE)
@@ -340,7 +356,8 @@ def test_contrasts_that_estimates_cannot_follow_are_noted():
     soft = inclusion().with_overrides({"materials.soft.youngs_modulus": 1e4})
     result = spawned_by(soft, tolerance=0.2, tolerance_at=(0.075, 0.2))
     assert any("differ by a factor of 1e+05" in note for note in result.summary()["notes"])
-    assert not spawned_by(inclusion(), tolerance=0.2, tolerance_at="top").notes
+    notes = spawned_by(inclusion(), tolerance=0.2, tolerance_at="top").notes
+    assert not any("differ by a factor" in note for note in notes)
 
 
 def test_air_and_empty_regions_are_outside():

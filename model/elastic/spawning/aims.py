@@ -27,11 +27,26 @@ GAIN = 0.7
 
 
 class Answer(NamedTuple):
-    """What has been found of a quantity: its components, and their error; both scaled."""
+    """What has been found of a quantity; scaled.
+
+    Attributes
+    ----------
+    value : array, shape (components,)
+    error, relative_error : float
+        Estimated; the latter is the share of the scale.
+    scale : float
+    bound : float, optional
+        What the error is at most.
+    no_bound : str
+        Why that is not known.
+    """
 
     value: Floats
     error: float
     relative_error: float
+    scale: float = 1.0
+    bound: float | None = None
+    no_bound: str = ""
 
 
 class Aimed(NamedTuple):

@@ -17,9 +17,9 @@ from .agent_fields import AgentFields, displacement_at, stress_at, touching
 from .balance import Balance
 from .composite import Composite, Floats
 from .field import interpolation
-from .ground import Ground
+from .ground import Ground, LeafForces
 from .leaves import Flags
-from .places import Site, Spots, site_of
+from .places import Parts, Site, Spots, site_of
 from .quantities import Deflection, Quantity, Reaction, Stress, component_of, ways_of
 
 NEGLIGIBLE = 0.01
@@ -62,6 +62,12 @@ class Functional(Protocol):
     def of(self, fields: AgentFields) -> Value:
         """Return the quantity, and what it depends on."""
 
+    def parts(self, grid: Composite) -> Parts | str:
+        """Return what its place is made up of; in words why no energy bounds it."""
+
+    def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
+        """Return, for every component, the forces whose work it is."""
+
 
 class _Displaced:
     """The mean displacement of a place, along some directions."""
@@ -72,6 +78,13 @@ class _Displaced:
 
     def coarse(self, grid: Composite) -> Flags:
         return self._site.coarse(grid)
+
+    def parts(self, grid: Composite) -> Parts | str:
+        return self._site.parts(grid)
+
+    def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
+        share = parts.share[:, None]
+        return [LeafForces(parts.leaf, parts.side, share * way) for way in self.ways]
 
     def of(self, fields: AgentFields) -> Value:
         grid = fields.balance.grid
@@ -99,6 +112,41 @@ class _Stressed:
 
     def coarse(self, grid: Composite) -> Flags:
         return self._site.coarse(grid)
+
+    def parts(self, grid: Composite) -> Parts | str:
+        if self._component is None:
+            return "the equivalent stress is no linear quantity, and only such are bounded"
+        found = self._site.parts(grid)
+        if not isinstance(found, str) and (found.side >= 0).any():
+            return "no energy bounds the stress of a surface; ask for the mean of a box at it"
+        return found
+
+    def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
+        """Return the tractions on the sides of leaves whose work is their mean stress.
+
+        By Gauss's theorem, those of the stress that a unit strain would cause.
+        """
+        assert self._component is not None
+        a, b = self._component
+        moduli, kind, d = grid.ground.moduli, grid.leaves.kind, grid.dimension
+        stress = np.zeros((d, d, len(parts.leaf)))
+        if a == b:
+            stress[range(d), range(d)] = moduli.lateral[kind[parts.leaf]]
+            stress[a, a] = moduli.stretch[kind[parts.leaf]]
+        else:
+            stress[a, b] = stress[b, a] = moduli.shear[kind[parts.leaf]]
+        each = stress * parts.share / grid.length[parts.leaf]
+        within = np.zeros(len(grid.leaves), dtype=np.bool_)
+        within[parts.leaf] = True
+        found = []
+        for side in range(2 * d):
+            # Between two alike the tractions would only cancel.
+            other = grid.beside[parts.leaf, side]
+            same = (other >= 0) & within[other] & (kind[other] == kind[parts.leaf])
+            on = ~(same & (grid.length[other] == grid.length[parts.leaf]))
+            force = (2.0 * (side % 2) - 1.0) * each[side // 2][:, on].T
+            found.append(LeafForces(parts.leaf[on], np.full(int(on.sum()), side), force))
+        return [LeafForces(*(np.concatenate(column) for column in zip(*found, strict=True)))]
 
     def of(self, fields: AgentFields) -> Value:
         balance = fields.balance
@@ -144,6 +192,12 @@ class _Supported:
 
     def coarse(self, grid: Composite) -> Flags:
         return np.zeros(len(grid.leaves), dtype=np.bool_)
+
+    def parts(self, grid: Composite) -> str:
+        return "the force of a support is not bounded yet"
+
+    def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
+        return []
 
     def of(self, fields: AgentFields) -> Value:
         """Return the reaction: the energy's derivative by the support's own displacement.

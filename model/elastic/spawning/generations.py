@@ -19,11 +19,12 @@ from .aims import Aim, Aimed, EnergyAim, choose, unproved
 from .balance import Balance
 from .composite import Composite, Floats
 from .curvature import Indicator, indicate
+from .goals import GoalAim
 from .ground import Ground
 from .held import direct_limit, first_agents, rebalance
 from .leaves import Flags, Index, Leaves
 from .mirror import mean_of_images
-from .nested import NestedMultigrid, energy_of, relative_error, settle
+from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
 from .previous import Heirs, Standing
 from .tree_boxes import bracket_of_agents
 
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
 ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
-LAST = 1e-10
 ROUGH = 0.05
 """One cycle of previous agents is enough to tell within a per cent what they will leave."""
 KEPT = {2: 500_000, 3: 60_000}
@@ -355,9 +355,13 @@ class Spawner:
         """Go on where the mean stress may be further off than the tolerance."""
         leaves = self.balance.grid.leaves
         few = len(leaves) <= MOST_PROVED[self.ground.dimension]
-        if self.aimed.error > self.tolerance or self._stopped == "iteration":
+        if not few or self._stopped == "iteration":
             return
-        if not few or not isinstance(self.aim, EnergyAim):
+        if isinstance(self.aim, GoalAim):
+            self.aimed = self.aim.bounded(self)
+            more = self.aimed.chosen.any() and not self._stopped
+            self.finished = not more or len(self.generations) + 2 >= MOST_GENERATIONS
+        if self.aimed.error > self.tolerance or not isinstance(self.aim, EnergyAim):
             return
         self._estimated = self._estimated or len(leaves)
         self.bracket = bracket_of_agents(self.balance, self.displacement)

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from kaju.errors import ParameterError
+from kaju.model.elastic.boxes import Boxes
 from kaju.model.elastic.krylov import Iteration, dot
 
 from .agent_fields import AgentFields
@@ -29,9 +30,20 @@ from .composite import Floats
 from .curvature import Curvature
 from .displacement_error import DisplacementAim
 from .functionals import Value, functional_of
-from .ground import Ground
-from .nested import NestedMultigrid
-from .quantities import DISPLACEMENT, Quantity, ToleranceAt, described, quantities_of, quantity_from
+from .goal_bounds import Between, asking, work_between
+from .ground import Ground, LeafForces
+from .nested import LAST, NestedMultigrid, at_rounding
+from .places import Parts
+from .quantities import (
+    DISPLACEMENT,
+    Quantity,
+    ToleranceAt,
+    described,
+    named,
+    quantities_of,
+    quantity_from,
+)
+from .tree_boxes import boxes_of_agents
 
 if TYPE_CHECKING:
     from .generations import Spawner
@@ -61,12 +73,28 @@ class Goal(NamedTuple):
     relative_error : float
         The same relative to the value or, where that is smaller, to a hundredth of the largest
         displacement, stress or reaction of all.
+    error_bound, relative_bound : float or None
+        What the error of the value is at most, and the same relative; a theorem.
+    no_bound : str
+        Why there is none; empty if there is.
     """
 
     quantity: Quantity
     value: float | Floats
     error_estimate: float
     relative_error: float
+    error_bound: float | None = None
+    relative_bound: float | None = None
+    no_bound: str = ""
+
+    def doubt(self, tolerance: float) -> str:
+        """Say what is not proved of it; empty if it is within the tolerance for certain."""
+        if self.relative_bound is not None and self.relative_bound <= tolerance:
+            return ""
+        estimate = f"{named(self.quantity)}: the error is estimated as {self.relative_error:.2g}"
+        if self.relative_bound is None:
+            return f"{estimate}, without a proof: {self.no_bound}"
+        return f"{estimate}, and proved to be below {self.relative_bound:.2g}"
 
 
 class Influence:
@@ -90,6 +118,22 @@ class Influence:
         self._displacement = hierarchy.solve(derivative, start, done).solution
         self._balance = balance
         return self._displacement
+
+    def asked(
+        self, balance: Balance, forces: LeafForces, hierarchy: NestedMultigrid
+    ) -> tuple[Balance, Floats, float]:
+        """Return the agents under the forces that ask for it, what these cause, and its error.
+
+        The error is the energy of what is missing, estimated.
+        """
+        found = asking(balance, forces)
+        load, z = found.load[found.free], found.grid.value.copy()
+
+        def done(run: Iteration) -> bool:
+            return run.errors[-1] <= LAST or at_rounding(run)
+
+        z[found.free] = hierarchy.solve(load, self._displacement, done).solution
+        return found, z, self._off**2 * float(dot(load, z[found.free]))
 
     def remember(self, off: float) -> None:
         """Take note of its own error in the energy norm, relative."""
@@ -131,9 +175,55 @@ class GoalAim:
             errors, part = felt.by(value, influences)
             error = float(np.linalg.norm(errors)) + value.doubt
             scale = value.scale or 1.0
-            answers.append(Answer(value.value, error, error / scale))
+            answers.append(Answer(value.value, error, error / scale, scale))
             parts.append(part / scale)
         return _aimed(spawner, answers, parts)
+
+    def bounded(self, spawner: Spawner) -> Aimed:
+        """Return the answers with what is certain of them.
+
+        Where agents lie on both sides of the rim of a place these have to spawn first.
+        """
+        aimed, grid = spawner.aimed, spawner.balance.grid
+        places = [functional.parts(grid) for functional in self._functionals]
+        rims = [place.cut for place in places if not isinstance(place, str)]
+        cut = np.any(rims, axis=0) if rims else np.zeros(len(grid.leaves), dtype=np.bool_)
+        if cut.any():
+            return aimed._replace(chosen=cut)
+        own = boxes_of_agents(spawner.balance, spawner.displacement) if rims else None
+        answers = []
+        for number, (answer, place) in enumerate(zip(aimed.answers, places, strict=True)):
+            if own is None or isinstance(place, str):
+                answers.append(answer._replace(no_bound=str(place)))
+                continue
+            between = self._between(spawner, own, number, place)
+            answers.append(_certain(answer, between))
+        error = max(answer.relative_error for answer in answers)
+        return aimed._replace(error=error, answers=tuple(answers))
+
+    def _between(
+        self, spawner: Spawner, own: Boxes, number: int, place: Parts
+    ) -> list[Between] | str:
+        """Hold the components of a quantity between bounds; in words why that is not possible."""
+        found, error = [], float(spawner.indicator.square.sum())
+        forces = self._functionals[number].loads(spawner.balance.grid, place)
+        for influence, force in zip(self._influences[number], forces, strict=True):
+            asked, z, rest = influence.asked(spawner.balance, force, spawner.hierarchy)
+            between = work_between(own, boxes_of_agents(asked, z), error, rest)
+            if isinstance(between, str):
+                return between
+            found.append(between)
+        return found
+
+
+def _certain(answer: Answer, found: list[Between] | str) -> Answer:
+    """Return an answer with its bound, round the middle of what is possible."""
+    if isinstance(found, str):
+        return answer._replace(no_bound=found)
+    bound = float(np.linalg.norm([between.off for between in found]))
+    middle = np.array([between.middle for between in found])
+    error = min(answer.error, bound)
+    return Answer(middle, error, error / answer.scale, answer.scale, bound)
 
 
 class _Felt:

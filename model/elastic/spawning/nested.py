@@ -35,6 +35,8 @@ PATIENCE, MOST = 40, 400
 larger ones get MOST iterations."""
 DIRECT = {2: 1_500, 3: 2_500}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
+LAST = 1e-10
+"""Share of an answer to which its last generation settles."""
 WORST = 0.05
 """Displacements that are off by more than this share do not tell who has to spawn."""
 
@@ -229,14 +231,15 @@ def settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: float
         return 2 * float(dot(x, load)) - float(dot(x, right)) + given
 
     def done(run: Iteration) -> bool:
-        return run.errors[-1] <= min(share, WORST) or _at_rounding(run)
+        return run.errors[-1] <= min(share, WORST) or at_rounding(run)
 
     run = hierarchy.solve(right, u[free], done, twice_energy)
     u[free] = run.solution
     return run
 
 
-def _at_rounding(run: Iteration) -> bool:
+def at_rounding(run: Iteration) -> bool:
+    """Tell whether rounding keeps an iteration from getting any further."""
     recent = run.residuals
     return len(recent) > 8 and min(recent[-4:]) > 0.5 * min(recent[:-4]) and run.errors[-1] < 1e-8
 

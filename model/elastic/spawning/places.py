@@ -23,6 +23,8 @@ NEAR = 1e-6
 """A plane that is nearer to a face than this part of a cell lies on it."""
 SAMPLES = {2: 8, 3: 4}
 """Points along an agent by which round shapes are measured in it."""
+PARTED = 4
+"""Places are made up of agents if they end at multiples of this part of a cell."""
 MANY = 10_000
 """Agents that are measured at a time."""
 
@@ -48,8 +50,30 @@ class Spots(NamedTuple):
     span: Floats
 
 
+class Parts(NamedTuple):
+    """Leaves of which a place is made up exactly, or sides of theirs.
+
+    Attributes
+    ----------
+    leaf, side : int arrays, shape (n,)
+        Side -1 is the whole leaf.
+    share : array, shape (n,)
+        Of the place; adds up to 1.
+    cut : bool array, shape (leaves,)
+        Leaves on both sides of the place's rim: as long as there are any, it is not made up.
+    """
+
+    leaf: Index
+    side: Index
+    share: Floats
+    cut: Flags
+
+
 class Site(Protocol):
     """A place, asked grid by grid."""
+
+    def parts(self, grid: Composite) -> Parts | str:
+        """Return the leaves, or sides, that make it up; in words why none ever do."""
 
     def spots(self, grid: Composite) -> Spots:
         """Return the points that stand for the place."""
@@ -72,6 +96,10 @@ class Points(NamedTuple):
     def coarse(self, grid: Composite) -> Flags:
         """Tell of no leaf."""
         return np.zeros(len(grid.leaves), dtype=np.bool_)
+
+    def parts(self, grid: Composite) -> str:
+        """Return why no leaves make it up."""
+        return "no energy bounds the value at a point; ask for the mean of a box round it"
 
 
 class Solid(NamedTuple):
@@ -104,6 +132,19 @@ class Solid(NamedTuple):
         """Tell which leaves in reach are larger than the shape, or a quarter if it is round."""
         widest = (self.upper - self.lower).min() / (1 if isinstance(self.shape, Box) else 4)
         return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
+
+    def parts(self, grid: Composite) -> Parts | str:
+        """Return the leaves in a box."""
+        if not isinstance(self.shape, Box):
+            return "agents do not make up a round or slanted place; ask for the mean of a box"
+        ends = _on_edges(self.lower, self.upper, grid)
+        if isinstance(ends, str):
+            return ends
+        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
+        inside = np.all((low >= ends[0]) & (high <= ends[1]), axis=1)
+        cut = np.all((low < ends[1]) & (high > ends[0]), axis=1) & ~inside
+        leaf = np.flatnonzero(inside)
+        return _made_up(leaf, np.full(len(leaf), -1), grid.length[leaf] ** grid.dimension, cut)
 
     def _reached(self, grid: Composite) -> Flags:
         low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
@@ -147,6 +188,24 @@ class Plane(NamedTuple):
         widest = np.delete(self.upper - self.lower, self.axis).min()
         return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
 
+    def parts(self, grid: Composite) -> Parts | str:
+        """Return the sides on the plane: of the leaves below, or above where there are none."""
+        ends = _on_edges(self.lower, self.upper, grid)
+        if isinstance(ends, str):
+            return ends
+        axis, (first, last) = self.axis, ends
+        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
+        within, over = (low >= first) & (high <= last), (low < last) & (high > first)
+        within[:, axis] = over[:, axis] = True
+        below = high[:, axis] == first[axis]
+        above = (low[:, axis] == first[axis]) & (grid.beside[:, 2 * axis] < 0)
+        there = within.all(axis=1) & (below | above)
+        across = (low[:, axis] < first[axis]) & (high[:, axis] > first[axis])
+        cut = over.all(axis=1) & (across | ((below | above) & ~there))
+        leaf = np.flatnonzero(there)
+        side = 2 * axis + below[leaf]
+        return _made_up(leaf, side, grid.length[leaf] ** (grid.dimension - 1), cut)
+
     def _reached(self, grid: Composite) -> Flags:
         """Tell which leaves have the plane in them or on top; below only, if nothing is there."""
         axis, height = self.axis, self.lower[self.axis]
@@ -155,6 +214,23 @@ class Plane(NamedTuple):
         bare = grid.beside[:, 2 * axis] < 0
         within = (low[:, axis] < height) & (height <= high[:, axis])
         return np.asarray(beside & (within | ((low[:, axis] == height) & bare)))
+
+
+def _on_edges(lower: Floats, upper: Floats, grid: Composite) -> tuple[Floats, Floats] | str:
+    """Return the ends of a place where agents that are small enough end as well."""
+    step = max(grid.ground.cell // PARTED, grid.ground.smallest)
+    ends = np.rint(lower / step) * step, np.rint(upper / step) * step
+    off = max(float(np.abs(end - own).max()) for end, own in zip(ends, (lower, upper), strict=True))
+    if off > NEAR * grid.ground.cell:
+        return (
+            f"its ends are no multiples of 1/{grid.ground.cell // step} of a cell, where agents "
+            "could end as well"
+        )
+    return ends
+
+
+def _made_up(leaf: Index, side: Index, share: Floats, cut: Flags) -> Parts:
+    return Parts(leaf, side, share / (share.sum() or 1.0), cut)
 
 
 def _weighted(points: Floats, leaf: Index, weight: Floats, span: Floats) -> Spots:

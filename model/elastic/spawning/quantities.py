@@ -119,6 +119,15 @@ def described(quantity: Quantity) -> dict[str, Any]:
     return {"quantity": type(quantity).__name__, **values}
 
 
+def named(quantity: Quantity) -> str:
+    """Return a quantity in a word or two."""
+    values = [value for value in described(quantity).values() if value is not None]
+    kind, at, *rest = values
+    return " ".join(
+        [str(kind).lower(), f"at {at}" if kind != "Reaction" else str(at), *map(str, rest)]
+    )
+
+
 def quantity_from(values: Mapping[str, Any]) -> Quantity:
     """Return the quantity that `described` has told of."""
     rest = {name: value for name, value in values.items() if name != "quantity"}

@@ -238,8 +238,8 @@ class TreeAgents:
         part = archive.array("part", "f", (n,), low=0.0)
         error, allowed = archive.value("aimed", tuple[float, float])
         answers = tuple(
-            Answer(np.array(value, dtype=np.float64), float(off), float(relative))
-            for value, off, relative in archive.value("answers", list[AnswerRecord])
+            Answer(np.array(value, dtype=np.float64), *rest)
+            for value, *rest in archive.value("answers", list[AnswerRecord])
         )
         nobody = np.zeros(n, dtype=np.bool_)
         spawning = Spawning(

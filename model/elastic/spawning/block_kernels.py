@@ -121,11 +121,11 @@ def pulls(normal, tangent, force):
 
 
 @part
-def scratch(size):
+def scratch(u):
     """Return arrays for the stresses and forces of one block."""
-    if size == 2 * SQUARE:
-        return np.zeros(size), np.zeros(SQUARE + SIDE), np.zeros(size)
-    return np.zeros(size), np.zeros(3 * (CUBE + SQUARE)), np.zeros(size)
+    size = u.shape[1] * u.shape[2]
+    edges = SQUARE + SIDE if size == 2 * SQUARE else 3 * (CUBE + SQUARE)
+    return np.zeros(size, u.dtype), np.zeros(edges, u.dtype), np.zeros(size, u.dtype)
 
 
 @njit(cache=True, fastmath=True)
@@ -135,7 +135,7 @@ def apply(p, q, leaves, beside, page, pages, scale, table):
     d, n = p.shape[1:]
     u, w = p.reshape(len(p), d * n), q.reshape(len(q), d * n)
     masks, shears = mask.reshape(len(mask), d * n), shear.reshape(len(shear), -1)
-    normal, tangent, force = scratch(d * n)
+    normal, tangent, force = scratch(p)
     total = 0.0
     for k in leaves:
         borrow(p.reshape(-1), d, n, k, beside, np.int64(0), len(p), table)
@@ -180,8 +180,8 @@ def smooth(
     v, loads = u.reshape(len(u), size), load.reshape(len(u), size)
     plains, shears = plain.reshape(len(plain), size), shear.reshape(len(shear), -1)
     extras, inverses = extra.reshape(len(extra), size), inverse.reshape(len(extra), size)
-    normal, tangent, force = scratch(size)
-    step, right = np.zeros(size), np.empty(size)
+    normal, tangent, force = scratch(u)
+    step, right = np.zeros_like(normal), np.empty_like(normal)
     for j in range(last - first):
         k = first + j if forward else last - 1 - j
         borrow(u.reshape(-1), d, n, k, beside, first, k if forward else last, table)
@@ -217,7 +217,7 @@ def hand_up(u, load, first, last, parent, octant, beside, page, pages, scale, ta
     size = d * n
     v, loads = u.reshape(len(u), size), load.reshape(len(u), size)
     masks, shears = mask.reshape(len(mask), size), shear.reshape(len(shear), -1)
-    normal, tangent, force = scratch(size)
+    normal, tangent, force = scratch(u)
     start, fine, source, weight, between = ties
     for k in range(first, last):
         borrow(u.reshape(-1), d, n, k, beside, first, last, table)
@@ -241,7 +241,7 @@ def hand_down(u, blocks, parent, octant, ties):
     """Interpolate displacements of parents to blocks: the transpose of handing loads up."""
     start, fine, source, weight, between = ties
     size = u.shape[1] * u.shape[2]
-    v, w = u.reshape(len(u), size), np.zeros(size)
+    v, w = u.reshape(len(u), size), np.zeros(size, u.dtype)
     for k in blocks:
         x, up = v[k], v[parent[k]]
         w[:] = 0.0

@@ -458,7 +458,11 @@ class BlockSpawner:
         self.records.append(record)
 
     def _settle(self, done: Any) -> Iteration:
-        run = self.multigrid.solve(self.blocks.load, self.displacement, done)
+        load, u = self.blocks.load, self.displacement
+        run = self.multigrid.solve(load, u, done)
+        if not run.converged and self.multigrid.real is not np.float64:
+            self.multigrid = BlockMultigrid(self.blocks, self.root, np.float64)
+            run = self.multigrid.solve(load, u, done)
         symmetrise(self.blocks, self.displacement, self._mirrors)
         return run
 

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import DISPLACED, RIGID
 
@@ -130,6 +131,32 @@ def component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, ax
         left = 1.0 - np.abs(2.0 * local[held, across] - 1.0)
         value[held] = given[held] + left * (value[held] - given[held])
     return value
+
+
+def corner_values(fields: AgentFields) -> Floats:
+    """Return displacements at the leaves' corners (`corner_ends`), shape (2^d, d, leaves)."""
+    grid, d = fields.balance.grid, fields.balance.grid.dimension
+    odd, slopes = (grid.beside < 0).any(axis=1), {}
+    for pair, edges in grid.edges.items():
+        for axis, across, first in ((*pair, True), (*pair[::-1], False)):
+            gradients, table = oriented(edges, first)
+            own, single = fields.slopes[pair][not first], gradients[0].one_sided
+            slopes[axis, across] = np.where(gradients[0].valid, single * own, 0.0), table
+            unusual = ~gradients[0].valid | (gradients[0].jump & (edges.modulus > 0))
+            odd |= unusual[table].any(axis=(1, 2))
+    ends, some = corner_ends(d), np.flatnonzero(odd)
+    walls = walls_beside(grid, some)
+    found = np.empty((len(ends), d, len(grid.leaves)))
+    for values, end in zip(found, ends, strict=True):
+        local = np.broadcast_to(end.astype(np.float64), (len(some), d))
+        for axis, value in enumerate(values):
+            value[:] = fields.sides[:, 2 * axis + end[axis]]
+            for across in (a for a in range(d) if a != axis):
+                slope, table = slopes[axis, across]
+                edge = table[:, end[axis], end[across]]
+                value += (end[across] - 0.5) * grid.length * slope[edge]
+            value[some] = component(fields, some, local, walls, axis)
+    return found
 
 
 def _slope(

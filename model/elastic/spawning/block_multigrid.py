@@ -136,7 +136,7 @@ class BlockMultigrid:
         self._pages = Pages(*self._rounded(*balance.pages))
         self._ties = self._rounded(*balance.layout.ties)
         self._u, self._load = self._rounded(balance.zeros(), balance.zeros())
-        self._stress = np.zeros(len(balance.rows.modulus), real)
+        self._stress: NDArray[Any] = np.zeros(len(balance.rows.modulus), real)
 
     def _rounded(self, *arrays: NDArray[Any]) -> tuple[NDArray[Any], ...]:
         """Return arrays of numbers as short as those of the cycle."""

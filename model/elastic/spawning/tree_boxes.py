@@ -21,8 +21,8 @@ from kaju.model.elastic.boxes import (
 from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
-from . import agent_fields as sampling
-from .agent_fields import AgentFields
+from . import tree_kernels
+from .agent_fields import AgentFields, corner_values
 from .balance import Balance
 from .composite import Composite, Floats
 from .leaves import Flags, Index, morton
@@ -161,29 +161,26 @@ def _mesh(grid: Composite, fields: AgentFields, law: Law) -> Mesh:
     thirds = np.array(list(product((0, 1, 2), repeat=d)))
     middles = (thirds == 1).sum(axis=1)
 
-    smallest = leaves.size.min()
+    # In halves of the smallest leaf: codes have no room for halves of the units themselves.
+    half = int(leaves.size.min()).bit_length() - 1
 
     def keys(leaf: Index, third: Index) -> Index:
-        # In halves of the smallest leaf: codes have no room for halves of the units themselves.
         points = 2 * leaves.lower[leaf] + third[:, None] * leaves.size[leaf, None]
-        points //= smallest
-        return morton(points.reshape(-1, d)).reshape(len(third), len(leaf))
+        return morton((points >> half).reshape(-1, d)).reshape(len(third), len(leaf))
 
-    corners = keys(np.arange(n), 2 * ends)
-    large = np.flatnonzero(leaves.size > smallest)
-    touched = np.isin(keys(large, thirds[(middles > 0) & (middles < d)]), corners)
-    cut = large[touched.any(axis=0)]
-    inner = keys(cut, thirds)
-    known, number = np.unique(np.concatenate([corners.ravel(), inner.ravel()]), return_inverse=True)
-    number = number.ravel()
+    large, small = _unlike_neighbours(grid)
+    between = keys(large, thirds[(middles > 0) & (middles < d)])
+    cut = large[np.isin(between, keys(small, 2 * ends)).any(axis=0)]
+    corners, inner = keys(np.arange(n), 2 * ends), keys(cut, thirds)
+    first, number = tree_kernels.number(np.concatenate([corners.ravel(), inner.ravel()]))
     octants = [1 << k for k in range(len(ends))]
     for third in thirds:
         round_it = np.all((third == 1) | (2 * ends == third), axis=1)
         octants.append(int((1 << np.flatnonzero(round_it)).sum()))
     at_corners, at_thirds = np.split(number, [corners.size])
     nodes = [*at_corners.reshape(corners.shape), *at_thirds.reshape(inner.shape)]
-    nodes, double = parted(nodes, octants, len(known))
-    corner, count = np.stack(nodes[: len(ends)]), len(known) + len(double)
+    nodes, double = parted(nodes, octants, len(first))
+    corner, count = np.stack(nodes[: len(ends)]), len(first) + len(double)
     start = _at_corners(grid, fields, law, corner, count)
     if not len(cut):
         return whole_mesh(corner, grid.length, start)
@@ -218,18 +215,29 @@ def _mesh(grid: Composite, fields: AgentFields, law: Law) -> Mesh:
     )
 
 
+def _unlike_neighbours(grid: Composite) -> tuple[Index, Index]:
+    """Return the leaves round whose edges stand smaller ones, and those with larger ones."""
+    size = grid.leaves.size
+    large, small = (np.zeros(len(size), dtype=np.bool_) for _ in range(2))
+    for edges in grid.edges.values():
+        least = np.full(len(edges.modulus), size.max())
+        most = np.zeros_like(least)
+        for own in edges.of_leaf.reshape(len(size), 4).T:
+            np.minimum.at(least, own, size)
+            np.maximum.at(most, own, size)
+        large |= (least[edges.of_leaf] < size[:, None, None]).any(axis=(1, 2))
+        small |= (most[edges.of_leaf] > size[:, None, None]).any(axis=(1, 2))
+    return np.flatnonzero(large), np.flatnonzero(small)
+
+
 def _at_corners(
     grid: Composite, fields: AgentFields, law: Law, corner: Index, count: int
 ) -> Floats:
     """Return displacements at nodes: what the leaves round them say, stiff ones counting more."""
-    n, d = len(grid.leaves), grid.dimension
-    leaf = np.arange(n)
-    walls = sampling.walls_beside(grid, leaf)
+    d = grid.dimension
     total, weight = np.zeros((count, d)), np.zeros(count)
-    for end, node in zip(corner_ends(d), corner, strict=True):
-        local = np.broadcast_to(end.astype(np.float64), (n, d))
+    for values, node in zip(corner_values(fields), corner, strict=True):
         weight += np.bincount(node, law.stretch, count)
-        for axis in range(d):
-            value = sampling.component(fields, leaf, local, walls, axis)
+        for axis, value in enumerate(values):
             total[:, axis] += np.bincount(node, law.stretch * value, count)
     return total / np.where(weight > 0.0, weight, 1.0)[:, None]

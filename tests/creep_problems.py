@@ -1,4 +1,4 @@
-"""Problems in time whose answer is known, for tests, documentation and benchmarks.
+"""Problems in time whose answer is known, each a class that states it.
 
 Each has `subject` and `history` for `creep`, the times that matter, and `exact` with what
 `measured` picks from the result. Sources: W. Flügge, *Viscoelasticity*, Springer 1975,
@@ -16,9 +16,7 @@ import numpy as np
 from kaju.agents.history import History
 from kaju.agents.rheology import ThreeElement
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
-
-from .state import CreepResult
+from kaju.model.creep.state import CreepResult
 
 _ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 
@@ -185,11 +183,3 @@ PROBLEMS = {
     "ramp and hold": RampAndHold,
     "cycles": Cyclic,
 }
-
-
-def problem(name: str) -> Problem:
-    """Return the problem of that name with its usual numbers."""
-    if name not in PROBLEMS:
-        raise ParameterError(f"problem: {name!r} is unknown; there are {', '.join(PROBLEMS)}")
-    made: Problem = PROBLEMS[name]()
-    return made

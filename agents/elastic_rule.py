@@ -18,6 +18,10 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, get_args
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 from .materials import Material
@@ -30,34 +34,43 @@ Plane = Literal["stress", "strain"]
 Order = Literal["wave", "largest first", "multilevel"]
 
 
-class ElasticConstants(NamedTuple):
-    """C₁₁, C₁₂ and μ (Pa) of σ_xx = C₁₁ε_xx + C₁₂ε_yy (+ C₁₂ε_zz) and τ = μγ."""
+class Moduli(NamedTuple):
+    """C₁₁, C₁₂ and μ of each material, shape (materials,) each.
 
-    stretch: float
-    lateral: float
-    shear: float
+    With σ_xx = C₁₁ε_xx + C₁₂(ε_yy + ε_zz) and τ = μγ: plane stress has C₁₁ = E/(1−ν²) and
+    C₁₂ = νC₁₁; plane strain and three dimensions have C₁₁ = λ + 2μ and C₁₂ = λ, where
+    λ = Eν/((1+ν)(1−2ν)) and μ = E/2(1+ν) (Timoshenko & Goodier, Theory of Elasticity, ch. 1-2).
+    """
+
+    stretch: Floats
+    lateral: Floats
+    shear: Floats
 
 
-def elastic_constants(material: Material, plane: Plane | None) -> ElasticConstants:
-    """Return the constants for plane stress, plane strain or (None) three dimensions.
+def moduli_of(youngs_modulus: ArrayLike, poissons_ratio: ArrayLike, plane: Plane | None) -> Moduli:
+    """Return the moduli for plane stress, plane strain or (None) three dimensions.
 
     Raises
     ------
     ParameterError
-        If the material is incompressible where that leaves no finite stiffness.
+        For E ≤ 0 or ν outside (−1, ½); in plane stress ν = ½ is allowed.
     """
-    youngs, ratio = material.youngs_modulus, material.poissons_ratio
-    shear = youngs / (2.0 * (1.0 + ratio))
-    if plane == "stress":
-        stretch = youngs / (1.0 - ratio**2)
-        return ElasticConstants(stretch, ratio * stretch, shear)
-    if ratio >= 0.5:
+    youngs = np.asarray(youngs_modulus, dtype=np.float64)
+    ratio = np.asarray(poissons_ratio, dtype=np.float64)
+    limit = ratio <= 0.5 if plane == "stress" else ratio < 0.5
+    if not np.all(np.isfinite(youngs) & (youngs > 0)):
+        raise ParameterError(f"youngs_modulus: must be a number above 0, got {youngs.tolist()}")
+    if not np.all((ratio > -1) & limit):
         raise ParameterError(
-            f"poissons_ratio of {material.name!r}: {ratio} is incompressible, which has no finite "
-            "stiffness in plane strain and in three dimensions; take 0.4999"
+            f"poissons_ratio: must lie between -1 and 0.5, got {ratio.tolist()}; "
+            "for rubber take 0.4999"
         )
-    lateral = youngs * ratio / ((1.0 + ratio) * (1.0 - 2.0 * ratio))
-    return ElasticConstants(lateral + 2.0 * shear, lateral, shear)
+    shear = youngs / (2 * (1 + ratio))
+    if plane == "stress":
+        stretch = youngs / (1 - ratio**2)
+        return Moduli(stretch, ratio * stretch, shear)
+    lateral = youngs * ratio / ((1 + ratio) * (1 - 2 * ratio))
+    return Moduli(lateral + 2 * shear, lateral, shear)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +212,14 @@ class ElasticRule:
             )
         if dimension == 2 and plane is None:
             plane = "stress"
-        stretch, lateral, shear = elastic_constants(material, plane)
+        if plane != "stress" and material.poissons_ratio >= 0.5:
+            raise ParameterError(
+                f"poissons_ratio of {material.name!r}: {material.poissons_ratio} is "
+                "incompressible, which has no finite stiffness in plane strain and in three "
+                "dimensions; take 0.4999"
+            )
+        moduli = moduli_of(material.youngs_modulus, material.poissons_ratio, plane)
+        stretch, lateral, shear = (float(modulus) for modulus in moduli)
         stiffness = 2.0 * stretch + 2.0 * (dimension - 1) * shear
         diagonal = (lateral + shear) / stiffness
         return DerivedShares(

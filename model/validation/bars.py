@@ -13,7 +13,7 @@ from kaju.model.scene import Scene
 
 from .exact import EXACT
 from .potentials import Complex, PlaneProblem, Potentials
-from .problem import MATERIAL, Quantity, ValidationProblem
+from .problem import MATERIAL, Orders, ValidationProblem
 
 SECOND = "second"
 
@@ -40,10 +40,10 @@ class BimaterialBar(ValidationProblem):
     second_ratio: float = 0.1
     pressure: float = 1e6
 
-    title: ClassVar[str] = "Bimaterial bar"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §6"
+    title = "Bimaterial bar"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §6"
     orders = EXACT
-    resolutions: ClassVar[tuple[int, ...]] = (4, 10)
+    resolutions = (4, 10)
 
     def scene(self, resolution: int) -> Scene:
         """Return a bar of 2 m by 1/2 m, `resolution` (even) cells per metre."""
@@ -110,15 +110,12 @@ class TimoshenkoCantilever(PlaneProblem):
     plane: Literal["stress", "strain"] | None = "stress"
     load: float = 1e3
 
-    title: ClassVar[str] = "Timoshenko cantilever"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §21"
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {
-        "displacement": (1.8, 2.2),
-        "stress": (1.8, 2.3),
-    }
-    resolutions: ClassVar[tuple[int, ...]] = (8, 16, 32)
-    given_sides: ClassVar[tuple[str, ...]] = ("right",)
-    loaded_sides: ClassVar[tuple[str, ...]] = ("left",)
+    title = "Timoshenko cantilever"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §21"
+    orders: ClassVar[Orders] = {"displacement": (1.8, 2.2), "stress": (1.8, 2.3)}
+    resolutions = (8, 16, 32)
+    given_sides = ("right",)
+    loaded_sides = ("left",)
     origin: ClassVar[tuple[float, float]] = (0.0, 0.5)
     length: ClassVar[float] = 4.0
 

@@ -13,7 +13,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
-from .problem import Quantity
+from .problem import Orders
 
 EXPONENT = 0.5444837367824639
 """Smallest positive root λ of sin(3πλ/2) = λ, the opening mode of a corner of 270°."""
@@ -40,15 +40,12 @@ class LCorner(PlaneProblem):
 
     strength: float = 1e6
 
-    title: ClassVar[str] = "L-corner"
-    source: ClassVar[str] = "Williams 1952, J. Applied Mechanics 19, 526-528"
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {
-        "displacement": (1.0, 1.8),
-        "stress": (1.0, 1.9),
-    }
-    resolutions: ClassVar[tuple[int, ...]] = (16, 32, 64, 128)
-    given_sides: ClassVar[tuple[str, ...]] = ("left", "bottom")
-    loaded_sides: ClassVar[tuple[str, ...]] = ("right", "top")
+    title = "L-corner"
+    source = "Williams 1952, J. Applied Mechanics 19, 526-528"
+    orders: ClassVar[Orders] = {"displacement": (1.0, 1.8), "stress": (1.0, 1.9)}
+    resolutions = (16, 32, 64, 128)
+    given_sides = ("left", "bottom")
+    loaded_sides = ("right", "top")
     origin: ClassVar[tuple[float, float]] = (1.0, 1.0)
 
     def scene(self, resolution: int) -> Scene:
@@ -104,15 +101,12 @@ class SaintVenantDecay(PlaneProblem):
 
     load: float = 1e6
 
-    title: ClassVar[str] = "Saint-Venant decay"
-    source: ClassVar[str] = "Horgan & Knowles 1983, Advances in Applied Mechanics 23, 179-269"
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {
-        "displacement": (1.8, 2.3),
-        "stress": (1.8, 2.3),
-    }
-    resolutions: ClassVar[tuple[int, ...]] = (8, 16, 32)
-    given_sides: ClassVar[tuple[str, ...]] = ("right",)
-    loaded_sides: ClassVar[tuple[str, ...]] = ("left",)
+    title = "Saint-Venant decay"
+    source = "Horgan & Knowles 1983, Advances in Applied Mechanics 23, 179-269"
+    orders: ClassVar[Orders] = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
+    resolutions = (8, 16, 32)
+    given_sides = ("right",)
+    loaded_sides = ("left",)
 
     def scene(self, resolution: int) -> Scene:
         """Return the strip, `resolution` cells across its upper half."""

@@ -19,12 +19,9 @@ from kaju.arrays import Floats
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.scene import Scene
 
-from .problem import Quantity, ValidationProblem
+from .problem import Orders, ValidationProblem
 
-EXACT: dict[Quantity, tuple[float, float]] = {
-    "displacement": (inf, inf),
-    "stress": (inf, inf),
-}
+EXACT: Orders = {"displacement": (inf, inf), "stress": (inf, inf)}
 
 
 @dataclass(frozen=True)
@@ -44,10 +41,10 @@ class UniformCompression(ValidationProblem):
     dimension: int = 2
     pressure: float = 1e6
 
-    title: ClassVar[str] = "Uniform compression"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §6"
+    title = "Uniform compression"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §6"
     orders = EXACT
-    resolutions: ClassVar[tuple[int, ...]] = (4, 7)
+    resolutions = (4, 7)
 
     def __post_init__(self) -> None:
         if self.dimension == 3:
@@ -97,8 +94,8 @@ class ConfinedCompression(UniformCompression):
     (Timoshenko & Goodier, §6).
     """
 
-    title: ClassVar[str] = "Confined compression"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §6"
+    title = "Confined compression"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §6"
 
     def _sides(self) -> dict[str, Any]:
         beside = ("left", "right") if self.dimension == 2 else ("left", "right", "front", "back")
@@ -126,10 +123,10 @@ class PureShear(ValidationProblem):
 
     traction: float = 1e6
 
-    title: ClassVar[str] = "Pure shear"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §6"
+    title = "Pure shear"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §6"
     orders = EXACT
-    resolutions: ClassVar[tuple[int, ...]] = (4, 7)
+    resolutions = (4, 7)
 
     def scene(self, resolution: int) -> Scene:
         """Return a square of 1 m, `resolution` cells wide."""
@@ -179,10 +176,10 @@ class LinearField(ValidationProblem):
     gradient: Matrix = ((1e-3, 5e-4), (5e-4, 1e-3))
     size: tuple[float, ...] = (0.24, 0.12)
 
-    title: ClassVar[str] = "Linear displacement"
-    source: ClassVar[str] = MACNEAL_HARDER
+    title = "Linear displacement"
+    source = MACNEAL_HARDER
     orders = EXACT
-    resolutions: ClassVar[tuple[int, ...]] = (4, 6)
+    resolutions = (4, 6)
     given_sides: ClassVar[tuple[str, ...]] = ("left", "right", "bottom", "top")
 
     def scene(self, resolution: int) -> Scene:
@@ -213,16 +210,16 @@ class DisplacementPatch(LinearField):
     With E = 10⁶ and ν = 1/4 in plane stress: σ_xx = σ_yy = 1333.3 and σ_xy = 400.
     """
 
-    title: ClassVar[str] = "Patch test, displacements"
+    title = "Patch test, displacements"
 
 
 @dataclass(frozen=True)
 class ForcePatch(LinearField):
     """The same patch under its tractions on the right and above."""
 
-    title: ClassVar[str] = "Patch test, tractions"
-    given_sides: ClassVar[tuple[str, ...]] = ("left", "bottom")
-    loaded_sides: ClassVar[tuple[str, ...]] = ("right", "top")
+    title = "Patch test, tractions"
+    given_sides = ("left", "bottom")
+    loaded_sides = ("right", "top")
 
 
 @dataclass(frozen=True)
@@ -233,7 +230,7 @@ class SolidDisplacementPatch(LinearField):
     gradient: Matrix = ((1e-3, 5e-4, 5e-4), (5e-4, 1e-3, 5e-4), (5e-4, 5e-4, 1e-3))
     size: tuple[float, ...] = (1.0, 1.0, 1.0)
 
-    title: ClassVar[str] = "Solid patch test, displacements"
+    title = "Solid patch test, displacements"
     given_sides: ClassVar[tuple[str, ...]] = ("left", "right", "front", "back", "bottom", "top")
 
 
@@ -241,9 +238,9 @@ class SolidDisplacementPatch(LinearField):
 class SolidForcePatch(SolidDisplacementPatch):
     """The solid patch under its tractions on the right, behind and above."""
 
-    title: ClassVar[str] = "Solid patch test, tractions"
-    given_sides: ClassVar[tuple[str, ...]] = ("left", "front", "bottom")
-    loaded_sides: ClassVar[tuple[str, ...]] = ("right", "back", "top")
+    title = "Solid patch test, tractions"
+    given_sides = ("left", "front", "bottom")
+    loaded_sides = ("right", "back", "top")
 
 
 @dataclass(frozen=True)
@@ -264,9 +261,9 @@ class RigidRotation(LinearField):
     angle: float = 1e-2
     finite: bool = False
 
-    title: ClassVar[str] = "Rigid rotation"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, ch. 7"
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {"displacement": (inf, inf)}
+    title = "Rigid rotation"
+    source = "Timoshenko & Goodier, Theory of Elasticity, ch. 7"
+    orders: ClassVar[Orders] = {"displacement": (inf, inf)}
 
     def __post_init__(self) -> None:
         sine, shortening = self.angle, 0.0

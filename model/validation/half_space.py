@@ -19,15 +19,15 @@ from kaju.arrays import Floats
 from kaju.model.scene import Scene
 
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
-from .problem import Quantity, ValidationProblem
+from .problem import Orders, ValidationProblem
 
 
 @dataclass(frozen=True)
 class _HalfPlane(PlaneProblem):
     """The right half of a block 6 m wide and 3 m deep, cut out below the edge y = 0."""
 
-    given_sides: ClassVar[tuple[str, ...]] = ("bottom",)
-    loaded_sides: ClassVar[tuple[str, ...]] = ("right",)
+    given_sides = ("bottom",)
+    loaded_sides = ("right",)
     origin: ClassVar[tuple[float, float]] = (0.0, 3.0)
 
     @abstractmethod
@@ -37,10 +37,7 @@ class _HalfPlane(PlaneProblem):
     def scene(self, resolution: int) -> Scene:
         """Return the block, `resolution` cells per metre."""
         return self._scene(
-            [3.0, 3.0],
-            1.0 / resolution,
-            sides={"left": "roller"},
-            loads=[self._load(resolution)],
+            [3.0, 3.0], 1.0 / resolution, sides={"left": "roller"}, loads=[self._load(resolution)]
         )
 
 
@@ -59,13 +56,10 @@ class StripLoad(_HalfPlane):
 
     pressure: float = 1e6
 
-    title: ClassVar[str] = "Strip load on a half plane"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §37"
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {
-        "displacement": (1.8, 2.3),
-        "stress": (1.8, 2.3),
-    }
-    resolutions: ClassVar[tuple[int, ...]] = (8, 16, 32)
+    title = "Strip load on a half plane"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §37"
+    orders: ClassVar[Orders] = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
+    resolutions = (8, 16, 32)
 
     def _load(self, resolution: int) -> dict[str, Any]:
         return {"region": {"box": [[0.0, 3.0], [1.0, 3.0]]}, "pressure": self.pressure}
@@ -100,13 +94,10 @@ class Flamant(_HalfPlane):
 
     load: float = 1e6
 
-    title: ClassVar[str] = "Flamant's point force"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §36"
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {
-        "displacement": (1.8, 2.3),
-        "stress": (1.8, 2.3),
-    }
-    resolutions: ClassVar[tuple[int, ...]] = (8, 16, 32)
+    title = "Flamant's point force"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §36"
+    orders: ClassVar[Orders] = {"displacement": (1.8, 2.3), "stress": (1.8, 2.3)}
+    resolutions = (8, 16, 32)
 
     def _load(self, resolution: int) -> dict[str, Any]:
         return {"cell": [0, 3 * resolution - 1], "side": "top", "force": [0.0, -self.load / 2]}
@@ -143,11 +134,8 @@ class _HalfSpace(ValidationProblem):
     plane: Literal["stress", "strain"] | None = None
     load: float = 1e6
 
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {
-        "displacement": (1.7, 2.4),
-        "stress": (1.5, 2.6),
-    }
-    resolutions: ClassVar[tuple[int, ...]] = (8, 12, 16)
+    orders: ClassVar[Orders] = {"displacement": (1.7, 2.4), "stress": (1.5, 2.6)}
+    resolutions = (8, 12, 16)
     size: ClassVar[tuple[float, float, float]]
     origin: ClassVar[tuple[float, float, float]]
 
@@ -187,19 +175,15 @@ class Boussinesq(_HalfSpace):
     (Johnson, Contact Mechanics, eq. 3.18).
     """
 
-    title: ClassVar[str] = "Boussinesq's point force"
-    source: ClassVar[str] = "Johnson, Contact Mechanics, §3.2"
-    given_sides: ClassVar[tuple[str, ...]] = ("right", "back", "bottom")
+    title = "Boussinesq's point force"
+    source = "Johnson, Contact Mechanics, §3.2"
+    given_sides = ("right", "back", "bottom")
     size: ClassVar[tuple[float, float, float]] = (1.0, 1.0, 1.0)
     origin: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 1.0)
 
     def scene(self, resolution: int) -> Scene:
         """Return the block, `resolution` cells along every edge."""
-        load = {
-            "cell": [0, 0, resolution - 1],
-            "side": "top",
-            "force": [0.0, 0.0, -self.load / 4],
-        }
+        load = {"cell": [0, 0, resolution - 1], "side": "top", "force": [0.0, 0.0, -self.load / 4]}
         sides = {"left": "roller", "front": "roller"}
         return self._scene(self.size, 1.0 / resolution, sides=sides, loads=[load])
 
@@ -230,9 +214,9 @@ class Cerruti(_HalfSpace):
     Displacements of Johnson, Contact Mechanics, eq. 3.75.
     """
 
-    title: ClassVar[str] = "Cerruti's point force"
-    source: ClassVar[str] = "Johnson, Contact Mechanics, §3.6"
-    given_sides: ClassVar[tuple[str, ...]] = ("left", "right", "back", "bottom")
+    title = "Cerruti's point force"
+    source = "Johnson, Contact Mechanics, §3.6"
+    given_sides = ("left", "right", "back", "bottom")
     size: ClassVar[tuple[float, float, float]] = (2.0, 1.0, 1.0)
     origin: ClassVar[tuple[float, float, float]] = (1.0, 0.0, 1.0)
 

@@ -18,7 +18,7 @@ from kaju.arrays import Floats
 from kaju.model.scene import Scene
 
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
-from .problem import Quantity
+from .problem import Orders
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class BrazilianDisk(PlaneProblem):
 
     load: float = 1e6
 
-    title: ClassVar[str] = "Brazilian disk, centre"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §41"
-    orders: ClassVar[dict[Quantity, tuple[float, float]]] = {"stress": (1.6, 2.3)}
-    resolutions: ClassVar[tuple[int, ...]] = (16, 24, 32, 48, 64)
+    title = "Brazilian disk, centre"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §41"
+    orders: ClassVar[Orders] = {"stress": (1.6, 2.3)}
+    resolutions = (16, 24, 32, 48, 64)
 
     def scene(self, resolution: int) -> Scene:
         """Return a quarter of the disk, `resolution` cells per radius."""
@@ -85,10 +85,7 @@ class BrazilianDisk(PlaneProblem):
         )
 
 
-STAIR: dict[Quantity, tuple[float, float]] = {
-    "displacement": (0.7, 1.4),
-    "stress": (0.7, 1.5),
-}
+STAIR: Orders = {"displacement": (0.7, 1.4), "stress": (0.7, 1.5)}
 RADIUS = 1.0
 
 
@@ -97,8 +94,8 @@ class _Hole(PlaneProblem):
     """A quarter of a plate, 3 m wide, with a hole of radius 1 m in its middle."""
 
     orders = STAIR
-    resolutions: ClassVar[tuple[int, ...]] = (8, 12, 16, 20, 24, 32, 48)
-    loaded_sides: ClassVar[tuple[str, ...]] = ("right", "top")
+    resolutions = (8, 12, 16, 20, 24, 32, 48)
+    loaded_sides = ("right", "top")
 
     def scene(self, resolution: int) -> Scene:
         """Return the plate, `resolution` cells per radius."""
@@ -132,8 +129,8 @@ class Kirsch(_Hole):
 
     tension: float = 1e6
 
-    title: ClassVar[str] = "Kirsch's hole under tension"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §35"
+    title = "Kirsch's hole under tension"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §35"
 
     def potentials(self, z: Complex) -> Potentials:
         """Return the potentials of the tension and of the hole's disturbance."""
@@ -164,19 +161,15 @@ class Lame(_Hole):
     pressure: float = 1e6
     outer: ClassVar[float] = hypot(3.0, 3.0)
 
-    title: ClassVar[str] = "Lamé's tube under pressure"
-    source: ClassVar[str] = "Timoshenko & Goodier, Theory of Elasticity, §28"
+    title = "Lamé's tube under pressure"
+    source = "Timoshenko & Goodier, Theory of Elasticity, §28"
 
     def potentials(self, z: Complex) -> Potentials:
         """Return a uniform and a radial part."""
         pull = self.pressure * RADIUS**2 / (2 * (self.outer**2 - RADIUS**2))
         core = -2 * pull * self.outer**2
         return Potentials(
-            phi=pull * z,
-            phi_1=pull + 0 * z,
-            phi_2=0 * z,
-            psi=core / z,
-            psi_1=-core / z**2,
+            phi=pull * z, phi_1=pull + 0 * z, phi_2=0 * z, psi=core / z, psi_1=-core / z**2
         )
 
     def _inner_loads(self, scene: Scene, resolution: int) -> list[dict[str, Any]]:

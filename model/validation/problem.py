@@ -133,6 +133,7 @@ def given_faces(problem: ElasticProblem, sides: list[int], displacement: Field) 
 
 
 Quantity = Literal["displacement", "stress"]
+Orders = dict[Quantity, tuple[float, float]]
 MATERIAL = "elastic"
 
 
@@ -164,7 +165,7 @@ class ValidationProblem(ABC):
 
     title: ClassVar[str]
     source: ClassVar[str]
-    orders: ClassVar[dict[Quantity, tuple[float, float]]]
+    orders: ClassVar[Orders]
     resolutions: ClassVar[tuple[int, ...]]
     given_sides: ClassVar[tuple[str, ...]] = ()
     loaded_sides: ClassVar[tuple[str, ...]] = ()

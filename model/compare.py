@@ -18,8 +18,7 @@ from kaju.arrays import Floats
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.archive import open_archive
 from kaju.model.reference import Reference
-from kaju.model.result import BodyResult, body_cells, line_of
-from kaju.model.stored import load_result
+from kaju.model.result import BodyResult, body_cells, line_of, load_result
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene

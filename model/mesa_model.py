@@ -9,7 +9,7 @@ classes of one's own are given again.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from copy import deepcopy
 from pathlib import Path
@@ -23,6 +23,61 @@ from .archive import Archive, open_archive, reading, write_archive
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from kaju.model.elastic.settling.elastic_model import ElasticModel
+    from kaju.model.propagation.load_model import LoadModel
+    from kaju.model.scene import Scene
+
+
+A = TypeVar("A")
+
+Order = Callable[[list[A]], Iterable[A]]
+"""Of the agents for which loads wait, those that act in this step, one after another."""
+
+
+def chosen(order: Order[A], waiting: list[A]) -> list[A]:
+    """Return whom an order of one's own lets act, each once.
+
+    Raises
+    ------
+    ParameterError
+        If it chooses nobody, or others than it was given.
+    """
+    acting = list(dict.fromkeys(order(list(waiting))))
+    if not acting or not set(acting) <= set(waiting):
+        raise ParameterError(
+            f"order: must choose at least one of the {len(waiting)} agents that it is given, "
+            f"and no others; it chose {len(acting)}"
+        )
+    return acting
+
+
+def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
+    """Tell whether agents are to be objects.
+
+    Parameters
+    ----------
+    engine : {"auto", "agents", "arrays"}
+        What was asked for.
+    agent, usual : type
+        Class of the agents, and the one that arrays know.
+    small : bool
+        Whether "auto" can afford objects.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such engine, or arrays are to run agents of one's own.
+    """
+    own_class = agent is not usual
+    if engine not in ("auto", "agents", "arrays"):
+        raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
+    if engine == "arrays" and own_class:
+        raise ParameterError(
+            f"engine: 'arrays' knows no {getattr(agent, '__name__', agent)}; "
+            "agents of your own are objects, so take 'auto' or 'agents'"
+        )
+    return engine == "agents" or (engine == "auto" and (small or own_class))
 
 
 _SUBJECT = "subject."
@@ -295,3 +350,22 @@ class _Figure:
 
     def __call__(self, model: SteppedModel) -> float:
         return model.figures()[self.name]
+
+
+def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
+    """Return the Mesa model of a scene: `LoadModel` or `ElasticModel`, by the scene's rule.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its ``rule.kind`` decides.
+    **options
+        Handed to the model, such as ``engine="arrays"``.
+    """
+    if scene.rule.kind == "elastic":
+        from kaju.model.elastic.settling.elastic_model import ElasticModel
+
+        return ElasticModel(scene, **options)
+    from kaju.model.propagation.load_model import LoadModel
+
+    return LoadModel(scene, **options)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats
-from kaju.errors import ResultError
+from kaju.errors import ResultError, ResultFileError
 
 from .archive import Archive, open_archive, reading, write_archive
 
@@ -178,9 +178,9 @@ class BodyResult(Result):
         """What it is called beside another answer."""
 
     @property
-    @abstractmethod
     def grid(self) -> Scene:
         """The scene on the cells that say where the body is."""
+        return self.scene
 
     if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
 
@@ -189,9 +189,9 @@ class BodyResult(Result):
             """The stage of loading at which it stands, from 1; None: the last."""
 
     @property
-    @abstractmethod
     def focus(self) -> NDArray[np.int64] | None:
         """The cells that pictures are about; None for all of the body."""
+        return None
 
     @abstractmethod
     def displacement_at(self, points: Floats) -> Floats:
@@ -331,3 +331,45 @@ def body_cells(scene: Scene, points: Floats) -> tuple[NDArray[np.int64], NDArray
         cells[place] = moved[inside]
         outside[place] = False
     return cells, ~outside
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a result that some result's `save` wrote.
+
+    Parameters
+    ----------
+    path : path
+        An ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces with
+        ``result.pvti``.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is missing, or is no result of kaju's.
+    """
+    file = Path(path)
+    if file.suffix == ".pvti" or (file / "result.pvti").exists():
+        from kaju.model.scale.pieces import PiecedResult
+
+        return PiecedResult.load(file)
+    if file.is_dir():
+        file = file / "result.npz"
+    kind = open_archive(file).about["kind"]
+    for known in _kinds():
+        if kind in known.kinds():
+            return known.load(file)
+    raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
+
+
+def _kinds() -> tuple[type[Result], ...]:
+    from kaju.model.creep.body import TransferCreepResult
+    from kaju.model.creep.elastic import ElasticCreepResult
+    from kaju.model.creep.network import NetworkCreepResult
+    from kaju.model.creep.state import CreepResult
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.network import NetworkResult
+    from kaju.model.propagation.transfer_result import TransferResult
+
+    static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)
+    return *static, CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult

@@ -12,13 +12,13 @@ from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 from .body import draw_body, draw_forces, finish
 from .section import Section, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, colour_bar, new_axes
-from .subject import threshold_of
 from .units import counted, quantity
 
 if TYPE_CHECKING:
@@ -47,6 +47,13 @@ SYMBOLS = {
     RIGID: Symbol("rigid boundary agent", _regular(3, 90.0, 0.5), "^"),
     ROLLER: Symbol("roller boundary agent", _regular(4, 0.0, 0.45), "D"),
 }
+
+
+def threshold_of(result: TransferResult) -> float:
+    """Return γ (N)."""
+    rule = result.scene.rule
+    assert isinstance(rule, PrescribedRule)
+    return rule.threshold
 
 
 def spawn_norm(generations: int) -> Normalize:

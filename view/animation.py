@@ -25,8 +25,8 @@ from .face_agents import waves
 from .files import new_folder
 from .motion import film_of_motion
 from .network_plots import increments
+from .plots import check_options
 from .reels import Reel, creeping, generations, growing, loading, spawning
-from .subject import check_options
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
@@ -31,7 +32,6 @@ from .section import section_of
 from .space import plot_body_in_space, plot_voxels
 from .stages import plot_both, plot_stages
 from .style import figure_of
-from .subject import check_options
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -280,3 +280,23 @@ def _section(result: Any) -> Axes | None:
 def _usual(result: Result) -> list[str]:
     known = [name for name in result.pictures if name != "scene"]
     return [name for name in USUAL if name in known] if result.kind == "load transfer" else known
+
+
+def check_options(name: str, draw: Callable[..., Any], options: Mapping[str, object]) -> None:
+    """Refuse options that a picture or a film does not have.
+
+    Raises
+    ------
+    ParameterError
+        If there is one, with those that there are.
+    """
+    (_, *rest) = inspect.signature(draw).parameters.values()
+    known = [each.name for each in rest if each.name not in ("ax", "what")]
+    if inspect.Parameter.VAR_KEYWORD in {each.kind for each in rest}:
+        return
+    for option in options:
+        if option not in known:
+            raise ParameterError(
+                f"{option}: {name!r} has no such option{suggestion(option, known)}; "
+                f"it has {', '.join(known) or 'none'}"
+            )

@@ -9,8 +9,8 @@ import numpy as np
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
+from .agents import threshold_of
 from .style import FAINT, FORCE, INK, LINE, caption, label_axis, new_axes, new_figure
-from .subject import threshold_of
 from .units import counted, quantity
 
 if TYPE_CHECKING:

@@ -27,9 +27,8 @@ from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, keeping, stopped
 
-from .body import CreepingAgents, TransferCreepResult
+from .body import CreepingAgents, Elements, TransferCreepResult
 from .elastic import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
-from .elements import Elements
 from .march import Drive, Log, Pace, march
 from .network import CreepingNetwork, NetworkCreepResult
 from .state import CreepResult, CreepState

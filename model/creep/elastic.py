@@ -60,8 +60,7 @@ from kaju.model.factors import factors_of
 from kaju.model.formats import ELASTIC_IN_TIME, sizes_of
 from kaju.model.result import BodyResult
 
-from .body import law_of
-from .elements import Elements
+from .body import Elements, law_of
 from .march import Fields, Push
 from .state import BodyCourse, times_of
 

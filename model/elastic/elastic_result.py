@@ -79,10 +79,6 @@ class ElasticResult(BodyResult):
         return ("generations", "loads", "loading") if self.spawned else ("loading",)
 
     @property
-    def focus(self) -> None:
-        """The cells that pictures are about: all of the body."""
-
-    @property
     def name(self) -> str:
         """What it is called beside another answer."""
         return "spawned agents" if self.spawned else "elasticity"

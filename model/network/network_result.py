@@ -98,6 +98,8 @@ class NetworkResult(Result):
     """
 
     kind: ClassVar[str] = "spring network"
+    pictures: ClassVar[tuple[str, ...]] = ("deformed", "response")
+    films: ClassVar[tuple[str, ...]] = ("increments",)
     network: SpringNetwork
     stage: Floats
     displacement: Floats
@@ -306,16 +308,6 @@ class NetworkResult(Result):
             method=archive.value("method", str),
             seconds=archive.value("seconds", float),
         )
-
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Names of the pictures of it, the usual one first."""
-        return ("deformed", "response")
-
-    @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the animations of it, the usual one first."""
-        return ("increments",)
 
 
 def network_archive(network: SpringNetwork) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

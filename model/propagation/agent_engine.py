@@ -23,7 +23,7 @@ from kaju.agents.materials import suggestion
 from kaju.agents.shares import Load, Sense
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.engine_choice import Order, chosen
+from kaju.model.mesa_model import Order, chosen
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 from kaju.model.scene.lattices import BUILT_IN
 

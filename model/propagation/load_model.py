@@ -12,8 +12,7 @@ from kaju.agents.awake_cells import AwakeBoundary, AwakeCell
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
 from kaju.errors import StabilityError
-from kaju.model.engine_choice import Order, takes_objects
-from kaju.model.mesa_model import SteppedModel, Until
+from kaju.model.mesa_model import Order, SteppedModel, Until, takes_objects
 from kaju.model.progress import progress_line
 
 from .agent_engine import AgentEngine, boundary_classes

@@ -87,6 +87,8 @@ class TransferResult(BodyResult):
     """
 
     kind: ClassVar[str] = "load transfer"
+    films: ClassVar[tuple[str, ...]] = ("generations", "stages")
+    name: ClassVar[str] = "prescribed rule"
     scene: Scene
     stages: tuple[Stage, ...]
     certificate: Certificate
@@ -98,27 +100,12 @@ class TransferResult(BodyResult):
         return PICTURES if len(self.stages) > 1 else tuple(p for p in PICTURES if p != "stages")
 
     @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the animations of it, the usual one first."""
-        return ("generations", "stages")
-
-    @property
     def focus(self) -> NDArray[np.int64]:
         """The cells that pictures are about: those of agents, or where forces are."""
         stage = self.last
         if len(stage.cells):
             return np.concatenate([stage.cells, stage.boundary_cells])
         return self.scene.applied().cells
-
-    @property
-    def name(self) -> str:
-        """What it is called beside another answer."""
-        return "prescribed rule"
-
-    @property
-    def grid(self) -> Scene:
-        """The scene, on whose cells the agents stand."""
-        return self.scene
 
     @property
     def stage(self) -> int:

@@ -146,6 +146,9 @@ class PiecedResult(BodyResult):
     """
 
     kind: ClassVar[str] = "elasticity in pieces"
+    name: ClassVar[str] = "elasticity"
+    pictures: ClassVar[tuple[str, ...]] = ("scene",)  # ParaView draws pieces
+    films: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,
@@ -165,28 +168,9 @@ class PiecedResult(BodyResult):
         self._comm = comm
 
     @property
-    def name(self) -> str:
-        """What it is called beside another answer."""
-        return "elasticity"
-
-    @property
     def grid(self) -> Scene:
         """The scene on the cells that were solved."""
         return self._grid
-
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Names of the pictures of it: ParaView draws pieces."""
-        return ("scene",)
-
-    @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the animations of it: none."""
-        return ()
-
-    @property
-    def focus(self) -> None:
-        """The cells that pictures are about: all of the body."""
 
     @classmethod
     def of_processes(

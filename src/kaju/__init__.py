@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult as TransferResult
     from kaju.model.reference import Reference as Reference
     from kaju.model.result import Result as Result
+    from kaju.model.result import load_result as load_result
     from kaju.model.scene import Lattice as Lattice
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
     from kaju.model.solving import solve as solve
-    from kaju.model.stored import load_result as load_result
     from kaju.model.sweep import sweep as sweep
     from kaju.view import animate as animate
     from kaju.view import plot as plot
@@ -80,10 +80,9 @@ _NAMES = {
     "model.propagation.stability": "stability",
     "model.propagation.transfer_result": "TransferResult",
     "model.reference": "Reference",
-    "model.result": "Result",
+    "model.result": "Result load_result",
     "model.scene": "Lattice Scene load_scene",
     "model.solving": "solve",
-    "model.stored": "load_result",
     "model.sweep": "sweep",
     "view": "animate plot",
     "view.page": "export_page watch",

@@ -38,7 +38,7 @@ def animate(
     force: Force = False,
 ) -> None:
     """Animate a stored run; nothing is computed again."""
-    from kaju.model.stored import load_result
+    from kaju.model.result import load_result
     from kaju.view import animate as film
 
     if stored.suffix == ".toml":
@@ -77,7 +77,7 @@ def page(
     elif settings:
         raise ParameterError("--set: changes a scene, and what a stored result shows is over")
     else:
-        from kaju.model.stored import load_result
+        from kaju.model.result import load_result
 
         shown = load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()

@@ -257,7 +257,7 @@ def into_folder(
 
 def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
     """Let agents act."""
-    from kaju.model.agent_model import agent_model
+    from kaju.model.mesa_model import agent_model
 
     result = agent_model(scene, allow_unstable=allow_unstable).run()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")

@@ -26,7 +26,7 @@ from kaju.model.elastic.spawning.agent_fields import AgentFields
 from kaju.model.elastic.spawning.functionals import functional_of
 from kaju.model.elastic.spawning.quantities import quantities_of
 from kaju.model.reference import Reference
-from kaju.model.stored import load_result
+from kaju.model.result import load_result
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 CASES = [

@@ -11,7 +11,7 @@ from spawning_bodies import BODIES
 from kaju import Scene, SpawningModel, solve
 from kaju.errors import ParameterError
 from kaju.model.reference import Reference
-from kaju.model.stored import load_result
+from kaju.model.result import load_result
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 

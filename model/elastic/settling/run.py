@@ -69,6 +69,8 @@ class ElasticRun(BodyResult):
     """
 
     kind: ClassVar[str] = "elastic agents"
+    films: ClassVar[tuple[str, ...]] = ("waves",)
+    name: ClassVar[str] = "elastic agents"
     scene: Scene
     result: ElasticResult
     outcome: str
@@ -86,20 +88,6 @@ class ElasticRun(BodyResult):
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
         return ("agents", "left", "curves", *self.result.pictures[1:])
-
-    @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the animations of it, the usual one first."""
-        return ("waves",)
-
-    @property
-    def name(self) -> str:
-        """What it is called beside another answer."""
-        return "elastic agents"
-
-    @property
-    def focus(self) -> None:
-        """The cells that pictures are about: all of the body."""
 
     @property
     def grid(self) -> Scene:

@@ -120,7 +120,7 @@ class BalancedStress:
 
     def __init__(self, boxes: Boxes) -> None:
         self.boxes = boxes
-        self.plain = _polynomials(boxes)
+        self.plain = polynomials(boxes.sigma, boxes.shear, boxes.body * boxes.size)
         normal = np.stack(
             [
                 self.plain.high(side // 2) if side % 2 else self.plain.low[side // 2]
@@ -208,16 +208,16 @@ class BalancedStress:
         return found_data(self.boxes, self.ragged, self.ragged.at(box))
 
 
-def _polynomials(boxes: Boxes) -> Polynomials:
+def polynomials(sigma: Floats, shear: dict[Pair, Floats], body: Floats) -> Polynomials:
+    """Return the balanced stresses by those in the middles and at the edges of boxes."""
     rise = {}
-    for (a, b), t in boxes.shear.items():
+    for (a, b), t in shear.items():
         rise[a, b] = t[:, 1] - t[:, 0]
         rise[b, a] = t[1] - t[0]
-    body = boxes.body * boxes.size
-    low = boxes.sigma + 0.5 * body
+    low = sigma + 0.5 * body
     for (axis, _), difference in rise.items():
         low[axis] += 0.5 * difference[0]
-    return Polynomials(low, rise, boxes.shear, body)
+    return Polynomials(low, rise, shear, body)
 
 
 def _pressed(boxes: Boxes) -> Floats:

@@ -43,6 +43,8 @@ CROSSED = 1e-6
 """Share by which rounding may cross the bounds of an exact answer."""
 MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
+EXACT = 1e-6
+"""Relative error below which no corner has to sink."""
 FEW = 20_000
 """So many boxes may be spent in any case."""
 
@@ -125,6 +127,8 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     """
     bed, wall_work = _at_supports(stress)
     complementary = float(stress.energies.sum()) + bed
+    if stress.boxes.others:
+        complementary += stress.boxes.others.complementary
     rest = stress.boxes.unsettled * sqrt(2.0 * complementary)
     moved = any(held.value.any() for held in stress.boxes.held)
     fields: list[CompatibleField | VolumeField] = [plain]
@@ -157,6 +161,9 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
 
 def _parts(stress: BalancedStress, field: CompatibleField | VolumeField) -> tuple[Floats, Floats]:
     """Return every box's part of the squared distance, and the mean stress."""
+    if stress.boxes.others:
+        boxes = stress.boxes.others.tell(field.displacement, field.scale)
+        stress, field = BalancedStress(boxes), CompatibleField(boxes)
     means, strain = stress.means(), field.mean_strains()
     volume = stress.boxes.size**stress.boxes.dimension
     shares = _shares(stress.energies + field.energies(), means, strain, volume)

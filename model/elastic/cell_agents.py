@@ -159,8 +159,8 @@ class CellAgents:
     @cached_property
     def bracket(self) -> Bracket | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
-        from .boxes import boxes_of_cells
-        from .bracket import SETTLED, SETTLED_TREE, bracket_of
+        from .bracket import EXACT, SETTLED, SETTLED_TREE, bracket_of
+        from .cell_boxes import boxes_of_cells
 
         problem, solution = self.problem, self.solution
         dragged = any(np.any(shear) for shear in problem.surface_shear.values())
@@ -168,8 +168,9 @@ class CellAgents:
         solution = settled(problem, solution, share)
         if dragged:
             return self._by_tree(replace(self, solution=solution).tree)
-        u = solution.displacement
-        return bracket_of(boxes_of_cells(problem, u, solution.algebraic, self.grid, self.stage))
+        state = problem, solution.displacement, solution.algebraic, self.grid, self.stage
+        found = bracket_of(boxes_of_cells(*state, self.energy * max(self.error, EXACT) ** 2))
+        return bracket_of(boxes_of_cells(*state)) if isinstance(found, str) else found
 
     def _by_tree(self, tree: TreeAgents) -> Bracket | str:
         """Return the bracket of the same agents as a tree: in the order and units of these."""

@@ -71,6 +71,8 @@ class CompatibleField:
         Loads less the forces that hold the corners at it; known once it has settled.
     given : array, shape (nodes, dimension)
         What supports give; NaN where nothing does.
+    scale : float
+        What the field has been multiplied by.
     jumps : bool
         Whether supports give a corner two displacements at once: no field without gaps has that.
     """
@@ -78,7 +80,7 @@ class CompatibleField:
     def __init__(self, boxes: Boxes) -> None:
         self.boxes, self.mesh = boxes, boxes.mesh
         self._ends = corner_ends(boxes.dimension)
-        self._modes = _Modes(boxes.dimension)
+        self._modes = Modes(boxes.dimension)
         owner, power = self.mesh.owner, boxes.dimension - 2
         self._moduli = [modulus[owner] * self.mesh.edge**power for modulus in boxes.law]
         self._load = self.forces()
@@ -86,6 +88,7 @@ class CompatibleField:
         self.displacement = self.mesh.start
         self.hold()
         self.left = np.zeros_like(self.displacement)
+        self.scale = 1.0
 
     def hold(self) -> None:
         """Make the field fit: at the supports, and along straight sides."""
@@ -150,6 +153,8 @@ class CompatibleField:
                         old, new = given[node, component], held.value[:, component]
                         jumps |= bool(np.any(~np.isnan(old) & (old != new)))
                         given[node, component] = new
+        still = self.mesh.still
+        given[still] = np.where(np.isnan(given[still]), self.mesh.start[still], given[still])
         return given, jumps
 
     def force(self, v: Floats) -> Floats:
@@ -194,6 +199,7 @@ class CompatibleField:
     def stretch(self, share: float) -> None:
         """Multiply the field by a number."""
         self.displacement *= share
+        self.scale *= share
         self.left = (1.0 - share) * self._load + share * self.left
 
     def _diagonal(self) -> Floats:
@@ -235,11 +241,13 @@ class CompatibleField:
         if boxes.rest is None:
             return 0.0
         area = boxes.size ** (boxes.dimension - 1)
-        return -float(kernels.work_on_sides(self.mesh.corner, boxes.rest, area, self.displacement))
+        own = -float(kernels.work_on_sides(self.mesh.corner, boxes.rest, area, self.displacement))
+        return own + self.scale * boxes.others.rest if boxes.others else own
 
     def whole_energy(self) -> float:
         """Return the energy in body and bed, once settled."""
-        return 0.5 * float(np.vdot(self.displacement, self._load - self.left))
+        own = 0.5 * float(np.vdot(self.displacement, self._load - self.left))
+        return own + self.scale**2 * self.boxes.others.whole if self.boxes.others else own
 
     def mean_strains(self) -> Floats:
         """Return the mean strain tensors of the boxes, shape (boxes, d, d)."""
@@ -254,7 +262,7 @@ class CompatibleField:
         return np.asarray(0.5 * (mean + mean.transpose(0, 2, 1)))
 
 
-class _Modes:
+class Modes:
     """Functions that are linear along every axis of a box of unit edge, mode by mode.
 
     Mode w is the product of X_i − ½ over the axes i whose bit is set in w. All modes are at

@@ -1,6 +1,6 @@
 """Compiled loops over boxes in which a displacement is linear along every axis.
 
-`compatible._Modes` says the same in plain NumPy: mode by mode, which makes the stiffness short.
+`compatible.Modes` says the same in plain NumPy: mode by mode, which makes the stiffness short.
 """
 
 from __future__ import annotations

@@ -8,9 +8,10 @@ import pytest
 from kaju import Scene, solve
 from kaju.model.elastic import bracket
 from kaju.model.elastic.balanced import BalancedStress
-from kaju.model.elastic.boxes import boxes_of_cells, corner_ends
+from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.bracket import bracket_of
-from kaju.model.elastic.compatible import CompatibleField, _Modes
+from kaju.model.elastic.cell_boxes import boxes_of_cells
+from kaju.model.elastic.compatible import CompatibleField, Modes
 from kaju.model.elastic.kernels_bilinear import pull
 from kaju.model.elastic.ragged import ragged_tractions
 from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
@@ -184,7 +185,7 @@ def test_compiled_forces_are_those_of_the_modes(dimension):
     element = rng.permuted(np.tile(np.arange(nodes), (count, 1)), axis=1)[:, :corners].T.copy()
     law = [rng.uniform(1, 2, count) for _ in range(3)]
     v = rng.normal(size=(nodes, dimension))
-    found, modes = np.zeros_like(v), _Modes(dimension)
+    found, modes = np.zeros_like(v), Modes(dimension)
     pull(element, *law, v, found)
     plain = np.zeros_like(v)
     np.add.at(plain, element, modes.back(modes.stress(modes.of(v[element]), law)))

@@ -15,6 +15,7 @@ from kaju.model.elastic.boxes import (
     Loads,
     Mesh,
     corner_ends,
+    filled_by,
     parted,
     whole_mesh,
 )
@@ -179,7 +180,7 @@ def _mesh(grid: Composite, fields: AgentFields, law: Law) -> Mesh:
         octants.append(int((1 << np.flatnonzero(round_it)).sum()))
     at_corners, at_thirds = np.split(number, [corners.size])
     nodes = [*at_corners.reshape(corners.shape), *at_thirds.reshape(inner.shape)]
-    nodes, double = parted(nodes, octants, len(first))
+    nodes, double = parted(nodes, octants, filled_by(nodes, octants, len(first)))
     corner, count = np.stack(nodes[: len(ends)]), len(first) + len(double)
     start = _at_corners(grid, fields, law, corner, count)
     if not len(cut):

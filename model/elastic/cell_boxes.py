@@ -1,0 +1,379 @@
+"""Equal cells as the boxes of which brackets are made.
+
+Only where something happens are cells told one by one: at supports, loads and re-entrant edges, and
+where corners that take the mean of the faces round them are far from balance. All others are added
+up in one compiled pass, and their corners stay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache, partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.model.scene import Scene
+from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+
+from . import kernels_cells as kernels
+from .balanced import polynomials
+from .boxes import (
+    Bed,
+    Boxes,
+    Flags,
+    Hanging,
+    Held,
+    Index,
+    Law,
+    Loads,
+    Mesh,
+    Others,
+    bodies_at_point,
+    corner_ends,
+    parted,
+    whole_mesh,
+)
+from .compatible import Modes
+from .moduli import REENTRANT_WEIGHT
+from .problem import ElasticProblem, FaceFields, Floats
+from .staggered import Pair, axis_pairs
+from .volume_field import LOCKING
+
+PAD = 1
+"""Cells around the rim; one more after it."""
+KINDS = 5
+"""Kinds of cells that are no material: they count from the end of a table."""
+FEW = 2_000
+"""So few cells are told one by one."""
+ROUND_EDGES, ROUND_CORNERS = 3, 2
+"""Cells round re-entrant edges, and round corners that are to sink, that are told as well."""
+UNBALANCED = 0.02
+"""Share of the gap that corners may keep which could sink."""
+
+
+def boxes_of_cells(
+    problem: ElasticProblem,
+    u: FaceFields,
+    unsettled: float,
+    grid: Scene,
+    stage: int | None,
+    gap: float = 0.0,
+) -> Boxes:
+    """Return equal cells with the stresses of a solution.
+
+    Parameters
+    ----------
+    problem : ElasticProblem
+        Without loads along surfaces.
+    u : tuple of arrays
+        Face displacements that solve its equations, but for a relative error in the energy norm.
+    unsettled : float
+        That error.
+    grid : Scene
+        The scene on the problem's cells.
+    stage : int or None
+        Stage of loading.
+    gap : float
+        Between the two energies, about; 0: all cells are told one by one.
+    """
+    cells = Cells(problem, u, unsettled, grid, stage)
+    return cells.told(gap) if gap > 0.0 else cells.boxes(cells.body)
+
+
+class Cells:
+    """Equal cells, on vectors over all places: see `kernels_cells`."""
+
+    def __init__(
+        self,
+        problem: ElasticProblem,
+        u: FaceFields,
+        unsettled: float,
+        grid: Scene,
+        stage: int | None,
+    ) -> None:
+        self.problem, self.u, self.unsettled = problem, u, unsettled
+        d = self.dimension = problem.dimension
+        self.shape = tuple(n + 2 * PAD + 1 for n in problem.kinds.shape)
+        self.steps = np.array([int(np.prod(self.shape[a + 1 :])) for a in range(d)])
+        self.kinds = self._padded(problem.kinds, AIR).ravel()
+        self.body = np.flatnonzero(self.kinds >= 0)
+        self.law = np.pad(np.stack(problem.moduli), [(0, 0), (0, KINDS)])
+        self.faces = np.stack([self._padded(values, 0.0).ravel() for values in u])
+        self.ahead = corner_ends(d) @ self.steps
+        self._loads, self._within = self._applied(grid, stage)
+        self.shear = np.zeros((len(axis_pairs(d)), len(self.kinds)))
+        for tau, (a, b) in zip(self.shear, axis_pairs(d), strict=True):
+            kernels.shear_stress(
+                self.kinds, problem.moduli.shear, REENTRANT_WEIGHT,
+                self.faces[a], self.faces[b], self.steps[a], self.steps[b], tau,
+            )  # fmt: skip
+        self.start = np.zeros((len(self.kinds), d))
+        kernels.corner_means(self.kinds, self.law[0], self.faces, self.steps, self.start)
+
+    def _padded(self, values: NDArray[Any], empty: float) -> NDArray[Any]:
+        whole = np.full(self.shape, empty, dtype=values.dtype)
+        whole[tuple(slice(PAD, PAD + n) for n in values.shape)] = values
+        return whole
+
+    def _applied(self, grid: Scene, stage: int | None) -> tuple[Loads, Loads]:
+        """Return the forces by sides of cells, and those within cells."""
+        applied = grid.applied(stage)
+        lower = np.asarray(grid.bounds()[0], dtype=np.int64)
+        place = (applied.cells - lower + 1 + PAD) @ self.steps
+        force = applied.force / self.problem.scales.force
+        within = applied.direction < 0
+        columns = place, applied.direction, force
+        return Loads(*(x[~within] for x in columns)), Loads(*(x[within] for x in columns))
+
+    def told(self, gap: float) -> Boxes:
+        """Return the cells where something happens, and the sums of all others."""
+        moduli, kinds = self.problem.moduli, self.kinds
+        used = np.bincount(kinds[self.body], minlength=len(moduli.shear)) > 0
+        locks = self.dimension == 2 and np.any((moduli.lateral > LOCKING * moduli.stretch) & used)
+        if len(self.body) <= FEW or locks:
+            return self.boxes(self.body)
+        near = self._where_something_happens()
+        plain = np.flatnonzero((kinds >= 0) & ~near)
+        left, column = np.zeros_like(self.start), np.zeros(len(kinds))
+        sums = self._sums(plain, left, column)
+        sinks = np.einsum("na,na->n", left, left) > 2.0 * UNBALANCED * gap / len(plain) * column
+        sinks &= ~self._corners_of(near)
+        more = self._grown(self._cells_at(sinks), ROUND_CORNERS) & (kinds >= 0) & ~near
+        sums -= self._sums(np.flatnonzero(more), left[:0], column[:0])
+        return self.boxes(np.flatnonzero(near | more), sums)
+
+    def _sums(self, cells: Index, left: Floats, column: Floats) -> Floats:
+        statics, stiffness = _forms(self.dimension, *(tuple(m.tolist()) for m in self.law))
+        own = np.ascontiguousarray(stiffness[:, 0, 0])
+        return np.array(
+            kernels.sums(
+                cells, self.kinds, self.law, self.faces, self.shear, self.start, self.steps,
+                statics, stiffness, own, left, column,
+            )
+        )  # fmt: skip
+
+    def _where_something_happens(self) -> Flags:
+        """Tell which cells are at a support, a load, a re-entrant edge or touch a body's corner."""
+        body = self.kinds >= 0
+        wall = self._corners_of(self.kinds < AIR)
+        filled = np.zeros(len(body), dtype=np.uint8)
+        for k, step in enumerate(self.ahead):
+            filled[step:] |= body[: len(body) - step].view(np.uint8) << k
+        reentrant, parts = _odd_corners(self.dimension)
+        loaded = np.zeros_like(body)
+        loaded[self._loads.box] = loaded[self._within.box] = True
+        found = self._cells_at(wall | parts[filled]) | self._grown(loaded, 1)
+        return body & (found | self._grown(self._cells_at(reentrant[filled]), ROUND_EDGES))
+
+    def _corners_of(self, cells: Flags) -> Flags:
+        found = cells.copy()
+        for step in self.ahead[1:]:
+            found[step:] |= cells[:-step]
+        return found
+
+    def _cells_at(self, corners: Flags) -> Flags:
+        found = corners.copy()
+        for step in self.ahead[1:]:
+            found[:-step] |= corners[step:]
+        return found
+
+    def _grown(self, cells: Flags, rings: int) -> Flags:
+        found = cells.copy()
+        for step in self.steps:
+            for _ in range(rings):
+                before = found.copy()
+                found[step:] |= before[:-step]
+                found[:-step] |= before[step:]
+        return found
+
+    def boxes(self, told: Index, sums: Floats | None = None) -> Boxes:
+        """Return cells, in order, as boxes."""
+        d, n, kinds, problem = self.dimension, len(told), self.kinds, self.problem
+        cells = np.stack(np.unravel_index(told, self.shape), axis=1) - PAD
+        number = np.full(len(kinds), -1)
+        number[told] = np.arange(n)
+        sides = told + np.stack([s * step for step in self.steps for s in (-1, 1)])[:, None]
+        beyond = kinds[sides].astype(np.int64)
+        body = np.zeros((d, n))
+        np.add.at(body.T, number[self._within.box], self._within.force)
+        nothing = np.zeros(0, dtype=np.int64)
+        mesh, known = self._mesh(told, cells, number)
+        others = None
+        if sums is not None:
+            others = Others(*sums.tolist(), partial(self._tell, known))
+        return Boxes(
+            np.ones(n),
+            Law(*self.law[:, kinds[told]]),
+            self._normal(told),
+            {
+                pair: np.stack([tau[at] for at in self._edges(told, pair)]).reshape(2, 2, n)
+                for pair, tau in zip(axis_pairs(d), self.shear, strict=True)
+            },
+            body,
+            number[sides],
+            beyond,
+            self._uneven(told),
+            Hanging(nothing, nothing, nothing.reshape(0, 1 << (d - 1))),
+            self._loads._replace(box=number[self._loads.box]),
+            list(_held_cells(problem, cells, beyond)),
+            list(_beds_of_cells(problem, cells, beyond)),
+            mesh,
+            np.stack([self.faces[s // 2, told + s % 2 * self.steps[s // 2]] for s in range(2 * d)]),
+            self._rest(told, cells, beyond),
+            self.unsettled,
+            others,
+        )
+
+    def _tell(self, known: Index, moved: Floats, scale: float) -> Boxes:
+        """Return all cells; see `Others`."""
+        boxes = self.boxes(self.body)
+        every = self._corners(self.body)[1]
+        start = scale * boxes.mesh.start
+        start[np.searchsorted(every, known)] = moved[: len(known)]
+        start[len(every) :] = moved[len(known) :]
+        return replace(boxes, mesh=boxes.mesh._replace(start=start))
+
+    def _normal(self, place: Index) -> Floats:
+        """Return the normal stresses of cells, shape (dimension, n)."""
+        strain = [
+            u[place + step] - u[place] for u, step in zip(self.faces, self.steps, strict=True)
+        ]
+        stretch, lateral, _ = self.law[:, self.kinds[place]]
+        volume = np.add.reduce(strain)
+        return np.stack([lateral * volume + (stretch - lateral) * e for e in strain])
+
+    def _edges(self, place: Index, pair: Pair) -> list[Index]:
+        a, b = self.steps[list(pair)]
+        return [place, place + b, place + a, place + a + b]
+
+    def _uneven(self, place: Index) -> Flags:
+        """Tell which cells lie round an edge where one of four is air, the others are body."""
+        found = np.zeros(len(place), dtype=np.bool_)
+        for pair in axis_pairs(self.dimension):
+            a, b = self.steps[list(pair)]
+            for edge in self._edges(place, pair):
+                around = self.kinds[np.stack([edge, edge - a, edge - b, edge - a - b])]
+                found |= ((around >= 0).sum(axis=0) == 3) & (around == AIR).any(axis=0)
+        return found
+
+    def _corners(self, told: Index) -> tuple[Index, Index]:
+        """Return the numbers of the nodes at cells' corners, and their places."""
+        corner = told + self.ahead[:, None]
+        there = np.zeros(len(self.kinds), dtype=np.bool_)
+        there[corner] = True
+        known = np.flatnonzero(there)
+        number = np.empty(len(self.kinds), dtype=np.int64)
+        number[known] = np.arange(len(known))
+        return number[corner], known
+
+    def _mesh(self, told: Index, cells: Index, number: Index) -> tuple[Mesh, Index]:
+        """Return the nodes of cells, and the places of all but those that are there twice."""
+        corner, known = self._corners(told)
+        body = self.kinds[known - self.ahead[:, None]] >= 0
+        filled = (body << np.arange(len(body))[:, None]).sum(axis=0)
+        still = np.flatnonzero((body & (number[known - self.ahead[:, None]] < 0)).any(axis=0))
+        nodes, double = parted(list(corner), [1 << k for k in range(len(corner))], filled)
+        corner, start = np.stack(nodes), self.start[known]
+        if len(double):
+            twice = np.zeros(len(known) + len(double), dtype=np.bool_)
+            twice[double] = twice[len(known) :] = True
+            start = np.concatenate([start, start[double]])
+            for node, end in zip(corner, corner_ends(self.dimension), strict=True):
+                # There each side has the displacement of its own faces.
+                here = np.flatnonzero(twice[node])
+                for axis, step in enumerate(self.steps):
+                    start[node[here], axis] = self.faces[axis, told[here] + end[axis] * step]
+        return whole_mesh(corner, np.ones(len(told)), start)._replace(still=still), known
+
+    def _rest(self, told: Index, cells: Index, beyond: Index) -> Floats:
+        """Return what the cells' faces are left with, told by the cell below if there is one."""
+        rest = np.zeros(beyond.shape)
+        own = self._normal(told)
+        for side, kind in enumerate(beyond):
+            axis, upper = divmod(side, 2)
+            active = np.flatnonzero(~np.isin(kind, (RIGID, ROLLER)) & (upper | (kind < 0)))
+            face, place = told[active] + upper * self.steps[axis], cells[active]
+            place[:, axis] += upper
+            force = (2 * upper - 1) * own[axis, active]
+            if upper:
+                force -= self._normal(face)[axis]
+            for tau, pair in zip(self.shear, axis_pairs(self.dimension), strict=True):
+                if axis in pair:
+                    force += tau[face] - tau[face + self.steps[sum(pair) - axis]]
+            at = tuple(place.T)
+            force += self.problem.spring[axis][at] * self.u[axis][at]
+            rest[side, active] = (2 * upper - 1) * (force - self.problem.force[axis][at])
+        return rest
+
+
+@lru_cache(maxsize=2)
+def _odd_corners(dimension: int) -> tuple[Flags, Flags]:
+    """Tell at which octants (bits) a point lies on a re-entrant edge, or parts bodies."""
+    ends = corner_ends(dimension)
+    bodies = bodies_at_point(dimension)
+    there = (np.arange(len(bodies))[:, None] >> np.arange(len(ends)) & 1).astype(np.bool_)
+    edge = np.zeros(len(bodies), dtype=np.bool_)
+    for pair in axis_pairs(dimension):
+        others = [a for a in range(dimension) if a not in pair]
+        for end in product((0, 1), repeat=len(others)):
+            edge |= there[:, (ends[:, others] == end).all(axis=1)].sum(axis=1) == 3
+    return edge, np.asarray(bodies.any(axis=1))
+
+
+@lru_cache(maxsize=8)
+def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
+    """Return the energies of cells of all materials as matrices: see `kernels_cells.sums`."""
+    pairs = axis_pairs(dimension)
+    size = dimension + 4 * len(pairs)
+    first, second = np.repeat(np.eye(size), size, axis=0).T, np.tile(np.eye(size), (size, 1)).T
+    corners = 1 << dimension
+    single = np.eye(corners * dimension).reshape(-1, corners, dimension).transpose(1, 0, 2)
+    modes = Modes(dimension)
+
+    def energy(data: Floats, one: Law) -> Floats:
+        shear = data[dimension:].reshape(len(pairs), 2, 2, -1)
+        within = np.zeros((dimension, data.shape[1]))
+        field = polynomials(data[:dimension], dict(zip(pairs, shear, strict=True)), within)
+        return field.energy(one)
+
+    statics, stiffness = [], []
+    for one in zip(*law, strict=True):
+        own = Law(*(np.array([modulus]) for modulus in one))
+        if one[0] > 0.0:
+            both = energy(first + second, own) - energy(first, own) - energy(second, own)
+            statics.append(both.reshape(size, size))
+            force = modes.back(modes.stress(modes.of(single), list(own)))
+            stiffness.append(force.transpose(0, 2, 1).reshape(corners * dimension, -1))
+    return np.stack(statics), np.stack(stiffness)
+
+
+def _held_cells(problem: ElasticProblem, cells: Index, beyond: Index) -> list[Held]:
+    found = []
+    for side, kinds in enumerate(beyond):
+        axis, upper = divmod(side, 2)
+        for kind in (ROLLER, RIGID):
+            at = np.flatnonzero(kinds == kind)
+            value = np.zeros((len(at), problem.dimension))
+            for component, fixed in enumerate(problem.fixed):
+                place = cells[at].copy()
+                place[:, axis] += upper if component == axis else 2 * upper - 1
+                value[:, component] = fixed[tuple(place.T)]
+            if len(at):
+                found.append(Held(side, at, kind, value))
+    return found
+
+
+def _beds_of_cells(problem: ElasticProblem, cells: Index, beyond: Index) -> list[Bed]:
+    found = []
+    for side, kinds in enumerate(beyond):
+        axis, upper = divmod(side, 2)
+        place = cells.copy()
+        place[:, axis] += upper
+        stiffness = problem.spring[axis][tuple(place.T)]
+        on = np.flatnonzero((stiffness > 0) & (kinds < 0))
+        if len(on):
+            found.append(Bed(side, on, stiffness[on]))
+    return found

@@ -161,8 +161,9 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
 
 def _parts(stress: BalancedStress, field: CompatibleField | VolumeField) -> tuple[Floats, Floats]:
     """Return every box's part of the squared distance, and the mean stress."""
-    if stress.boxes.others:
-        boxes = stress.boxes.others.tell(field.displacement, field.scale)
+    others = stress.boxes.others
+    if others and isinstance(field, CompatibleField):
+        boxes = others.tell(field.displacement, field.scale)
         stress, field = BalancedStress(boxes), CompatibleField(boxes)
     means, strain = stress.means(), field.mean_strains()
     volume = stress.boxes.size**stress.boxes.dimension

@@ -98,10 +98,14 @@ class Cells:
         d = self.dimension = problem.dimension
         self.shape = tuple(n + 2 * PAD + 1 for n in problem.kinds.shape)
         self.steps = np.array([int(np.prod(self.shape[a + 1 :])) for a in range(d)])
-        self.kinds = self._padded(problem.kinds, AIR).ravel()
+        kinds = np.full(self.shape, AIR, dtype=np.int32)
+        self._inside(kinds, problem.kinds)[...] = problem.kinds
+        self.kinds = kinds.ravel()
         self.body = np.flatnonzero(self.kinds >= 0)
         self.law = np.pad(np.stack(problem.moduli), [(0, 0), (0, KINDS)])
-        self.faces = np.stack([self._padded(values, 0.0).ravel() for values in u])
+        self.faces = np.zeros((d, len(self.kinds)))
+        for whole, values in zip(self.faces, u, strict=True):
+            self._inside(whole.reshape(self.shape), values)[...] = values
         self.ahead = corner_ends(d) @ self.steps
         self._loads, self._within = self._applied(grid, stage)
         self.shear = np.zeros((len(axis_pairs(d)), len(self.kinds)))
@@ -110,13 +114,13 @@ class Cells:
                 self.kinds, problem.moduli.shear, REENTRANT_WEIGHT,
                 self.faces[a], self.faces[b], self.steps[a], self.steps[b], tau,
             )  # fmt: skip
-        self.start = np.zeros((len(self.kinds), d))
+        self.sigma, self.start = np.zeros_like(self.faces), np.zeros_like(self.faces)
+        stretch, lateral, _ = self.law
+        kernels.normal_stress(self.kinds, stretch, lateral, self.faces, self.steps, self.sigma)
         kernels.corner_means(self.kinds, self.law[0], self.faces, self.steps, self.start)
 
-    def _padded(self, values: NDArray[Any], empty: float) -> NDArray[Any]:
-        whole = np.full(self.shape, empty, dtype=values.dtype)
-        whole[tuple(slice(PAD, PAD + n) for n in values.shape)] = values
-        return whole
+    def _inside(self, whole: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
+        return whole[tuple(slice(PAD, PAD + n) for n in values.shape)]
 
     def _applied(self, grid: Scene, stage: int | None) -> tuple[Loads, Loads]:
         """Return the forces by sides of cells, and those within cells."""
@@ -125,8 +129,10 @@ class Cells:
         place = (applied.cells - lower + 1 + PAD) @ self.steps
         force = applied.force / self.problem.scales.force
         within = applied.direction < 0
-        columns = place, applied.direction, force
-        return Loads(*(x[~within] for x in columns)), Loads(*(x[within] for x in columns))
+        by_side, inside = (
+            Loads(place[some], applied.direction[some], force[some]) for some in (~within, within)
+        )
+        return by_side, inside
 
     def told(self, gap: float) -> Boxes:
         """Return the cells where something happens, and the sums of all others."""
@@ -135,25 +141,21 @@ class Cells:
         locks = self.dimension == 2 and np.any((moduli.lateral > LOCKING * moduli.stretch) & used)
         if len(self.body) <= FEW or locks:
             return self.boxes(self.body)
-        near = self._where_something_happens()
-        plain = np.flatnonzero((kinds >= 0) & ~near)
+        body, near = kinds >= 0, self._where_something_happens()
+        plain = body & ~near
         left, column = np.zeros_like(self.start), np.zeros(len(kinds))
         sums = self._sums(plain, left, column)
-        sinks = np.einsum("na,na->n", left, left) > 2.0 * UNBALANCED * gap / len(plain) * column
+        square = np.einsum("an,an->n", left, left)
+        sinks = square > (2.0 * UNBALANCED * gap / len(self.body)) * column
         sinks &= ~self._corners_of(near)
-        more = self._grown(self._cells_at(sinks), ROUND_CORNERS) & (kinds >= 0) & ~near
-        sums -= self._sums(np.flatnonzero(more), left[:0], column[:0])
+        more = self._grown(self._cells_at(sinks), ROUND_CORNERS) & plain
+        sums -= self._sums(more, left, column[:0])
         return self.boxes(np.flatnonzero(near | more), sums)
 
-    def _sums(self, cells: Index, left: Floats, column: Floats) -> Floats:
-        statics, stiffness = _forms(self.dimension, *(tuple(m.tolist()) for m in self.law))
-        own = np.ascontiguousarray(stiffness[:, 0, 0])
-        return np.array(
-            kernels.sums(
-                cells, self.kinds, self.law, self.faces, self.shear, self.start, self.steps,
-                statics, stiffness, own, left, column,
-            )
-        )  # fmt: skip
+    def _sums(self, chosen: Flags, left: Floats, column: Floats) -> Floats:
+        forms = _forms(self.dimension, *(tuple(modulus.tolist()) for modulus in self.law))
+        state = chosen, self.kinds, self.sigma, self.shear, self.start, self.steps
+        return np.array(kernels.sums(*state, *forms, left, column))
 
     def _where_something_happens(self) -> Flags:
         """Tell which cells are at a support, a load, a re-entrant edge or touch a body's corner."""
@@ -203,11 +205,12 @@ class Cells:
         mesh, known = self._mesh(told, cells, number)
         others = None
         if sums is not None:
-            others = Others(*sums.tolist(), partial(self._tell, known))
+            complementary, whole, rest = sums.tolist()
+            others = Others(complementary, whole, rest, partial(self._tell, known))
         return Boxes(
             np.ones(n),
             Law(*self.law[:, kinds[told]]),
-            self._normal(told),
+            self.sigma[:, told],
             {
                 pair: np.stack([tau[at] for at in self._edges(told, pair)]).reshape(2, 2, n)
                 for pair, tau in zip(axis_pairs(d), self.shear, strict=True)
@@ -235,15 +238,6 @@ class Cells:
         start[np.searchsorted(every, known)] = moved[: len(known)]
         start[len(every) :] = moved[len(known) :]
         return replace(boxes, mesh=boxes.mesh._replace(start=start))
-
-    def _normal(self, place: Index) -> Floats:
-        """Return the normal stresses of cells, shape (dimension, n)."""
-        strain = [
-            u[place + step] - u[place] for u, step in zip(self.faces, self.steps, strict=True)
-        ]
-        stretch, lateral, _ = self.law[:, self.kinds[place]]
-        volume = np.add.reduce(strain)
-        return np.stack([lateral * volume + (stretch - lateral) * e for e in strain])
 
     def _edges(self, place: Index, pair: Pair) -> list[Index]:
         a, b = self.steps[list(pair)]
@@ -276,7 +270,7 @@ class Cells:
         filled = (body << np.arange(len(body))[:, None]).sum(axis=0)
         still = np.flatnonzero((body & (number[known - self.ahead[:, None]] < 0)).any(axis=0))
         nodes, double = parted(list(corner), [1 << k for k in range(len(corner))], filled)
-        corner, start = np.stack(nodes), self.start[known]
+        corner, start = np.stack(nodes), self.start[:, known].T.copy()
         if len(double):
             twice = np.zeros(len(known) + len(double), dtype=np.bool_)
             twice[double] = twice[len(known) :] = True
@@ -291,15 +285,12 @@ class Cells:
     def _rest(self, told: Index, cells: Index, beyond: Index) -> Floats:
         """Return what the cells' faces are left with, told by the cell below if there is one."""
         rest = np.zeros(beyond.shape)
-        own = self._normal(told)
         for side, kind in enumerate(beyond):
             axis, upper = divmod(side, 2)
             active = np.flatnonzero(~np.isin(kind, (RIGID, ROLLER)) & (upper | (kind < 0)))
             face, place = told[active] + upper * self.steps[axis], cells[active]
             place[:, axis] += upper
-            force = (2 * upper - 1) * own[axis, active]
-            if upper:
-                force -= self._normal(face)[axis]
+            force = self.sigma[axis, face - self.steps[axis]] - self.sigma[axis, face]
             for tau, pair in zip(self.shear, axis_pairs(self.dimension), strict=True):
                 if axis in pair:
                     force += tau[face] - tau[face + self.steps[sum(pair) - axis]]

@@ -16,6 +16,8 @@ from kaju.model.scene.kinds import AIR as _AIR
 from kaju.model.scene.kinds import RIGID as _RIGID
 
 AIR, RIGID = int(_AIR), int(_RIGID)
+ROW = 64
+"""Cells that are added up at once, at most."""
 
 
 @njit(cache=True, fastmath=True)
@@ -85,7 +87,7 @@ def corner_means(kinds, stretch, u, steps, out):
     u : array, shape (axes, places)
         Displacements of faces.
     steps : int array, shape (axes,)
-    out : array, shape (places, axes)
+    out : array, shape (axes, places)
     """
     d, corners = len(steps), 1 << len(steps)
     back, row = np.zeros(corners, np.int64), np.zeros((4, 4))
@@ -93,7 +95,7 @@ def corner_means(kinds, stretch, u, steps, out):
     for c in range(corners):
         for a in range(d):
             back[c] += (c >> a & 1) * steps[a]
-    for n in range(2 * back[-1], len(out) - 2 * back[-1]):
+    for n in range(2 * back[-1], len(kinds) - 2 * back[-1]):
         k = kinds[n]
         alike, body = k >= 0, k >= 0
         for c in range(1, corners):
@@ -108,43 +110,55 @@ def corner_means(kinds, stretch, u, steps, out):
                 for c in range(corners):
                     if not c >> a & 1:
                         total += u[a, n - back[c]]
-                out[n, a] = 2.0 * total / corners
+                out[a, n] = 2.0 * total / corners
                 continue
             b = steps[1 if a == 0 else 0]
             if d == 2:
                 line_of_faces(kinds, stretch, u[a], n, steps[a], b, v, w)
-                out[n, a] = between(v, w)
+                out[a, n] = between(v, w)
                 continue
             c = steps[1 if a == 2 else 2]
             for k in range(4):
                 line_of_faces(kinds, stretch, u[a], n + (k - 2) * c, steps[a], b, v, w)
                 lines[k], weights[k] = between(v, w), w[1] + w[2]
-            out[n, a] = between(lines, weights)
+            out[a, n] = between(lines, weights)
 
 
 @njit(cache=True, fastmath=True)
-def sums(cells, kinds, law, u, shear, v, steps, statics, stiffness, own, left, column):
-    """Add up the energies of cells.
+def normal_stress(kinds, stretch, lateral, u, steps, out):
+    """Write the normal stresses of cells, shape (axes, places); 0 where there is no body."""
+    d = len(steps)
+    for n in range(len(kinds) - steps[0]):
+        k = kinds[n]
+        if k < 0:
+            continue
+        volume = 0.0
+        for a in range(d):
+            volume += u[a, n + steps[a]] - u[a, n]
+        for a in range(d):
+            own = u[a, n + steps[a]] - u[a, n]
+            out[a, n] = lateral[k] * volume + (stretch[k] - lateral[k]) * own
+
+
+@njit(cache=True, fastmath=True)
+def sums(chosen, kinds, sigma, shear, v, steps, statics, stiffness, left, column):
+    """Add up the energies of cells: rows of one material at a time.
 
     Parameters
     ----------
-    cells : int array
-        Places of cells without loads or walls at their faces.
+    chosen : bool array, shape (places,)
+        Cells without loads or walls at their faces.
     kinds : int array, shape (places,)
-    law : array, shape (3, materials and zeros for the kinds below zero)
-        C₁₁ and C₁₂ come first.
-    u, shear : arrays, shape (axes or pairs, places)
-        Displacements of faces, and shear stresses of edges.
-    v : array, shape (places, axes)
+    sigma, shear : arrays, shape (axes or pairs, places)
+        Normal stresses of cells and shear stresses of edges.
+    v : array, shape (axes, places)
         Displacements of corners.
-    steps : int array
+    steps : int array, shape (axes,)
     statics : array, shape (materials, data, data)
         Complementary energy of a cell by its normal stresses, then the shear stresses of its
         edges, pair by pair: the half of data·statics·data.
     stiffness : array, shape (materials, corners · axes, corners · axes)
-    own : array, shape (materials,)
-        A corner's own stiffness.
-    left, column : arrays, shape (places, axes) and (places,)
+    left, column : arrays, shape (axes, places) and (places,)
         Less the forces at the corners; their own stiffness; empty if not wanted.
 
     Returns
@@ -154,67 +168,83 @@ def sums(cells, kinds, law, u, shear, v, steps, statics, stiffness, own, left, c
         what the faces are left with; a face belongs to the cell below, if there is one.
     """
     d, corners = len(steps), 1 << len(steps)
-    size, wanted = statics.shape[1], len(left) > 0
-    data, moved = np.empty(size), np.empty(corners * d)
-    ahead = np.zeros(corners, np.int64)
+    size, moved, wanted = statics.shape[1], corners * d, len(column) > 0
+    value, at = np.empty((max(size, moved), ROW)), np.empty(moved, np.int64)
+    total, mean = np.empty(ROW), np.empty(ROW)
     for c in range(corners):
+        at[c] = 0
         for a in range(d):
-            ahead[c] += (c >> (d - 1 - a) & 1) * steps[a]
+            at[c] += (c >> (d - 1 - a) & 1) * steps[a]
     complementary = whole = rest = 0.0
-    for n in cells:
-        k = kinds[n]
+    n, end = 0, len(kinds)
+    while n < end:
+        if not chosen[n]:
+            n += 1
+            continue
+        k, m = kinds[n], 1
+        while m < ROW and chosen[n + m] and kinds[n + m] == k:
+            m += 1
+        i, pair = d, 0
         for a in range(d):
-            data[a] = normal_stress(u, law, kinds, steps, n, a)
-        at, pair = d, 0
-        for a in range(d):
+            for t in range(m):
+                value[a, t] = sigma[a, n + t]
             for b in range(a + 1, d):
-                data[at] = shear[pair, n]
-                data[at + 1] = shear[pair, n + steps[b]]
-                data[at + 2] = shear[pair, n + steps[a]]
-                data[at + 3] = shear[pair, n + steps[a] + steps[b]]
-                at, pair = at + 4, pair + 1
+                for first in (0, steps[a]):
+                    for second in (0, steps[b]):
+                        for t in range(m):
+                            value[i, t] = shear[pair, n + t + first + second]
+                        i += 1
+                pair += 1
         for i in range(size):
-            total = 0.0
-            for j in range(size):
-                total += statics[k, i, j] * data[j]
-            complementary += 0.5 * total * data[i]
+            half = 0.5 * statics[k, i, i]
+            for t in range(m):
+                total[t] = half * value[i, t]
+            for j in range(i + 1, size):
+                share = statics[k, i, j]
+                if share != 0.0:
+                    for t in range(m):
+                        total[t] += share * value[j, t]
+            for t in range(m):
+                complementary += total[t] * value[i, t]
         for c in range(corners):
             for a in range(d):
-                moved[c * d + a] = v[n + ahead[c], a]
+                for t in range(m):
+                    value[c * d + a, t] = v[a, n + t + at[c]]
         for c in range(corners):
             for a in range(d):
-                total = 0.0
-                for j in range(corners * d):
-                    total += stiffness[k, c * d + a, j] * moved[j]
-                whole += 0.5 * total * moved[c * d + a]
+                for t in range(m):
+                    total[t] = 0.0
+                for j in range(moved):
+                    share = stiffness[k, c * d + a, j]
+                    if share != 0.0:
+                        for t in range(m):
+                            total[t] += share * value[j, t]
+                for t in range(m):
+                    whole += 0.5 * total[t] * value[c * d + a, t]
                 if wanted:
-                    left[n + ahead[c], a] -= total
+                    for t in range(m):
+                        left[a, n + t + at[c]] -= total[t]
             if wanted:
-                column[n + ahead[c]] += own[k]
+                for t in range(m):
+                    column[n + t + at[c]] += stiffness[k, 0, 0]
         for a in range(d):
             for upper in range(2):
-                face = n + upper * steps[a]
-                if not upper and kinds[n - steps[a]] >= 0:
-                    continue
-                force = (2.0 * upper - 1.0) * data[a]
-                if upper:
-                    force -= normal_stress(u, law, kinds, steps, face, a)
-                for b in range(d):
-                    if b != a:
-                        pair = a + b - 1
-                        force += shear[pair, face] - shear[pair, face + steps[b]]
-                mean = 0.0
+                for t in range(m):
+                    mean[t] = 0.0
                 for c in range(corners):
                     if (c >> (d - 1 - a)) & 1 == upper:
-                        mean += moved[c * d + a]
-                rest -= 2.0 * force * mean / corners
+                        for t in range(m):
+                            mean[t] += value[c * d + a, t]
+                face = n + upper * steps[a]
+                for t in range(m):
+                    total[t] = sigma[a, face + t - steps[a]] - sigma[a, face + t]
+                for b in range(d):
+                    if b != a:
+                        for t in range(m):
+                            one, two = face + t, face + t + steps[b]
+                            total[t] += shear[a + b - 1, one] - shear[a + b - 1, two]
+                for t in range(m):
+                    if upper or kinds[n + t - steps[a]] < 0:
+                        rest -= 2.0 * total[t] * mean[t] / corners
+        n += m
     return complementary, whole, rest
-
-
-@part
-def normal_stress(u, law, kinds, steps, n, a):
-    """Return a cell's normal stress along an axis; 0 where there is no body."""
-    k, volume = kinds[n], 0.0
-    for b in range(len(steps)):
-        volume += u[b, n + steps[b]] - u[b, n]
-    return law[1, k] * volume + (law[0, k] - law[1, k]) * (u[a, n + steps[a]] - u[a, n])

@@ -117,7 +117,14 @@ class Cells:
         self.sigma, self.start = np.zeros_like(self.faces), np.zeros_like(self.faces)
         stretch, lateral, _ = self.law
         kernels.normal_stress(self.kinds, stretch, lateral, self.faces, self.steps, self.sigma)
-        kernels.corner_means(self.kinds, self.law[0], self.faces, self.steps, self.start)
+        touched = self._corners_of(self.kinds >= 0)
+        alike = touched.copy()
+        for step in self.ahead[1:]:
+            alike[step:] &= self.kinds[step:] == self.kinds[:-step]
+        alike &= self.kinds >= 0
+        kernels.corner_means(
+            touched, alike, self.kinds, stretch, self.faces, self.steps, self.start
+        )
 
     def _inside(self, whole: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
         return whole[tuple(slice(PAD, PAD + n) for n in values.shape)]

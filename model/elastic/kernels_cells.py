@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit, part
+from kaju.model.compiling import along, njit, part
 from kaju.model.scene.kinds import AIR as _AIR
 from kaju.model.scene.kinds import RIGID as _RIGID
 
@@ -67,20 +67,23 @@ def between(v, w):
 
 
 @part
-def line_of_faces(kinds, stretch, u, n, normal, across, v, w):
+def line_of_faces(kinds, stretch, u, first, n, normal, across, v, w):
     """Write four faces in a row round a place, and the stiffness beside them."""
+    faces = along(u, first + n - 2 * across)
     for k in range(4):
         at = n + (k - 2) * across
-        v[k] = u[at]
+        v[k] = faces[k * across]
         w[k] = stretch[kinds[at]] + stretch[kinds[at - normal]]
 
 
-@njit(cache=True)
-def corner_means(kinds, stretch, u, steps, out):
+@njit(cache=True, fastmath=True)
+def corner_means(touched, alike, kinds, stretch, u, steps, out):
     """Write the displacement of all corners by the faces round them, stiff ones counting more.
 
     Parameters
     ----------
+    touched, alike : bool arrays, shape (places,)
+        Corners round which any cell is body, and all are of one material.
     kinds : int array, shape (places,)
     stretch : array
         Of the materials; nothing for kinds below zero, which count from its end.
@@ -89,55 +92,57 @@ def corner_means(kinds, stretch, u, steps, out):
     steps : int array, shape (axes,)
     out : array, shape (axes, places)
     """
-    d, corners = len(steps), 1 << len(steps)
-    back, row = np.zeros(corners, np.int64), np.zeros((4, 4))
+    d, count, row = len(steps), len(kinds), np.zeros((4, 4))
     v, w, lines, weights = row[0], row[1], row[2], row[3]
-    for c in range(corners):
-        for a in range(d):
-            back[c] += (c >> a & 1) * steps[a]
-    for n in range(2 * back[-1], len(kinds) - 2 * back[-1]):
-        k = kinds[n]
-        alike, body = k >= 0, k >= 0
-        for c in range(1, corners):
-            kind = kinds[n - back[c]]
-            alike &= kind == k
-            body |= kind >= 0
-        if not body:
+    n = 0
+    while n < count:
+        if not touched[n]:
+            n += 1
             continue
+        m = 0
+        while alike[n + m]:
+            m += 1
         for a in range(d):
-            if alike:
-                total = 0.0
-                for c in range(corners):
-                    if not c >> a & 1:
-                        total += u[a, n - back[c]]
-                out[a, n] = 2.0 * total / corners
-                continue
-            b = steps[1 if a == 0 else 0]
-            if d == 2:
-                line_of_faces(kinds, stretch, u[a], n, steps[a], b, v, w)
+            b, c = steps[1 if a == 0 else 0], steps[1 if a == 2 else 2] if d == 3 else 0
+            at = a * count + n
+            if m:
+                one, two, mean = along(u, at), along(u, at - b), along(out, at)
+                if d == 2:
+                    for t in range(m):
+                        mean[t] = 0.5 * (one[t] + two[t])
+                else:
+                    three, four = along(u, at - c), along(u, at - b - c)
+                    for t in range(m):
+                        mean[t] = 0.25 * (one[t] + two[t] + three[t] + four[t])
+            elif d == 2:
+                line_of_faces(kinds, stretch, u, a * count, n, steps[a], b, v, w)
                 out[a, n] = between(v, w)
-                continue
-            c = steps[1 if a == 2 else 2]
-            for k in range(4):
-                line_of_faces(kinds, stretch, u[a], n + (k - 2) * c, steps[a], b, v, w)
-                lines[k], weights[k] = between(v, w), w[1] + w[2]
-            out[a, n] = between(lines, weights)
+            else:
+                for k in range(4):
+                    line_of_faces(kinds, stretch, u, a * count, n + (k - 2) * c, steps[a], b, v, w)
+                    lines[k], weights[k] = between(v, w), w[1] + w[2]
+                out[a, n] = between(lines, weights)
+        n += max(m, 1)
 
 
 @njit(cache=True, fastmath=True)
 def normal_stress(kinds, stretch, lateral, u, steps, out):
     """Write the normal stresses of cells, shape (axes, places); 0 where there is no body."""
-    d = len(steps)
-    for n in range(len(kinds) - steps[0]):
+    count, d = len(kinds), len(steps)
+    one, two, last = along(u, 0), along(u, count), along(u, (d - 1) * count)
+    one_up, two_up, last_up = (
+        along(u, steps[0]), along(u, count + steps[1]), along(u, (d - 1) * count + steps[d - 1]),
+    )  # fmt: skip
+    x, y, z = along(out, 0), along(out, count), along(out, (d - 1) * count)
+    for n in range(count - steps[0]):
         k = kinds[n]
-        if k < 0:
-            continue
-        volume = 0.0
-        for a in range(d):
-            volume += u[a, n + steps[a]] - u[a, n]
-        for a in range(d):
-            own = u[a, n + steps[a]] - u[a, n]
-            out[a, n] = lateral[k] * volume + (stretch[k] - lateral[k]) * own
+        if k >= 0:
+            p, q = one_up[n] - one[n], two_up[n] - two[n]
+            r = last_up[n] - last[n] if d == 3 else 0.0
+            lame, twice = lateral[k] * (p + q + r), stretch[k] - lateral[k]
+            x[n], y[n] = lame + twice * p, lame + twice * q
+            if d == 3:
+                z[n] = lame + twice * r
 
 
 @njit(cache=True, fastmath=True)
@@ -167,17 +172,17 @@ def sums(chosen, kinds, sigma, shear, v, steps, statics, stiffness, left, column
         Energies of the stresses and of the displacement of the corners, and the work on these of
         what the faces are left with; a face belongs to the cell below, if there is one.
     """
-    d, corners = len(steps), 1 << len(steps)
+    d, corners, count = len(steps), 1 << len(steps), len(kinds)
     size, moved, wanted = statics.shape[1], corners * d, len(column) > 0
-    value, at = np.empty((max(size, moved), ROW)), np.empty(moved, np.int64)
+    value, at = np.empty((max(size, moved), ROW)), np.empty(corners, np.int64)
     total, mean = np.empty(ROW), np.empty(ROW)
     for c in range(corners):
         at[c] = 0
         for a in range(d):
             at[c] += (c >> (d - 1 - a) & 1) * steps[a]
     complementary = whole = rest = 0.0
-    n, end = 0, len(kinds)
-    while n < end:
+    n = 0
+    while n < count:
         if not chosen[n]:
             n += 1
             continue
@@ -186,65 +191,95 @@ def sums(chosen, kinds, sigma, shear, v, steps, statics, stiffness, left, column
             m += 1
         i, pair = d, 0
         for a in range(d):
-            for t in range(m):
-                value[a, t] = sigma[a, n + t]
+            take(sigma, a * count + n, value, a, m)
             for b in range(a + 1, d):
                 for first in (0, steps[a]):
                     for second in (0, steps[b]):
-                        for t in range(m):
-                            value[i, t] = shear[pair, n + t + first + second]
+                        take(shear, pair * count + n + first + second, value, i, m)
                         i += 1
                 pair += 1
         for i in range(size):
-            half = 0.5 * statics[k, i, i]
+            half, own = 0.5 * statics[k, i, i], along(value, i * ROW)
             for t in range(m):
-                total[t] = half * value[i, t]
+                total[t] = half * own[t]
             for j in range(i + 1, size):
-                share = statics[k, i, j]
-                if share != 0.0:
-                    for t in range(m):
-                        total[t] += share * value[j, t]
-            for t in range(m):
-                complementary += total[t] * value[i, t]
+                if statics[k, i, j] != 0.0:
+                    add(total, statics[k, i, j], value, j, m)
+            complementary += product(total, own, m)
         for c in range(corners):
             for a in range(d):
-                for t in range(m):
-                    value[c * d + a, t] = v[a, n + t + at[c]]
+                take(v, a * count + n + at[c], value, c * d + a, m)
         for c in range(corners):
             for a in range(d):
+                i = c * d + a
                 for t in range(m):
                     total[t] = 0.0
-                for j in range(moved):
-                    share = stiffness[k, c * d + a, j]
-                    if share != 0.0:
-                        for t in range(m):
-                            total[t] += share * value[j, t]
-                for t in range(m):
-                    whole += 0.5 * total[t] * value[c * d + a, t]
-                if wanted:
+                for j in range(0, moved, 4):
+                    one, two = along(value, j * ROW), along(value, (j + 1) * ROW)
+                    three, four = along(value, (j + 2) * ROW), along(value, (j + 3) * ROW)
+                    p, q = stiffness[k, i, j], stiffness[k, i, j + 1]
+                    r, s = stiffness[k, i, j + 2], stiffness[k, i, j + 3]
                     for t in range(m):
-                        left[a, n + t + at[c]] -= total[t]
+                        total[t] += p * one[t] + q * two[t] + r * three[t] + s * four[t]
+                whole += 0.5 * product(total, along(value, i * ROW), m)
+                if wanted:
+                    less = along(left, a * count + n + at[c])
+                    for t in range(m):
+                        less[t] -= total[t]
             if wanted:
+                own, more = along(column, n + at[c]), stiffness[k, 0, 0]
                 for t in range(m):
-                    column[n + t + at[c]] += stiffness[k, 0, 0]
+                    own[t] += more
         for a in range(d):
             for upper in range(2):
+                bare = upper == 1
                 for t in range(m):
                     mean[t] = 0.0
+                    bare |= kinds[n + t - steps[a]] < 0
+                if not bare:
+                    continue
                 for c in range(corners):
                     if (c >> (d - 1 - a)) & 1 == upper:
-                        for t in range(m):
-                            mean[t] += value[c * d + a, t]
-                face = n + upper * steps[a]
+                        add(mean, 2.0 / corners, value, c * d + a, m)
+                face = a * count + n + upper * steps[a]
+                low, high = along(sigma, face - steps[a]), along(sigma, face)
                 for t in range(m):
-                    total[t] = sigma[a, face + t - steps[a]] - sigma[a, face + t]
+                    total[t] = low[t] - high[t]
                 for b in range(d):
                     if b != a:
+                        face = (a + b - 1) * count + n + upper * steps[a]
+                        low, high = along(shear, face), along(shear, face + steps[b])
                         for t in range(m):
-                            one, two = face + t, face + t + steps[b]
-                            total[t] += shear[a + b - 1, one] - shear[a + b - 1, two]
-                for t in range(m):
-                    if upper or kinds[n + t - steps[a]] < 0:
-                        rest -= 2.0 * total[t] * mean[t] / corners
+                            total[t] += low[t] - high[t]
+                if not upper:
+                    for t in range(m):
+                        if kinds[n + t - steps[a]] >= 0:
+                            total[t] = 0.0
+                rest -= product(total, mean, m)
         n += m
     return complementary, whole, rest
+
+
+@part
+def take(values, start, rows, i, count):
+    """Write a part of a vector into a row."""
+    own, row = along(values, start), along(rows, i * ROW)
+    for t in range(count):
+        row[t] = own[t]
+
+
+@part
+def add(total, share, rows, i, count):
+    """Add a share of a row."""
+    row = along(rows, i * ROW)
+    for t in range(count):
+        total[t] += share * row[t]
+
+
+@part
+def product(one, two, count):
+    """Return the product of two rows."""
+    total = 0.0
+    for t in range(count):
+        total += one[t] * two[t]
+    return total

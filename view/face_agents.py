@@ -153,15 +153,7 @@ def _norm(sizes: NDArray[np.floating]) -> LogNorm:
 
 
 class _Shown:
-    """The agents of one level that a picture shows.
-
-    Attributes
-    ----------
-    section : Section
-        What part of the body.
-    agents : array of int
-        Rows of the run's table.
-    """
+    """The agents of one level that a picture shows, by their rows in the run's table."""
 
     def __init__(self, run: ElasticRun, section: Section, agents: Ints, level: int) -> None:
         self.run, self.section, self.agents = run, section, agents

@@ -23,8 +23,7 @@ from .deformed import plot_deformed
 from .face_agents import plot_face_agents, plot_left
 from .files import save
 from .ledger import plot_ledger
-from .load_path import plot_load_path
-from .loads import plot_loads
+from .loads import plot_load_path, plot_loads
 from .maps import plot_map
 from .network_plots import plot_network, plot_response
 from .quadtree import plot_octree, plot_quadtree

@@ -13,14 +13,14 @@ from kaju.agents.rules import Emission, PrescribedRule, ShareRule, Shares
 from kaju.agents.shares import Sense
 from kaju.errors import ParameterError, SceneError
 from kaju.model.scene import scene_needed
-from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL
 
 if TYPE_CHECKING:
     from kaju.agents.materials import Material
     from kaju.model.scene import Scene
-    from kaju.model.scene.applied import AppliedLoads
     from kaju.model.scene.lattice import Cells, Lattice
+    from kaju.model.scene.selection import AppliedLoads
 
 BOUNDARY_NAMES = {AIR: "free", RIGID: "rigid", ROLLER: "roller"}
 

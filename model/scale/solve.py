@@ -42,8 +42,20 @@ from kaju.model.elastic.reactions import INSIDE, reactions
 from kaju.model.elastic.staggered import internal_force
 from kaju.model.scene import Scene
 
-from .partition import HALO, Box, Index, Level, levels_of
-from .windows import Body, Rows, body_of, materials_in, rows_of, scaled, slabs_of
+from .partition import (
+    HALO,
+    Body,
+    Box,
+    Index,
+    Level,
+    Rows,
+    body_of,
+    levels_of,
+    materials_in,
+    rows_of,
+    scaled,
+    slabs_of,
+)
 
 if TYPE_CHECKING:
     from .pieces import Piece, PiecedResult

@@ -1,11 +1,11 @@
 """What is asked: bodies, supports and loads."""
 
-from .applied import AppliedLoads
 from .body import Body
 from .lattice import Lattice
 from .loads import Load, LoadRegion
 from .regions import Region, RegionImage, Round
 from .scene import Scene, load_scene, scene_needed
+from .selection import AppliedLoads
 from .sides import SideCondition
 
 __all__ = [

@@ -15,7 +15,6 @@ from kaju.agents.materials import Material, suggestion
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, SceneError, SceneFileError
 
-from .applied import AppliedLoads, at_stage, check_gravity
 from .body import Body
 from .contents import Contents, contents_of
 from .description import Description, check_rule
@@ -25,7 +24,7 @@ from .pictures import embedded
 from .purity import Purity
 from .refinement import refined_body, refined_loads
 from .regions import Region
-from .selection import Selection, select
+from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Mask
 from .sides import FREE, SideCondition
 from .support import check_body

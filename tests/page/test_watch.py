@@ -27,8 +27,7 @@ import kaju
 from kaju import ElasticModel, FaceAgent, LoadModel, MaterialAgent, PrescribedRule, Scene
 from kaju.errors import ParameterError
 from kaju.view.page import server
-from kaju.view.page.live import LiveRun, scene_from
-from kaju.view.page.live_faces import sessions_of
+from kaju.view.page.live import LiveRun, scene_from, sessions_of
 from kaju.view.page.packing import unpack
 from kaju.view.page.scene_data import scene_data
 

@@ -19,8 +19,7 @@ from kaju.model.archive import Archive
 from kaju.model.mesa_model import SteppedModel
 
 from .export import MODULES, joined, packed_page, page_html, worker
-from .live import Session
-from .live_faces import Watched, sessions_of
+from .live import Session, Watched, sessions_of
 
 if TYPE_CHECKING:
     from anywidget import AnyWidget

@@ -13,8 +13,8 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.propagation.deformation import squeeze
 from kaju.model.propagation.transfer import Transfer
-from kaju.model.scene.applied import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.scene.lattices import BUILT_IN
+from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 
 if TYPE_CHECKING:
     from kaju.agents.rules import Coefficients

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 from kaju.errors import MissingExtraError, ParameterError
 
 from .export import live_page
-from .live import Session
-from .live_faces import Watched, sessions_of
+from .live import Session, Watched, sessions_of
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette

@@ -14,11 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
+from typing_extensions import TypedDict
 
 from kaju import __version__
 from kaju.errors import KajuError, ResultFileError
@@ -192,11 +193,27 @@ class Archive:
                 inside, told.removeprefix("should "), f"is {first['input']!r:.40}"
             ) from error
 
+    def record(self, name: str, kind: type) -> dict[str, Any]:
+        """Return the plain fields of a dataclass, which `plain_of` has listed."""
+        found: dict[str, Any] = self.value(name, TypedDict(kind.__name__, _plain(kind)))  # type: ignore[operator]
+        return found
+
     def _wrong(self, name: str, rule: str, found: str) -> ResultFileError:
         return ResultFileError(
             f"{self.path}: {name!r} must {rule}, and {found}: the file is damaged, or no result "
             "of kaju's; compute it again"
         )
+
+
+def _plain(kind: type) -> dict[str, Any]:
+    """Return the fields of a dataclass that hold numbers, texts, or lists of them."""
+    kinds = (float, int, str, bool, list[float], list[str])
+    return {name: form for name, form in get_type_hints(kind).items() if form in kinds}
+
+
+def plain_of(told: object) -> dict[str, Any]:
+    """Return the plain fields of a dataclass: all but arrays, and classes of kaju's."""
+    return {name: getattr(told, name) for name in _plain(type(told))}
 
 
 def write_archive(

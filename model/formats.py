@@ -148,49 +148,11 @@ def sizes_of(scene: Scene) -> dict[str, Any]:
     }
 
 
-class SolutionRecord(TypedDict):
-    """How the faces of equal cells were solved; see `Solution`."""
-
-    energy: float
-    method: str
-    discretisation: float
-    algebraic: float
-    levels: int
-    residuals: list[float]
-    converged: bool
-    notes: list[str]
-
-
-class SpawningRecord(TypedDict):
-    """How agents came to be; see `Spawning`."""
-
-    energy: float
-    error: float
-    residuals: list[float]
-    levels: int
-    reached: bool
-    stopped: str
-    notes: list[str]
-    retired: int
-
-
 _Value = float | list[float] | list[list[float]]
+
+
 AnswerRecord = tuple[_Value, float, float] | tuple[_Value, float, float, float, float | None, str]
 """A goal's value, its error, and that as a share of the scale; the scale, and what is certain."""
-
-
-class StateRecord(TypedDict):
-    """Where a run in time stands; see `CreepState`."""
-
-    time: float
-    next_step: float
-    scale: float
-    error_estimate: float
-    work: float
-    dissipated: float
-    numerical: float
-    steps: int
-    rejected: int
 
 
 class LedgerRecord(TypedDict):

@@ -14,8 +14,8 @@ from kaju import __version__
 from kaju.arrays import Floats
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_beside
-from kaju.model.archive import Archive, reading, unpacked
-from kaju.model.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME, StateRecord
+from kaju.model.archive import Archive, plain_of, reading, unpacked
+from kaju.model.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME
 from kaju.model.result import BodyResult, Curves, Result
 
 if TYPE_CHECKING:
@@ -204,16 +204,15 @@ class Course(Result):
         arrays, about = self._own()
         arrays |= {f"course.{name}": getattr(self, name) for name in COURSE}
         arrays |= {f"state.{i}": part for i, part in enumerate(self.state.fields)}
-        numbers = {name: getattr(self.state, name) for name in CREEP_STATE}
         course = {"course_seconds": self.seconds, "course_notes": self.notes}
-        return arrays, {**about, **course, "state": numbers}
+        return arrays, {**about, **course, "state": plain_of(self.state)}
 
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
         course = archive.columns(COURSE, {}, "course.")
         count = len(archive.part("state."))
         fields = tuple(archive.array(f"state.{i}", "f", None) for i in range(count))
-        state = CreepState(fields, **archive.value("state", StateRecord))
+        state = CreepState(fields, **archive.record("state", CreepState))
         archive.about.setdefault("course_notes", [])  # written before there were notes
         return cls(
             **course,

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ResultFileError
-from kaju.model.archive import Archive
-from kaju.model.formats import SolutionRecord
+from kaju.model.archive import Archive, plain_of
 from kaju.model.scene import Scene
 
 from . import fields
@@ -251,13 +250,8 @@ class CellAgents:
 
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: arrays, and plain values."""
-        described = {
-            name: value
-            for name, value in vars(self.solution).items()
-            if name not in ("displacement", "prepared")
-        }
         faces = {f"face.{a}": values for a, values in enumerate(self.solution.displacement)}
-        return faces, {"solution": described}
+        return faces, {"solution": plain_of(self.solution)}
 
     @classmethod
     def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> CellAgents:
@@ -271,5 +265,5 @@ class CellAgents:
             archive.array(f"face.{axis}", "f", problem.face_shape(axis))
             for axis in range(problem.dimension)
         )
-        solution = Solution(displacement=faces, **archive.value("solution", SolutionRecord))
+        solution = Solution(displacement=faces, **archive.record("solution", Solution))
         return cls(grid, stage, problem, origin, solution)

@@ -265,14 +265,7 @@ class ArrayEngine:
         return _joined(parts)
 
     def _audible(self, agent: Ints) -> tuple[Rows, Ints, Ints]:
-        """Drop all that loads too small for any emission would send out; return the others.
-
-        Returns
-        -------
-        rows, agent, row
-            The waiting loads of which something is passed on, by whom, and the row of the
-            rule's tables that says how.
-        """
+        """Drop what loads too small would send out; return others, whose, and their rows."""
         shares = self.transfer.tables[2]
         row = self.agents.form(agent) * self.transfer.states + self.waiting.state
         if self.accumulate:

@@ -232,17 +232,7 @@ def _first_and_last(run: Ints) -> tuple[Ints, Ints]:
 def _runs(
     scene: Scene, cells: Ints, line: Ints, position: Ints, axis: int
 ) -> tuple[Ints, Ints, Ints, np.ndarray]:
-    """Find the unbroken rows of body cells that sorted agents lie in.
-
-    Returns
-    -------
-    run : array, shape (agents,)
-        Number of each agent's run.
-    start, stop : arrays, shape (runs,)
-        First position, and the one after the last.
-    held : array of bool, shape (runs, 2)
-        Whether the lower and the upper end meets something rigid.
-    """
+    """Return each agent's unbroken row of body cells; of rows their ends, and which are held."""
     adjacent = np.zeros(len(line), dtype=np.bool_)
     adjacent[1:] = (line[1:] == line[:-1]) & (position[1:] == position[:-1] + 1)
     first = np.flatnonzero(~adjacent)
@@ -262,17 +252,10 @@ def _runs(
 
 
 def _end_of_body(scene: Scene, cells: Ints, axis: int, sense: int) -> tuple[Ints, np.ndarray]:
-    """Walk from cells along an axis until the body ends.
+    """Return how many cells it is along an axis to the first that is no body; if that is rigid.
 
     The stride of the walk doubles, so long lines cost few calls; through a full box of squares
     or cubes it is one stride.
-
-    Returns
-    -------
-    steps : array of int
-        After how many cells the first comes that is no body.
-    held : array of bool
-        Whether that is something rigid.
     """
     lattice = scene.lattice
     if scene.uniform and lattice.boxes:

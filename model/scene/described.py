@@ -95,6 +95,14 @@ class Described(_Told):
         return {key: _plain(value) for key, value in values.items()}
 
 
+def one_given(described: Described, names: tuple[str, ...], told: str) -> str:
+    """Return which one of some keys is given; `told` begins what is said of none or several."""
+    given = [name for name in names if getattr(described, name) is not None]
+    if len(given) != 1:
+        raise ParameterError(f"{told} {', '.join(names)}; got {', '.join(given) or 'none'}")
+    return given[0]
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()

@@ -17,7 +17,7 @@ from kaju.errors import ParameterError, SceneError
 
 from .body import Body
 from .contents import NOT_BODY
-from .described import Count, Described, Flag, Number, Text
+from .described import Count, Described, Flag, Number, Text, one_given
 from .loads import Load
 from .sides import SideCondition
 
@@ -90,11 +90,7 @@ class HistoryStep(Described):
 
     @model_validator(mode="after")
     def _one_word(self) -> HistoryStep:
-        given = [word for word in _WORDS if getattr(self, word) is not None]
-        if len(given) != 1:
-            raise ParameterError(
-                f"ramp: a step is one of {', '.join(_WORDS)}; got {', '.join(given) or 'none'}"
-            )
+        one_given(self, _WORDS, "ramp: a step is one of")
         if (self.cycles is not None) != (self.period is not None):
             raise ParameterError("period: belongs to cycles, and cycles need it")
         if self.duration is not None and self.ramp is None:

@@ -9,8 +9,8 @@ from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Coordinate, Count, Described, Index, Length, Number, Text
-from .regions import Round
+from .described import Coordinate, Count, Described, Index, Length, Number, Text, one_given
+from .regions import ONE_SHAPE, Round
 from .shapes import Ball, Polygon, Ring, Shape
 
 MOST_STEPS = 100_000
@@ -58,12 +58,7 @@ class LoadRegion(Described):
 
     @model_validator(mode="after")
     def _one_shape(self) -> LoadRegion:
-        shapes = [name for name in _SHAPES if getattr(self, name) is not None]
-        if len(shapes) != 1:
-            raise ParameterError(
-                f"box: a region has exactly one shape of {', '.join(_SHAPES)}; "
-                f"got {', '.join(shapes) or 'none'}"
-            )
+        one_given(self, _SHAPES, ONE_SHAPE)
         if self.ring is not None and not self.ring.inner < self.ring.outer:
             raise ParameterError(
                 f"ring: its inner radius, {self.ring.inner:g} m, must be below its outer one, "
@@ -79,7 +74,7 @@ class LoadRegion(Described):
         SceneError
             If it belongs to another dimension.
         """
-        name = next(name for name in _SHAPES if getattr(self, name) is not None)
+        name = one_given(self, _SHAPES, ONE_SHAPE)
         if (name == "ball") != (dimension == 3):
             raise SceneError(
                 f"{where}.{name}: belongs to {'three' if name == 'ball' else 'two'} dimensions; "

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, model_validator
 
-from kaju.errors import ParameterError, SceneError
+from kaju.errors import SceneError
 
-from .described import Coordinate, Described, Length, Text
+from .described import Coordinate, Described, Length, Text, one_given
 from .lattice import Lattice
 from .pictures import read_pixels
 from .shapes import Ball, Box, Mask, Polygon, Shape
@@ -15,6 +15,7 @@ from .shapes import Ball, Box, Mask, Polygon, Shape
 Point = tuple[Coordinate, ...]
 
 _SHAPES = ("box", "disk", "ball", "polygon", "image")
+ONE_SHAPE = "box: a region has exactly one shape of"
 
 MOST_CORNERS = 10_000
 """Every cell near a polygon is held against every edge of it."""
@@ -81,12 +82,7 @@ class Region(Described):
 
     @model_validator(mode="after")
     def _one_shape(self) -> Region:
-        shapes = [name for name in _SHAPES if getattr(self, name) is not None]
-        if len(shapes) != 1:
-            raise ParameterError(
-                f"box: a region has exactly one shape of {', '.join(_SHAPES)}; "
-                f"got {', '.join(shapes) or 'none'}"
-            )
+        one_given(self, _SHAPES, ONE_SHAPE)
         return self
 
     def shape_in(self, lattice: Lattice, where: str) -> Shape:
@@ -97,7 +93,7 @@ class Region(Described):
         SceneError
             If the shape does not fit the array: other dimension, no extent, or outside.
         """
-        name = next(name for name in _SHAPES if getattr(self, name) is not None)
+        name = one_given(self, _SHAPES, ONE_SHAPE)
         if name == "ball" and lattice.dimension == 2:
             raise SceneError(f"{where}.ball: belongs to three dimensions; use disk")
         if name in ("disk", "polygon", "image") and lattice.dimension == 3:

@@ -54,9 +54,7 @@ def sensitivity(table: pandas.DataFrame, measure: str, seed: int = 0) -> pandas.
     """
     import pandas
 
-    about = table.attrs.get("sweep")
-    if about is None:
-        raise ResultError("table: is not of a sweep; take what kaju.sweep or load_sweep returned")
+    about = about_sweep(table)
     value = _measured(table, measure, about["points"])
     keys = list(about["varied"])
     place = np.column_stack([_codes(table[key]) for key in keys])
@@ -79,6 +77,14 @@ def sensitivity(table: pandas.DataFrame, measure: str, seed: int = 0) -> pandas.
         {name: np.asarray(found[theirs]) for name, theirs in columns.items()},
         index=pandas.Index(keys, name="quantity"),
     )
+
+
+def about_sweep(table: pandas.DataFrame) -> dict[str, Any]:
+    """Return what a sweep's table says of itself; refuse other tables."""
+    about: dict[str, Any] | None = table.attrs.get("sweep")
+    if about is None:
+        raise ResultError("table: is not of a sweep; take what kaju.sweep or load_sweep returned")
+    return about
 
 
 def _measured(table: pandas.DataFrame, measure: str, points: int) -> NDArray[np.float64]:

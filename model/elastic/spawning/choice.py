@@ -24,8 +24,8 @@ from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
-from kaju.model.scene.applied import AppliedLoads
 from kaju.model.scene.lattice import Cells
+from kaju.model.scene.selection import AppliedLoads
 from kaju.model.solving import SMALLEST_TOLERANCE, check_numbers
 from kaju.stopping import stopped
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ResultFileError
-from kaju.model.archive import Archive
+from kaju.model.archive import Archive, plain_of
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.problem import Scales
-from kaju.model.formats import AnswerRecord, SpawningRecord
+from kaju.model.formats import AnswerRecord
 from kaju.model.scene import Scene
 
 from . import agent_fields as sampling
@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.cell_agents import CellAgents
 
 _LEAVES = ("lower", "size", "kind", "step", "cause")
-_HISTORY = (
-    "energy", "error", "residuals", "levels", "reached", "stopped", "notes", "retired",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,7 +218,7 @@ class TreeAgents:
                 [getattr(generation, name) for generation in spawning.generations]
             )
         return arrays, {
-            "spawning": {name: getattr(spawning, name) for name in _HISTORY},
+            "spawning": plain_of(spawning),
             "aimed": [spawning.aimed.error, spawning.aimed.allowed],
             "answers": [[a.value.tolist(), *a[1:]] for a in spawning.aimed.answers],
             "generations": [list(g[:5]) for g in spawning.generations],
@@ -248,7 +245,7 @@ class TreeAgents:
             indicate(balance, u),
             aimed=Aimed(error, part, nobody, allowed, answers),
             generations=_generations_of(archive, (1 << 62) if d == 2 else (1 << 61)),
-            **archive.value("spawning", SpawningRecord),
+            **archive.record("spawning", Spawning),
         )
         return cls(spawning, stage)
 

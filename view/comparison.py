@@ -209,12 +209,12 @@ def check_count(comparisons: Comparisons) -> None:
         )
 
 
-def pair_of(of: Any, quantity: str, component: str) -> Pair:
-    """Return a component of a comparison or a profile."""
+def pair_of(of: Any, quantity: str, component: str = "") -> Pair:
+    """Return a component of a comparison or a profile, or all of them."""
     pair: Pair | None = of.displacement if quantity == "displacement" else of.stress
     if pair is None:
         raise ParameterError(f"quantity: there is no {quantity!r} to compare")
-    return pair.component(component)
+    return pair.component(component) if component else pair
 
 
 def at_cells(comparison: Comparison, line: Line, what: tuple[str, str]) -> tuple[Floats, Pair]:
@@ -255,13 +255,12 @@ def legend_below(figure: Figure, comparisons: Comparisons, believed: str) -> Non
     """Say what the lines are, below the figure."""
     handles = [Line2D([], [], color=INK, linewidth=1.6, label=believed)]
     handles += [Line2D([], [], label=name, **look_of(n)) for n, name in enumerate(comparisons)]
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=len(handles),
-        fontsize=8,
-        frameon=False,
-    )
+    _explain(figure, handles)
+
+
+def _explain(figure: Figure, handles: list[Line2D], **more: Any) -> None:
+    look: dict[str, Any] = {"fontsize": 8, "frameon": False, **more}
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), **look)
 
 
 _PALE = "#c2c2c2"
@@ -353,15 +352,7 @@ def plot_shapes(
         _place(ax, section, label)
     handles = [Line2D([], [], color=_PALE, linewidth=2.4, label=name)]
     handles += [Line2D([], [], color=COLOURS[n], label=label) for n, label in enumerate(answers)]
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=len(handles),
-        fontsize=8,
-        frameon=False,
-        title=f"displacement shown {times(factor)}",
-        title_fontsize=8,
-    )
+    _explain(figure, handles, title=f"displacement shown {times(factor)}", title_fontsize=8)
     return figure
 
 
@@ -373,10 +364,7 @@ def plot_error(
     cut: Mapping[str, float] | None = None,
 ) -> Axes:
     """Draw where the error is, as a share of the reference's largest value."""
-    pair = comparison.displacement if quantity == "displacement" else comparison.stress
-    if pair is None:
-        raise ParameterError(f"quantity: there is no {quantity!r} to compare")
-    scene = comparison.result.scene
+    pair, scene = pair_of(comparison, quantity), comparison.result.scene
     cells = scene.lattice.locate(comparison.points)
     worst = cells[int(np.argmax(pair.error))]
     if scene.lattice.dimension == 3 and cut is None:

@@ -31,9 +31,7 @@ DIRECT = 60_000
 RESIDUAL = 1e-11
 
 
-def solve_bricks(
-    scene: Scene, singular: Sequence[Sequence[int]], parts: int, elsewhere: int | None = None
-) -> ElementAnswer:
+def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) -> ElementAnswer:
     """Solve a scene of cubes.
 
     Parameters
@@ -43,9 +41,7 @@ def solve_bricks(
     singular : three sequences of int
         Along each axis the grid planes, counted in cells, towards which bricks get thinner.
     parts : int
-        Bricks along a cell that such a plane bounds.
-    elsewhere : int, optional
-        Bricks along other cells; half as many, unless given.
+        Bricks along a cell that such a plane bounds; along others half as many.
 
     Raises
     ------
@@ -57,7 +53,7 @@ def solve_bricks(
     kinds = surroundings(scene)
     whole = skfem.MeshHex.init_tensor(
         *(
-            graded_ticks(n, planes, parts, elsewhere or (parts + 1) // 2)
+            graded_ticks(n, planes, parts, (parts + 1) // 2)
             for n, planes in zip(scene.lattice.shape, singular, strict=True)
         )
     )

@@ -174,12 +174,12 @@ def _of(found: Iterable[Measurement], method: str) -> list[Measurement]:
     return [m for m in found if m.method == method and m.seconds is not None]
 
 
-def cost_at(target: float, found: Sequence[Measurement], cost: str = "seconds") -> float | None:
+def cost_at(target: float, found: Sequence[Measurement]) -> float | None:
     """Return the cost at an error, on straight lines between measurements, both axes log.
 
     None if the error is outside of what was measured; nothing is extrapolated.
     """
-    pairs = sorted((float(m.max_error or 0.0), float(getattr(m, cost) or 0.0)) for m in found)
+    pairs = sorted((float(m.max_error or 0.0), float(m.seconds or 0.0)) for m in found)
     error, spent = np.array([p for p in pairs if min(p) > 0.0]).reshape(-1, 2).T
     if not len(error) or not error[0] <= target <= error[-1]:
         return None

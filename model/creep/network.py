@@ -365,7 +365,7 @@ class NetworkCreepResult(Course):
         geometry = spring_geometry(self.network, self.displacement[record])
         return -spring_forces(self.network, geometry, self.force[record])
 
-    def to_network_result(self, seconds: float = 0.0) -> NetworkResult:
+    def to_network_result(self) -> NetworkResult:
         """Return the moments as the records of a loaded network, for plots and animations.
 
         The factor of the history stands for the point of the load path. Energies of that
@@ -380,5 +380,5 @@ class NetworkCreepResult(Course):
             corrections=np.zeros(len(self.times), dtype=np.int64),
             scheme="newton",
             method="creep",
-            seconds=seconds,
+            seconds=0.0,
         )

@@ -12,10 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from kaju._mesa import Agent
+from kaju.arrays import Floats
 
 from .boundary_agent import BoundaryAgent
 from .material_agent import MaterialAgent
@@ -26,7 +24,7 @@ if TYPE_CHECKING:
     from .shares import Load, Shares
 
 
-def _filled(row: NDArray[np.float64]) -> dict[int, float]:
+def _filled(row: Floats) -> dict[int, float]:
     """Return the entries of a row that are not 0."""
     return {column: value for column, value in enumerate(row.tolist()) if value}
 

@@ -10,10 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from kaju._mesa import Cell, FixedAgent
+from kaju.arrays import Floats
 
 from .boundary_agent import BoundaryAgent, FreeBoundaryAgent
 
@@ -25,15 +23,15 @@ class Faces(Protocol):
     """What rests on the faces of a level, agent or not, as arrays by face number."""
 
     @property
-    def left(self) -> NDArray[np.float64]:
+    def left(self) -> Floats:
         """Load left (N), along the face's normal."""
 
     @property
-    def displacement(self) -> NDArray[np.float64]:
+    def displacement(self) -> Floats:
         """How far the face has moved (m)."""
 
     @property
-    def taken(self) -> NDArray[np.float64]:
+    def taken(self) -> Floats:
         """Sum of the sizes of the loads that its agent has taken (N)."""
 
 
@@ -88,7 +86,7 @@ class Place:
     number: int
     axis: int
     index: tuple[int, ...]
-    position: NDArray[np.float64]
+    position: Floats
     materials: tuple[Material, ...]
     stiffness: float
     links: tuple[Link, ...]

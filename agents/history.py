@@ -15,8 +15,9 @@ from math import isfinite
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 
@@ -106,15 +107,15 @@ class History:
         """Multiply all factors."""
         return History(self.times, tuple(factor * value for value in self.factors))
 
-    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+    def at(self, times: ArrayLike) -> Floats:
         """Return the factor at each of `times`; at a jump, the one before it."""
         return self._value(times, "left")
 
-    def after(self, times: ArrayLike) -> NDArray[np.float64]:
+    def after(self, times: ArrayLike) -> Floats:
         """Return the factor right after each of `times`; at a jump, the one it jumps to."""
         return self._value(times, "right")
 
-    def _value(self, times: ArrayLike, side: Literal["left", "right"]) -> NDArray[np.float64]:
+    def _value(self, times: ArrayLike, side: Literal["left", "right"]) -> Floats:
         asked = np.asarray(times, dtype=np.float64)
         corners = np.array((0.0, *self.times))
         factors = np.array((0.0, *self.factors))

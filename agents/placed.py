@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju._mesa import FixedAgent
+from kaju.arrays import Floats
 
 
 class PlacedAgent(FixedAgent):
@@ -25,7 +25,7 @@ class PlacedAgent(FixedAgent):
         return tuple(count - 1 for count in self.cell.coordinate)
 
     @property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> Floats:
         """Middle of the cell (m), shape (dimension,)."""
-        middle: NDArray[np.float64] = self.model.lattice.centres(np.array([self.index]))[0]
+        middle: Floats = self.model.lattice.centres(np.array([self.index]))[0]
         return middle

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from kaju.arrays import Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.archive import open_archive
 from kaju.model.reference import Reference
@@ -172,7 +172,7 @@ def cell_centres(scene: Scene, *others: Scene) -> Floats:
     return points
 
 
-def _cells_in(box: CellBox) -> NDArray[np.int64]:
+def _cells_in(box: CellBox) -> Ints:
     lower, upper = box
     count = float(np.prod((upper - lower).astype(np.float64)))
     if count > MOST_POINTS:
@@ -181,7 +181,7 @@ def _cells_in(box: CellBox) -> NDArray[np.int64]:
             "name the points to compare at with points=, such as the `middle` of spawned agents"
         )
     every = np.indices(tuple(upper - lower)).reshape(len(lower), -1).T
-    cells: NDArray[np.int64] = every + lower
+    cells: Ints = every + lower
     return cells
 
 
@@ -275,8 +275,8 @@ def _constants(scene: Scene, points: Floats) -> Floats:
     return found
 
 
-def _differ(one: Floats, other: Floats) -> NDArray[np.bool_]:
-    different: NDArray[np.bool_] = np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1)
+def _differ(one: Floats, other: Floats) -> Flags:
+    different: Flags = np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1)
     return different
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultError
 from kaju.model.archive import open_archive, reading, write_archive
 from kaju.model.formats import REFERENCE
@@ -88,7 +88,7 @@ class Reference:
 
         return cKDTree(self.points)
 
-    def rows(self, points: Floats) -> NDArray[np.int64]:
+    def rows(self, points: Floats) -> Ints:
         """Return for each point the row of the reference that knows it, -1 if none does."""
         reach = _SAME_PLACE * float(np.ptp(self.points, axis=0).max(initial=0.0))
         distance, row = self._tree.query(np.asarray(points, dtype=np.float64))
@@ -118,7 +118,7 @@ class Reference:
         found: Floats = self.stress[self._known(points)]
         return found
 
-    def _known(self, points: Floats) -> NDArray[np.int64]:
+    def _known(self, points: Floats) -> Ints:
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != self.dimension:
             raise ResultError(
@@ -136,10 +136,7 @@ class Reference:
 
     def save(self, path: str | Path) -> Path:
         """Write the reference to one ``.npz`` file, from which `load` reads it again."""
-        arrays: dict[str, NDArray[Any]] = {
-            "points": self.points,
-            "displacement": self.displacement,
-        }
+        arrays: dict[str, NDArray[Any]] = {"points": self.points, "displacement": self.displacement}
         if self.stress is not None:
             arrays["stress"] = self.stress
         about = {"strain_energy": self.strain_energy, "source": self.source}

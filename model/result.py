@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 
 from .archive import Archive, open_archive, reading, write_archive
@@ -189,7 +189,7 @@ class BodyResult(Result):
             """The stage of loading at which it stands, from 1; None: the last."""
 
     @property
-    def focus(self) -> NDArray[np.int64] | None:
+    def focus(self) -> Ints | None:
         """The cells that pictures are about; None for all of the body."""
         return None
 
@@ -290,7 +290,7 @@ def line_of(
     return first, (last - first) / length, length
 
 
-def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, NDArray[np.int64]]:
+def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, Ints]:
     """Return points (m) as an array, and the body cell that each lies in or on.
 
     Raises
@@ -317,7 +317,7 @@ def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, NDArray[np.in
     return points, cells
 
 
-def body_cells(scene: Scene, points: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
     """Return the body cell that each point (m) lies in or on, and whether there is one."""
     lattice = scene.lattice
     cells = lattice.locate(points)

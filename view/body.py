@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import kinds
 
 from .style import (
@@ -218,7 +217,7 @@ def _draw_supports(ax: Axes, section: Section, tiles: Ints, kind: Ints) -> list[
     return entries
 
 
-def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> NDArray[np.bool_]:
+def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> Flags:
     """Tell which tiles lie beyond a side of the array where no body touches it."""
     first = tiles.min(axis=0) - 1
     body = np.zeros(tiles.max(axis=0) - first + 2, dtype=np.bool_)
@@ -228,7 +227,7 @@ def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> NDArray[np.boo
         near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
     shape = np.array(section.scene.lattice.shape)[[*section.axes]]
     inside = np.all((tiles >= 0) & (tiles * section.block < shape), axis=1)
-    beside: NDArray[np.bool_] = ~inside & ~near[tuple((tiles - first).T)]
+    beside: Flags = ~inside & ~near[tuple((tiles - first).T)]
     return beside
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 
 from .units import grouped, quantity
@@ -93,10 +93,10 @@ class Section:
         """How far steps to the next tile lead (m), a column for each way."""
         return self.block * self.scene.lattice.pitch[np.ix_(self.axes, self.axes)]
 
-    def holds(self, cells: Ints) -> NDArray[np.bool_]:
+    def holds(self, cells: Ints) -> Flags:
         """Tell which cells of the body are in the picture."""
         flat = cells[:, self.axes]
-        inside: NDArray[np.bool_] = np.all((flat >= self.lower) & (flat < self.upper), axis=1)
+        inside: Flags = np.all((flat >= self.lower) & (flat < self.upper), axis=1)
         if self.cut is not None:
             inside &= cells[:, self.cut[0]] == self.cut[1]
         return inside

@@ -21,7 +21,6 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from matplotlib.transforms import ScaledTranslation
-from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 
@@ -98,7 +97,7 @@ def fit_figure(ax: Axes, ratio: float, lines: int) -> None:
     figure.set_size_inches(width + 0.85 + 0.95 * bars, height + 1.25 + 0.19 * lines)
 
 
-def add_polygons(ax: Axes, corners: NDArray[np.float64], name: str, **look: Any) -> PolyCollection:
+def add_polygons(ax: Axes, corners: Floats, name: str, **look: Any) -> PolyCollection:
     """Add many polygons at once, corners of shape (n, corners, 2); `name` is kept as their gid."""
     drawn = PolyCollection(cast(Any, corners), gid=name, **look)
     ax.add_collection(drawn)

@@ -6,13 +6,11 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats
 from kaju.model.factors import rigid_motions
 
 from .problems import Problem
-
-Floats = NDArray[np.float64]
 
 RESIDUAL = 1e-6
 """Relative residual at which the iteration ends: well below the error of these grids."""
@@ -80,7 +78,7 @@ def _load(problem: Problem, basis: Any) -> Floats:
     lower, upper = (np.asarray(corner) for corner in problem.patch)
     near = 1e-9 * problem.edge
 
-    def pressed(x: Floats) -> NDArray[np.bool_]:
+    def pressed(x: Floats) -> Flags:
         within = [(a - near < c) & (c < b + near) for a, c, b in zip(lower, x, upper, strict=True)]
         return np.asarray(np.logical_and.reduce(within))
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
-from numpy.typing import NDArray
+from kaju.arrays import Floats
 
 from .problems import Problem
 
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.scene import Scene
 
-Floats = NDArray[np.float64]
 Answer = Callable[[], Floats]
 """Looks the displacements at the problem's points up."""
 Prepare = Callable[[Problem, int], Callable[[], Answer]]

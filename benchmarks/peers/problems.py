@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats
 from kaju.model.reference import Reference
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
-Floats = NDArray[np.float64]
 
 _PIXELS = """
 ....................
@@ -67,7 +66,7 @@ class Problem:
 
     name: str
     title: str
-    picture: NDArray[np.bool_]
+    picture: Flags
     edge: float
     youngs_modulus: float
     poissons_ratio: float
@@ -120,10 +119,7 @@ class Problem:
 
     @property
     def _material(self) -> dict[str, float]:
-        return {
-            "youngs_modulus": self.youngs_modulus,
-            "poissons_ratio": self.poissons_ratio,
-        }
+        return {"youngs_modulus": self.youngs_modulus, "poissons_ratio": self.poissons_ratio}
 
     def truth(self) -> Reference:
         """Return the true displacements at `points`."""
@@ -140,7 +136,7 @@ class Problem:
         return float(away.max()), float(np.sqrt(np.mean(away**2)))
 
 
-def _drawn(drawing: str) -> NDArray[np.bool_]:
+def _drawn(drawing: str) -> Flags:
     rows = drawing.split()
     return np.array([[letter == "#" for letter in row] for row in rows[::-1]]).T
 

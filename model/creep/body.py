@@ -175,7 +175,7 @@ class TransferCreepResult(BodyCourse):
         """Return the stress of every agent (Pa), shape (agents, dimension, dimension)."""
         return np.asarray(self.static.stress * self.factors[record])
 
-    def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
+    def displacement_at(self, points: Floats, record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         scene = self.static.scene
         points, cells = cells_of_points(scene, points)

@@ -185,11 +185,7 @@ class CreepingBody:
         return np.concatenate([*(cells[solid] for cells in strain.cells), *edges])
 
     def _solve(
-        self,
-        stress: Callable[[Floats], Floats],
-        modulus: Floats,
-        load: Floats,
-        start: Floats,
+        self, stress: Callable[[Floats], Floats], modulus: Floats, load: Floats, start: Floats
     ) -> Floats:
         """Solve the elastic problem of an implicit step, from where the last one ended."""
 
@@ -352,7 +348,7 @@ class ElasticCreepResult(BodyCourse):
             sizes |= _sizes_of(cells_of(own["static"]).problem, own["body"].numbering)
         return own | archive.columns(ELASTIC_IN_TIME, sizes)
 
-    def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
+    def displacement_at(self, points: Floats, record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         if self.growth is not None:
             return np.asarray(self.growth[record] * self.static.displacement_at(points))

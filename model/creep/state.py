@@ -265,7 +265,7 @@ class BodyCourse(Course):
         return self.static.grid
 
     @abstractmethod
-    def displacement_at(self, points: NDArray[np.float64], record: int = -1) -> Floats:
+    def displacement_at(self, points: Floats, record: int = -1) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
 
     @abstractmethod

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from kaju.arrays import Floats
+from kaju.arrays import Flags, Floats, Ints
 
 from .springs import SpringNetwork
 
@@ -81,9 +81,7 @@ _SMALL = 24
 """Parts up to this size are not cut further: the factorisation treats them as one block."""
 
 
-def elimination_order(
-    positions: NDArray[np.float64], springs: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def elimination_order(positions: Floats, springs: Ints) -> Ints:
     """Return the node numbers in the order in which to eliminate them, shape (n,)."""
     nodes = len(positions)
     part = np.ones(nodes, dtype=np.int64)  # node of a binary tree: children 2p and 2p + 1
@@ -105,7 +103,7 @@ def elimination_order(
     return _children_first(part)
 
 
-def _upper_half(positions: NDArray[np.float64], group: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _upper_half(positions: Floats, group: Ints) -> Flags:
     """Tell for every node whether it lies in the upper half of its group's longest side."""
     order = np.argsort(group, kind="stable")
     start = np.flatnonzero(np.diff(group[order], prepend=-1))
@@ -120,12 +118,7 @@ def _upper_half(positions: NDArray[np.float64], group: NDArray[np.int64]) -> NDA
     return upper
 
 
-def _lower_ends_of_cut_springs(
-    springs: NDArray[np.int64],
-    parent: NDArray[np.int64],
-    part: NDArray[np.int64],
-    open_: NDArray[np.bool_],
-) -> NDArray[np.int64]:
+def _lower_ends_of_cut_springs(springs: Ints, parent: Ints, part: Ints, open_: Flags) -> Ints:
     first, second = springs[:, 0], springs[:, 1]
     crossing = open_[first] & open_[second]
     crossing &= (parent[first] == parent[second]) & (part[first] != part[second])
@@ -133,14 +126,11 @@ def _lower_ends_of_cut_springs(
     return np.unique(np.where(part[first] < part[second], first, second))
 
 
-def _children_first(part: NDArray[np.int64]) -> NDArray[np.int64]:
+def _children_first(part: Ints) -> Ints:
     """Sort nodes so that every part comes after the two parts it was cut into."""
     depth = np.floor(np.log2(part)).astype(np.int64)
     right_end = (part + 1 - (1 << depth)) / 2.0**depth  # of the part's share of the unit line
     return np.lexsort((np.arange(len(part)), -depth, right_end))
-
-
-Numbers = NDArray[np.int64]
 
 
 class Pattern(NamedTuple):
@@ -152,7 +142,7 @@ class Pattern(NamedTuple):
     """Where each column starts."""
     source: NDArray[np.intp]
     """For every entry, which number of the blocks it is."""
-    pair: Numbers
+    pair: Ints
     """For every spring, the pair of nodes it joins."""
     nodes: int
     pairs: int
@@ -174,7 +164,7 @@ class Pattern(NamedTuple):
         return csc_array((data, self.indices, self.pointer), shape=(size, size))
 
 
-def tangent_pattern(network: SpringNetwork, order: Numbers) -> Pattern:
+def tangent_pattern(network: SpringNetwork, order: Ints) -> Pattern:
     """Work out the pattern for nodes eliminated in an order (n,)."""
     nodes, dimension = network.positions.shape
     rank = np.empty(nodes, dtype=np.int64)
@@ -208,7 +198,7 @@ def tangent_pattern(network: SpringNetwork, order: Numbers) -> Pattern:
     return Pattern(indices, pointer.astype(np.int32), source, pair, nodes, len(low))
 
 
-def _pairs(ends: Numbers, nodes: int) -> tuple[Numbers, Numbers, Numbers]:
+def _pairs(ends: Ints, nodes: int) -> tuple[Ints, Ints, Ints]:
     """Lower and higher end of every pair that is joined, and the pair of every spring."""
     low, high = np.minimum(*ends.T), np.maximum(*ends.T)
     joined, pair = np.unique(low * nodes + high, return_inverse=True)
@@ -235,7 +225,7 @@ class Assembler:
         dimension = network.dimension
         order = elimination_order(network.positions, network.springs)
         coordinates = (dimension * order[:, None] + np.arange(dimension)).ravel()
-        self.free: NDArray[np.int64] = coordinates[~network.held.ravel()[coordinates]]
+        self.free: Ints = coordinates[~network.held.ravel()[coordinates]]
         self._pattern = tangent_pattern(network, order)
 
     def geometry(self, displacement: Floats) -> Geometry:

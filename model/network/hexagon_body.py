@@ -15,9 +15,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kaju.arrays import Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.scene import kinds
 
@@ -86,17 +85,17 @@ def hexagon_body(scene: Scene) -> SpringNetwork:
 class _Contacts(NamedTuple):
     """Where cells of the body meet what holds them."""
 
-    cell: NDArray[np.int64]
+    cell: Ints
     """Row of the body's cell, one for every face that is held."""
-    arm: NDArray[np.int64]
+    arm: Ints
     """Direction of the face."""
     given: Floats
     """Displacement of what lies beyond (m), shape (faces, 2)."""
-    across: NDArray[np.bool_]
+    across: Flags
     """Which coordinates of the body's cells rollers hold, shape (cells, 2)."""
 
 
-def _body_cells(scene: Scene) -> tuple[Cells, NDArray[np.int64]]:
+def _body_cells(scene: Scene) -> tuple[Cells, Ints]:
     lower, upper = scene.bounds()
     count = int(np.prod(upper - lower))
     if count > _MOST_CELLS:
@@ -120,9 +119,7 @@ def _stiffness(material: Material, scene: Scene) -> float:
     return float(np.sqrt(3.0) / 2.0 * modulus * scene.thickness)
 
 
-def _springs_between(
-    scene: Scene, cells: Cells, stiffness: Floats
-) -> tuple[NDArray[np.int64], Floats]:
+def _springs_between(scene: Scene, cells: Cells, stiffness: Floats) -> tuple[Ints, Floats]:
     """Springs between cells that share a face, and their stiffness: two halves in series."""
     lattice = scene.lattice
     key = lattice.key(cells)

@@ -9,15 +9,12 @@ from __future__ import annotations
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, KDTree
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 from .springs import SpringNetwork, Springs
-
-Numbers = NDArray[np.int64]
 
 
 def triangular(
@@ -116,10 +113,7 @@ def square_braced(
     row, column = (index.ravel() for index in np.indices((rows, columns)))
     number = np.arange(rows * columns).reshape(rows, columns)
     sides = [_pairs(number[:, :-1], number[:, 1:]), _pairs(number[:-1], number[1:])]
-    braces = [
-        _pairs(number[:-1, :-1], number[1:, 1:]),
-        _pairs(number[:-1, 1:], number[1:, :-1]),
-    ]
+    braces = [_pairs(number[:-1, :-1], number[1:, 1:]), _pairs(number[:-1, 1:], number[1:, :-1])]
     springs = np.concatenate(sides + braces)
     count = sum(len(pairs) for pairs in sides)
     share = np.where((column == 0) | (column == columns - 1), 0.5, 1.0)
@@ -188,7 +182,7 @@ def face_centred(
     )
 
 
-def _places(width: int, rows: int) -> tuple[Numbers, Numbers]:
+def _places(width: int, rows: int) -> tuple[Ints, Ints]:
     """Row, and place in its row, of every node of a triangular lattice."""
     row, place = (index.ravel() for index in np.indices((rows, width)))
     exists = place < width - row % 2
@@ -225,7 +219,7 @@ def _pressed(
     )
 
 
-def _pairs(first: Numbers, second: Numbers) -> Springs:
+def _pairs(first: Ints, second: Ints) -> Springs:
     return np.stack([first.ravel(), second.ravel()], axis=1)
 
 

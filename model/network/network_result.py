@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 
 from kaju import __version__
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
 from kaju.model.formats import NETWORK, RECORDS
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def triangles(springs: Springs) -> NDArray[np.int64]:
+def triangles(springs: Springs) -> Ints:
     """Return every three nodes of which each is joined to both others, shape (t, 3)."""
     joined = np.unique(np.sort(springs, axis=1), axis=0)  # by lower end, then by higher
     nodes = int(joined.max()) + 1
@@ -39,12 +39,12 @@ def triangles(springs: Springs) -> NDArray[np.int64]:
     key = low * nodes + high
     wanted = high[first] * nodes + high[second]
     found = key[np.minimum(np.searchsorted(key, wanted), len(key) - 1)] == wanted
-    corners: NDArray[np.int64]
+    corners: Ints
     corners = np.stack([low[first], high[first], high[second]], axis=1)[found]
     return corners
 
 
-def turned_over(network: SpringNetwork, displacement: Floats) -> NDArray[np.int64]:
+def turned_over(network: SpringNetwork, displacement: Floats) -> Ints:
     """Return the triangles of a plane network that lie the other way round, shape (k, 3).
 
     There a node has passed through the spring between two others, as no piece of matter
@@ -58,7 +58,7 @@ def turned_over(network: SpringNetwork, displacement: Floats) -> NDArray[np.int6
     return corners[before * after < 0.0]
 
 
-def _areas(positions: Floats, corners: NDArray[np.int64]) -> Floats:
+def _areas(positions: Floats, corners: Ints) -> Floats:
     """Twice the area of each triangle (m²), positive if it runs counter-clockwise."""
     (ax, ay), (bx, by) = ((positions[corners[:, k]] - positions[corners[:, 0]]).T for k in (1, 2))
     areas: Floats = ax * by - ay * bx
@@ -105,7 +105,7 @@ class NetworkResult(Result):
     displacement: Floats
     tension: Floats
     residual: Floats
-    corrections: NDArray[np.int64]
+    corrections: Ints
     scheme: Scheme
     method: str
     seconds: float
@@ -150,7 +150,7 @@ class NetworkResult(Result):
             done += self._work_between(records)
         return done
 
-    def _work_between(self, records: NDArray[np.int64]) -> float:
+    def _work_between(self, records: Ints) -> float:
         network, path = self.network, self.stage[records]
         force = network.force_at(path[-1]) - network.force_at(path[0])
         moved = network.displacement_at(path[-1]) - network.displacement_at(path[0])
@@ -191,7 +191,7 @@ class NetworkResult(Result):
         turned = turned_over(self.network, self.displacement[record]).tolist()
         return [tuple(self.network.names[node] for node in corners) for corners in turned]
 
-    def displacement_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def displacement_at(self, points: Floats) -> Floats:
         """Return the last displacement (m) at points (m), linear between the nodes.
 
         Raises

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from kaju.arrays import Floats
+from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError, SupportError
 
 if TYPE_CHECKING:
@@ -240,7 +240,7 @@ class SpringNetwork:
     springs: Springs
     stiffness: Floats
     rest_length: Floats
-    held: NDArray[np.bool_]
+    held: Flags
     forces: Floats
     displacements: Floats
     names: tuple[Hashable, ...]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.shares import Load
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 
 from .stage import Ledger, News, Stage, Totals, collect_boundary, collect_history
 
@@ -66,7 +66,7 @@ class AgentTable:
         """Coordinates of the agents' cells."""
         return self.lattice.cells(self.key)
 
-    def missing(self, key: Ints) -> NDArray[np.bool_]:
+    def missing(self, key: Ints) -> Flags:
         """Tell which cells have no agent yet."""
         place = np.searchsorted(self._sorted_key, key)
         found = np.zeros(len(key), dtype=np.bool_)
@@ -459,11 +459,7 @@ def _rows(
 ) -> Rows:
     """Return rows in as few bytes as they need: millions of them travel."""
     return Rows(
-        place,
-        state.astype(np.int8),
-        magnitude.astype(np.int32),
-        copies,
-        bits.astype(np.uint8),
+        place, state.astype(np.int8), magnitude.astype(np.int32), copies, bits.astype(np.uint8)
     )
 
 

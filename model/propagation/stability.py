@@ -15,7 +15,8 @@ from math import floor, inf, log
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kaju.arrays import Floats
 
 from .transfer import Transfer, split_force
 
@@ -205,7 +206,7 @@ def bound_spectral_radius(
         Rigorous bounds, closer than `tolerance` if the iteration got that far.
     """
     transposed = operator.T.tocsr()
-    x: NDArray[np.float64] = np.ones(operator.shape[0])
+    x: Floats = np.ones(operator.shape[0])
     lower, upper = 0.0, float(np.inf)
     for _ in range(iterations):
         image = transposed @ x

@@ -7,10 +7,10 @@ from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.rules import Emission, PrescribedRule, ShareRule, Shares
 from kaju.agents.shares import Sense
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError
 from kaju.model.scene import scene_needed
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
@@ -85,7 +85,7 @@ class Transfer:
         return sent if self.rule.sense else tuple(e._replace(sense="push") for e in sent)
 
     @cached_property
-    def tables(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    def tables(self) -> tuple[Ints, Ints, Floats]:
         """Arm, state and share of every emission, each (materials, forms, states, most).
 
         Rows with fewer emissions are filled up with shares of 0.
@@ -113,18 +113,18 @@ class Transfer:
         return [(arm, d + pulls * (s == "pull"), share) for arm, d, share, s in sent]
 
     @cached_property
-    def emitted(self) -> NDArray[np.float64]:
+    def emitted(self) -> Floats:
         """Sum of what a load sends out, by which loads grow: (materials, forms, states)."""
-        total: NDArray[np.float64] = self.tables[2].sum(axis=3)
+        total: Floats = self.tables[2].sum(axis=3)
         return total
 
     @cached_property
-    def own(self) -> NDArray[np.float64]:
+    def own(self) -> Floats:
         """Share kept, per material."""
         return np.array([shares.own for shares in self.shares])
 
     @cached_property
-    def turned(self) -> dict[int, NDArray[np.int64]]:
+    def turned(self) -> dict[int, Ints]:
         """For each kind of boundary: the state in which one that came over an arm returns."""
         lattice = self.lattice
         every = np.arange(lattice.directions)
@@ -138,7 +138,7 @@ class Transfer:
             rigid, roller = (np.hstack([back, back + len(every)]) for back in (rigid, roller))
         return {AIR: free, RIGID: rigid, ROLLER: roller}
 
-    def kept(self, material: NDArray[np.int64], taken: NDArray[np.float64]) -> NDArray[np.float64]:
+    def kept(self, material: Ints, taken: Floats) -> Floats:
         """Return the own shares along each axis (N), pushes less pulls, from loads by state."""
         lattice = self.lattice
         count = lattice.directions
@@ -176,9 +176,7 @@ def _answer(rule: ShareRule, material: Material, dimension: int) -> Shares:
     return shares
 
 
-def states_of(
-    scene: Scene, stage: int, sense: bool
-) -> tuple[Cells, NDArray[np.int64], NDArray[np.float64]]:
+def states_of(scene: Scene, stage: int, sense: bool) -> tuple[Cells, Ints, Floats]:
     """Return the loads applied at a stage: cells, states and magnitudes (N)."""
     applied = scene.applied(stage)
     row, direction, magnitude = split_force(scene.lattice, applied.force)
@@ -188,9 +186,7 @@ def states_of(
     return applied.cells[row], state, magnitude
 
 
-def pulls(
-    scene: Scene, applied: AppliedLoads, row: NDArray[np.int64], direction: NDArray[np.int64]
-) -> NDArray[np.bool_]:
+def pulls(scene: Scene, applied: AppliedLoads, row: Ints, direction: Ints) -> Flags:
     """Tell which parts of the applied forces pull: rows of `applied`, split along directions.
 
     A part pulls where the scene says so, or where it points out of the body over its own
@@ -200,7 +196,7 @@ def pulls(
     lattice, cells = scene.lattice, applied.cells[row]
     said, side = applied.sense[row], applied.direction[row]
     outwards = (lattice.normals[direction] * lattice.normals[side]).sum(axis=1) > 1e-9
-    pull: NDArray[np.bool_] = np.where(said == BY_SIDE, outwards & (side >= 0), said == PULL)
+    pull: Flags = np.where(said == BY_SIDE, outwards & (side >= 0), said == PULL)
     for each in np.unique(direction[said == BY_SURFACE]).tolist():
         asked = np.flatnonzero((said == BY_SURFACE) & (direction == each))
         beyond = scene.kinds(lattice.neighbours(cells[asked], each))
@@ -209,9 +205,7 @@ def pulls(
     return pull
 
 
-def split_force(
-    lattice: Lattice, force: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def split_force(lattice: Lattice, force: Floats) -> tuple[Ints, Ints, Floats]:
     """Split forces into loads along the directions of the lattice; see `Lattice.split`.
 
     Parameters

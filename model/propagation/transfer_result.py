@@ -13,7 +13,7 @@ from typing_extensions import TypedDict
 
 from kaju import __version__
 from kaju.agents.rules import PrescribedRule
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.archive import Archive
 from kaju.model.formats import HISTORY, STAGE, sizes_of
@@ -100,7 +100,7 @@ class TransferResult(BodyResult):
         return PICTURES if len(self.stages) > 1 else tuple(p for p in PICTURES if p != "stages")
 
     @property
-    def focus(self) -> NDArray[np.int64]:
+    def focus(self) -> Ints:
         """The cells that pictures are about: those of agents, or where forces are."""
         stage = self.last
         if len(stage.cells):
@@ -212,7 +212,7 @@ class TransferResult(BodyResult):
         cells = self.last.cells
         return self.displacement_field.at(self.scene.lattice.centres(cells), cells)
 
-    def displacement_at(self, points: NDArray[np.float64]) -> Floats:
+    def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension).
 
         Raises
@@ -223,7 +223,7 @@ class TransferResult(BodyResult):
         points, cells = cells_of_points(self.scene, points)
         return self.displacement_field.at(points, cells)
 
-    def stress_at(self, points: NDArray[np.float64]) -> Floats:
+    def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
 
         Stress is the same all over a cell, and 0 in cells that no load reached.

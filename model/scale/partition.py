@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError
 from kaju.model.elastic.problem import (
     ACTIVE,
@@ -299,7 +300,7 @@ def body_of(scene: Scene, stage: int | None) -> Body:
     return Body(scene, stage, lower, shape, Scales(1.0, 1.0, 1.0, 1.0), loads)
 
 
-def materials_in(body: Body, cells: Box) -> NDArray[np.bool_]:
+def materials_in(body: Body, cells: Box) -> Flags:
     """Return which of the scene's materials occur in some cells."""
     count = len(body.scene.cell_materials)
     present = np.zeros(count, dtype=np.bool_)
@@ -310,7 +311,7 @@ def materials_in(body: Body, cells: Box) -> NDArray[np.bool_]:
     return present
 
 
-def scaled(body: Body, present: NDArray[np.bool_]) -> Body:
+def scaled(body: Body, present: Flags) -> Body:
     """Return a body in units in which its largest modulus and largest force are one.
 
     Raises
@@ -376,9 +377,9 @@ class Rows:
     row: Index
     start: Index
     column: Index
-    value: NDArray[np.float64]
-    right: NDArray[np.float64]
-    active: NDArray[np.bool_]
+    value: Floats
+    right: Floats
+    active: Flags
 
 
 def rows_of(body: Body, level: Level, cells: Box) -> Rows:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.arrays import Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_folder, take_place
 from kaju.model.archive import Archive, open_archive, reading, write_archive
@@ -72,7 +72,7 @@ class Piece:
     nodes: Fields
     cells: Fields
 
-    def holds(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    def holds(self, cells: Ints) -> Flags:
         """Tell which cells lie in the piece."""
         return np.asarray(np.all((cells >= self.lower) & (cells < self.upper), axis=1))
 
@@ -241,7 +241,7 @@ class PiecedResult(BodyResult):
         """Force (N) of each support on the body."""
         return {name: np.array(force) for name, force in self.figures["reaction"].items()}
 
-    def displacement_at(self, points: NDArray[np.float64]) -> Floats:
+    def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""
         points, cells = cells_of_points(self.grid, points)
         found = np.empty(points.shape)
@@ -252,7 +252,7 @@ class PiecedResult(BodyResult):
             found[here] = fields.at_nodes(nodes, inside, np.clip(local, 0.0, 1.0))
         return found
 
-    def stress_at(self, points: NDArray[np.float64]) -> Floats:
+    def stress_at(self, points: Floats) -> Floats:
         """Return the stress tensor (Pa) of the cell in which each point (m) lies."""
         points, cells = cells_of_points(self.grid, points)
         d = points.shape[1]
@@ -262,7 +262,7 @@ class PiecedResult(BodyResult):
             found[here] = piece.cells["stress"][tuple(inside.T)]
         return found
 
-    def _pieces_of(self, cells: NDArray[np.int64]) -> list[tuple[Piece, NDArray[np.bool_]]]:
+    def _pieces_of(self, cells: Ints) -> list[tuple[Piece, Flags]]:
         parted = [(piece, piece.holds(cells)) for piece in self.pieces]
         missing = ~np.any([here for _, here in parted], axis=0)
         if missing.any():

@@ -20,8 +20,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats
 from kaju.errors import (
     ConvergenceError,
     KajuError,
@@ -37,7 +37,7 @@ from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.engine import Solution
 from kaju.model.elastic.grid import grid_of
-from kaju.model.elastic.problem import ACTIVE, ElasticProblem, FaceFields, Floats
+from kaju.model.elastic.problem import ACTIVE, ElasticProblem, FaceFields
 from kaju.model.elastic.reactions import INSIDE, reactions
 from kaju.model.elastic.staggered import internal_force
 from kaju.model.scene import Scene
@@ -174,7 +174,7 @@ class Window:
     origin: Index
     cells: Box
     faces: FaceFields
-    owned: tuple[NDArray[np.bool_], ...]
+    owned: tuple[Flags, ...]
 
     def energy(self) -> float:
         """Return what this process's faces contribute to the energy (scaled)."""

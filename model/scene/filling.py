@@ -10,11 +10,13 @@ from math import floor
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Ints
+
 from .lattice import Cells, Lattice
 from .pictures import check_size
 from .shapes import Shape
 
-CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
+CellBox = tuple[Ints, Ints]
 """Lower corner, included, and upper corner, not included, of a box of cells."""
 
 _SLAB = 1_000_000
@@ -47,7 +49,7 @@ class Filling:
     lattice: Lattice
     base: int | NDArray[np.int16]
     regions: tuple[FilledShape, ...]
-    beyond: NDArray[np.int64]
+    beyond: Ints
 
     @property
     def box(self) -> CellBox:
@@ -69,7 +71,7 @@ class Filling:
         arrays = (self.base, other.base), (self.beyond, other.beyond)
         return ours == theirs and all(np.array_equal(a, b) for a, b in arrays)
 
-    def kinds(self, cells: Cells) -> NDArray[np.int64]:
+    def kinds(self, cells: Cells) -> Ints:
         """Return the kind of each cell, those outside the array included."""
         side = self.lattice.side_beyond(cells)
         if isinstance(self.base, int):
@@ -82,7 +84,7 @@ class Filling:
         kinds[inside] = self._inside(cells[inside])
         return kinds
 
-    def _inside(self, cells: Cells) -> NDArray[np.int64]:
+    def _inside(self, cells: Cells) -> Ints:
         if isinstance(self.base, int):
             kinds = np.full(len(cells), self.base, dtype=np.int64)
         else:
@@ -138,7 +140,7 @@ class Filling:
         return kinds
 
 
-def _tight(body: NDArray[np.bool_]) -> CellBox:
+def _tight(body: Flags) -> CellBox:
     lower, upper = [], []
     for axis in range(body.ndim):
         others = tuple(other for other in range(body.ndim) if other != axis)
@@ -156,12 +158,12 @@ def count(box: CellBox) -> int:
     return total
 
 
-def grid(lower: NDArray[np.int64], upper: NDArray[np.int64]) -> Cells:
+def grid(lower: Ints, upper: Ints) -> Cells:
     """Return all cells with lower <= cell < upper, the last axis running fastest."""
     return _crossed([np.arange(a, b) for a, b in zip(lower, upper, strict=True)])
 
 
-def _crossed(ranges: list[NDArray[np.int64]]) -> Cells:
+def _crossed(ranges: list[Ints]) -> Cells:
     return np.stack([axis.ravel() for axis in np.meshgrid(*ranges, indexing="ij")], axis=1)
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.shares import Beside, Way
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 
 Cells = NDArray[np.int64]
@@ -380,9 +380,9 @@ class Lattice(ABC):
         chosen: list[int] = arms[towards > towards.max() - _NEAR].tolist()
         return chosen
 
-    def contains(self, cells: Cells) -> NDArray[np.bool_]:
+    def contains(self, cells: Cells) -> Flags:
         """Tell which cells lie inside the array."""
-        inside: NDArray[np.bool_] = np.all((cells >= 0) & (cells < np.asarray(self.shape)), axis=1)
+        inside: Flags = np.all((cells >= 0) & (cells < np.asarray(self.shape)), axis=1)
         return inside
 
     def side_beyond(self, cells: Cells) -> Ints:

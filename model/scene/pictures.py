@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags
 from kaju.errors import SceneError, SceneFileError
 
 MOST_PIXELS = 50_000_000
@@ -29,7 +30,7 @@ EMBEDDED = "data:image/png;base64,"
 """What an image that a scene carries with it starts with, in place of a path (RFC 2397)."""
 
 
-def embedded(dark: NDArray[np.bool_]) -> str:
+def embedded(dark: Flags) -> str:
     """Return a text for which `read_pixels` gives black pixels where `dark`, else white ones.
 
     `dark` is indexed along x from the left and along y from the bottom.

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Ints
 from kaju.errors import ParameterError, SceneError
 
 from . import kinds
@@ -17,7 +17,7 @@ from .loads import Load
 from .pictures import Picture, check_size
 from .selection import Selection
 
-Kinds = Callable[[Cells], NDArray[np.int64]]
+Kinds = Callable[[Cells], Ints]
 
 _HELD = (kinds.RIGID, kinds.DISPLACED)
 

@@ -13,6 +13,7 @@ from pydantic import model_validator
 
 from kaju.agents.materials import Material, suggestion
 from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError
 
 from .body import Body
@@ -175,7 +176,7 @@ class Scene(Description):
             )
         return self.sides.get(name, FREE)
 
-    def kinds(self, cells: Cells) -> NDArray[np.int64]:
+    def kinds(self, cells: Cells) -> Ints:
         """Return what each cell is, also outside the array, where the sides decide.
 
         Parameters

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.materials import suggestion
+from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 
 from . import kinds
@@ -46,10 +47,10 @@ class Selection:
     """
 
     cells: Cells
-    direction: NDArray[np.int64]
-    share: NDArray[np.float64]
+    direction: Ints
+    share: Floats
 
-    def forces(self, load: Load, lattice: Lattice, thickness: float) -> NDArray[np.float64]:
+    def forces(self, load: Load, lattice: Lattice, thickness: float) -> Floats:
         """Return the force (N) on each face or cell, shape (n, dimension)."""
         if load.force is not None:
             return np.outer(self.share / self.share.sum(), np.asarray(load.force))
@@ -62,11 +63,11 @@ class Selection:
             pressure = pressure + self._middles(lattice) @ np.asarray(load.pressure_slope)
         return -(pressure * area)[:, None] * lattice.normals[self.direction]
 
-    def _middles(self, lattice: Lattice) -> NDArray[np.float64]:
+    def _middles(self, lattice: Lattice) -> Floats:
         """Return the middles of the faces, or cells (m)."""
         return lattice.face_middles(self.cells, self.direction)
 
-    def _couple(self, moment: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64]:
+    def _couple(self, moment: Floats, lattice: Lattice) -> Floats:
         """Return forces a × r, r from their middle, without a sum, whose moment (N m) is given."""
         arm = self._middles(lattice)
         arm = np.pad(arm - self.share @ arm / self.share.sum(), ((0, 0), (0, 3 - arm.shape[1])))
@@ -79,7 +80,7 @@ class Selection:
                 "couple: the faces it acts on lie on one line along it, or are only one, and so "
                 "have no lever; take a larger side or region"
             )
-        forces: NDArray[np.float64] = self.share[:, None] * np.cross(turn, arm)
+        forces: Floats = self.share[:, None] * np.cross(turn, arm)
         return forces[:, : lattice.dimension]
 
 
@@ -140,9 +141,7 @@ def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) ->
     return Selection(cells, direction, _share(lattice, cells, corners, skip=axis))
 
 
-def _split_faces(
-    filling: Filling, box: CellBox, axis: int
-) -> tuple[Cells, NDArray[np.int64], bool]:
+def _split_faces(filling: Filling, box: CellBox, axis: int) -> tuple[Cells, Ints, bool]:
     """Return where body and no body meet at the lower faces, across `axis`, of a box's cells.
 
     The cells are the body's, on whichever side they lie; last comes whether there is any
@@ -214,9 +213,7 @@ def _covered(lattice: Lattice, corners: Corners) -> CellBox:
     return first, np.maximum(first, last)
 
 
-def _share(
-    lattice: Lattice, cells: Cells, corners: Corners, skip: int | None = None
-) -> NDArray[np.float64]:
+def _share(lattice: Lattice, cells: Cells, corners: Corners, skip: int | None = None) -> Floats:
     """Return which part of each cell lies in a box, the axis `skip` left out."""
     share = np.ones(len(cells))
     for axis, (low, high) in enumerate(zip(*corners, strict=True)):
@@ -244,7 +241,7 @@ def _check_count(box: CellBox, where: str) -> None:
         )
 
 
-def _check_free(filling: Filling, cells: Cells, direction: NDArray[np.int64], where: str) -> None:
+def _check_free(filling: Filling, cells: Cells, direction: Ints, where: str) -> None:
     """Refuse to press on faces whose displacement is given: the ground would take it all."""
     for arm in np.unique(direction):
         chosen = cells[direction == arm]
@@ -393,7 +390,7 @@ def _into(filling: Filling, cells: Cells, load: Load, where: str) -> Selection:
     return Selection(cells, direction, np.ones(len(cells)))
 
 
-def _entering(filling: Filling, cell: NDArray[np.int64], force: NDArray[np.float64]) -> int:
+def _entering(filling: Filling, cell: Ints, force: Floats) -> int:
     """Return the face whose outward normal is most opposed to a force.
 
     Of two equally opposed faces the one on the surface counts; if that does not settle it,
@@ -434,8 +431,8 @@ class AppliedLoads:
     """
 
     cells: Cells
-    direction: NDArray[np.int64]
-    force: NDArray[np.float64]
+    direction: Ints
+    force: Floats
     sense: NDArray[np.int8] | None = None
 
 

@@ -10,6 +10,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags
+
 Points = NDArray[np.float64]
 """Points (m), shape (n, dimension)."""
 
@@ -23,7 +25,7 @@ class Shape(Protocol):
     def extent(self) -> tuple[Points, Points]:
         """Lower and upper corner of the bounding box (m), each of shape (dimension,)."""
 
-    def contains(self, points: Points) -> NDArray[np.bool_]:
+    def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
 
 
@@ -39,7 +41,7 @@ class Box:
         """Lower and upper corner (m)."""
         return np.asarray(self.lower), np.asarray(self.upper)
 
-    def contains(self, points: Points) -> NDArray[np.bool_]:
+    def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
         inside = np.ones(len(points), dtype=np.bool_)
         for low, high, column in zip(self.lower, self.upper, points.T, strict=True):
@@ -61,7 +63,7 @@ class Ball:
         centre = np.asarray(self.centre)
         return centre - self.radius, centre + self.radius
 
-    def contains(self, points: Points) -> NDArray[np.bool_]:
+    def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
         squared = np.zeros(len(points))
         with np.errstate(over="ignore"):  # infinitely far is far enough
@@ -83,11 +85,11 @@ class Ring:
         """Lower and upper corner of the bounding box (m)."""
         return Ball(self.centre, self.outer).extent
 
-    def contains(self, points: Points) -> NDArray[np.bool_]:
+    def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
         away = np.linalg.norm(points - np.asarray(self.centre), axis=1)
         low, high = self.inner * (1.0 - _CLOSE), self.outer * (1.0 + _CLOSE)
-        inside: NDArray[np.bool_] = (away >= low) & (away <= high)
+        inside: Flags = (away >= low) & (away <= high)
         return inside
 
 
@@ -103,7 +105,7 @@ class Polygon:
         corners = np.asarray(self.corners)
         return corners.min(axis=0), corners.max(axis=0)
 
-    def contains(self, points: Points) -> NDArray[np.bool_]:
+    def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
         lower, upper = self.extent
         close = _CLOSE * float((upper - lower).max())
@@ -133,7 +135,7 @@ class Mask:
     """The dark pixels of a picture that is stretched over a box."""
 
     box: Box
-    dark: NDArray[np.bool_]
+    dark: Flags
     """First index along x from the left, second along y from the bottom."""
 
     def __eq__(self, other: object) -> bool:
@@ -148,7 +150,7 @@ class Mask:
         """Lower and upper corner of the picture's box (m)."""
         return self.box.extent
 
-    def contains(self, points: Points) -> NDArray[np.bool_]:
+    def contains(self, points: Points) -> Flags:
         """Tell which points lie on dark pixels."""
         lower, upper = self.extent
         inside = self.box.contains(points)

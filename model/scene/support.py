@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags
 from kaju.errors import SceneError, SupportError
 
 from . import kinds
@@ -89,7 +90,7 @@ def _check_parts(filling: Filling, allow_floating: bool) -> None:
         )
 
 
-Parts = tuple[NDArray[np.integer], NDArray[np.bool_]]
+Parts = tuple[NDArray[np.integer], Flags]
 """The number of each cell's part, from 1 (0: no body), and which numbers something holds."""
 
 

@@ -31,9 +31,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from kaju.arrays import Ints
 from kaju.errors import ParameterError, WorkerError
 
 from .job import ERROR, Job, Row, begun, run_batch
@@ -174,7 +172,7 @@ def packed(job: Job) -> bytes:
         ) from error
 
 
-def rows_of(crew: Crew, points: Points, runs: NDArray[np.int64]) -> Iterator[list[Row]]:
+def rows_of(crew: Crew, points: Points, runs: Ints) -> Iterator[list[Row]]:
     """Yield the rows of runs as they are finished; an empty list when a second has passed.
 
     Parameters
@@ -232,7 +230,7 @@ def rows_of(crew: Crew, points: Points, runs: NDArray[np.int64]) -> Iterator[lis
 class _Order:
     """In which batches runs go out."""
 
-    def __init__(self, points: Points, runs: NDArray[np.int64], workers: int) -> None:
+    def __init__(self, points: Points, runs: Ints, workers: int) -> None:
         self._points = points
         self._runs = runs
         self._begun = 0

@@ -17,8 +17,8 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Ints
 from kaju.errors import MissingExtraError, ResultFileError
 from kaju.files import scratch_beside
 
@@ -42,7 +42,7 @@ _PATIENCE = 10.0  # s for the workers of a killed sweep to be gone
 class Rows(Protocol):
     """What takes the rows of a sweep as they come."""
 
-    def missing(self, count: int) -> NDArray[np.int64]:
+    def missing(self, count: int) -> Ints:
         """Return the runs, of `count`, that have no row."""
 
     def add(self, rows: list[Row]) -> None:
@@ -58,7 +58,7 @@ class InMemory:
     def __init__(self) -> None:
         self._rows: list[Row] = []
 
-    def missing(self, count: int) -> NDArray[np.int64]:
+    def missing(self, count: int) -> Ints:
         """Return the runs that have no row: all of them."""
         return np.arange(count)
 
@@ -84,7 +84,7 @@ class InFolder:
         self._rows: list[Row] = []
         self._written = monotonic()
 
-    def missing(self, count: int) -> NDArray[np.int64]:
+    def missing(self, count: int) -> Ints:
         """Return the runs that have no row in any part."""
         there = np.zeros(count, dtype=bool)
         for part in _parts(self.folder):

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.materials import suggestion
+from kaju.arrays import Floats
 from kaju.errors import MissingExtraError, ParameterError
 
 Vary = Mapping[str, Any]
@@ -156,7 +156,7 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> Points:
     return Points(columns, method)
 
 
-def _unit_cube(dimension: int, method: str, samples: int, seed: int) -> NDArray[np.float64]:
+def _unit_cube(dimension: int, method: str, samples: int, seed: int) -> Floats:
     if method == "saltelli":
         sobol = salib("sample.sobol")
         cube = {"num_vars": dimension, "bounds": [[0.0, 1.0]] * dimension}

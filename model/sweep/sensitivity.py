@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ResultError
 
 from .job import ERROR
@@ -87,7 +87,7 @@ def about_sweep(table: pandas.DataFrame) -> dict[str, Any]:
     return about
 
 
-def _measured(table: pandas.DataFrame, measure: str, points: int) -> NDArray[np.float64]:
+def _measured(table: pandas.DataFrame, measure: str, points: int) -> Floats:
     if measure not in table:
         raise ResultError(
             f"measure: the table has no column {measure!r}: {', '.join(map(str, table))}"
@@ -106,14 +106,14 @@ def _measured(table: pandas.DataFrame, measure: str, points: int) -> NDArray[np.
     return value
 
 
-def _codes(column: Any) -> NDArray[np.float64]:
+def _codes(column: Any) -> Floats:
     """Return numbers as they are, other values as their ranks."""
     if column.dtype.kind in "iuf":
         return np.asarray(column, dtype=np.float64)
     return np.unique(column.astype(str), return_inverse=True)[1].astype(np.float64)
 
 
-def _explained(column: NDArray[np.float64], value: NDArray[np.float64]) -> float:
+def _explained(column: Floats, value: Floats) -> float:
     _, level = np.unique(column, return_inverse=True)
     means = np.bincount(level, value) / np.bincount(level)
     return float(np.var(means[level]) / np.var(value))

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.materials import Material
 from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Floats
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
-
-Floats = NDArray[np.float64]
 
 CELLS = 9
 GENERATIONS = 400

@@ -14,9 +14,8 @@ from time import perf_counter
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.engine import solve_problem
@@ -60,9 +59,7 @@ def traction_loads(scene: Scene, side: str, stress: Field) -> list[dict[str, Any
     ]
 
 
-def face_means(
-    field: Field, cells: NDArray[np.int64], axis: int, upper: int, cell_size: float
-) -> Floats:
+def face_means(field: Field, cells: Ints, axis: int, upper: int, cell_size: float) -> Floats:
     """Return the mean of a field over the lower or upper face of cells, by Gauss's rule."""
     nodes, weights = _GAUSS
     dimension = cells.shape[1]

@@ -187,16 +187,12 @@ class LiveRun(Session):
         key = lattice.key(lattice.locate(result.middle))
         agents = np.bincount(key, minlength=prod(n + 2 for n in lattice.shape))
 
-        def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        def mean(values: Floats) -> Floats:
             total = np.bincount(key, values, minlength=len(agents))
             return np.where(agents > 0, total / np.maximum(agents, 1), np.nan)
 
         pairs = [(a, a) for a in range(d)] + [(a, b) for a in range(d) for b in range(a + 1, d)]
-        header = {
-            "elastic": True,
-            "seconds": result.seconds,
-            "subdivision": result.subdivision,
-        }
+        header = {"elastic": True, "seconds": result.seconds, "subdivision": result.subdivision}
         return header, {
             "displacement": np.stack([mean(column) for column in result.displacement.T]),
             "stress": np.stack([mean(result.stress[:, a, b]) for a, b in pairs]),

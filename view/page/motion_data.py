@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.mesh import corner_order
 from kaju.model.result import Curves
@@ -172,7 +172,7 @@ def _largest(displacement: Floats) -> dict[str, Floats]:
     return {"largest displacement": np.linalg.norm(displacement, axis=2).max(axis=1)}
 
 
-def _chosen(count: int) -> NDArray[np.int64]:
+def _chosen(count: int) -> Ints:
     """Return the moments that are shown: all, or so many, evenly, with both ends."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_FRAMES)).round().astype(np.int64))
 

@@ -180,11 +180,11 @@ def _slope(
 
     edge = nearest_known(gradients, table[leaf], end, near)
     slope = at(edge, slice(None))
-    bare = np.flatnonzero((gradients[1].valid & ~gradients[0].valid)[edge])
+    bare = np.flatnonzero(gradients[1].valid[edge] & ~gradients[0].valid[edge])
     slope[bare] += fields.balance.surface_shear[pair][edge[bare]] / shear[bare]
     inner = table[leaf[bare], end, 1 - near[bare]]
     meets = (edge[bare] == table[leaf[bare], end, near[bare]]) & gradients[0].valid[inner]
-    meets &= known_slopes(gradients)[inner]
+    meets &= known_slopes(gradients, inner)
     bare, below = bare[meets], at(inner[meets], bare[meets])
     slope[bare] = SURFACE_SHARE * slope[bare] + (1.0 - SURFACE_SHARE) * below
     return slope

@@ -105,15 +105,15 @@ class Beside(NamedTuple):
         """Return the edges of a grid that tell ∂²u_a/∂b²; where some are unknown it is zero."""
         edges = grid.edges[min(a, b), max(a, b)]
         gradients, table = oriented(edges, a < b)
-        known = known_slopes(gradients)
         shear = grid.ground.moduli.shear[grid.leaves.kind]
         ends = list(product((0, 1), repeat=2))
         edge = np.stack([table[:, end, far] for end, far in ends])
-        counts = known[edge].reshape(2, 2, -1).sum(axis=0)
+        known = known_slopes(gradients, edge)
+        counts = known.reshape(2, 2, -1).sum(axis=0)
         inside = (counts > 0).all(axis=0) / grid.length
         weight = np.empty((2, *edge.shape))
         for row, (_, far) in enumerate(ends):
-            share = (2.0 * far - 1.0) * inside * known[edge[row]] / np.maximum(counts[far], 1)
+            share = (2.0 * far - 1.0) * inside * known[row] / np.maximum(counts[far], 1)
             for part, slope in enumerate(slope_weights(edges, gradients, edge[row], shear)):
                 weight[part, row] = share * slope
         return cls((a, b), gradients, edge, weight)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,8 +19,8 @@ from kaju.model.elastic.moduli import REENTRANT_WEIGHT
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
-from . import tree_kernels
-from .leaves import Flags, Index, morton
+from . import face_kernels
+from .leaves import Flags, Index
 from .rows import sum_rows
 
 if TYPE_CHECKING:
@@ -83,76 +83,33 @@ class Edges:
 
 def lay_edges(grid: Composite, pair: Pair) -> Edges:
     """Return the edges between a pair of axes; `grid` has its faces laid."""
-    leaves, n = grid.leaves, len(grid.leaves)
-    corner = [_corner(grid, pair, ends) for ends in product((0, 1), repeat=2)]
-    point = np.concatenate(corner)
-    along = [a for a in range(grid.dimension) if a not in pair]
-    if along:
-        around = np.stack([leaves.find(q) for q in _quadrants(point, pair)])
-        reach = np.where(around >= 0, leaves.size[around], 0).max(axis=0)
-        point[:, along[0]] -= point[:, along[0]] % reach
-    first, inverse = tree_kernels.number(morton(point))
-    point = point[first]
-    reach = reach[first] if along else np.full(len(point), grid.ground.cell)
-    around = _leaves_around(grid, point, pair, inverse)
+    leaves, tree = grid.leaves, (grid.leaves.code, grid.leaves.lower, grid.leaves.size)
+    point, reach, around, far, of_leaf = face_kernels.edges(*tree, *pair)
     kinds = _kinds_around(grid, point, pair, around)
     modulus = edge_modulus(kinds, grid.ground.moduli.shear)
     grads, spans = [], []
-    far = _second_half(grid, point, pair, reach)
     for a, b in (pair, pair[::-1]):
         turn = [0, 1, 2, 3] if a == pair[0] else [0, 2, 1, 3]
-        quads, kind = around[turn], kinds[turn]
-        beyond = None if far is None else far[turn]
-        gradient, span = _gradient(grid, a, b, point, quads, beyond, kind, modulus > 0)
+        gradient, span = _gradient(
+            grid, a, b, point, around[turn], far[turn], kinds[turn], modulus > 0
+        )
         grads.append(gradient)
         spans.append(span)
-    weight = spans[0] * spans[1] * reach / grid.ground.cell
-    of_leaf = np.ascontiguousarray(np.moveaxis(inverse.reshape(2, 2, n), 2, 0))
+    weight = spans[0] * spans[1]
+    if grid.dimension == 3:
+        weight *= reach / grid.ground.cell
     edges = Edges((grads[0], grads[1]), modulus, weight, of_leaf)
     size = np.where(around >= 0, leaves.size[around], 0)
     return _with_concave_corners(edges, around, np.where(kinds == kinds[0], size, 0))
 
 
-def _corner(grid: Composite, pair: Pair, ends: tuple[int, ...]) -> Index:
-    point = grid.leaves.lower.copy()
-    for axis, end in zip(pair, ends, strict=True):
-        point[:, axis] += end * grid.leaves.size
-    return point
-
-
-def _leaves_around(grid: Composite, point: Index, pair: Pair, edge: Index) -> Index:
-    """Return the leaves round the beginning of every edge, -1 for none."""
-    leaves, n = grid.leaves, len(grid.leaves)
-    around = np.full((4, len(point)), -1)
-    along = [a for a in range(grid.dimension) if a not in pair]
-    for quadrant in range(4):
-        # The leaf before an edge has it at its upper end.
-        of_leaf = edge[(3 - quadrant) * n : (4 - quadrant) * n]
-        here = np.arange(n)
-        if along:
-            offset = point[of_leaf, along[0]] - leaves.lower[:, along[0]]
-            here = np.flatnonzero((offset >= 0) & (offset < leaves.size))
-        around[quadrant, of_leaf[here]] = here
-    for row, cells in zip(around, _quadrants(point, pair), strict=True):
-        rest = np.flatnonzero(row < 0)
-        row[rest] = leaves.find(cells[rest])
-    return around
-
-
-def _second_half(grid: Composite, point: Index, pair: Pair, reach: Index) -> Index | None:
-    """Return the leaves round the second half of every edge, where small ones change."""
-    if grid.dimension == 2:
-        return None
-    middle = point.copy()
-    middle[:, 3 - pair[0] - pair[1]] += reach // 2
-    return np.stack([grid.leaves.find(q) for q in _quadrants(middle, pair)])
-
-
 def _kinds_around(grid: Composite, point: Index, pair: Pair, around: Index) -> Index:
     kinds = np.where(around >= 0, grid.leaves.kind[around], AIR)
-    for row, quadrant in enumerate(_quadrants(point, pair)):
-        bare = around[row] < 0
-        kinds[row, bare] = grid.ground.kinds_at(quadrant[bare])
+    for row, ends in enumerate(product((-1, 0), repeat=2)):
+        bare = np.flatnonzero(around[row] < 0)
+        cell = point[bare]
+        cell[:, pair] += ends
+        kinds[row, bare] = grid.ground.kinds_at(cell)
     return kinds
 
 
@@ -183,35 +140,34 @@ def _gradient(
     b: int,
     point: Index,
     quads: Index,
-    far: Index | None,
+    far: Index,
     kinds: Index,
     stiff: Flags,
 ) -> tuple[Gradient, Floats]:
     """Return ∂u_a/∂b and the distance between its two ends.
 
-    `quads` are the leaves (a-, b-), (a-, b+), (a+, b-), (a+, b+) of the edge.
+    `quads` are the leaves (a-, b-), (a-, b+), (a+, b-), (a+, b+) of the edge, `far` those of its
+    second half.
     """
     count = len(point)
-    halves = [None if far is None else far[[end, 2 + end]] for end in (0, 1)]
-    sides = [_sample(grid, a, quads[[end, 2 + end]], halves[end]) for end in (0, 1)]
-    offset = np.stack([side.offset for side in sides])
+    index, weight, offset, present = face_kernels.sides_of_edges(
+        quads, far, grid.leaves.size, grid.length, a, 2 * grid.dimension
+    )
     # A wall lies as far beyond the edge as the face that it holds lies before it.
-    both = sides[0].present & sides[1].present
-    span = np.where(both, 1.0, 2.0) * offset.sum(axis=0)
+    both = present.all(axis=0)
+    span = np.where(both, 1.0, 2.0) * offset
     span = np.where(span > 0, span, 1.0)
     constant, pull = np.zeros(count), np.zeros(count)
     wall = np.full(count, -1, dtype=np.int64)
     for end in (0, 1):
         sign = 2.0 * end - 1.0
-        bare = np.flatnonzero(~sides[end].present & stiff & sides[1 - end].present)
+        bare = np.flatnonzero(~present[end] & stiff & present[1 - end])
         pull[bare] = sign / span[bare]
         outside = grid.outside(_toward(point[bare], b, end), 2 * b + end)
         wall[bare] = np.where(outside, 2 * b + end, 2 * grid.dimension)
         moved = outside & np.any(kinds[[end, 2 + end]][:, bare] == DISPLACED, axis=0)
         constant[bare[moved]] += pull[bare[moved]] * grid.ground.given(2 * b + end)[a]
-    index = np.concatenate([sample.side for sample in sides], axis=1)
-    weight = np.concatenate([-sides[0].weight, sides[1].weight], axis=1) / span[:, None]
-    matrix = sum_rows(grid.mean, index, weight)
+    matrix = sum_rows(grid.mean, index, weight / span[:, None])
     one_sided = np.where(both, 1.0, 2.0)
     # Leaves that touch only at their corners have no slope between them.
     joined = ((quads[0] >= 0) & (quads[1] >= 0)) | ((quads[2] >= 0) & (quads[3] >= 0))
@@ -225,35 +181,6 @@ def _toward(point: Index, axis: int, end: int) -> Index:
     moved = point.copy()
     moved[:, axis] += end - 1
     return moved
-
-
-class Sample(NamedTuple):
-    """u_a on one side of edges: whether there is any, how far off, and sides to add up."""
-
-    present: Flags
-    offset: Floats
-    side: Index
-    weight: Floats
-
-
-def _sample(grid: Composite, a: int, quads: Index, far: Index | None) -> Sample:
-    low, high = quads
-    size = grid.leaves.size
-    same = (low >= 0) & (low == high)
-    take_low = (low >= 0) & ((high < 0) | (size[low] <= size[high]))
-    chosen = np.where(take_low, low, high)
-    present = chosen >= 0
-    d2 = 2 * grid.dimension
-    side = 2 * a + take_low
-    # The middle of a leaf that reaches round the edge moves by the mean of its two sides.
-    first = np.where(same, low * d2 + 2 * a, chosen * d2 + side)
-    second = np.where(same, low * d2 + 2 * a + 1, first)
-    if far is not None:
-        second = np.where(same, second, np.where(take_low, far[0], far[1]) * d2 + side)
-    halved = same | (far is not None)
-    weight = np.stack([np.where(halved, 0.5, 1.0), np.where(halved, 0.5, 0.0)], axis=1)
-    offset = np.where(present, 0.5 * grid.length[chosen], 0.0)
-    return Sample(present, offset, np.stack([first, second], axis=1), weight * present[:, None])
 
 
 def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
@@ -271,32 +198,25 @@ def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
     concave = (count == 1) | ((count == 2) & diagonal)
     if not concave.any():
         return edges
-    large &= concave
-    rest = 1.0 - 0.25 * np.where(concave, count, 0)
+    some = np.flatnonzero(concave)
+    large, rest = large[:, some], 1.0 - 0.25 * count[some]
+    order, share = np.arange(len(count)), np.ones(len(count))
+    order[some], share[some] = len(count) + np.arange(len(some)), rest
     changed = []
     for number, gradient in enumerate(edges.gradients):
-        index = np.tile(np.arange(len(rest))[:, None], (1, 5))
+        index = np.tile(some[:, None], (1, 5))
         weight = np.zeros(index.shape)
         weight[:, 4] = 1.0 / rest
         for quadrant in range(4):
             first, second = divmod(quadrant, 2)
             at = np.flatnonzero(large[quadrant])
             beside = (1 - first, second) if number == 0 else (first, 1 - second)
-            small = around[2 * beside[0] + beside[1], at]
+            small = around[2 * beside[0] + beside[1], some[at]]
             index[at, quadrant] = edges.of_leaf[small, first, second]
             weight[at, quadrant] = -0.25 / rest[at]
-        constant = (weight * gradient.constant[index]).sum(axis=1)
-        matrix = sum_rows(gradient.matrix, index, weight)
+        constant = gradient.constant.copy()
+        constant[some] = (weight * gradient.constant[index]).sum(axis=1)
+        right = sum_rows(gradient.matrix, index, weight)
+        matrix = sp.csr_array(sp.vstack([gradient.matrix, right], format="csr")[order])
         changed.append(replace(gradient, matrix=matrix, constant=constant))
-    return replace(edges, gradients=(changed[0], changed[1]), weight=edges.weight * rest)
-
-
-def _quadrants(point: Index, pair: Pair) -> list[Index]:
-    """Return the unit cells round edges: (a-, b-), (a-, b+), (a+, b-), (a+, b+)."""
-    around = []
-    for ends in product((-1, 0), repeat=2):
-        quadrant = point.copy()
-        for axis, end in zip(pair, ends, strict=True):
-            quadrant[:, axis] += end
-        around.append(quadrant)
-    return around
+    return replace(edges, gradients=(changed[0], changed[1]), weight=edges.weight * share)

@@ -107,3 +107,102 @@ def mean_of_faces(beside, master, code, lower, size):
                 fine = leaf_at(x, y, z, code, lower, size, leaf)
                 column[at + part], weight[at + part] = master[fine, side ^ 1], 1.0 / many
     return start, column, weight
+
+
+@njit(cache=True)
+def look(p, a, b, quadrant, code, lower, size, near):
+    """Return the leaf in a quadrant about a point: (a-, b-), (a-, b+), (a+, b-), (a+, b+)."""
+    first, second = (quadrant >> 1) - 1, (quadrant & 1) - 1
+    x = p[0] + (first if a == 0 else 0)
+    y = p[1] + (first if a == 1 else second if b == 1 else 0)
+    z = p[2] + (second if b == 2 else 0)
+    return leaf_at(x, y, y if lower.shape[1] == 2 else z, code, lower, size, near)
+
+
+@njit(cache=True)
+def edges(code, lower, size, a, b):
+    """Lay the edges between axes a < b, each as long as the largest leaf around.
+
+    Returns the point where every edge begins, its length, the leaves around there and around its
+    second half (`look`; -1 for none), and the edges at the ends of every leaf along a and b.
+    """
+    n, d = lower.shape
+    along = 3 - a - b
+    of_leaf = np.full((n, 2, 2), -1, np.int64)
+    point, reach = np.empty((4 * n, d), np.int64), np.empty(4 * n, np.int64)
+    around = np.empty((4, 4 * n), np.int64)
+    far = around if d == 2 else np.empty_like(around)
+    p, count = np.zeros(3, np.int64), 0
+    for leaf in range(n):
+        for end in range(4):
+            if of_leaf[leaf, end >> 1, end & 1] >= 0:
+                continue
+            for axis in range(d):
+                p[axis] = lower[leaf, axis]
+            p[a] += (end >> 1) * size[leaf]
+            p[b] += (end & 1) * size[leaf]
+            largest = 0
+            for quadrant in range(4):
+                other = look(p, a, b, quadrant, code, lower, size, leaf)
+                around[quadrant, count] = other
+                if other >= 0:
+                    largest = max(largest, size[other])
+            if d == 3:
+                before = p[along] % largest
+                p[along] -= before
+                for quadrant in range(4):
+                    if before > 0:
+                        around[quadrant, count] = look(p, a, b, quadrant, code, lower, size, leaf)
+                    p[along] += largest // 2
+                    far[quadrant, count] = look(p, a, b, quadrant, code, lower, size, leaf)
+                    p[along] -= largest // 2
+            reach[count] = largest
+            for axis in range(d):
+                point[count, axis] = p[axis]
+            for quadrant in range(4):
+                # The leaf before an edge has it at its upper end.
+                first, second = 1 - (quadrant >> 1), 1 - (quadrant & 1)
+                for other in (around[quadrant, count], far[quadrant, count]):
+                    if other < 0:
+                        continue
+                    ahead = lower[other, a] + first * size[other] == p[a]
+                    if ahead and lower[other, b] + second * size[other] == p[b]:
+                        of_leaf[other, first, second] = count
+            count += 1
+    return (
+        point[:count].copy(), reach[:count].copy(), around[:, :count].copy(), far[:, :count].copy(),
+        of_leaf,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def sides_of_edges(quads, far, size, length, a, sides):
+    """Return what u_a is before and behind edges, along b.
+
+    These are the sides of leaves whose displacements count and their weights, the distance between
+    both, and whether there is any: that of the smaller leaf, or of the middle of one that reaches
+    round the edge, which moves by the mean of its two sides.
+    """
+    many = quads.shape[1]
+    index, weight = np.zeros((many, 4), np.int64), np.zeros((many, 4))
+    offset, present = np.zeros(many), np.zeros((2, many), np.bool_)
+    for edge in range(many):
+        for end in range(2):
+            low, high = quads[end, edge], quads[2 + end, edge]
+            if low < 0 and high < 0:
+                continue
+            take_low = low >= 0 and (high < 0 or size[low] <= size[high])
+            chosen, next_to = (low, far[end, edge]) if take_low else (high, far[2 + end, edge])
+            first = second = chosen * sides + 2 * a + (1 if take_low else 0)
+            if low == high:
+                first, second = low * sides + 2 * a, low * sides + 2 * a + 1
+            elif next_to >= 0:
+                second = next_to * sides + 2 * a + (1 if take_low else 0)
+            half = 0.5 if end else -0.5
+            index[edge, 2 * end], index[edge, 2 * end + 1] = first, second
+            weight[edge, 2 * end], weight[edge, 2 * end + 1] = half, half
+            if first == second:
+                weight[edge, 2 * end], weight[edge, 2 * end + 1] = 2.0 * half, 0.0
+            offset[edge] += 0.5 * length[chosen]
+            present[end, edge] = True
+    return index, weight, offset, present

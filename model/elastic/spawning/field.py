@@ -75,9 +75,10 @@ def slope_weights(
     slope: ∂u_a/∂b = τ/μ - ∂u_b/∂a with the leaf's own μ. On a free surface τ is zero.
     """
     own, other = gradients
-    first = np.where(own.valid, own.one_sided, 0.0)[edge]
-    second = np.where(other.valid & ~own.valid, -1.0, 0.0)[edge]
-    at = np.flatnonzero((own.jump & (edges.modulus > 0))[edge])
+    valid = own.valid[edge]
+    first = np.where(valid, own.one_sided[edge], 0.0)
+    second = np.where(other.valid[edge] & ~valid, -1.0, 0.0)
+    at = np.flatnonzero(own.jump[edge] & (edges.modulus[edge] > 0))
     if len(at):
         ratio = edges.modulus[edge[at]] / shear[at]
         # Where it changes along both axes, strain and turn are told apart instead.
@@ -87,22 +88,22 @@ def slope_weights(
     return first, second
 
 
-def known_slopes(gradients: tuple[Gradient, Gradient]) -> Flags:
+def known_slopes(gradients: tuple[Gradient, Gradient], edge: Index) -> Flags:
     """Tell at which edges the leaves' slopes are known: not where the material changes twice."""
     own, other = gradients
-    return np.asarray((own.valid | other.valid) & ~(own.jump & other.jump))
+    known = own.valid[edge] | other.valid[edge]
+    return np.asarray(known & ~(own.jump[edge] & other.jump[edge]))
 
 
 def nearest_known(
     gradients: tuple[Gradient, Gradient], table: Index, end: int, near: Index
 ) -> Index:
     """Return the nearest edge with a slope: at this end and on the near side, if it has one."""
-    known = known_slopes(gradients)
     edge = table[np.arange(len(near)), end, near]
-    lost = np.flatnonzero(~known[edge])
+    lost = np.flatnonzero(~known_slopes(gradients, edge))
     for other_end, flip in ((0, 1), (1, 0), (1, 1)):
         candidate = table[lost, end ^ other_end, near[lost] ^ flip]
-        found = known[candidate]
+        found = known_slopes(gradients, candidate)
         edge[lost[found]] = candidate[found]
         lost = lost[~found]
     return np.asarray(edge)

@@ -207,9 +207,17 @@ class BlockMultigrid:
         )  # fmt: skip
 
     def solve(
-        self, load: Floats, u: Floats, done: Callable[[Iteration], bool], most: int = 100
+        self,
+        load: Floats,
+        u: Floats,
+        done: Callable[[Iteration], bool],
+        most: int = 100,
+        onward: bool = False,
     ) -> Iteration:
-        """Solve for the displacement in place, by conjugate gradients."""
+        """Solve for the displacement in place, by conjugate gradients.
+
+        The cycle that tells how far it is off may be gone along as well, `onward`.
+        """
         balance, leaves = self.balance, self.balance.forest.leaves
         p, q = balance.zeros(), balance.zeros()
         balance.apply(u, q)
@@ -226,6 +234,8 @@ class BlockMultigrid:
             run.errors.append(sqrt(max(product, 0.0) / energy) if energy > 0.0 else inf)
             if done(run) or product <= 0.0:
                 run.converged = True
+                if onward:
+                    kernels.turn(u, z, leaves, 1.0)
                 break
             kernels.turn(p, z, leaves, product / before if step else 0.0)
             before = product

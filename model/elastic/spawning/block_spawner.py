@@ -7,7 +7,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, sqrt
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,6 @@ from .blocks import BlockBalance, Window
 from .curvature import Indicator
 from .forest import ACROSS, Forest, evenly_loaded, first_forest
 from .generations import (
-    ALGEBRAIC_SHARE,
     FIRST_GUESS,
     MOST_GENERATIONS,
     ROUGH,
@@ -48,6 +47,10 @@ Floats = NDArray[np.float64]
 
 LAST = 1e-9
 """The last generation's forces balance to this share of the loads."""
+ON_THE_WAY = 0.07
+"""Every generation is solved to this share of the error before, the last one further."""
+CYCLE = {2: 0.1, 3: 0.25}
+"""Share of an error, smooth like that of children who begin as their parents, left by a cycle."""
 FEWEST = {2: 1.0, 3: 0.5}
 """Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
 SPREAD = 3.0
@@ -353,6 +356,7 @@ class BlockSpawner:
         previous: BlockSpawning | None = None,
     ) -> None:
         self.ground, self.tolerance, self.most_agents = forest.ground, tolerance, most_agents
+        self._rest = CYCLE[forest.dimension]
         self.records: list[Record] = []
         self.notes: list[str] = []
         self.error, self.energy = FIRST_GUESS, 0.0
@@ -387,8 +391,7 @@ class BlockSpawner:
         previous.blocks.everywhere(old)
         forest = evenly_loaded(previous.blocks.forest.loaded_by(self.ground)).as_first()
         self._stand(BlockBalance(forest), old)
-        run = self._settle(lambda run: run.errors[-1] <= ROUGH)
-        part, _ = self._look(run.errors[-1])
+        part, _ = self._look(self._rest * self._settle(ROUGH).errors[-1])
         fewer = self._regrouped(part)
         if fewer is not None:
             self._stand(BlockBalance(fewer), self.displacement)
@@ -439,13 +442,12 @@ class BlockSpawner:
         """Spawn, but for the first time, and settle."""
         if self._chosen is not None:
             self._spawn(self._chosen)
-        share = min(ALGEBRAIC_SHARE * self.error, WORST)
-        run = self._settle(lambda run: run.errors[-1] <= share)
-        part, loads = self._look(run.errors[-1])
-        iterations = len(run.residuals) - 1
+        run = self._settle(min(ON_THE_WAY * self.error, WORST))
+        part, loads = self._look(self._rest * run.errors[-1])
+        iterations = len(run.residuals)
         self._ends(part)
         if self.finished:
-            run = self._settle(lambda run: max(run.residuals[-1], run.errors[-1]) <= LAST)
+            run = self._settle()
             iterations += len(run.residuals) - 1
             part, loads = self._look(run.errors[-1])
             self._ends(part)
@@ -457,12 +459,19 @@ class BlockSpawner:
         record = Record(self.error, self.energy, iterations, forest, loads, chosen)
         self.records.append(record)
 
-    def _settle(self, done: Any) -> Iteration:
-        load, u = self.blocks.load, self.displacement
-        run = self.multigrid.solve(load, u, done)
+    def _settle(self, share: float | None = None) -> Iteration:
+        """Balance the forces: to a relative error that one more cycle leaves, or for good."""
+
+        def done(run: Iteration) -> bool:
+            if share is not None:
+                return self._rest * run.errors[-1] <= share
+            return max(run.residuals[-1], run.errors[-1]) <= LAST
+
+        load, u, onward = self.blocks.load, self.displacement, share is not None
+        run = self.multigrid.solve(load, u, done, onward=onward)
         if not run.converged and self.multigrid.real is not np.float64:
             self.multigrid = BlockMultigrid(self.blocks, self.root, np.float64)
-            run = self.multigrid.solve(load, u, done)
+            run = self.multigrid.solve(load, u, done, onward=onward)
         symmetrise(self.blocks, self.displacement, self._mirrors)
         return run
 

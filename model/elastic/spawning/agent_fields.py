@@ -122,10 +122,11 @@ def component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, ax
     wall = {a: walls[every, 2 * a + (local[:, a] > 0.5), axis] for a in others}
     for across, end in product(others, (0, 1)):
         loose = np.isnan(wall[across]) & np.isnan(walls[:, 2 * axis + end, axis])
-        some = np.flatnonzero(loose & (local[:, across] != 0.5))
+        along = local[:, axis] if end else 1.0 - local[:, axis]
+        some = np.flatnonzero(loose & (local[:, across] != 0.5) & (along != 0.0))
         distance = (local[some, across] - 0.5) * grid.length[leaf[some]]
         slope = _slope(fields, leaf[some], axis, across, end, (distance > 0).astype(np.int64))
-        value[some] += np.where(end, local[some, axis], 1.0 - local[some, axis]) * distance * slope
+        value[some] += along[some] * distance * slope
     for across, given in wall.items():
         held = np.flatnonzero(~np.isnan(given))
         left = 1.0 - np.abs(2.0 * local[held, across] - 1.0)

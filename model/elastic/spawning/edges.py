@@ -84,7 +84,7 @@ class Edges:
 def lay_edges(grid: Composite, pair: Pair) -> Edges:
     """Return the edges between a pair of axes; `grid` has its faces laid."""
     leaves, tree = grid.leaves, (grid.leaves.code, grid.leaves.lower, grid.leaves.size)
-    point, reach, around, far, of_leaf = face_kernels.edges(*tree, *pair)
+    point, reach, around, far, of_leaf = face_kernels.edges(*tree, grid.beside, *pair)
     kinds = _kinds_around(grid, point, pair, around)
     modulus = edge_modulus(kinds, grid.ground.moduli.shear)
     grads, spans = [], []

@@ -120,7 +120,18 @@ def look(p, a, b, quadrant, code, lower, size, near):
 
 
 @njit(cache=True)
-def edges(code, lower, size, a, b):
+def alike_around(leaf, first, second, beside, size):
+    """Return the leaves across both sides of an edge, and across it, if all are of one size."""
+    east, north = beside[leaf, first], beside[leaf, second]
+    if east < 0 or north < 0 or size[east] != size[leaf] or size[north] != size[leaf]:
+        return -1, -1, -1
+    beyond = beside[east, second]
+    alike = beyond >= 0 and size[beyond] == size[leaf]
+    return (east, north, beyond) if alike else (-1, -1, -1)
+
+
+@njit(cache=True)
+def edges(code, lower, size, beside, a, b):
     """Lay the edges between axes a < b, each as long as the largest leaf around.
 
     Returns the point where every edge begins, its length, the leaves around there and around its
@@ -141,13 +152,22 @@ def edges(code, lower, size, a, b):
                 p[axis] = lower[leaf, axis]
             p[a] += (end >> 1) * size[leaf]
             p[b] += (end & 1) * size[leaf]
-            largest = 0
-            for quadrant in range(4):
-                other = look(p, a, b, quadrant, code, lower, size, leaf)
-                around[quadrant, count] = other
-                if other >= 0:
-                    largest = max(largest, size[other])
-            if d == 3:
+            upper, right = end >> 1, end & 1
+            across = alike_around(leaf, 2 * a + upper, 2 * b + right, beside, size)
+            largest = size[leaf]
+            if across[0] >= 0:
+                own = 3 - end
+                around[own, count] = leaf
+                around[own ^ 2, count], around[own ^ 1, count], around[end, count] = across
+                for quadrant in range(4):
+                    far[quadrant, count] = around[quadrant, count]
+            else:
+                for quadrant in range(4):
+                    other = look(p, a, b, quadrant, code, lower, size, leaf)
+                    around[quadrant, count] = other
+                    if other >= 0:
+                        largest = max(largest, size[other])
+            if across[0] < 0 and d == 3:
                 before = p[along] % largest
                 p[along] -= before
                 for quadrant in range(4):

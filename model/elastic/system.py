@@ -22,8 +22,9 @@ from .staggered import Numbering, internal_force, stiffness_matrix
 
 Vector = NDArray[np.float64]
 Index = NDArray[np.int64]
-KEPT = 500_000
-"""Bodies of more faces give back the memory of their matrices (about 1 kB a face)."""
+KEPT = {2: 1_000_000, 3: 500_000}
+"""Bodies of more faces give back their memory: parents take 0.1 kB a face (in
+space 0.5 kB), a matrix 1 kB."""
 
 
 def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
@@ -97,8 +98,8 @@ class Prepared:
     @property
     def worth_keeping(self) -> bool:
         """Whether the next problem may have it: not if it is large."""
-        faces = self.body.dimension * self.body.kinds.size
-        return self.hierarchy.plain or faces <= KEPT
+        d, faces = self.body.dimension, self.body.dimension * self.body.kinds.size
+        return self.hierarchy.plain or faces <= KEPT[d]
 
 
 @njit(cache=True)

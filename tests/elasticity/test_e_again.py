@@ -189,7 +189,7 @@ def test_nothing_keeps_the_results_before_alive():
 
 
 def test_large_bodies_give_their_matrices_back(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.system.KEPT", 100)
+    monkeypatch.setattr("kaju.model.elastic.system.KEPT", {2: 100})
     assert solve(BODIES["hole"]).found.solution.prepared is None
     assert solve(BODIES["box"]).found.solution.prepared is not None
     moved = BODIES["hole"].replace(loads=press(3))

@@ -48,9 +48,9 @@ KINDS = 5
 """Kinds of cells that are no material: they count from the end of a table."""
 FEW = 2_000
 """So few cells are told one by one."""
-ROUND_EDGES, ROUND_CORNERS = 3, 2
+ROUND_EDGES, ROUND_CORNERS = 2, 1
 """Cells round re-entrant edges, and round corners that are to sink, that are told as well."""
-UNBALANCED = 0.02
+UNBALANCED = 0.1
 """Share of the gap that corners may keep which could sink."""
 
 
@@ -101,13 +101,14 @@ class Cells:
         kinds = np.full(self.shape, AIR, dtype=np.int32)
         self._inside(kinds, problem.kinds)[...] = problem.kinds
         self.kinds = kinds.ravel()
-        self.body = np.flatnonzero(self.kinds >= 0)
         self.law = np.pad(np.stack(problem.moduli), [(0, 0), (0, KINDS)])
         self.faces = np.zeros((d, len(self.kinds)))
         for whole, values in zip(self.faces, u, strict=True):
             self._inside(whole.reshape(self.shape), values)[...] = values
         self.ahead = corner_ends(d) @ self.steps
+        self.body = np.flatnonzero(self.kinds >= 0)
         self._loads, self._within = self._applied(grid, stage)
+        self._near = self._where_something_happens()
         self.shear = np.zeros((len(axis_pairs(d)), len(self.kinds)))
         for tau, (a, b) in zip(self.shear, axis_pairs(d), strict=True):
             kernels.shear_stress(
@@ -148,7 +149,7 @@ class Cells:
         locks = self.dimension == 2 and np.any((moduli.lateral > LOCKING * moduli.stretch) & used)
         if len(self.body) <= FEW or locks:
             return self.boxes(self.body)
-        body, near = kinds >= 0, self._where_something_happens()
+        body, near = kinds >= 0, self._near
         plain = body & ~near
         left, column = np.zeros_like(self.start), np.zeros(len(kinds))
         sums = self._sums(plain, left, column)
@@ -175,7 +176,8 @@ class Cells:
         loaded = np.zeros_like(body)
         loaded[self._loads.box] = loaded[self._within.box] = True
         found = self._cells_at(wall | parts[filled]) | self._grown(loaded, 1)
-        return body & (found | self._grown(self._cells_at(reentrant[filled]), ROUND_EDGES))
+        self._at_edges = self._cells_at(reentrant[filled])
+        return body & (found | self._grown(self._at_edges, ROUND_EDGES))
 
     def _corners_of(self, cells: Flags) -> Flags:
         found = cells.copy()
@@ -250,14 +252,16 @@ class Cells:
         a, b = self.steps[list(pair)]
         return [place, place + b, place + a, place + a + b]
 
-    def _uneven(self, place: Index) -> Flags:
+    def _uneven(self, told: Index) -> Flags:
         """Tell which cells lie round an edge where one of four is air, the others are body."""
-        found = np.zeros(len(place), dtype=np.bool_)
+        found = np.zeros(len(told), dtype=np.bool_)
+        some = np.flatnonzero(self._at_edges[told])
         for pair in axis_pairs(self.dimension):
             a, b = self.steps[list(pair)]
-            for edge in self._edges(place, pair):
+            for edge in self._edges(told[some], pair):
                 around = self.kinds[np.stack([edge, edge - a, edge - b, edge - a - b])]
-                found |= ((around >= 0).sum(axis=0) == 3) & (around == AIR).any(axis=0)
+                here = ((around >= 0).sum(axis=0) == 3) & (around == AIR).any(axis=0)
+                found[some[here]] = True
         return found
 
     def _corners(self, told: Index) -> tuple[Index, Index]:
@@ -294,16 +298,20 @@ class Cells:
         rest = np.zeros(beyond.shape)
         for side, kind in enumerate(beyond):
             axis, upper = divmod(side, 2)
-            active = np.flatnonzero(~np.isin(kind, (RIGID, ROLLER)) & (upper | (kind < 0)))
-            face, place = told[active] + upper * self.steps[axis], cells[active]
-            place[:, axis] += upper
+            active = (kind != RIGID) & (kind != ROLLER)
+            if not upper:
+                active &= kind < 0
+            some = np.flatnonzero(active)
+            face = told[some] + upper * self.steps[axis]
             force = self.sigma[axis, face - self.steps[axis]] - self.sigma[axis, face]
             for tau, pair in zip(self.shear, axis_pairs(self.dimension), strict=True):
                 if axis in pair:
                     force += tau[face] - tau[face + self.steps[sum(pair) - axis]]
-            at = tuple(place.T)
-            force += self.problem.spring[axis][at] * self.u[axis][at]
-            rest[side, active] = (2 * upper - 1) * (force - self.problem.force[axis][at])
+            at = list(cells[some].T)
+            at[axis] = at[axis] + upper
+            place = tuple(at)
+            force += self.problem.spring[axis][place] * self.u[axis][place]
+            rest[side, some] = (2 * upper - 1) * (force - self.problem.force[axis][place])
         return rest
 
 
@@ -368,10 +376,11 @@ def _beds_of_cells(problem: ElasticProblem, cells: Index, beyond: Index) -> list
     found = []
     for side, kinds in enumerate(beyond):
         axis, upper = divmod(side, 2)
-        place = cells.copy()
+        on = np.flatnonzero(kinds < AIR)
+        place = cells[on]
         place[:, axis] += upper
         stiffness = problem.spring[axis][tuple(place.T)]
-        on = np.flatnonzero((stiffness > 0) & (kinds < 0))
+        on = on[stiffness > 0]
         if len(on):
-            found.append(Bed(side, on, stiffness[on]))
+            found.append(Bed(side, on, stiffness[stiffness > 0]))
     return found

@@ -34,6 +34,8 @@ FACTORED, MOST_STEPS = {2: 100_000, 3: 5_000}, 2_000
 """Up to how many unknowns leftovers are passed on by factors; beyond, iterations at most."""
 ROUNDING = 1e-12
 """Share of the leftovers that rounding leaves over."""
+SMALLER = 0.1
+"""What an iteration leaves, as a share of what may be left over."""
 WIDER = 6
 """How often those beside unbalanced boxes are asked to pass on as well."""
 
@@ -101,7 +103,7 @@ def ragged_tractions(
         group, left = np.arange(len(off)), np.abs(off).max(axis=1, initial=0.0)
         helps[found.box[left > small]] = True
         if left.max(initial=0.0) > small:
-            group = _pass_on(boxes, found, off, helps[found.box])
+            group = _pass_on(boxes, found, off, helps[found.box], small)
             left = np.abs(_imbalance(boxes, found)).max(axis=1, initial=0.0)
         found = replace(found, left=left)
         far = found.box[np.isin(group, group[left > small])]
@@ -285,7 +287,7 @@ def _slips(d: int) -> Flags:
     return np.stack([np.delete(m, s // 2, axis=2).any(axis=(1, 2, 3)) for s, m in enumerate(modes)])
 
 
-def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
+def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags, small: float) -> Index:
     """Let boxes pass on what they are left with, through the sides between them.
 
     Returns the groups of boxes that did so with each other.
@@ -323,17 +325,18 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
     matrix = sp.csr_array(take @ weight @ take.T)
     diagonal = matrix.diagonal()
     diagonal[diagonal == 0.0] = 1.0
-    # One box of every group that no wall holds is kept from floating.
+    # One box of every group that no wall holds is kept from floating where there are factors.
     _, start = np.unique(group, return_index=True)
     loose = start[~np.isin(group[start], group[first.box[(second.box < 0) & ~slides]])]
-    floats = np.isin(used // kinds, loose)
-    holds = sp.diags_array(np.where(floats, HOLD * diagonal, 0.0))
-    moved_by = _solver(matrix + holds, d)
+    holds = np.where(np.isin(used // kinds, loose), HOLD * diagonal, 0.0)
     left, flat = -(off.ravel() * real)[used], np.zeros(kinds * count)
+    share = SMALLER * small / float(np.abs(off).max())
+    exact, moved_by = _solver(matrix, holds, d, share)
+    enough = max(ROUNDING, 0.0 if exact else 5.0 * share)
     for _ in range(5):
         # What rounding has left of the largest tractions is passed on once more.
         rest = left - take @ flat
-        if np.abs(rest).max() <= ROUNDING * np.abs(left).max():
+        if np.abs(rest).max() <= enough * np.abs(left).max():
             break
         flat += weight @ (take.T @ moved_by(rest))
     passed = flat.reshape(-1, kinds)
@@ -345,20 +348,25 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags) -> Index:
     return np.asarray(group)
 
 
-def _solver(matrix: sp.csr_array, d: int) -> Callable[[Floats], Floats]:
-    """Return what solves a system: by factors, or by iteration where they would fill memory."""
+def _solver(
+    matrix: sp.csr_array, holds: Floats, d: int, share: float
+) -> tuple[bool, Callable[[Floats], Floats]]:
+    """Return what solves a system: by factors, or by iteration where they would fill memory.
+
+    An iteration leaves a share.
+    """
     if matrix.shape[0] <= FACTORED[d]:
-        factor = factors_of(matrix)
-        return lambda right: np.asarray(factor.solve(right))
+        factor = factors_of(matrix + sp.diags_array(holds))
+        return True, lambda right: np.asarray(factor.solve(right))
     scale = 1.0 / np.sqrt(matrix.diagonal())
     alike = sp.csr_array(sp.diags_array(scale) @ matrix @ sp.diags_array(scale))
 
     def solved(right: Floats) -> Floats:
         # What is left after so many steps is told as left over.
-        found, _ = sl.cg(alike, scale * right, rtol=1e-6, maxiter=MOST_STEPS)
+        found, _ = sl.cg(alike, scale * right, rtol=max(share, ROUNDING), maxiter=MOST_STEPS)
         return np.asarray(scale * found)
 
-    return solved
+    return False, solved
 
 
 def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, Floats, Flags]:

@@ -141,15 +141,15 @@ def random(bodies=40, tolerance=0.05):
     seed = -1
     while len(found["mean stress"]) < bodies:
         seed += 1
-        scene, quantities = drawn(seed)
+        try:
+            scene, quantities = drawn(seed)
+            results = [solve(scene, tolerance=tolerance, tolerance_at=q) for q in quantities]
+        except KajuError:
+            continue
         moduli = [m.youngs_modulus for m in scene.cell_materials]
         if max(moduli) > 1e4 * min(moduli):
             continue
-        for name, quantity in zip(found, quantities, strict=True):
-            try:
-                result = solve(scene, tolerance=tolerance, tolerance_at=quantity)
-            except KajuError:
-                continue
+        for name, quantity, result in zip(found, quantities, results, strict=True):
             truth, scale = finest(scene, quantity, tolerance / 20)
             goal = result.goals[0]
             off = np.linalg.norm(goal.value - truth) / scale

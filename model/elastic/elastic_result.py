@@ -174,8 +174,14 @@ class ElasticResult(BodyResult):
 
     @property
     def strain_energy(self) -> float:
-        """Energy (J) stored in the body, and in a foundation if there is one, by `stress`."""
-        return self.found.energy * self._energy_unit
+        """Energy (J) stored in the body, and in a foundation if there is one.
+
+        Where a tolerance is proved, the middle of `energy_bounds`; else the energy of `stress`.
+        """
+        found = self.found.bracket if self._promised else ""
+        if isinstance(found, str) or found.error > (self.tolerance or 0.0):
+            return self.found.energy * self._energy_unit
+        return 0.5 * (found.lower + found.upper) * self._energy_unit
 
     @property
     def error_estimate(self) -> float:
@@ -191,7 +197,8 @@ class ElasticResult(BodyResult):
         """Energies (J) below and above the true one; None where there are none (`no_bound`).
 
         Worked out when first asked for, from a stress that balances and a displacement without
-        gaps (Prager and Synge 1947); as wide as it takes to hold `strain_energy` too.
+        gaps (Prager and Synge 1947). `strain_energy` is their middle where a tolerance is
+        proved; else they are as wide as it takes to hold it too.
         """
         found = self.found.bracket
         if isinstance(found, str):

@@ -79,7 +79,7 @@ def test_truths_of_random_bodies_lie_within(seed):
     for goal, (_, truth) in zip(result.goals, asked, strict=True):
         off = np.linalg.norm(goal.value - truth)
         assert off <= goal.error_bound + 1e-4 * np.linalg.norm(truth)
-        assert off <= 0.05 * goal.error_bound / goal.relative_bound
+        assert off <= 1.25 * 0.05 * goal.error_bound / goal.relative_bound
     assert result.tolerance_kept == "estimated"
     assert result.agents < 5000
 
@@ -183,3 +183,18 @@ def test_what_is_certain_is_told_and_stored(tmp_path):
     told = f"is estimated as {goal.relative_error:.2g}, and proved to be below"
     assert [f"{told} {goal.relative_bound:.2g}" in note for note in lower.notes] == [True]
     assert lower.tolerance_kept == "estimated"
+
+
+def test_agents_that_do_not_see_a_hinge_go_on_until_they_do():
+    """Two stiff parts touch at a corner in a body two hundred times as soft."""
+    scene = drawn(
+        ["bbaa", "bbaa", "aabb", "aabb"],
+        materials={"a": LAWS["a"], "b": LAWS["b"] | {"youngs_modulus": 1e9}},
+    )
+    right = Deflection("right", "y")
+    few = solve(scene, tolerance=0.05, tolerance_at=right)
+    fine = solve(scene, tolerance=0.005, tolerance_at=right)
+    (goal,), (truth,) = few.goals, fine.goals
+    assert abs(goal.value - truth.value) <= goal.error_bound
+    assert abs(goal.value / truth.value - 1.0) < 0.05
+    assert few.tolerance_kept != "missed"

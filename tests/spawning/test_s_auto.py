@@ -36,7 +36,7 @@ def test_small_patch_of_load_makes_agents_spawn():
     result = solve(plate(), tolerance=0.01)
     assert spawned_agents(result)
     assert result.error_estimate <= 0.01
-    assert sqrt(result.strain_energy / LIMIT - 1) < 0.012
+    assert sqrt(result.generations[-1].energy / LIMIT - 1) < 0.012
     assert any("equal cells were expected" in note for note in result.summary()["notes"])
 
 

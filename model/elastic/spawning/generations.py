@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -99,8 +100,8 @@ class Spawning:
     reached : bool
         Whether the error is within the tolerance.
     stopped : str
-        Why it ended, if it is not: "depth" (the smallest agents allowed), "agents" or
-        "iteration".
+        Why it ended, if it is not: "depth" (the smallest agents allowed), "agents",
+        "iteration", or "blind" (bounds say that agents do not see their errors).
     notes : list of str
     hierarchy : NestedMultigrid, optional
         Serves for other loads on the same agents, unless these are many.
@@ -357,22 +358,32 @@ class Spawner:
         few = len(leaves) <= MOST_PROVED[self.ground.dimension]
         if not few or self._stopped == "iteration":
             return
+        self._estimated = self._estimated or len(leaves)
         if isinstance(self.aim, GoalAim):
-            self.aimed = self.aim.bounded(self)
-            more = self.aimed.chosen.any() and not self._stopped
-            self.finished = not more or len(self.generations) + 2 >= MOST_GENERATIONS
+            self._bound(self.aim)
         if self.aimed.error > self.tolerance or not isinstance(self.aim, EnergyAim):
             return
-        self._estimated = self._estimated or len(leaves)
         self.bracket = bracket_of_agents(self.balance, self.displacement)
         if isinstance(self.bracket, str) or self.bracket.error <= self.tolerance:
             return
         chosen = choose(self.balance.grid, *unproved(self.bracket, self.tolerance))
-        agents = len(leaves) + ((1 << self.ground.dimension) - 1) * np.count_nonzero(chosen)
-        worth = worth_proving(int(agents), self._estimated)
-        on = chosen.any() and worth and agents <= self.most_agents
-        if on and len(self.generations) + 2 < MOST_GENERATIONS:
+        if self._worth(chosen):
             self.aimed, self.finished = self.aimed._replace(chosen=chosen), False
+
+    def _bound(self, aim: GoalAim) -> None:
+        """Hold goals between bounds, and go on where these say that estimates are blind."""
+        estimated, self.aimed = self.aimed, aim.bounded(self)
+        if self.aimed.error > self.tolerance >= estimated.error:
+            self.finished = not self._worth(self.aimed.chosen)
+            self._stopped = "blind" if self.finished else ""
+        if self.finished and not isfinite(self.aimed.error):
+            self.aimed = estimated
+
+    def _worth(self, chosen: Flags) -> bool:
+        """Tell whether to go on for a proof if these spawn."""
+        agents = len(chosen) + ((1 << self.ground.dimension) - 1) * int(np.count_nonzero(chosen))
+        worth = worth_proving(agents, self._estimated) and agents <= self.most_agents
+        return bool(chosen.any()) and worth and len(self.generations) + 2 < MOST_GENERATIONS
 
     def _remember(self, iterations: int) -> None:
         leaves, load = self.balance.grid.leaves, self.indicator.load

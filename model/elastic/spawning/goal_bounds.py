@@ -38,10 +38,16 @@ class Between(NamedTuple):
     Attributes
     ----------
     middle, off : float
+    blind : float
+        How far off it is known by the bounds, over what the errors' estimated energies say.
+    shares : array, shape (agents,)
+        Every agent's part of `off`.
     """
 
     middle: float
     off: float
+    blind: float
+    shares: Floats
 
 
 def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between | str:
@@ -59,8 +65,8 @@ def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between
     Between or str
         In words why there are no bounds.
     """
-    error, rest = error + SMALL * _square(own), rest + SMALL * _square(asked)
-    share = sqrt(error / rest) if rest > 0.0 else 1.0
+    larger = error + SMALL * _square(own), rest + SMALL * _square(asked)
+    share = sqrt(larger[0] / larger[1]) if larger[1] > 0.0 else 1.0
     more, less = (bracket_of(_sum(own, asked, sign * share)) for sign in (1.0, -1.0))
     if isinstance(more, str):
         return more
@@ -69,7 +75,9 @@ def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between
     (low, high), (least, most) = more.potential, less.potential
     middle, off = least + most - low - high, most - least + high - low
     off += ROUNDING * (abs(low) + abs(high) + abs(least) + abs(most))
-    return Between(0.25 * middle / share, 0.25 * off / share)
+    off *= 0.25 / share
+    shares = (more.shares + less.shares) / (8.0 * share)
+    return Between(0.25 * middle / share, off, off / sqrt(larger[0] * larger[1] or 1.0), shares)
 
 
 def _square(boxes: Boxes) -> float:

@@ -52,6 +52,8 @@ FACTOR = 1.25
 """Of the estimate, found on the bodies of `benchmarks/goals.py`."""
 MOST = 50
 """Quantities at a time."""
+BLIND = 1.5
+"""Where bounds say so many times more than estimates, agents do not see all of their errors."""
 ALGEBRAIC_SHARE, FIRST_GUESS = 0.05, 0.3
 """Influences are solved to this share of their own error, at first of a guess at it."""
 
@@ -184,22 +186,23 @@ class GoalAim:
 
         Where agents lie on both sides of the rim of a place these have to spawn first.
         """
-        aimed, grid = spawner.aimed, spawner.balance.grid
+        grid = spawner.balance.grid
         places = [functional.parts(grid) for functional in self._functionals]
         rims = [place.cut for place in places if not isinstance(place, str)]
         cut = np.any(rims, axis=0) if rims else np.zeros(len(grid.leaves), dtype=np.bool_)
         if cut.any():
-            return aimed._replace(chosen=cut)
-        own = boxes_of_agents(spawner.balance, spawner.displacement) if rims else None
-        answers = []
-        for number, (answer, place) in enumerate(zip(aimed.answers, places, strict=True)):
-            if own is None or isinstance(place, str):
-                answers.append(answer._replace(no_bound=str(place)))
-                continue
-            between = self._between(spawner, own, number, place)
+            return Aimed(inf, cut.astype(np.float64), cut, 0.0)
+        own = boxes_of_agents(spawner.balance, spawner.displacement)
+        answers, parts = [], []
+        for number, (answer, place) in enumerate(zip(spawner.aimed.answers, places, strict=True)):
+            between = (
+                place if isinstance(place, str) else self._between(spawner, own, number, place)
+            )
             answers.append(_certain(answer, between))
-        error = max(answer.relative_error for answer in answers)
-        return aimed._replace(error=error, answers=tuple(answers))
+            known = [] if isinstance(between, str) else [b.shares for b in between]
+            parts.append(sum(known, np.zeros(len(cut))) / answer.scale)
+        found = _aimed(spawner, answers, parts)
+        return found if found.part.any() else found._replace(part=spawner.aimed.part)
 
     def _between(
         self, spawner: Spawner, own: Boxes, number: int, place: Parts
@@ -222,7 +225,8 @@ def _certain(answer: Answer, found: list[Between] | str) -> Answer:
         return answer._replace(no_bound=found)
     bound = float(np.linalg.norm([between.off for between in found]))
     middle = np.array([between.middle for between in found])
-    error = min(answer.error, bound)
+    blind = max(between.blind for between in found)
+    error = min(answer.error * max(1.0, blind / BLIND) ** 2, bound)
     return Answer(middle, error, error / answer.scale, answer.scale, bound)
 
 

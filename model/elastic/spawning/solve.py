@@ -151,7 +151,7 @@ def doubts_of(spawning: Spawning, tolerance_at: Asked) -> list[str]:
 
 def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> list[str]:
     """Return what agents that ended, or stand, above the tolerance leave to be said."""
-    if spawning.reached or spawning.stopped not in ("", "depth"):
+    if spawning.reached or spawning.stopped not in ("", "depth", "blind"):
         return []
     above = (
         f"an estimated error of {spawning.aimed.error:.2g}, above the tolerance of {tolerance:g}"
@@ -159,6 +159,8 @@ def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> lis
     if not spawning.stopped:
         steps = len(spawning.generations)
         return [f"looked at after {steps} steps, which leave {above}"]
+    if spawning.stopped == "blind":
+        return [f"bounds far above what agents see of their errors leave {above}"]
     remedy = "a larger resolution allows smaller ones"
     if resolution is None:
         remedy = "look for a point that is almost a hinge, where stiff parts touch at a corner"

@@ -53,9 +53,7 @@ def draw(found: dict[str, Comparison]) -> list[Path]:
         "stress_ratio": plot_stress_ratio(found, column, "y", pressure, believed=BELIEVED),
         "stress": plot_maps(found, "stress", "yy", believed=BELIEVED, symbol=STRESS),
         "deformed": plot_shapes(
-            {name: comparison.result for name, comparison in found.items()},
-            corners,
-            name=BELIEVED,
+            {name: comparison.result for name, comparison in found.items()}, corners, name=BELIEVED
         ),
         "displacement": plot_profiles(
             found, [column, row], "displacement", "y", believed=BELIEVED, symbol=r"$u_y$"

@@ -150,12 +150,7 @@ def stress_symbol(axis: str) -> str:
 
 
 def plot_stress_ratio(
-    comparisons: Comparisons,
-    line: Line,
-    axes: str,
-    pressure: float,
-    *,
-    believed: str = "reference",
+    comparisons: Comparisons, line: Line, axes: str, pressure: float, *, believed: str = "reference"
 ) -> Figure:
     """Draw stress along a line as a share of a pressure (Pa), and over that of the reference.
 

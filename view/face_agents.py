@@ -22,15 +22,7 @@ from .agents import spawn_bar, spawn_norm
 from .body import draw_body, draw_forces, finish
 from .reels import TWO_LINES, Reel
 from .section import section_of
-from .style import (
-    LOADS,
-    SEQUENTIAL,
-    add_polygons,
-    colour_bar,
-    figure_of,
-    new_axes,
-    new_figure,
-)
+from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, figure_of, new_axes, new_figure
 from .units import counted, quantity
 
 if TYPE_CHECKING:

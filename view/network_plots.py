@@ -122,12 +122,7 @@ class Stand:
         # What carries little is nearly white, so every spring has a darker rim.
         rim = kind(lines, colors="#b0b0b0", linewidths=width + 0.8, zorder=2)
         springs = kind(
-            lines,
-            array=values,
-            cmap=DIVERGING,
-            norm=self.norm,
-            linewidths=width,
-            zorder=3,
+            lines, array=values, cmap=DIVERGING, norm=self.norm, linewidths=width, zorder=3
         )
         springs.set_gid("springs")
         return [self._add(springs), self._add(rim), *self._draw_nodes(record)]

@@ -254,8 +254,7 @@ def plot_body_in_space(scene: Scene, ax: Axes | None = None) -> Axes:
     drawn.set_gid("body")
     names = [material.name for material in scene.cell_materials]
     legend(
-        space,
-        [Patch(fc=BODY[i % len(BODY)], ec=INK, label=name) for i, name in enumerate(names)],
+        space, [Patch(fc=BODY[i % len(BODY)], ec=INK, label=name) for i, name in enumerate(names)]
     )
     caption(space, "The scene", [*notes, *box.notes])
     return cast("Axes", space)

@@ -119,12 +119,7 @@ class Pace:
 
 
 def march(
-    system: Creeping,
-    method: Scheme,
-    drive: Drive,
-    state: CreepState,
-    asked: Floats,
-    pace: Pace,
+    system: Creeping, method: Scheme, drive: Drive, state: CreepState, asked: Floats, pace: Pace
 ) -> tuple[Log, CreepState]:
     """March from `state` over the corners of the drive to the last of the times `asked`.
 

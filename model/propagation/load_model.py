@@ -407,8 +407,5 @@ class LoadModel(SteppedModel):
         outcome = self.outcome or f"interrupted after {self.generation} generations"
         stages = (*self.finished, self.engine.stage(self._factor, outcome))
         return TransferResult(
-            scene=self.scene,
-            stages=stages,
-            certificate=self.certificate,
-            seconds=self.seconds,
+            scene=self.scene, stages=stages, certificate=self.certificate, seconds=self.seconds
         )

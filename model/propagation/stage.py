@@ -182,9 +182,7 @@ class Stage:
     ledger: Ledger
 
 
-def collect_boundary(
-    handed: list[tuple[Ints, Floats]],
-) -> tuple[Ints, Ints, Floats]:
+def collect_boundary(handed: list[tuple[Ints, Floats]]) -> tuple[Ints, Ints, Floats]:
     """Gather what boundary agents gave back, from (cell keys, loads) of each generation.
 
     Returns

@@ -264,11 +264,7 @@ _TO: dict[str, Callable[[Generator, str, int], dict[str, Any]]] = {
     "network": _network,
     "three elements": _element,
 }
-_OWN = {
-    "network": "lattice",
-    "three elements": "one element",
-    "prescribed rule": "cells",
-}
+_OWN = {"network": "lattice", "three elements": "one element", "prescribed rule": "cells"}
 ENGINES = (
     "prescribed rule",
     "equal cells",

@@ -11,13 +11,7 @@ import typer
 from kaju import __version__
 from kaju.errors import KajuError
 
-from . import (
-    commands_compare,
-    commands_look,
-    commands_many,
-    commands_run,
-    commands_scene,
-)
+from . import commands_compare, commands_look, commands_many, commands_run, commands_scene
 
 app = typer.Typer(
     help="Agents that carry load through a body.",

@@ -30,8 +30,7 @@ def animate(
         ),
     ] = None,
     what: Annotated[
-        str | None,
-        typer.Option(help="generations, stages, waves, loading, increments, or loads."),
+        str | None, typer.Option(help="generations, stages, waves, loading, increments, or loads.")
     ] = None,
     frames_per_second: Annotated[float, typer.Option("--fps", help="Frames per second.")] = 2.0,
     bare: Annotated[bool, typer.Option("--bare", help="Only the body: no axes, no words.")] = False,
@@ -57,8 +56,7 @@ def page(
         Path, typer.Argument(metavar="FILE", help="A scene (.toml), a result, or its folder.")
     ],
     out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="The page, an .html file."),
+        Path | None, typer.Option("--out", "-o", metavar="FILE", help="The page, an .html file.")
     ] = None,
     title: Annotated[str | None, typer.Option(help="The headline.")] = None,
     language: Annotated[

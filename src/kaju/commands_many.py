@@ -158,8 +158,7 @@ QUICK, ALL = 300, 10_000
 
 def stress(
     out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="DIR", help="Folder for tables and pictures."),
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for tables and pictures.")
     ] = Path("stress"),
     quick: Annotated[bool, typer.Option("--quick", help=f"{QUICK} trials only.")] = False,
     count: Annotated[

@@ -99,7 +99,7 @@ Strategy = Annotated[
     StrategyName,
     typer.Option(
         help="Equal cells, agents that are small where the error asks for it, or (auto) "
-        "whichever is cheaper.",
+        "whichever is cheaper."
     ),
 ]
 Engine = Annotated[
@@ -219,11 +219,7 @@ def solve(
 
 
 def into_folder(
-    folder: Path,
-    console: Console,
-    compute: Callable[[], Result],
-    pictures: bool,
-    force: bool,
+    folder: Path, console: Console, compute: Callable[[], Result], pictures: bool, force: bool
 ) -> Result:
     """Compute a result, print its key figures and write its folder.
 

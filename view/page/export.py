@@ -199,10 +199,7 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
 
 
 def _preset(
-    number: int,
-    name: str,
-    preset: Scene | tuple[Scene, str],
-    columns: dict[str, NDArray[Any]],
+    number: int, name: str, preset: Scene | tuple[Scene, str], columns: dict[str, NDArray[Any]]
 ) -> dict[str, Any]:
     scene, note = preset if isinstance(preset, tuple) else (preset, "")
     data, own = scene_data(scene)

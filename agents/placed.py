@@ -27,5 +27,4 @@ class PlacedAgent(FixedAgent):
     @property
     def position(self) -> Floats:
         """Middle of the cell (m), shape (dimension,)."""
-        middle: Floats = self.model.lattice.centres(np.array([self.index]))[0]
-        return middle
+        return np.asarray(self.model.lattice.centres(np.array([self.index]))[0])

@@ -107,8 +107,7 @@ class Pair:
 def _size(values: Floats) -> Floats:
     """Return the length of vectors, the Frobenius norm of tensors."""
     flat = values.reshape(len(values), -1)
-    sizes: Floats = np.sqrt((flat**2).sum(axis=1))
-    return sizes
+    return np.asarray(np.sqrt((flat**2).sum(axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,8 +180,7 @@ def _cells_in(box: CellBox) -> Ints:
             "name the points to compare at with points=, such as the `middle` of spawned agents"
         )
     every = np.indices(tuple(upper - lower)).reshape(len(lower), -1).T
-    cells: Ints = every + lower
-    return cells
+    return every + lower
 
 
 def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
@@ -228,8 +226,7 @@ def _same_loads(result: BodyResult, other: BodyResult) -> None:
 
 
 def _total_force(result: BodyResult) -> Floats:
-    total: Floats = result.scene.applied(result.stage).force.sum(axis=0)
-    return total
+    return np.asarray(result.scene.applied(result.stage).force.sum(axis=0))
 
 
 def _same_body(coarse: Scene, fine: Scene) -> None:
@@ -271,13 +268,11 @@ def _constants(scene: Scene, points: Floats) -> Floats:
     """Return Young's modulus and Poisson's ratio at points, 0 where there is no body."""
     table = np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
     kinds = scene.kinds(scene.lattice.locate(points))
-    found: Floats = np.where((kinds >= 0)[:, None], table[np.maximum(kinds, 0)], 0.0)
-    return found
+    return np.where((kinds >= 0)[:, None], table[np.maximum(kinds, 0)], 0.0)
 
 
 def _differ(one: Floats, other: Floats) -> Flags:
-    different: Flags = np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1)
-    return different
+    return np.asarray(np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -456,8 +451,7 @@ def near_line(points: Floats, first: Floats, way: Floats, length: float) -> Floa
     across = points - first - along[:, None] * way
     near = np.linalg.norm(across, axis=1) < 1e-6 * length
     near &= (along > -1e-6 * length) & (along < (1.0 + 1e-6) * length)
-    chosen: Floats = points[near][np.argsort(along[near], kind="stable")]
-    return chosen
+    return np.asarray(points[near][np.argsort(along[near], kind="stable")])
 
 
 def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:

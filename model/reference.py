@@ -102,8 +102,7 @@ class Reference:
         ResultError
             If the reference does not know one of the points.
         """
-        found: Floats = self.displacement[self._known(points)]
-        return found
+        return self.displacement[self._known(points)]
 
     def stress_at(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points of the reference.
@@ -115,8 +114,7 @@ class Reference:
         """
         if self.stress is None:
             raise ResultError("stress: the reference has none; give it as stress=")
-        found: Floats = self.stress[self._known(points)]
-        return found
+        return self.stress[self._known(points)]
 
     def _known(self, points: Floats) -> Ints:
         points = np.asarray(points, dtype=np.float64)

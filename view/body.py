@@ -227,8 +227,7 @@ def _beside_no_body(section: Section, tiles: Ints, kind: Ints) -> Flags:
         near = near | np.roll(near, 1, axis) | np.roll(near, -1, axis)
     shape = np.array(section.scene.lattice.shape)[[*section.axes]]
     inside = np.all((tiles >= 0) & (tiles * section.block < shape), axis=1)
-    beside: Flags = ~inside & ~near[tuple((tiles - first).T)]
-    return beside
+    return np.asarray(~inside & ~near[tuple((tiles - first).T)])
 
 
 def finish(ax: Axes, section: Section, title: str, notes: list[str], entries: list[Artist]) -> Text:

@@ -189,8 +189,7 @@ def plot_cross_ratio(ax: Axes, found: Comparisons, line: Line, above: str, below
 
 def _over(above: Floats, below: Floats) -> Floats:
     small = np.abs(below) < 1e-3 * np.abs(below).max(initial=0.0)
-    ratio: Floats = above / np.where(small | (below == 0.0), np.nan, below)
-    return ratio
+    return above / np.where(small | (below == 0.0), np.nan, below)
 
 
 TITLE: Any = {"loc": "left", "fontsize": 10, "fontweight": "bold", "color": INK}

@@ -92,8 +92,7 @@ def _on(cells: Ints, shape: tuple[int, ...], where: Ints, values: Floats) -> Flo
     """Spread the values of some cells over all, 0 elsewhere."""
     field = np.zeros(shape)
     field[tuple(where.T)] = values
-    found: Floats = field[tuple(cells.T)]
-    return found
+    return np.asarray(field[tuple(cells.T)])
 
 
 def so_far(result: TransferResult, generation: int) -> TransferResult:

@@ -97,14 +97,12 @@ class Stand:
     def values(self, record: int) -> Floats:
         """Return what the colours mean, of every spring."""
         if self.colour == "tension":
-            tension: Floats = self.result.tension[record]
-            return tension
+            return np.asarray(self.result.tension[record])
         return self.result.strain(record)
 
     def places(self, record: int) -> Floats:
         """Return where the nodes are drawn (m)."""
-        moved: Floats = self.network.positions + self.factor * self.result.displacement[record]
-        return moved
+        return np.asarray(self.network.positions + self.factor * self.result.displacement[record])
 
     def _magnification(self) -> float:
         size = float(np.ptp(self.network.positions, axis=0).max())

@@ -85,8 +85,7 @@ class Section:
     @cached_property
     def tile_size(self) -> Floats:
         """Distance between tiles, rightwards and upwards (m)."""
-        size: Floats = np.diag(self._pitch)
-        return size
+        return np.diag(self._pitch)
 
     @cached_property
     def _pitch(self) -> Floats:
@@ -139,8 +138,7 @@ class Section:
         """Return the middles of tiles (m), shape (n, 2)."""
         if self.outlined:
             return self.scene.lattice.centres(tiles)
-        middles: Floats = (tiles + 0.5) @ self._pitch.T
-        return middles
+        return (tiles + 0.5) @ self._pitch.T
 
     def polygons(self, tiles: Ints, share: float = 1.0) -> Floats:
         """Return the corners of tiles (m), shape (n, corners, 2), counter-clockwise.

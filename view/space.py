@@ -97,8 +97,7 @@ def seen_faces(voxels: Ints) -> tuple[Ints, Ints]:
 
     def key(places: Ints) -> Ints:
         shifted = places - low
-        numbered: Ints = (shifted[:, 0] * span[1] + shifted[:, 1]) * span[2] + shifted[:, 2]
-        return numbered
+        return np.asarray((shifted[:, 0] * span[1] + shifted[:, 1]) * span[2] + shifted[:, 2])
 
     own = key(voxels)
     hidden = np.stack([np.isin(key(voxels + step), own) for step in _STEPS], axis=1)

@@ -227,9 +227,8 @@ def arrow_polygons(tail: Floats, head: Floats, width: Floats) -> Floats:
     aside = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
     head_length = np.minimum(3.4 * width, 0.6 * length)
     back = np.where(_BACK < 0.0, length[:, None], head_length[:, None] * _BACK)
-    outline: Floats = (
+    return np.asarray(
         head[:, None]
         - back[:, :, None] * unit[:, None]
         + (width[:, None] * _ASIDE)[:, :, None] * aside[:, None]
     )
-    return outline

@@ -126,27 +126,23 @@ def _stress(scene: Scene, moduli: Moduli, kind: Index, gradient: Floats) -> Floa
     strain = 0.5 * (gradient + gradient.swapaxes(0, 1))
     volume = moduli.lateral[kind][:, None] * np.trace(strain)
     unit = np.eye(len(gradient))[:, :, None, None]
-    found: Floats = depth(scene) * (2.0 * moduli.shear[kind][:, None] * strain + unit * volume)
-    return found
+    return depth(scene) * (2.0 * moduli.shear[kind][:, None] * strain + unit * volume)
 
 
 def _divergence(mesh: Any, stress: Floats) -> Floats:
     """Return the divergence of stresses that run linearly between the corners of elements."""
     slopes = mesh.mapping().invDF(_at_corners(mesh.dim())[0][:, :1])[..., 0]
     grown = stress[..., 1:] - stress[..., :1]
-    found: Floats = np.einsum("abek,kbe->ae", grown, slopes)
-    return found
+    return np.einsum("abek,kbe->ae", grown, slopes)
 
 
 def _traction(scene: Scene, moduli: Moduli, kind: Index, side: Any, u: Floats) -> Floats:
     stress = _stress(scene, moduli, kind[side.tind], np.asarray(side.interpolate(u).grad))
-    found: Floats = np.einsum("abfq,bfq->afq", stress, side.normals)
-    return found
+    return np.einsum("abfq,bfq->afq", stress, side.normals)
 
 
 def _length(side: Any) -> Floats:
-    found: Floats = side.dx.sum(axis=1) ** (1.0 / (side.mesh.dim() - 1))
-    return found
+    return side.dx.sum(axis=1) ** (1.0 / (side.mesh.dim() - 1))
 
 
 def _free_components(basis: Any, facets: Index, answer: ElementAnswer, kinds: Index) -> Any:

@@ -85,8 +85,7 @@ def _load(problem: Problem, basis: Any) -> Floats:
     facets = basis.mesh.facets_satisfying(pressed, boundaries_only=True)
     side = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets, intorder=2)
     traction = problem.force / float(np.prod((upper - lower)[:-1]))
-    load: Floats = skfem.LinearForm(lambda v, w: -traction * v[-1]).assemble(side)
-    return load
+    return skfem.LinearForm(lambda v, w: -traction * v[-1]).assemble(side)
 
 
 def rigid_body_modes(places: Floats) -> Floats:
@@ -110,13 +109,11 @@ def iterated(matrix: Any, right: Floats, modes: Floats, residual: float = RESIDU
     import pyamg
 
     hierarchy = pyamg.smoothed_aggregation_solver(matrix, B=modes)
-    u: Floats = hierarchy.solve(right, tol=residual, accel="cg", maxiter=2000)
-    return u
+    return hierarchy.solve(right, tol=residual, accel="cg", maxiter=2000)
 
 
 def _at(problem: Problem, basis: Any, u: Floats) -> Floats:
     from scipy.spatial import cKDTree
 
     _, vertex = cKDTree(basis.mesh.p.T).query(problem.points)
-    moved: Floats = u[basis.nodal_dofs[:, vertex]].T
-    return moved
+    return u[basis.nodal_dofs[:, vertex]].T

@@ -148,8 +148,7 @@ class TransferCreepResult(BodyCourse):
     def _sizes(self, record: int) -> Floats:
         if not len(self.static.last.cells):
             return np.zeros(1)
-        sizes: Floats = np.linalg.norm(self.displacement(record), axis=1)
-        return sizes
+        return np.asarray(np.linalg.norm(self.displacement(record), axis=1))
 
     def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = super()._own()

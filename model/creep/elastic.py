@@ -331,8 +331,7 @@ class ElasticCreepResult(BodyCourse):
     edges: Floats | None = None
 
     def _sizes(self, record: int) -> Floats:
-        sizes: Floats = np.linalg.norm(self.cell_displacement(record), axis=-1)
-        return sizes
+        return np.asarray(np.linalg.norm(self.cell_displacement(record), axis=-1))
 
     def _own(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = super()._own()

@@ -42,8 +42,7 @@ class Geometry(NamedTuple):
 
 def along_springs(network: SpringNetwork, field: Floats) -> Floats:
     """Return the difference of a field over the nodes along every spring, (m, dimension)."""
-    difference: Floats = field[network.springs[:, 0]] - field[network.springs[:, 1]]
-    return difference
+    return field[network.springs[:, 0]] - field[network.springs[:, 1]]
 
 
 def spring_geometry(network: SpringNetwork, displacement: Floats) -> Geometry:

@@ -222,8 +222,7 @@ class DirectSolver:
 
     def solve(self, load: Floats) -> Floats:
         """Return the displacement of the free coordinates under a load on them."""
-        solution: Floats = self._factors.solve(load)
-        return solution
+        return np.asarray(self._factors.solve(load))
 
 
 def _bad_pivots(factors: Any, tangent: csc_array) -> Any:

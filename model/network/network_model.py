@@ -55,8 +55,7 @@ class NodeAgent(FixedAgent):
     @property
     def displacement(self) -> Floats:
         """How far it has moved (m), shape (dimension,)."""
-        moved: Floats = self.position - self.model.network.positions[self.node]
-        return moved
+        return np.asarray(self.position - self.model.network.positions[self.node])
 
     def move(self) -> None:
         """Go where the loads and springs now balance."""
@@ -212,8 +211,7 @@ class NetworkModel(SteppedModel):
     @property
     def positions(self) -> Floats:
         """Where the nodes are now (m), shape (n, dimension)."""
-        places: Floats = self.network.positions + self.loading.records[-1].displacement
-        return places
+        return self.network.positions + self.loading.records[-1].displacement
 
     @property
     def tension(self) -> Floats:

@@ -61,8 +61,7 @@ def turned_over(network: SpringNetwork, displacement: Floats) -> Ints:
 def _areas(positions: Floats, corners: Ints) -> Floats:
     """Twice the area of each triangle (m²), positive if it runs counter-clockwise."""
     (ax, ay), (bx, by) = ((positions[corners[:, k]] - positions[corners[:, 0]]).T for k in (1, 2))
-    areas: Floats = ax * by - ay * bx
-    return areas
+    return np.asarray(ax * by - ay * bx)
 
 
 Scheme = Literal["newton", "euler"]
@@ -117,8 +116,7 @@ class NetworkResult(Result):
 
     def positions(self, record: int = -1) -> Floats:
         """Return where the nodes lie (m), shape (n, dimension)."""
-        places: Floats = self.network.positions + self.displacement[record]
-        return places
+        return np.asarray(self.network.positions + self.displacement[record])
 
     def strain(self, record: int = -1) -> Floats:
         """Return the elongation of every spring as a share of its initial length, (m,)."""

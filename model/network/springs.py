@@ -400,5 +400,4 @@ def _between(stages: Floats, stage: float) -> Floats:
         return np.zeros_like(stages[0])
     before = stages[last - 2] if last > 1 else np.zeros_like(stages[0])
     share = stage - (last - 1)
-    between: Floats = before + share * (stages[last - 1] - before)
-    return between
+    return np.asarray(before + share * (stages[last - 1] - before))

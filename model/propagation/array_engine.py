@@ -207,8 +207,7 @@ class ArrayEngine:
     @property
     def load(self) -> Floats:
         """Sum of the equal loads of each waiting row (N)."""
-        amount: Floats = self.values[self.waiting.magnitude] * self.waiting.copies
-        return amount
+        return self.values[self.waiting.magnitude] * self.waiting.copies
 
     @property
     def pending(self) -> float:

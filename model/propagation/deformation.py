@@ -62,8 +62,7 @@ class Squeeze:
 
     def stresses(self) -> Floats:
         """Return the stress (Pa) of every agent, shape (agents, dim, dim)."""
-        stress: Floats = -np.tensordot(self.pressure, self._projections()[0], axes=1)
-        return stress
+        return -np.tensordot(self.pressure, self._projections()[0], axes=1)
 
     def elongation(self, axis: int) -> Floats:
         """Return by how much every agent lengthens along an axis (m), shape (agents,)."""

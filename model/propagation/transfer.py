@@ -115,8 +115,7 @@ class Transfer:
     @cached_property
     def emitted(self) -> Floats:
         """Sum of what a load sends out, by which loads grow: (materials, forms, states)."""
-        total: Floats = self.tables[2].sum(axis=3)
-        return total
+        return np.asarray(self.tables[2].sum(axis=3))
 
     @cached_property
     def own(self) -> Floats:

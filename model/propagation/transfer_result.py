@@ -198,8 +198,7 @@ class TransferResult(BodyResult):
         stress[:, :dimension, :dimension] = self.stress
         mean = np.trace(stress, axis1=1, axis2=2) / 3.0
         deviator = stress - mean[:, None, None] * np.eye(3)
-        result: Floats = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
-        return result
+        return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))
 
     @cached_property
     def displacement_field(self) -> DisplacementField:

@@ -142,8 +142,7 @@ class Lattice(ABC):
     def distances(self) -> Floats:
         """From a form's middle to its faces (m), infinite where it has none."""
         reach = (self.face_offsets * self.normals).sum(axis=2)
-        distances: Floats = np.where(self.faces < 0, np.inf, reach)
-        return distances
+        return np.where(self.faces < 0, np.inf, reach)
 
     @cached_property
     def arms(self) -> tuple[tuple[int, ...], ...]:
@@ -164,16 +163,14 @@ class Lattice(ABC):
     @cached_property
     def opposite(self) -> Ints:
         """For every direction the one that points the other way."""
-        opposite: Ints = np.argmin(self.normals @ self.normals.T, axis=1)
-        return opposite
+        return np.asarray(np.argmin(self.normals @ self.normals.T, axis=1))
 
     @cached_property
     def mirrored(self) -> Ints:
         """Directions mirrored at a wall: `mirrored[n, d]` is d seen in a wall with normal n."""
         cosine = self.normals @ self.normals.T
         image = self.normals[None] - 2.0 * cosine[:, :, None] * self.normals[:, None]
-        nearest: Ints = np.argmax(image @ self.normals.T, axis=2)
-        return nearest
+        return np.asarray(np.argmax(image @ self.normals.T, axis=2))
 
     @cached_property
     def steps(self) -> Ints:
@@ -208,8 +205,7 @@ class Lattice(ABC):
 
     def neighbours(self, cells: Cells, arm: int) -> Cells:
         """Return the cells reached over one arm: outside, or the same where there is no face."""
-        reached: Cells = cells + self.steps[self.form(cells), arm]
-        return reached
+        return np.asarray(cells + self.steps[self.form(cells), arm])
 
     def face_middles(self, cells: Cells, direction: Ints) -> Floats:
         """Return the middles of faces (m), shape (n, dimension); direction -1: of the cells."""
@@ -254,8 +250,7 @@ class Lattice(ABC):
     def pitch(self) -> Floats:
         """How far (m) a step along each coordinate leads on the average, a column for each."""
         far = PERIOD * np.eye(self.dimension, dtype=np.int64)
-        pitch: Floats = (self.centres(far) - self.centres(0 * far)).T / PERIOD
-        return pitch
+        return (self.centres(far) - self.centres(0 * far)).T / PERIOD
 
     def coordinates(self, points: Floats) -> Floats:
         """Return points (m) in steps of the coordinates; a cell's middle lies near its own."""
@@ -362,8 +357,7 @@ class Lattice(ABC):
         form = self.form(cells)
         whole, rest = np.divmod(count, periods[form, axis])
         repeat = strides[form, axis, periods[form, axis]]
-        reached: Cells = cells + whole[:, None] * repeat + strides[form, axis, rest]
-        return reached
+        return np.asarray(cells + whole[:, None] * repeat + strides[form, axis, rest])
 
     # The array.
 
@@ -382,8 +376,7 @@ class Lattice(ABC):
 
     def contains(self, cells: Cells) -> Flags:
         """Tell which cells lie inside the array."""
-        inside: Flags = np.all((cells >= 0) & (cells < np.asarray(self.shape)), axis=1)
-        return inside
+        return np.asarray(np.all((cells >= 0) & (cells < np.asarray(self.shape)), axis=1))
 
     def side_beyond(self, cells: Cells) -> Ints:
         """Return for each cell the index in `sides` that it lies beyond, -1 inside.
@@ -445,8 +438,7 @@ def area_of(corners: Floats) -> float:
 def _edge_normals(corners: Floats) -> Floats:
     edge = np.roll(corners, -1, axis=0) - corners
     normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
-    unit: Floats = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    return unit
+    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
 def _face_angles(corners: Floats) -> Floats:

@@ -94,8 +94,7 @@ class Boxes(Lattice):
 
     def locate(self, points: Floats) -> Cells:
         """Return the cell that each point (m) lies in; outside the array too."""
-        places: Cells = np.floor(self.coordinates(np.asarray(points, float))).astype(np.int64)
-        return places
+        return np.floor(self.coordinates(np.asarray(points, float))).astype(np.int64)
 
     @cached_property
     def extent(self) -> tuple[float, ...]:

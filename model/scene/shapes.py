@@ -89,8 +89,7 @@ class Ring:
         """Tell which points lie inside or on the edge."""
         away = np.linalg.norm(points - np.asarray(self.centre), axis=1)
         low, high = self.inner * (1.0 - _CLOSE), self.outer * (1.0 + _CLOSE)
-        inside: Flags = (away >= low) & (away <= high)
-        return inside
+        return np.asarray((away >= low) & (away <= high))
 
 
 @dataclass(frozen=True)

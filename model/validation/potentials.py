@@ -69,8 +69,7 @@ class PlaneProblem(ValidationProblem):
         p = self.potentials(z)
         u: Complex = self.kappa * p.phi - z * np.conj(p.phi_1) - np.conj(p.psi)
         u /= 2 * self.shear_modulus
-        moved: Floats = np.stack([u.real, u.imag], axis=1)
-        return moved
+        return np.stack([u.real, u.imag], axis=1)
 
     def exact_stress(self, points: Floats) -> Floats:
         """Return stress tensors (Pa) at points (m), shape (n, 2, 2)."""
@@ -96,5 +95,4 @@ def polar_points(
     """Return points on rays from an origin, shape (n, 2)."""
     radius, angle = np.meshgrid(radii, np.deg2rad(degrees))
     x, y = radius * np.cos(angle), radius * np.sin(angle)
-    places: Floats = np.stack([x.ravel() + origin[0], y.ravel() + origin[1]], axis=1)
-    return places
+    return np.stack([x.ravel() + origin[0], y.ravel() + origin[1]], axis=1)

@@ -218,8 +218,7 @@ def _push(density: Floats, basis: Any) -> Floats:
     form = skfem.LinearForm(lambda v, w: sum(w[name] * v[a] for a, name in enumerate(names)))
     ones = np.ones_like(basis.dx)
     values = {name: part[:, None] * ones for name, part in zip(names, density, strict=True)}
-    found: Floats = form.assemble(basis, **values)
-    return found
+    return np.asarray(form.assemble(basis, **values))
 
 
 def held(basis: Any, kinds: Index) -> Index:
@@ -250,8 +249,7 @@ def cell_mesh(kinds: Index) -> Any:
 
 def factorised(matrix: Any, right: Floats, _free: Index) -> Floats:
     """Solve by elimination, in an order that suits symmetric matrices."""
-    found: Floats = factors_of(matrix).solve(right)
-    return found
+    return factors_of(matrix).solve(right)
 
 
 def answer_of(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, Normalize
 from matplotlib.lines import Line2D
@@ -14,19 +16,14 @@ from matplotlib.ticker import MaxNLocator
 
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
+from kaju.model.propagation.stage import Stage
+from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
 from .body import draw_body, draw_forces, finish
 from .section import Section, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, colour_bar, new_axes
 from .units import counted, quantity
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-
-    from kaju.model.propagation.stage import Stage
-    from kaju.model.propagation.transfer_result import TransferResult
 
 
 class Symbol(NamedTuple):

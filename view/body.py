@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
+from matplotlib.text import Text
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.scene import kinds
+from kaju.model.scene import AppliedLoads, Scene, kinds
 
+from .section import Section
 from .style import (
     BODY,
     BODY_HATCHES,
@@ -27,16 +31,6 @@ from .style import (
     new_axes,
 )
 from .units import counted, quantity
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.text import Text
-
-    from kaju.model.scene import AppliedLoads, Scene
-
-    from .section import Section
-
 
 MOST_ARROWS = 24
 """Of more loaded faces than this, so many evenly chosen ones get an arrow."""

@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize, SymLogNorm
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
@@ -22,7 +24,7 @@ from kaju.model.reference import Reference
 from .body import draw_body, draw_forces
 from .deformed import corner_displacements
 from .maps import Quantity, draw_map
-from .section import section_of
+from .section import Section, section_of
 from .style import (
     DIVERGING,
     FAINT,
@@ -38,12 +40,7 @@ from .units import quantity, round_down, scale_for, times
 from .units import quantity as with_unit
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kaju.model.beside_elasticity import BesideElasticity, Way
-
-    from .section import Section
 
 
 COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")

@@ -7,8 +7,12 @@ from functools import partial, wraps
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError
+from kaju.model.result import Curves
 
 from .body import draw_forces, finish
 from .comparison import COLOURS
@@ -22,13 +26,8 @@ from .units import quantity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.creep.state import BodyCourse, Course
-    from kaju.model.result import Curves
 
 
 _ACROSS = 2  # panels side by side

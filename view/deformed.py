@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.collections import LineCollection
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.mesh import same_points
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.result import BodyResult
 
 from .body import draw_body, draw_forces, finish
 from .layers import OUTLINED, Layer, layer_of, squares_of
@@ -22,13 +26,7 @@ from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity, round_down, times
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
-
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import BodyResult
 
 
 MovedAt = Callable[["Floats"], "Floats"]

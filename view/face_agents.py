@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from numpy.typing import NDArray
@@ -21,17 +23,12 @@ from kaju.errors import ParameterError
 from .agents import spawn_bar, spawn_norm
 from .body import draw_body, draw_forces, finish
 from .reels import TWO_LINES, Reel
-from .section import section_of
+from .section import Section, section_of
 from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, figure_of, new_axes, new_figure
 from .units import counted, quantity
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-
     from kaju.model.elastic.settling.run import ElasticRun
-
-    from .section import Section
 
 Cut = Mapping[str, float]
 

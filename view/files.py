@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from kaju.errors import ResultFileError
 from kaju.files import scratch_beside, scratch_folder, take_place
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 RESOLUTION = 150
 """Dots per inch of saved pictures."""

@@ -8,7 +8,9 @@ from math import ceil, log2
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.collections import LineCollection
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
@@ -20,10 +22,6 @@ from .style import INK, add_polygons
 from .units import grouped, quantity
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
-
     from kaju.model.elastic.elastic_result import ElasticResult
 
 FINEST = 800

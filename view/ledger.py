@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+
+from kaju.model.propagation.transfer_result import TransferResult
 
 from .style import INK, caption, figure_of, label_axis, new_axes
 from .units import quantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from kaju.model.propagation.transfer_result import TransferResult
 
 _COLOURS = ("#3b6a8f", "#e2c14d", "#9fbfcf", "#b9b9b9")
 _HATCHES = ("", "///", "...", "xx")

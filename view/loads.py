@@ -7,13 +7,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.lines import Line2D
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.propagation.transfer_result import load_path
+from kaju.model.propagation.stage import Stage
+from kaju.model.propagation.transfer_result import TransferResult, load_path
 
 from .body import draw_body, draw_forces, finish
 from .section import WHOLE_UP_TO, Section, section_of
@@ -33,12 +37,6 @@ from .units import counted, grouped, quantity
 
 if TYPE_CHECKING:
     import networkx
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
-
-    from kaju.model.propagation.stage import Stage
-    from kaju.model.propagation.transfer_result import TransferResult
 
 
 ARROWS_ACROSS = 64

@@ -6,11 +6,14 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
 from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.propagation.transfer_result import TransferResult
 
 from .body import draw_body, draw_forces, finish
 from .layers import Squares, draw_squares, draw_surroundings, layer_of, squares_of
@@ -20,11 +23,7 @@ from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.collections import PolyCollection
-
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.propagation.transfer_result import TransferResult
 
 
 PEAK = 2e-3

@@ -25,6 +25,8 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import MissingExtraError, ResultFileError
 from kaju.files import scratch_beside
 from kaju.model.mesh import corner_order
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.result import BodyResult
 
 from .deformed import Joined, check_magnification, join, largest_shift
 from .files import new_folder
@@ -37,8 +39,6 @@ if TYPE_CHECKING:
     from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
-    from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import BodyResult
 
 
 class Frame(NamedTuple):

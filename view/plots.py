@@ -8,6 +8,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaju.agents.materials import suggestion
@@ -33,8 +34,6 @@ from .stages import plot_both, plot_stages
 from .style import figure_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from kaju.model.elastic.elastic_result import ElasticResult
 
 Picture = Callable[..., "Axes | Figure"]

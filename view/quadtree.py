@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
 from mpl_toolkits.mplot3d import Axes3D
@@ -19,6 +20,7 @@ from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.result import Tiles
+from kaju.model.scene import Scene
 
 from .body import draw_forces, finish
 from .layers import (
@@ -36,10 +38,7 @@ from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, caption, colour_bar, n
 from .units import quantity
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.scene import Scene
 
 
 class Colour(NamedTuple):

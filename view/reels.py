@@ -12,11 +12,17 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
+from kaju.model.propagation.stage import Stage
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.result import BodyResult
 
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
 from .body import draw_body, draw_forces, finish
@@ -34,25 +40,16 @@ from .quadtree import (
     view_of,
     view_told,
 )
-from .section import section_of
+from .section import Section, section_of
 from .space import box_around, draw_agents_in_space, space_for
 from .stages import applied_loads
 from .style import caption, colour_bar, figure_of, legend, new_axes
 from .units import counted, quantity, times
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.figure import Figure
-    from matplotlib.text import Text
-
     from kaju.model.creep.body import TransferCreepResult
     from kaju.model.creep.elastic import ElasticCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.propagation.stage import Stage
-    from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.result import BodyResult
-
-    from .section import Section
 
 
 _BARE = 6.4

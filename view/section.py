@@ -10,19 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
+from kaju.model.scene import Scene
 
 from .units import grouped, quantity
-
-if TYPE_CHECKING:
-    from kaju.model.scene import Scene
-
 
 _SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _SQUARE_EDGES = np.array([[3, 1, 0, 2]])  # those that look along -x, +x, -y, +y

@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.artist import Artist
-from matplotlib.colors import to_rgba
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize, to_rgba
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from kaju.arrays import Floats, Ints
+from kaju.model.propagation.stage import Stage
+from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.scene import Scene
 
 from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
 from .body import MOST_ARROWS, force_arrows, told
 from .section import one_a_place
 from .style import BODY, FAINT, FORCE, INK, SEQUENTIAL, caption, label_axis, legend, new_axes
 from .units import grouped
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.colors import Normalize
-
-    from kaju.model.propagation.stage import Stage
-    from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.scene import Scene
-
 
 MOST_ACROSS = 40
 """Where more cells than this lie side by side, a voxel is a block of cells."""

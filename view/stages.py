@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
+from kaju.model.propagation.transfer_result import TransferResult
 
 from .agents import threshold_of
 from .style import FAINT, FORCE, INK, LINE, caption, label_axis, new_axes, new_figure
 from .units import counted, quantity
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from kaju.model.propagation.transfer_result import TransferResult
-
 
 Growing = Literal["displacement", "agents"]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
@@ -15,8 +17,6 @@ from .style import FAINT, FORCE, INK, LINE, SEQUENTIAL, caption, figure_of, new_
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 MOST_LEVELS = 12

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from .files import save
 from .style import FAINT, INK, new_figure
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from kaju.model.trials.coefficients import StabilityMap
     from kaju.model.trials.trial import Outcome
 

@@ -25,20 +25,17 @@ either sign for sdirk2, where it falls as h³ over a fixed time. The balance hol
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kaju.agents.history import History
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from kaju.agents.history import History
 
 
 class Law(Protocol):

@@ -23,12 +23,12 @@ from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.fitting import Fit, fit_rule
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.scene import Scene
 from kaju.model.solving import solve
 from kaju.stopping import NOTE, Interrupted
 
 if TYPE_CHECKING:
     from kaju.model.result import BodyResult
-    from kaju.model.scene import Scene
 
 
 CHOSEN = "prescribed rule"

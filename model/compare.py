@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,10 +19,8 @@ from kaju.errors import ResultError, ResultFileError
 from kaju.model.archive import open_archive
 from kaju.model.reference import Reference
 from kaju.model.result import BodyResult, body_cells, line_of, load_result
-
-if TYPE_CHECKING:
-    from kaju.model.scene import Scene
-    from kaju.model.scene.filling import CellBox
+from kaju.model.scene import Scene
+from kaju.model.scene.filling import CellBox
 
 
 @dataclass(frozen=True, eq=False)

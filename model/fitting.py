@@ -23,11 +23,10 @@ from kaju.model.compare import Comparison, Pair, Settling, compare
 from kaju.model.propagation.load_model import LoadModel
 from kaju.model.reference import Reference
 from kaju.model.result import BodyResult
-from kaju.model.scene import scene_needed
+from kaju.model.scene import Scene, scene_needed
 
 if TYPE_CHECKING:
     from kaju.model.propagation.transfer_result import TransferResult
-    from kaju.model.scene import Scene
 
 Quantity = Literal["displacement", "stress"]
 

@@ -15,18 +15,18 @@ from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
+from numpy.typing import NDArray
+
 from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError, ResultFileError
+from kaju.model.scene import Scene
 from kaju.stopping import keeping, stopped
 
 from .archive import Archive, open_archive, reading, write_archive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from kaju.model.elastic.settling.elastic_model import ElasticModel
     from kaju.model.propagation.load_model import LoadModel
-    from kaju.model.scene import Scene
 
 
 A = TypeVar("A")
@@ -280,8 +280,6 @@ class SteppedModel(Model):
     @staticmethod
     def checkpoint_subject(archive: Archive) -> Any:
         """Return the scene that `checkpoint_parts` took apart."""
-        from kaju.model.scene import Scene
-
         return Scene.from_archive(archive.value("scene", str), archive.arrays)
 
     def save_checkpoint(self, path: str | Path) -> Path:

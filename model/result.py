@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
+from kaju.model.scene import Scene
 
 from .archive import Archive, open_archive, reading, write_archive
 
 if TYPE_CHECKING:
     import pandas
-
-    from kaju.model.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,8 +247,6 @@ class BodyResult(Result):
 
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
-        from kaju.model.scene import Scene
-
         scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
         return cls._from_archive(scene, archive)
 

@@ -17,11 +17,10 @@ from kaju.files import scratch_beside
 from kaju.model.archive import Archive, plain_of, reading, unpacked
 from kaju.model.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME
 from kaju.model.result import BodyResult, Curves, Result
+from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
     import pandas
-
-    from kaju.model.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,8 +296,6 @@ class BodyCourse(Course):
 
     @classmethod
     def _from_own(cls, archive: Archive) -> dict[str, Any]:
-        from kaju.model.scene import Scene
-
         scene = Scene.from_archive(archive.value("scene", str), archive.part("scene."))
         about = {**archive.value("static", dict[str, Any]), "kind": cls._static.kind}
         static = Archive(archive.path, archive.part("static."), about)

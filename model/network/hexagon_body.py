@@ -12,20 +12,17 @@ M. Ostoja-Starzewski, "Lattice models in micromechanics", Applied Mechanics Revi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from kaju.agents.materials import Material
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.scene import kinds
+from kaju.model.scene import Scene, kinds
+from kaju.model.scene.lattice import Cells
 
 from .springs import SpringNetwork
-
-if TYPE_CHECKING:
-    from kaju.agents.materials import Material
-    from kaju.model.scene import Scene
-    from kaju.model.scene.lattice import Cells
 
 _MOST_CELLS = 20_000_000
 

@@ -18,11 +18,10 @@ from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError, SceneError, SupportError
+from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
     import networkx as nx
-
-    from kaju.model.scene import Scene
 
     from .linear import Method
     from .network_result import NetworkResult

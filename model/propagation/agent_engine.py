@@ -24,16 +24,15 @@ from kaju.agents.shares import Load, Sense
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.mesa_model import Order, chosen
+from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.scene.lattice import Lattice
 from kaju.model.scene.lattices import BUILT_IN
 
 from .stage import History, Ledger, News, Stage, Totals, collect_history
 
 if TYPE_CHECKING:
     from random import Random
-
-    from kaju.model.scene import Scene
-    from kaju.model.scene.lattice import Lattice
 
     from .load_model import LoadModel
     from .transfer import Transfer

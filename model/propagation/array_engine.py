@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from kaju.agents.shares import Load
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.scene import Scene
 
 from .stage import Ledger, News, Stage, Totals, collect_boundary, collect_history
 
 if TYPE_CHECKING:
-    from kaju.model.scene import Scene
-
     from .transfer import Transfer
 
 

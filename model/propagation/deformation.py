@@ -16,18 +16,15 @@ as they are, where they are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kaju.arrays import Floats, Ints
+from kaju.model.scene import Scene
 from kaju.model.scene.kinds import RIGID, ROLLER
+from kaju.model.scene.lattice import Lattice
 
 from .stage import Stage, Totals
-
-if TYPE_CHECKING:
-    from kaju.model.scene import Scene
-    from kaju.model.scene.lattice import Lattice
 
 _MOST_AT_ONCE = 2**20
 

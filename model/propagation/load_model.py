@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from kaju.agents.awake_cells import AwakeBoundary, AwakeCell
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
+from kaju.agents.rules import Emission, ShareRule, Shares
+from kaju.agents.shares import Load, Sense
 from kaju.errors import StabilityError
 from kaju.model.mesa_model import Order, SteppedModel, Until, takes_objects
 from kaju.model.progress import progress_line
+from kaju.model.scene import Scene
+from kaju.model.scene.lattice import Lattice
 
 from .agent_engine import AgentEngine, boundary_classes
 from .array_engine import ArrayEngine
@@ -21,12 +25,6 @@ from .stability import Certificate, certify, not_known
 from .stage import News, Stage, Totals
 from .transfer import BOUNDARY_NAMES, Transfer, states_of
 from .transfer_result import TransferResult
-
-if TYPE_CHECKING:
-    from kaju.agents.rules import Emission, ShareRule, Shares
-    from kaju.agents.shares import Load, Sense
-    from kaju.model.scene import Scene
-    from kaju.model.scene.lattice import Lattice
 
 EngineName = Literal["auto", "agents", "arrays"]
 

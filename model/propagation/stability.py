@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaju.arrays import Floats
+from kaju.model.scene import Scene
 
 from .transfer import Transfer, split_force
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-    from kaju.model.scene import Scene
 
 MOST_CELLS_FOR_OPERATOR = 200_000
 """Above this many cells the operator is bounded but not iterated on."""

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import inf, isfinite
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kaju.agents.materials import Material
 from kaju.agents.rules import Emission, PrescribedRule, ShareRule, Shares
 from kaju.agents.shares import Sense
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, SceneError
-from kaju.model.scene import scene_needed
+from kaju.model.scene import Scene, scene_needed
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
-from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL
-
-if TYPE_CHECKING:
-    from kaju.agents.materials import Material
-    from kaju.model.scene import Scene
-    from kaju.model.scene.lattice import Cells, Lattice
-    from kaju.model.scene.selection import AppliedLoads
+from kaju.model.scene.lattice import Cells, Lattice
+from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, AppliedLoads
 
 BOUNDARY_NAMES = {AIR: "free", RIGID: "rigid", ROLLER: "roller"}
 

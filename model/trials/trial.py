@@ -7,17 +7,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, isfinite, nan, sqrt
 from time import process_time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
 from kaju.errors import KajuError
+from kaju.model.scene import Scene
 
 from .scenes import BODIES, elastic_scene, hexagon_scene, transfer_scene
-
-if TYPE_CHECKING:
-    from kaju.model.scene import Scene
 
 ANSWERED, REFUSED, FAILED = "answered", "refused", "failed"
 

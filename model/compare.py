@@ -182,13 +182,7 @@ def _cells_in(box: CellBox) -> Ints:
 
 
 def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
-    """Refuse what cannot be compared: other dimensions, materials, thickness or loads.
-
-    Raises
-    ------
-    ResultError
-        Naming what differs.
-    """
+    """Refuse what cannot be compared: other dimensions, materials, thickness or loads."""
     for answer in (result, other):
         if not isinstance(answer, (BodyResult, Reference)):
             raise ResultError(

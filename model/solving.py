@@ -244,13 +244,7 @@ def check_numbers(
     most_agents: int | None = None,
     least: float = SMALLEST_TOLERANCE,
 ) -> None:
-    """Refuse numbers that break a rule.
-
-    Raises
-    ------
-    ParameterError
-        Naming the argument, its rule and its value.
-    """
+    """Refuse numbers that break a rule."""
     if tolerance is not None:
         number = isinstance(tolerance, (int, float, np.number)) and not isinstance(tolerance, bool)
         if not (number and isfinite(tolerance) and least <= tolerance < 1.0):

@@ -281,13 +281,7 @@ def _usual(result: Result) -> list[str]:
 
 
 def check_options(name: str, draw: Callable[..., Any], options: Mapping[str, object]) -> None:
-    """Refuse options that a picture or a film does not have.
-
-    Raises
-    ------
-    ParameterError
-        If there is one, with those that there are.
-    """
+    """Refuse options that a picture or a film does not have."""
     (_, *rest) = inspect.signature(draw).parameters.values()
     known = [each.name for each in rest if each.name not in ("ax", "what")]
     if inspect.Parameter.VAR_KEYWORD in {each.kind for each in rest}:

@@ -182,13 +182,7 @@ def _subclasses(of: Any) -> list[type[Lattice]]:
 
 
 def check_boxes(lattice: Lattice) -> None:
-    """Refuse cells on which elasticity is not worked out.
-
-    Raises
-    ------
-    SceneError
-        If they are neither squares nor cubes.
-    """
+    """Refuse cells on which elasticity is not worked out."""
     if not lattice.boxes:
         other = "solve it as a SpringNetwork, or " if isinstance(lattice, Hexagons) else ""
         raise SceneError(
@@ -201,13 +195,7 @@ MOST_DIRECTIONS = 8
 
 
 def check_lattice(lattice: Lattice) -> None:
-    """Refuse a lattice of one's own whose answers do not fit together.
-
-    Raises
-    ------
-    SceneError
-        Naming the answer and what is wrong with it.
-    """
+    """Refuse a lattice of one's own whose answers do not fit together."""
     few = lattice.few
     for holds, answer, rule in chain(
         _of_forms(lattice, few), _of_places(lattice, few), _of_neighbours(lattice, few)

@@ -348,12 +348,7 @@ class Scene(Description):
 
 
 def scene_needed(given: object) -> None:
-    """Refuse what is no scene, such as the name of a file.
-
-    Raises
-    ------
-    ParameterError
-    """
+    """Refuse what is no scene, such as the name of a file."""
     if not isinstance(given, Scene):
         raise ParameterError(
             f"scene: a Scene is needed, got {given!r:.80}; kaju.load_scene reads one from a file"

@@ -495,13 +495,7 @@ def weight(contents: Contents, gravity: tuple[float, ...], thickness: float) -> 
 
 
 def check_gravity(contents: Contents, gravity: tuple[float, ...] | None) -> None:
-    """Refuse gravity on a body without density or on one too large to be weighed by cells.
-
-    Raises
-    ------
-    SceneError
-        Naming the material without density, or the number of cells.
-    """
+    """Refuse gravity on a body without density or on one too large to be weighed by cells."""
     if gravity is None:
         return
     dimension = contents.filling.lattice.dimension

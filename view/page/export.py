@@ -11,9 +11,10 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError
@@ -30,9 +31,6 @@ from .live import certified, has_own
 from .motion_data import motion_data
 from .packing import pack
 from .scene_data import FORMAT, Account, history_columns, scene_data
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class Runs(Protocol):

@@ -15,6 +15,7 @@ from math import isfinite, prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats
@@ -23,6 +24,7 @@ from kaju.model.elastic.problem import ABSENT
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.elastic.settling.run import curves_of
 from kaju.model.propagation.load_model import LoadModel
+from kaju.model.propagation.stability import Certificate
 from kaju.model.scene import Scene
 
 from .motion_data import Pictures, applied, curve_data, diamonds, picture_data
@@ -30,10 +32,7 @@ from .packing import pack
 from .scene_data import FORMAT, Account, Rows, scene_data
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from kaju.model.elastic.settling.table import PushTable
-    from kaju.model.propagation.stability import Certificate
 
     from .scene_data import Columns
 

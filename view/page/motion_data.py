@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.mesh import corner_order
-from kaju.model.result import Curves
+from kaju.model.result import Curves, Result
+from kaju.model.scene import Scene
 from kaju.view import motion
 
 from .scene_data import Columns
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network import SpringNetwork
-    from kaju.model.result import Result
-    from kaju.model.scene import Scene
     from kaju.view.motion import Motion
 
 

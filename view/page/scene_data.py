@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.rules import PrescribedRule
+from kaju.agents.rules import Coefficients, PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.propagation.deformation import squeeze
+from kaju.model.propagation.stage import Stage, Totals
 from kaju.model.propagation.transfer import Transfer
+from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
-
-if TYPE_CHECKING:
-    from kaju.agents.rules import Coefficients
-    from kaju.model.propagation.stage import Stage, Totals
-    from kaju.model.scene import Scene
-    from kaju.model.scene.sides import SideCondition
+from kaju.model.scene.sides import SideCondition
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]

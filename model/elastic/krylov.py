@@ -118,7 +118,7 @@ def conjugate_gradients(
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x, held_back=float(dot(x, r)), left=r)
-    p = np.zeros_like(load)
+    p: Vector | None = None
     square, previous = float(dot(r, r)), 1.0
     for step in range(most + 1):
         run.residuals.append(float(np.sqrt(square)) / scale)
@@ -138,7 +138,10 @@ def conjugate_gradients(
             return run
         if step == most or product <= 0.0 or stopped():
             return run
-        _turn(p, z, product / previous if step else 0.0)
+        if p is None:
+            p = z.copy()
+        else:
+            _turn(p, z, product / previous)
         previous = product
         q = apply(p)
         length = product / float(dot(p, q))

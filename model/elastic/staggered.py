@@ -80,12 +80,29 @@ def edge_modulus(
 def stiff_edges(problem: ElasticProblem, pair: Pair) -> NDArray[np.bool_]:
     """Return where `edge_modulus` is above zero: between four cells, or round a corner of air."""
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(problem.dimension)]
-    kinds = np.pad(problem.kinds, width, constant_values=AIR)
-    body, rigid, air = (
-        np.add.reduce(_four(is_it.view(np.int8), pair))
-        for is_it in (kinds >= 0, kinds == RIGID, kinds == AIR)
-    )
-    return np.asarray(((body + rigid == 4) & (body > 0)) | ((body == 3) & (air == 1)))
+    # Cells of each sort are counted in digits of their own.
+    around = np.pad(_digits(problem.kinds), width, constant_values=_OF_AIR)
+    for axis in pair:
+        low, high = (cut(around.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
+        around = around[low] + around[high]
+    return _STIFF[around]
+
+
+_OF_BODY, _OF_RIGID, _OF_AIR = 1, 5, 25
+_STIFF = np.zeros(4 * _OF_AIR + 1, dtype=np.bool_)
+_STIFF[[body * _OF_BODY + (4 - body) * _OF_RIGID for body in range(1, 5)]] = True
+_STIFF[3 * _OF_BODY + _OF_AIR] = True
+
+
+def _digits(kinds: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Return what a cell adds to the count of bodies, rigid cells and air round an edge."""
+    least = int(kinds.min(initial=AIR))
+    of_kind = np.zeros(int(kinds.max(initial=0)) + 1 - least, dtype=np.uint8)
+    of_kind[-least:] = _OF_BODY
+    of_kind[AIR - least] = _OF_AIR
+    if least <= RIGID:
+        of_kind[RIGID - least] = _OF_RIGID
+    return np.asarray(of_kind[kinds - least])
 
 
 def _four(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:

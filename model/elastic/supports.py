@@ -104,7 +104,8 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Index, Fl
         if bedded:
             stopped |= problem.spring[axis] > 0
         for face in (slice(1, None), slice(None, -1)):
-            cell = np.argwhere(stopped[cut(d, axis, face)] & (parts > 0))
+            cell = np.argwhere(stopped[cut(d, axis, face)])
+            cell = cell[parts[tuple(cell.T)] > 0]
             owners.append(parts[tuple(cell.T)].astype(np.int64))
             at = cell.copy()
             at[:, axis] += face.start or 0

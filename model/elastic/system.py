@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.linalg.blas import dasum
 from scipy.sparse.linalg import SuperLU
 
 from kaju.model.compiling import njit
@@ -179,7 +180,7 @@ class System:
 
     @cached_property
     def _loads(self) -> float:
-        return float(np.linalg.norm(self.right, 1))
+        return float(dasum(self.right))
 
     def energy(self, x: Vector) -> float:
         """Return twice the stored energy of a solution x (or of what is nearly one)."""

@@ -45,7 +45,7 @@ By a stencil a face feels 30 others in the plane, 235 in space: three and eleven
 by the law.
 """
 PLAIN_SWEEPS = {2: 2, 3: 3}
-"""By the law in full boxes, whose parents obey it too."""
+"""By the law in full boxes, whose parents obey it too, and within the mixed form."""
 FEWEST = 16
 """A full box whose cells are even and at least so many along every axis has a box of parents."""
 DIRECT = 2_000
@@ -97,8 +97,11 @@ class Hierarchy:
 
     def __init__(self, problem: ElasticProblem, moduli: Moduli | None = None) -> None:
         self.dimension = problem.dimension
-        moduli = moduli or problem.moduli
+        by_law, *by_stencil = SWEEPS[self.dimension]
         self.plain = is_box(problem)
+        if self.plain or moduli is not None:
+            by_law = PLAIN_SWEEPS[self.dimension]
+        moduli = moduli or problem.moduli
         if self.plain:
             self.levels = _plain_levels(problem, moduli)
         else:
@@ -108,8 +111,6 @@ class Hierarchy:
         while not few and (not stencils or max(self.levels[-1].cells) > coarsest):
             stencils += 1
             self.levels.append(_parents(self.levels[-1], stencils))
-        by_law, *by_stencil = SWEEPS[self.dimension]
-        by_law = PLAIN_SWEEPS[self.dimension] if self.plain else by_law
         laws = len(self.levels) - stencils
         self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * stencils
         self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)

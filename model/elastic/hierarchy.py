@@ -25,7 +25,7 @@ from .krylov import best_of, dot
 from .moduli import REENTRANT_WEIGHT, Moduli
 from .problem import ElasticProblem, FaceFields, rim_layer
 from .staggered import compact
-from .stencils import Stencil, coarsening, finest_entries
+from .stencils import Stencil, Terms, coarsening, finest_entries
 
 Vector = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -128,11 +128,7 @@ class Hierarchy:
 
     def _spread(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return for all faces what the first level says of those that others are like."""
-        if not self.plain:
-            return values
-        *_, box, rows = self.levels[0].arrays
-        spread: NDArray[Any] = values.reshape(self.dimension, -1, int(box[2])).take(rows, 1)
-        return spread.ravel()
+        return _spread(values, self.levels[0].arrays)
 
     def resisted(self, x: Vector) -> Vector:
         """Return the force with which faces resist x by their own stiffness, in the same array."""
@@ -257,7 +253,7 @@ class _Direct:
     """The smallest level: its inverse, or the factors of a full box."""
 
     def __init__(self, level: Level) -> None:
-        inverse = level.arrays[1]
+        inverse = _spread(level.arrays[1], level.arrays)
         self._there = np.flatnonzero(inverse)
         self._number = np.full(len(inverse), -1)
         self._number[self._there] = np.arange(len(self._there))
@@ -271,7 +267,10 @@ class _Direct:
     def _by_law(self, level: Level) -> Callable[[Vector], Vector]:
         law, inverse, _, box, _ = level.arrays
         rows, columns, values = [], [], []
-        for sign, one, two, x, y in _made(box):
+        n, steps = box[sweeps.SIZE], np.array([0, box[2], 1])
+        for sign, *operands in _made(box):
+            parts = np.array(operands).reshape(4, 3)
+            one, two, x, y = parts @ steps + n * parts[:, 0]
             here = self._there[(one <= self._there) & (self._there < one + box[sweeps.SIZE])]
             here = here[self._number[here - one + two] >= 0]
             place = here - one
@@ -291,9 +290,9 @@ class _Direct:
 
     def _by_stencil(self, level: Level) -> Callable[[Vector], Vector]:
         assert level.stencil is not None
-        data, _, _, box, _ = level.arrays
+        data, _, _, box, like = level.arrays
         planes, rows, length = box[:3]
-        coefficients = data.reshape(planes * rows, -1, length)
+        coefficients = data.reshape(-1, box[sweeps.ENTRIES], length)
         n = planes * rows * length
         matrix = np.zeros((len(self._there),) * 2)
         for a, b, *way, entry, p, q, j in level.stencil.couplings:
@@ -301,7 +300,7 @@ class _Direct:
             other = here + (b - a) * n + (way[0] * rows + way[1]) * length + way[2]
             spot = here - a * n + (p * rows + q) * length + j
             some = self._number[other] >= 0
-            value = coefficients[spot // length, entry, spot % length]
+            value = coefficients[like[spot // length], entry, spot % length]
             matrix[self._number[here[some]], self._number[other[some]]] = value[some]
         size = np.sqrt(matrix.diagonal())
         matrix /= np.outer(size, size)
@@ -332,7 +331,7 @@ def _box(
     return np.array([*sizes, *ends, *counts, *steps, *starts, *after], dtype=np.int64)
 
 
-_NO_COUPLINGS = np.zeros((0, 2), dtype=np.int64)
+_NO_COUPLINGS = np.zeros((0, 3), dtype=np.int64)
 _NO_OUTSIDE = np.zeros((0, 2))
 
 
@@ -354,12 +353,12 @@ def _by_law(
     spring: FaceFields,
     outside: NDArray[np.float64] | None = None,
     *,
-    spread: bool = True,
+    spread: bool = False,
 ) -> Level:
     """Return a level of which only moduli are stored.
 
-    `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. So have the
-    arrays of the level, unless they are `spread` over all places.
+    `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. Its arrays
+    describe rows that are like the one before but once, unless they are `spread` over all.
     """
     d, box = rim.ndim, _box(cells, FIRST, 1)
     shape, whole = _shape(_box(tuple(n - 2 for n in rim.shape), FIRST, 1)), _shape(box)
@@ -374,15 +373,37 @@ def _by_law(
     code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
     sweeps.lay_faces(code.ravel(), law, steps, inverse)
     rows = _rows(whole[:-1], shape[:-1], [n + 2 - m for n, m in zip(cells, rim.shape, strict=True)])
-    if spread and whole != shape:
-        law, inverse = (
-            x.reshape(-1, prod(shape[:-1]), shape[-1]).take(rows, 1) for x in (law, inverse)
-        )
+    parts = [x.reshape(-1, prod(shape[:-1]), shape[-1]) for x in (law, inverse)]
+    if spread:
+        law, inverse = (x.take(rows, 1) for x in parts)
         rows = np.arange(len(rows))
+    elif whole == shape:
+        rows = _numbered([(x[1:] == x[:-1]).all(axis=1) for part in parts for x in part])
+        if rows[-1] < len(rows) - 1:
+            law, inverse = (x.take(_firsts(rows), 1) for x in parts)
     arrays = (law.ravel(), inverse.ravel(), _NO_COUPLINGS, box, rows)
     space = d * prod(whole)
     outside = _NO_OUTSIDE if outside is None else outside
     return Level(cells, arrays, None, np.empty(space), np.empty(space), outside)
+
+
+def _numbered(like: Sequence[NDArray[np.bool_]]) -> Integers:
+    """Return a number for every row, the same if it is like the one before in all that is told."""
+    return np.append(0, np.cumsum(~np.logical_and.reduce(like)))
+
+
+def _firsts(rows: Integers) -> Integers:
+    """Return the first row of every number."""
+    return np.flatnonzero(np.diff(rows, prepend=-1))
+
+
+def _spread(values: NDArray[Any], arrays: tuple[Any, ...]) -> NDArray[Any]:
+    """Return for all faces what a level's arrays say of those that others are like."""
+    box, rows = arrays[3:]
+    if values.size == box[sweeps.COUNT] * box[sweeps.SIZE]:
+        return values
+    spread: NDArray[Any] = values.reshape(box[sweeps.COUNT], -1, box[2]).take(rows, 1)
+    return spread.ravel()
 
 
 def _shape(box: Integers) -> tuple[int, ...]:
@@ -467,37 +488,64 @@ def _parents(fine: Level, depth: int) -> Level:
     d = len(cells)
     sums, stencil = coarsening(d, depth)
     box = _box(cells, FIRST - 1, 2, stencil)
-    coefficients = np.zeros(int(box[0] * box[1] * box[2]) * len(stencil.entries))
-    inverse = np.zeros(d * int(box[0] * box[1] * box[2]))
+    rows = _rows_of_parents(fine, box, sums)
+    described = (int(rows.max()) + 1) * int(box[2])
+    coefficients, inverse = np.zeros(described * len(stencil.entries)), np.zeros(d * described)
     if d == 2:
         sums = (sums[0], sums[1], sums[1])
     terms = tuple(part for step in sums for part in (step.place, step.weight, step.rows))
-    sweeps.galerkin(fine.arrays, _made(fine.arrays[3]), terms, box, coefficients)
-    sweeps.invert_own(coefficients, stencil.own, box, inverse)
-    arrays = (coefficients, inverse, _flat(stencil, box), box, np.arange(box[0] * box[1]))
-    u, load = np.zeros_like(inverse), np.zeros_like(inverse)
-    return Level(cells, arrays, stencil, u, load, _NO_OUTSIDE)
+    made = _made(fine.arrays[3])
+    sweeps.galerkin(fine.arrays, made, terms, box, rows, stencil.own, coefficients, inverse)
+    arrays = (coefficients, inverse, _flat(stencil, box), box, rows)
+    space = d * int(box[sweeps.SIZE])
+    return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_OUTSIDE)
+
+
+def _rows_of_parents(fine: Level, box: Integers, sums: Sequence[Terms]) -> Integers:
+    """Return which parents' rows are like the one before, since all rows of children are.
+
+    Rows that are not in use are like the first.
+    """
+    children = fine.arrays[4].reshape(fine.arrays[3][:2])
+    reach = [np.unique(sums[0].rows[:, 0]), np.array([0])]
+    if len(sums) == 3:
+        beside, beyond = sums[0].rows[:, 1], sums[1].rows[:, 1]
+        reach[1] = np.arange(beside.min() + beyond.min(), beside.max() + beyond.max() + 1)
+    if fine.stencil is None:  # The law of a row knows its neighbours.
+        reach = [np.arange(way.min() - 1, way.max() + 2) for way in reach]
+    used = [np.arange(box[k], box[k + 1]) for k in (sweeps.FIRST, sweeps.FIRST_ROW)]
+    seen = [
+        np.clip(2 * place - 4 + way[:, None], 0, n - 1)
+        for place, way, n in zip(used, reach, children.shape, strict=True)
+    ]
+    key = [children[p[:, None], q].ravel() for p in seen[0] for q in seen[1]]
+    rows = np.zeros(box[:2], dtype=np.int64)
+    rows[np.ix_(*used)] = 1 + _numbered([k[1:] == k[:-1] for k in key]).reshape(
+        [len(place) for place in used]
+    )
+    return rows.ravel()
 
 
 def _flat(stencil: Stencil, box: Integers) -> Integers:
-    """Return couplings as distances: to the coefficient, and to the other face."""
-    (_, rows, length), entries, n = box[:3], box[sweeps.ENTRIES], box[sweeps.SIZE]
+    """Return couplings as `sweeps` wants them: where the coefficient is, and the other face."""
+    (_, rows, length), n = box[:3], box[sweeps.SIZE]
     table = stencil.couplings
-    stored = ((table[:, 6] * rows + table[:, 7]) * entries + table[:, 5]) * length + table[:, 8]
     far = (table[:, 2] * rows + table[:, 3]) * length + table[:, 4] + table[:, 1] * n
-    return np.stack([stored, far], axis=1)
+    row = table[:, 6] * rows + table[:, 7]
+    return np.stack([row, table[:, 5] * length + table[:, 8], far], axis=1)
 
 
 def _made(box: Integers) -> Integers:
-    """Return of what the finest level's entries are made, as distances from a place.
+    """Return of what the finest level's entries are made.
 
-    The columns are: the sign (see `stencils.finest_entries`), the two faces that have to be free
-    to move, and the two moduli.
+    The columns are: the sign (see `stencils.finest_entries`), then for the two faces that have to
+    be free to move, and for the two moduli, the component or the modulus, in how many rows from
+    its own, and how far along the row.
     """
     entries, made = finest_entries(int(box[sweeps.COUNT]))
-    n, steps = box[sweeps.SIZE], np.array([box[1] * box[2], box[2], 1])
+    step = np.array([[box[1], 0], [1, 0], [0, 1]])  # In rows, and along them.
     table = []
     for (a, b, way), (sign, k, axis, shift, k2, axis2, shift2) in zip(entries, made, strict=True):
-        faces = a * n, b * n + np.dot(way, steps)
-        table.append((sign, *faces, k * n + shift * steps[axis], k2 * n + shift2 * steps[axis2]))
+        moduli = (k, *shift * step[axis]), (k2, *shift2 * step[axis2])
+        table.append((sign, a, 0, 0, b, *np.dot(way, step), *moduli[0], *moduli[1]))
     return np.array(table, dtype=np.int64)

@@ -6,11 +6,11 @@ places for one component after the other. A *level* is a tuple of arrays:
 ``data``: on the finest level the law (2 + pairs, places): C₁₁, C₁₂ and the moduli of the edges;
 on parents' levels the stencil (rows, entries, row length); as one vector;
 ``inverse`` (components × places): inverse of a face's own stiffness, 0 where it cannot move;
-``couplings`` (couplings, 2): of a parents' level, the distance in the stencil from a row's first
-entry to the coefficient, and in a vector from the place of component 0 to the other face;
+``couplings`` (couplings, 3): of a parents' level, in which row the coefficient is, its distance
+from that row's first entry, and in a vector from the place of component 0 to the other face;
 ``box``: integers, at the places named below;
-``rows``: per row of places the row of ``inverse`` (and of the law) that says what it is like. In a
-full box nearly all are like each other, so that what is said of them stays in the cache.
+``rows``: per row of places the row of ``data`` and ``inverse`` that says what it is like. Rows that
+are like each other, nearly all of a full box, are described once, which stays in the cache.
 
 The law itself is stated in `staggered`; here it is only fast. One pass runs several sweeps at
 once, each as far behind the one before as a row reaches, so that a plane stays in the cache.
@@ -93,7 +93,7 @@ def unbalanced_by_law(u, f, level, a, row, r):
 @part
 def unbalanced(u, f, level, a, row, r):
     """Write f − Au on a row of component a."""
-    data, _inverse, couplings, box, _rows = level
+    data, _inverse, couplings, box, rows = level
     length, lo, entries = box[LENGTH], box[LOW], box[ENTRIES]
     w, s = box[HIGH] - lo, row * length + lo
     if entries == 0:
@@ -102,17 +102,22 @@ def unbalanced(u, f, level, a, row, r):
     load = along(f, a * box[SIZE] + s)
     for j in range(w):
         r[j] = load[j]
-    first, last, at = box[START + a], box[START + a + 1], row * entries * length + lo
+    first, last, size = box[START + a], box[START + a + 1], entries * length
     fours = first + 4 * ((last - first) // 4)
     for k in range(first, fours, 4):
-        a0, x0 = along(data, at + couplings[k, 0]), along(u, s + couplings[k, 1])
-        a1, x1 = along(data, at + couplings[k + 1, 0]), along(u, s + couplings[k + 1, 1])
-        a2, x2 = along(data, at + couplings[k + 2, 0]), along(u, s + couplings[k + 2, 1])
-        a3, x3 = along(data, at + couplings[k + 3, 0]), along(u, s + couplings[k + 3, 1])
+        at = rows[row + couplings[k, 0]] * size + lo + couplings[k, 1]
+        a0, x0 = along(data, at), along(u, s + couplings[k, 2])
+        at = rows[row + couplings[k + 1, 0]] * size + lo + couplings[k + 1, 1]
+        a1, x1 = along(data, at), along(u, s + couplings[k + 1, 2])
+        at = rows[row + couplings[k + 2, 0]] * size + lo + couplings[k + 2, 1]
+        a2, x2 = along(data, at), along(u, s + couplings[k + 2, 2])
+        at = rows[row + couplings[k + 3, 0]] * size + lo + couplings[k + 3, 1]
+        a3, x3 = along(data, at), along(u, s + couplings[k + 3, 2])
         for j in range(w):
             r[j] -= a0[j] * x0[j] + a1[j] * x1[j] + a2[j] * x2[j] + a3[j] * x3[j]
     for k in range(fours, last):
-        a0, x0 = along(data, at + couplings[k, 0]), along(u, s + couplings[k, 1])
+        at = rows[row + couplings[k, 0]] * size + lo + couplings[k, 1]
+        a0, x0 = along(data, at), along(u, s + couplings[k, 2])
         for j in range(w):
             r[j] -= a0[j] * x0[j]
 
@@ -176,7 +181,7 @@ def pass_plane(u, f, g, level, coarse, p, parity, task, back, share, r, t):
                 # Neighbours in a row share a cell (along the row) or an edge (across it).
                 sign, at = 1.0, s - 1 if a == count - 1 else (count + a) * m + s
                 if entries:
-                    sign, at = -1.0, (row * entries + box[NEXT + a]) * length + lo - 1
+                    sign, at = -1.0, (rows[row] * entries + box[NEXT + a]) * length + lo - 1
                 before, behind = along(data, at), along(data, at + 1)
                 for j in range(w):
                     pull = before[j] * v_left[j] * left[j] + behind[j] * v_right[j] * right[j]
@@ -310,13 +315,18 @@ def combine(out, to, pitch, source, stride, where, terms, weight, n):
 
 
 @part
-def law_row(data, inverse, made, s, w, pitch, out, to):
-    """Write the finest level's coefficients of w places from s on: see `hierarchy._made`."""
+def law_row(level, made, row, w, out, to):
+    """Write the finest level's coefficients of w places of a row: see `hierarchy._made`."""
+    law, inverse, _couplings, box, rows = level
+    length, n, where = box[LENGTH], len(inverse) // box[COUNT], np.zeros(4, np.int64)
     for e in range(len(made)):
         sign = made[e, 0]
-        one, two = along(inverse, s + made[e, 1]), along(inverse, s + made[e, 2])
-        x, y, o = along(data, s + made[e, 3]), along(data, s + made[e, 4]), along(out, to)
-        to += pitch
+        for k in range(4):
+            near = min(max(row + made[e, 3 * k + 2], 0), len(rows) - 1)
+            where[k] = made[e, 3 * k + 1] * n + rows[near] * length + made[e, 3 * k + 3] + 2
+        one, two = along(inverse, where[0]), along(inverse, where[1])
+        x, y, o = along(law, where[2]), along(law, where[3]), along(out, to)
+        to += length
         factor = -0.5 if sign == 0 else float(sign)
         if sign == 2:
             for j in range(w):
@@ -328,35 +338,41 @@ def law_row(data, inverse, made, s, w, pitch, out, to):
 
 
 @njit(cache=True, fastmath=True)
-def galerkin(level, made, terms, coarse, out):
-    """Write the parents' coefficients P'AP, one axis after the other."""
-    data, inverse, _couplings, box, _rows = level
+def galerkin(level, made, terms, coarse, slots, own, out, inverse):
+    """Write the parents' coefficients P'AP, one axis after the other, and their own inverses.
+
+    `slots` are the parents' rows: see `rows`. The first, of those not in use, is left empty.
+    """
+    data, _inverse, _couplings, box, rows = level
     place0, weight0, rows0, place1, weight1, rows1, place2, weight2, _rows2 = terms
-    planes, rows, length, half = box[PLANES], box[ROWS], box[LENGTH], box[LENGTH] // 2
+    planes, many, length, half = box[PLANES], box[ROWS], box[LENGTH], box[LENGTH] // 2
     size, entries = (place0[-1, 0] + 1) * length, box[ENTRIES] if box[ENTRIES] else len(made)
     # Four rows of sums along the first axis, then sums along the second; all but two ghosts.
     fine, one = np.zeros(4 * entries * length), np.zeros(4 * size + (place1[-1, 0] + 1) * length)
-    sums, done = (place0[-1, 0] + 1, 0) if rows == 1 else (place1[-1, 0] + 1, 4 * size)
+    sums, done = (place0[-1, 0] + 1, 0) if many == 1 else (place1[-1, 0] + 1, 4 * size)
     split = np.zeros(2 * sums * half)
     where, turn = np.zeros(len(rows0), np.int64), np.zeros(len(rows1), np.int64)
     both = np.array([coarse[LOW], coarse[LOW] + sums * half])
+    pitch, n, slot = coarse[LENGTH], coarse[HIGH] - coarse[LOW], 0
     for p in range(coarse[FIRST], coarse[END]):
+        last = -1
         for q in range(coarse[FIRST_ROW], coarse[END_ROW]):
-            last = 2 * q - 2 if rows > 1 else 0
-            first = 0 if rows == 1 else last - 3 if q == coarse[FIRST_ROW] else last - 1
-            for i in range(first, last + 1):
+            if slots[p * coarse[ROWS] + q] == slot:
+                continue  # Like the one before.
+            slot += 1
+            ready, last = last, 2 * q - 2 if many > 1 else 0
+            for i in range(max(ready + 1, last - 3) if many > 1 else 0, last + 1):
                 for k in range(len(rows0)):
                     plane = min(max(2 * p - 4 + rows0[k, 0], 0), planes - 1)
-                    row = plane * rows + min(max(i + rows0[k, 1], 0), rows - 1)
-                    where[k] = row * entries * length + 2
+                    row = plane * many + min(max(i + rows0[k, 1], 0), many - 1)
+                    where[k] = rows[row] * entries * length + 2
                     if box[ENTRIES] == 0:
                         where[k] = k * entries * length + 2
-                        s = row * length + 2
-                        law_row(data, inverse, made, s, length - 4, length, fine, where[k])
+                        law_row(level, made, row, length - 4, fine, where[k])
                 source = data if box[ENTRIES] else fine
                 to = i % 4 * size + 2
                 combine(one, to, length, source, length, where, place0, weight0, length - 4)
-            if rows > 1:
+            if many > 1:
                 for k in range(len(rows1)):
                     turn[k] = (2 * q - 4 + rows1[k, 1]) % 4 * size + 2
                 combine(one, done + 2, length, one, length, turn, place1, weight1, length - 4)
@@ -364,20 +380,13 @@ def galerkin(level, made, terms, coarse, out):
                 for j in range(half):
                     split[e * half + j] = one[done + e * length + 2 * j]
                     split[(sums + e) * half + j] = one[done + e * length + 2 * j + 1]
-            pitch, n = coarse[LENGTH], coarse[HIGH] - coarse[LOW]
-            to = (p * coarse[ROWS] + q) * coarse[ENTRIES] * pitch + coarse[LOW]
-            combine(out, to, pitch, split, half, both, place2, weight2, n)
-
-
-@njit(cache=True)
-def invert_own(data, own, box, inverse):
-    """Write the inverse of every face's own stiffness."""
-    for a in range(len(own)):
-        for row in range(box[PLANES] * box[ROWS]):
-            value = along(data, (row * box[ENTRIES] + own[a]) * box[LENGTH])
-            out = along(inverse, a * box[SIZE] + row * box[LENGTH])
-            for j in range(box[LENGTH]):
-                out[j] = 1.0 / value[j] if value[j] > 0.0 else 0.0
+            to = slot * coarse[ENTRIES] * pitch
+            combine(out, to + coarse[LOW], pitch, split, half, both, place2, weight2, n)
+            for a in range(len(own)):
+                value = along(out, to + own[a] * pitch)
+                v = along(inverse, a * (len(inverse) // len(own)) + slot * pitch)
+                for j in range(pitch):
+                    v[j] = 1.0 / value[j] if value[j] > 0.0 else 0.0
 
 
 @njit(cache=True)

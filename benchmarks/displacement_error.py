@@ -5,15 +5,20 @@ as many agents as are allowed), at corners and middles of its agents. Run:
 
     python benchmarks/displacement_error.py            # some minutes
     python benchmarks/displacement_error.py plate      # one body
+    python benchmarks/displacement_error.py random 80 60   # 60 random plane bodies from the 80th on
+
+Of random bodies the truth is that of elements of order 2 graded into every corner.
 """
 
 import sys
 from pathlib import Path
 
 import numpy as np
+from bounds import body_of
 
 from kaju import solve
-from kaju.errors import ConvergenceError
+from kaju.errors import ConvergenceError, KajuError
+from kaju.model.validation.graded_elements import solve_graded
 
 ROOT = Path(__file__).parent.parent
 sys.path.append(str(ROOT / "tests"))
@@ -52,7 +57,41 @@ def factors(scene):
         yield result.agents, error, result.displacement_error_estimate / error
 
 
+def random(first, count):
+    """Tell the factors of random bodies."""
+    found, seed = [], first - 1
+    while len(found) < count:
+        seed += 1
+        try:
+            scene = body_of(seed)
+            truth, less = (solve_graded(scene, levels, order=2) for levels in (8, 6))
+            tolerance = (0.05, 0.2)[seed % 2]
+            result = solve(scene, strategy="spawning", tolerance=tolerance)
+        except KajuError:
+            continue
+        points = np.concatenate(
+            [result.lower + c * result.size[:, None] for c in (0.001, 0.5, 0.999)]
+        )
+        points = points[:: max(1, len(points) // 3_000)]
+        there = truth.displacement_at(points)
+        unit = 1.0 / np.linalg.norm(there, axis=1).max()
+        fields = (result.displacement_at(points), less.displacement_at(points))
+        error, doubt = (unit * np.linalg.norm(u - there, axis=1).max() for u in fields)
+        if doubt > 0.2 * error:
+            continue
+        found.append(result.displacement_error_estimate / error)
+        contrast = np.ptp(np.log10([m.youngs_modulus for m in scene.cell_materials]))
+        told = f"{seed} {result.agents:7,} {error:8.1e} {found[-1]:5.2f} contrast 1e{contrast:.1f}"
+        print(told, flush=True)
+    low, middle, high = np.quantile(found, (0.0, 0.5, 1.0))
+    small = np.mean(np.array(found) < 0.8)
+    print(f"factors {low:.2f} to {high:.2f}, median {middle:.2f}; below 0.8: {small:.1%}")
+
+
 def main():
+    if sys.argv[1:2] == ["random"]:
+        random(*(int(word) for word in sys.argv[2:4] or (80, 60)))
+        return
     for name in sys.argv[1:] or MADE:
         row = [f"{n:7,} {e:8.1e} {f:5.2f}" for n, e, f in factors(MADE[name]())]
         print(f"{name:16}", " |".join(row), flush=True)

@@ -271,9 +271,9 @@ class ElasticResult(BodyResult):
         """Estimated largest displacement error anywhere, relative to the largest displacement.
 
         Rather too large than too small (see `benchmarks/displacement_error.py`). Worked out when
-        it is asked for, by one more solution with the same agents.
+        it is asked for, by one more solution with the children of all agents.
         """
-        from kaju.model.elastic.spawning.displacement_error import displacement_error, surely
+        from kaju.model.elastic.spawning.displacement_error import told_error
         from kaju.model.elastic.spawning.held import direct_limit
         from kaju.model.elastic.spawning.nested import NestedMultigrid
         from kaju.model.elastic.spawning.quantities import DISPLACEMENT
@@ -286,7 +286,7 @@ class ElasticResult(BodyResult):
             hierarchy = NestedMultigrid(spawning.balance, direct_limit(self.found.tree.ground))
         state = (spawning.balance, spawning.displacement, spawning.indicator)
         bracket = self.found.bracket if self.provable else ""
-        return surely(displacement_error(*state, hierarchy), bracket)
+        return told_error(*state, hierarchy, bracket)
 
     @property
     def goal_error_estimate(self) -> float:

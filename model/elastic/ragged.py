@@ -358,7 +358,8 @@ def _solver(
     if matrix.shape[0] <= FACTORED[d]:
         factor = factors_of(matrix + sp.diags_array(holds))
         return True, lambda right: np.asarray(factor.solve(right))
-    scale = 1.0 / np.sqrt(matrix.diagonal())
+    diagonal = matrix.diagonal()
+    scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
     alike = sp.csr_array(sp.diags_array(scale) @ matrix @ sp.diags_array(scale))
 
     def solved(right: Floats) -> Floats:

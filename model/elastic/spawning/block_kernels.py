@@ -389,6 +389,10 @@ def curvature(u, blocks, next_to, lateral, shear, scale, stride, squares, loads)
     """
     d, n = u.shape[1:]
     b = SIDE - 2
+    at_place = np.empty((n, d), np.int64)
+    for i in range(n):
+        for a in range(d):
+            at_place[i, a] = (i // stride[a]) % SIDE
     square = np.zeros(len(blocks))
     for j in range(len(blocks)):
         k = blocks[j]
@@ -397,14 +401,12 @@ def curvature(u, blocks, next_to, lateral, shear, scale, stride, squares, loads)
         for i in range(n):
             inside = True
             for a in range(d):
-                place = (i // stride[a]) % SIDE
-                inside &= 1 <= place <= b
+                inside &= 1 <= at_place[i, a] <= b
             if not inside:
                 continue
             largest, part = 0.0, 0.0
             for a in range(d):
-                step = stride[a]
-                place = (i // step) % SIDE
+                step, place = stride[a], at_place[i, a]
                 before, low = k, i - step
                 if place == 1:
                     before, low = next_to[j, 2 * a], i + (b - 1) * step
@@ -429,8 +431,7 @@ def curvature(u, blocks, next_to, lateral, shear, scale, stride, squares, loads)
                 for c in range(d):
                     if c == a:
                         continue
-                    across = stride[c]
-                    place = (i // across) % SIDE
+                    across, place = stride[c], at_place[i, c]
                     at = i
                     if place == 1 and next_to[j, 2 * c] < 0:
                         at += across

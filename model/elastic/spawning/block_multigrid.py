@@ -8,6 +8,7 @@ places in the fastest memory. The first level is one of equal cells, with the hi
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from math import inf, sqrt
 from typing import Any
 
@@ -135,7 +136,7 @@ class BlockMultigrid:
         self._rows = Rows(*self._rounded(*balance.rows))
         self._pages = Pages(*self._rounded(*balance.pages))
         self._ties = self._rounded(*balance.layout.ties)
-        self._u, self._load = self._rounded(balance.zeros(), balance.zeros())
+        self._u, self._load = np.zeros((2, *balance.shape), real)
         self._stress: NDArray[Any] = np.zeros(len(balance.rows.modulus), real)
 
     def _rounded(self, *arrays: NDArray[Any]) -> tuple[NDArray[Any], ...]:
@@ -162,6 +163,10 @@ class BlockMultigrid:
         mask = (balance.pages.mask[page] > 0) & (diagonal > 0)
         inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=mask)
         self._inverse, self._extra = self._rounded(inverse, STIFF * extra)
+
+    @cached_property
+    def _directions(self) -> Floats:
+        return np.zeros((3, *self.balance.shape))
 
     def precondition(self, residual: Floats) -> NDArray[Any]:
         """Return one V-cycle's answer to a residual; it is overwritten by the next one."""
@@ -219,17 +224,18 @@ class BlockMultigrid:
         The cycle that tells how far it is off may be gone along as well, `onward`.
         """
         balance, leaves = self.balance, self.balance.forest.leaves
-        p, q = balance.zeros(), balance.zeros()
-        balance.apply(u, q)
-        r = load - q
-        scale = sqrt(kernels.dot(load, load, leaves)) or 1.0
+        p, q, r = self._directions
+        balance.apply(u, r)
+        np.subtract(load, r, out=r)
+        loaded = balance.loaded
+        scale = sqrt(kernels.dot(load, load, loaded)) or 1.0
         square, before, energy = kernels.dot(r, r, leaves), 1.0, 0.0
         run = Iteration(u)
         for step in range(most + 1):
             z = self.precondition(r)
             product = kernels.dot(r, z, leaves)
             if step % 4 == 0 or energy <= 0.0:
-                energy = kernels.dot(load, u, leaves)
+                energy = kernels.dot(load, u, loaded)
             run.residuals.append(sqrt(square) / scale)
             run.errors.append(sqrt(max(product, 0.0) / energy) if energy > 0.0 else inf)
             if done(run) or product <= 0.0:

@@ -152,7 +152,7 @@ class BlockSpawning(Spawning):
         forest = self.blocks.forest.loaded_by(ground)
         twin.blocks = copy(self.blocks)
         twin.blocks.forest = forest
-        twin.blocks.__dict__.pop("load", None)
+        twin.blocks.__dict__.pop("_entered", None)
         twin._records = [replace(last, iterations=0, forest=forest)]
         twin.residuals, twin.retired = self.residuals[-1:], 0
         return twin
@@ -478,7 +478,7 @@ class BlockSpawner:
     def _look(self, algebraic: float) -> tuple[Floats, NDArray[np.float32]]:
         """See what is left unbalanced; return the blocks' squares and the agents' loads."""
         forest, u = self.blocks.forest, self.displacement
-        self.energy = 0.5 * float(kernels.dot(self.blocks.load, u, forest.leaves))
+        self.energy = 0.5 * float(kernels.dot(self.blocks.load, u, self.blocks.loaded))
         self.blocks.everywhere(u)
         loads = np.empty((len(forest.leaves), len(forest.corners)), dtype=np.float32)
         part = self.blocks.errors(u, np.empty((0, 0)), loads)

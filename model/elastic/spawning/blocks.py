@@ -283,13 +283,22 @@ class BlockBalance:
         kernels.pull_rows(force.ravel(), *strains, stress, 1.0)
         return float(total)
 
-    @cached_property
+    @property
     def load(self) -> Floats:
         """External force on every place."""
+        return self._entered[0]
+
+    @property
+    def loaded(self) -> Index:
+        """Blocks with external forces."""
+        return self._entered[1]
+
+    @cached_property
+    def _entered(self) -> tuple[Floats, Index]:
         forest, total = self.forest, self.zeros()
         block = forest.leaves[forest.loaded]
         if not len(block):
-            return total
+            return total, block
         cells = forest.cells(block)
         forces = forest.ground.forces(cells)
         rows = np.arange(len(forces.leaf))
@@ -303,8 +312,9 @@ class BlockBalance:
             chosen.ravel()[forces.leaf] = True
             window = Window(forest, block, chosen)
         free = window.place >= 0
-        total.ravel()[window.place[free]] = window.balance.load[free]
-        return total
+        place, force = window.place[free], window.balance.load[free]
+        total.ravel()[place] = force
+        return total, np.unique(place[force != 0.0] // total[0].size)
 
     def everywhere(self, u: Floats) -> None:
         """Fill in what is not unknown, but has a displacement: of parents, and neighbours.

@@ -22,7 +22,7 @@ from .composite import Composite, Floats
 from .curvature import Indicator, indicate
 from .goals import GoalAim
 from .ground import Ground
-from .held import direct_limit, first_agents, rebalance
+from .held import direct_limit, first_agents
 from .leaves import Flags, Index, Leaves
 from .mirror import mean_of_images
 from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
@@ -273,13 +273,8 @@ class Spawner:
 
     def _finish(self) -> Iteration:
         """Settle for good."""
-        if self._heirs is None:
-            run = self._settle(LAST)
-            self._look(run.errors[-1])
-            return run
-        run = self._settle(ALGEBRAIC_SHARE * min(self.error, self.aimed.error))
-        rebalance(self.balance, self.hierarchy.matrix, self.displacement)
-        self.energy = energy_of(self.balance, self.displacement)
+        run = self._settle(LAST)
+        self._look(run.errors[-1])
         return run
 
     def _ends(self) -> bool:

@@ -74,21 +74,6 @@ def loose_part(balance: Balance) -> tuple[int, str] | None:
     return None
 
 
-def rebalance(balance: Balance, matrix: sp.csr_array, u: Floats) -> None:
-    """Shift all free faces as one, so that the supports bear exactly the loads: in place.
-
-    What an iteration leaves unbalanced then adds up to no force. Of all shifts it is the one
-    that comes nearest to the solution.
-    """
-    free, axes = balance.free, range(balance.grid.dimension)
-    axis = balance.grid.axis[free]
-    left = (balance.load - balance.pull)[free] - matrix @ u[free]
-    forces = [matrix @ (axis == a).astype(np.float64) for a in axes]
-    gram = np.array([np.bincount(axis, force, len(axes)) for force in forces])
-    shift = np.linalg.lstsq(gram, np.bincount(axis, left, len(axes)))[0]
-    u[free] += shift[axis]
-
-
 def _products(rows: Floats, part: Index, count: int) -> Floats:
     """Return the sums, part by part, of the products of all columns; shape (count, k, k)."""
     some = rows.any(axis=1)

@@ -18,6 +18,7 @@ from kaju.model.scene.kinds import RIGID, ROLLER
 
 from . import kernels_bilinear as kernels
 from .boxes import Boxes, Index, corner_ends
+from .krylov import dot
 from .problem import Floats
 
 STEPS, MOST_STEPS = 4, 60
@@ -43,11 +44,11 @@ def sink(
         What holds the nodes at a displacement; may make it fit first.
     """
     way = weight * left
-    before = float(np.vdot(left, way))
+    before = float(dot(left.ravel(), way.ravel()))
     gains: list[float] = []
     while before > 0.0 and len(gains) < MOST_STEPS:
         pull = force(way)
-        step = before / float(np.vdot(way, pull))
+        step = before / float(dot(way.ravel(), pull.ravel()))
         now = kernels.sink(v, left, way, pull, weight, step)
         gains.append(0.5 * step * before)
         gap -= gains[-1]
@@ -233,7 +234,7 @@ class CompatibleField:
 
     def work(self) -> float:
         """Return the work of the loads."""
-        return float(np.vdot(self._load, self.displacement))
+        return float(dot(self._load.ravel(), self.displacement.ravel()))
 
     def work_of_rest(self) -> float:
         """Return the work of what an iteration has left of the loads."""
@@ -246,7 +247,8 @@ class CompatibleField:
 
     def whole_energy(self) -> float:
         """Return the energy in body and bed, once settled."""
-        own = 0.5 * float(np.vdot(self.displacement, self._load - self.left))
+        pull = self._load - self.left
+        own = 0.5 * float(dot(self.displacement.ravel(), pull.ravel()))
         return own + self.scale**2 * self.boxes.others.whole if self.boxes.others else own
 
     def mean_strains(self) -> Floats:

@@ -136,7 +136,8 @@ class BlockMultigrid:
         self._rows = Rows(*self._rounded(*balance.rows))
         self._pages = Pages(*self._rounded(*balance.pages))
         self._ties = self._rounded(*balance.layout.ties)
-        self._u, self._load = np.zeros((2, *balance.shape), real)
+        self._u: NDArray[Any] = np.zeros(balance.shape, real)
+        self._load: NDArray[Any] = np.zeros_like(self._u)
         self._stress: NDArray[Any] = np.zeros(len(balance.rows.modulus), real)
 
     def _rounded(self, *arrays: NDArray[Any]) -> tuple[NDArray[Any], ...]:

@@ -46,7 +46,7 @@ PAD = 1
 """Cells around the rim; one more after it."""
 KINDS = 5
 """Kinds of cells that are no material: they count from the end of a table."""
-FEW = 2_000
+FEW = 5_000
 """So few cells are told one by one."""
 ROUND_EDGES, ROUND_CORNERS = 2, 1
 """Cells round re-entrant edges, and round corners that are to sink, that are told as well."""
@@ -108,7 +108,7 @@ class Cells:
         self.ahead = corner_ends(d) @ self.steps
         self.body = np.flatnonzero(self.kinds >= 0)
         self._loads, self._within = self._applied(grid, stage)
-        self._near = self._where_something_happens()
+        self.near = self._where_something_happens()
         self.shear = np.zeros((len(axis_pairs(d)), len(self.kinds)))
         for tau, (a, b) in zip(self.shear, axis_pairs(d), strict=True):
             kernels.shear_stress(
@@ -149,18 +149,19 @@ class Cells:
         locks = self.dimension == 2 and np.any((moduli.lateral > LOCKING * moduli.stretch) & used)
         if len(self.body) <= FEW or locks:
             return self.boxes(self.body)
-        body, near = kinds >= 0, self._near
+        body, near = kinds >= 0, self.near
         plain = body & ~near
         left, column = np.zeros_like(self.start), np.zeros(len(kinds))
-        sums = self._sums(plain, left, column)
+        sums = self.sums(plain, left, column)
         square = np.einsum("an,an->n", left, left)
         sinks = square > (2.0 * UNBALANCED * gap / len(self.body)) * column
         sinks &= ~self._corners_of(near)
-        more = self._grown(self._cells_at(sinks), ROUND_CORNERS) & plain
-        sums -= self._sums(more, left, column[:0])
+        more = self._grown(self._cells_at(np.flatnonzero(sinks)), ROUND_CORNERS) & plain
+        sums -= self.sums(more, left, column[:0])
         return self.boxes(np.flatnonzero(near | more), sums)
 
-    def _sums(self, chosen: Flags, left: Floats, column: Floats) -> Floats:
+    def sums(self, chosen: Flags, left: Floats, column: Floats) -> Floats:
+        """Add up the energies of cells: see `kernels_cells.sums`."""
         forms = _forms(self.dimension, *(tuple(modulus.tolist()) for modulus in self.law))
         state = chosen, self.kinds, self.sigma, self.shear, self.start, self.steps
         return np.array(kernels.sums(*state, *forms, left, column))
@@ -168,16 +169,24 @@ class Cells:
     def _where_something_happens(self) -> Flags:
         """Tell which cells are at a support, a load, a re-entrant edge or touch a body's corner."""
         body = self.kinds >= 0
-        wall = self._corners_of(self.kinds < AIR)
         filled = np.zeros(len(body), dtype=np.uint8)
         for k, step in enumerate(self.ahead):
             filled[step:] |= body[: len(body) - step].view(np.uint8) << k
-        reentrant, parts = _odd_corners(self.dimension)
-        loaded = np.zeros_like(body)
-        loaded[self._loads.box] = loaded[self._within.box] = True
-        found = self._cells_at(wall | parts[filled]) | self._grown(loaded, 1)
-        self._at_edges = self._cells_at(reentrant[filled])
-        return body & (found | self._grown(self._at_edges, ROUND_EDGES))
+        rim = np.flatnonzero((filled > 0) & (filled < (1 << len(self.ahead)) - 1))
+        reentrant, parts = (table[filled[rim]] for table in _odd_corners(self.dimension))
+        wall = (self.kinds[rim - self.ahead[:, None]] < AIR).any(axis=0)
+        cells = self._loads.box, self._within.box
+        self._at_edges = self._cells_at(rim[reentrant])
+        found = self._cells_at(rim[wall | parts]) | self._grown(self._at_edges, ROUND_EDGES)
+        return body & (found | self._grown(self._marked(np.concatenate(cells)), 1))
+
+    def _marked(self, places: Index) -> Flags:
+        found = np.zeros(len(self.kinds), dtype=np.bool_)
+        found[places] = True
+        return found
+
+    def _cells_at(self, corners: Index) -> Flags:
+        return self._marked(corners - self.ahead[:, None])
 
     def _corners_of(self, cells: Flags) -> Flags:
         found = cells.copy()
@@ -185,15 +194,9 @@ class Cells:
             found[step:] |= cells[:-step]
         return found
 
-    def _cells_at(self, corners: Flags) -> Flags:
-        found = corners.copy()
-        for step in self.ahead[1:]:
-            found[:-step] |= corners[step:]
-        return found
-
     def _grown(self, cells: Flags, rings: int) -> Flags:
         found = cells.copy()
-        for step in self.steps:
+        for step in self.steps if cells.any() else ():
             for _ in range(rings):
                 before = found.copy()
                 found[step:] |= before[:-step]
@@ -204,7 +207,7 @@ class Cells:
         """Return cells, in order, as boxes."""
         d, n, kinds, problem = self.dimension, len(told), self.kinds, self.problem
         cells = np.stack(np.unravel_index(told, self.shape), axis=1) - PAD
-        number = np.full(len(kinds), -1)
+        number = np.full(len(kinds), -1, dtype=np.int32)
         number[told] = np.arange(n)
         sides = told + np.stack([s * step for step in self.steps for s in (-1, 1)])[:, None]
         beyond = kinds[sides].astype(np.int64)
@@ -225,11 +228,11 @@ class Cells:
                 for pair, tau in zip(axis_pairs(d), self.shear, strict=True)
             },
             body,
-            number[sides],
+            number[sides].astype(np.int64),
             beyond,
             self._uneven(told),
             Hanging(nothing, nothing, nothing.reshape(0, 1 << (d - 1))),
-            self._loads._replace(box=number[self._loads.box]),
+            self._loads._replace(box=number[self._loads.box].astype(np.int64)),
             list(_held_cells(problem, cells, beyond)),
             list(_beds_of_cells(problem, cells, beyond)),
             mesh,
@@ -267,9 +270,7 @@ class Cells:
     def _corners(self, told: Index) -> tuple[Index, Index]:
         """Return the numbers of the nodes at cells' corners, and their places."""
         corner = told + self.ahead[:, None]
-        there = np.zeros(len(self.kinds), dtype=np.bool_)
-        there[corner] = True
-        known = np.flatnonzero(there)
+        known = np.flatnonzero(self._marked(corner))
         number = np.empty(len(self.kinds), dtype=np.int64)
         number[known] = np.arange(len(known))
         return number[corner], known

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from kaju import Scene, solve
-from kaju.model.elastic import bracket
+from kaju.model.elastic import bracket, cell_boxes
 from kaju.model.elastic.balanced import BalancedStress
 from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.bracket import bracket_of
-from kaju.model.elastic.cell_boxes import boxes_of_cells
+from kaju.model.elastic.cell_boxes import Cells, boxes_of_cells
 from kaju.model.elastic.compatible import CompatibleField, Modes
-from kaju.model.elastic.kernels_bilinear import pull
+from kaju.model.elastic.kernels_bilinear import pull, work_on_sides
 from kaju.model.elastic.ragged import ragged_tractions
 from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
 from kaju.model.elastic.staggered import strain_energy
@@ -266,3 +266,77 @@ def test_shares_of_boxes_add_up_to_what_lies_between_the_bounds():
     # The energies differ by half the squared distance.
     assert 0.5 * bounds.shares.sum() == pytest.approx(bounds.upper - bounds.lower, rel=0.05)
     assert (bounds.shares > 0.0).all()
+
+
+def in_cells(dimension, missing=(), off=0.0):
+    """Return a body of two materials, told by its cells, whose faces are off by a share."""
+    n = 24 if dimension == 2 else 10
+    codes, middle = np.ones((n,) * dimension, dtype=int), [n // 4] * (dimension - 1)
+    codes[(slice(n // 3, n // 2),) * dimension] = 2
+    for place in missing:
+        codes[place] = 0
+    scene = Scene.from_array(
+        codes,
+        legend={k: (None, "a", "b")[k] or "air" for k in np.unique(codes).tolist()},
+        cell_size=0.01,
+        materials={"a": STEEL, "b": SOFT},
+        sides={"bottom": "rigid", "left": "roller"},
+        loads=[
+            {"cell": [*middle, n - 1], "side": "top", "force": [0.0 * k for k in middle] + [-2.0]}
+        ],
+    )
+    found = solve(scene, strategy="uniform", resolution=1, tolerance=1e-10).found
+    rng = np.random.default_rng(1)
+    moved = found.solution.displacement
+    size = off * max(float(np.abs(u).max()) for u in moved)
+    u = tuple(v + size * rng.normal(size=v.shape) * (v != 0) for v in moved)
+    return Cells(found.problem, u, 0.0, found.grid, None), found
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_cells_added_up_at_once_have_the_energies_of_those_told_one_by_one(dimension):
+    cells, _ = in_cells(dimension, off=1e-3)
+    left, column = np.zeros_like(cells.start), np.zeros(len(cells.kinds))
+    chosen = (cells.kinds >= 0) & ~cells.near
+    complementary, whole, rest = cells.sums(chosen, left, column)
+    boxes, some = cells.boxes(cells.body), chosen[cells.body]
+    assert 20 < np.count_nonzero(some) < len(some)
+    assert len(np.unique(cells.kinds[chosen])) == 2
+    stress, field = BalancedStress(boxes), CompatibleField(boxes)
+    field.displacement = boxes.mesh.start
+    assert complementary == pytest.approx(stress.energies[some].sum(), rel=1e-12)
+    assert whole == pytest.approx(field.energies()[some].sum(), rel=1e-12)
+    mesh = boxes.mesh
+    own = -work_on_sides(mesh.corner[:, some], boxes.rest[:, some], boxes.size[some], mesh.start)
+    assert rest == pytest.approx(own, rel=1e-9)
+    force = np.zeros_like(mesh.start)
+    law = [modulus[some] for modulus in boxes.law]
+    pull(np.ascontiguousarray(mesh.corner[:, some]), *law, mesh.start, force)
+    places = np.flatnonzero(np.bincount((cells.body + cells.ahead[:, None]).ravel()))
+    np.testing.assert_allclose(left[:, places].T, -force, rtol=0, atol=1e-12 * np.abs(force).max())
+
+
+@pytest.mark.parametrize(
+    ("dimension", "missing"),
+    [
+        (2, []),
+        (2, [np.s_[12:, 14:]]),  # a re-entrant corner
+        (2, [np.s_[4:8, 12:16], np.s_[8:12, 16:20]]),  # two holes that touch at a corner
+        (3, []),
+        (3, [np.s_[5:, 5:, 7:]]),
+    ],
+)
+def test_bounds_hardly_change_where_cells_are_added_up(dimension, missing, monkeypatch):
+    monkeypatch.setattr(cell_boxes, "FEW", 0)
+    cells, found = in_cells(dimension, missing)
+    gap = found.energy * found.error**2
+    told, every = cells.told(gap), cells.boxes(cells.body)
+    assert told.others is not None
+    assert len(told.size) < 0.8 * len(every.size)
+    one, all_of_them = bracket_of(told), bracket_of(every)
+    assert one.upper == pytest.approx(all_of_them.upper, rel=1e-10)
+    assert 0.95 < one.lower / all_of_them.lower < 1.001
+    assert one.error == pytest.approx(all_of_them.error, rel=0.07)
+    assert one.shares.sum() == pytest.approx(all_of_them.shares.sum(), rel=0.2)
+    off = np.linalg.norm(one.stress - all_of_them.stress)
+    assert off < 0.05 * np.linalg.norm(all_of_them.stress)

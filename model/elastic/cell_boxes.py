@@ -207,7 +207,7 @@ class Cells:
         """Return cells, in order, as boxes."""
         d, n, kinds, problem = self.dimension, len(told), self.kinds, self.problem
         cells = np.stack(np.unravel_index(told, self.shape), axis=1) - PAD
-        number = np.full(len(kinds), -1, dtype=np.int32)
+        number = np.full(len(kinds), -1)
         number[told] = np.arange(n)
         sides = told + np.stack([s * step for step in self.steps for s in (-1, 1)])[:, None]
         beyond = kinds[sides].astype(np.int64)
@@ -228,11 +228,11 @@ class Cells:
                 for pair, tau in zip(axis_pairs(d), self.shear, strict=True)
             },
             body,
-            number[sides].astype(np.int64),
+            number[sides],
             beyond,
             self._uneven(told),
             Hanging(nothing, nothing, nothing.reshape(0, 1 << (d - 1))),
-            self._loads._replace(box=number[self._loads.box].astype(np.int64)),
+            self._loads._replace(box=number[self._loads.box]),
             list(_held_cells(problem, cells, beyond)),
             list(_beds_of_cells(problem, cells, beyond)),
             mesh,

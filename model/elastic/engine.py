@@ -43,8 +43,9 @@ LOOSEST = 3e-3
 """But never stop above this."""
 MENDED = 300
 """Iterations more, for forces of nearly incompressible bodies to balance."""
-PATIENCE = 8
-"""After this many iterations the rate decides whether to change the method."""
+PATIENCE = 16
+"""After this many iterations the rate decides whether to change the method: stiff grains in a soft
+body take several to be moved as a whole, in which nothing seems to be gained."""
 TOO_MANY = 60
 """More iterations than this in sight: change the method."""
 

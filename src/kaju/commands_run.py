@@ -19,10 +19,12 @@ from .options import (
     Json,
     Out,
     Pictures,
+    Places,
     Quiet,
     Resolution,
     SceneFile,
     Settings,
+    places_of,
     scene_of,
     worked_plate,
 )
@@ -188,6 +190,7 @@ def solve(
     resolution: Resolution = None,
     strategy: Strategy = StrategyName.AUTO,
     tolerance: Tolerance = None,
+    at: Places = None,
     engine: Engine = EngineName.KAJU,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -211,7 +214,7 @@ def solve(
         if engine is EngineName.PETSC:
             found = solve_scene(described, tolerance, resolution, strategy.value, engine="petsc")
         else:
-            found = solve_scene(described, tolerance, resolution, strategy.value)
+            found = solve_scene(described, tolerance, resolution, strategy.value, places_of(at))
         console.say("solved as linear elasticity")
         return found
 

@@ -89,6 +89,10 @@ def _lines(summary: Mapping[str, Any]) -> list[str]:
             name, unit = stem, ending
         if isinstance(value, Mapping):
             lines += [f"  {f'{name} {part}':28} {told(v, unit)}" for part, v in value.items()]
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            for number, entry in enumerate(value, start=1):
+                parts = [f"{part} {told(v)}" for part, v in entry.items() if v is not None]
+                lines.append(f"  {f'{name} {number}':28} {', '.join(parts)}")
         else:
             lines.append(f"  {name:28} {told(value, unit)}")
     return [line.replace("_", " ") for line in lines]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -36,6 +37,27 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but er
 Resolution = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
 ]
+
+Places = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--at",
+        metavar="PLACE",
+        help="What the tolerance is about: the deflection of a side such as top, of a point "
+        'such as 0.1,0.2 (m), or of a region such as {"box": [[0, 0], [0.1, 0.1]]}.',
+    ),
+]
+
+
+def places_of(words: list[str] | None) -> list[Any] | None:
+    """Return what ``--at PLACE`` asks for: numbers and regions as such, anything else as a name."""
+    found = []
+    for word in words or []:
+        try:
+            found.append(json.loads(word if word.startswith("{") else f"[{word}]"))
+        except json.JSONDecodeError:
+            found.append(word)
+    return found or None
 
 
 def scene_of(path: Path, settings: list[str] | None = None) -> Scene:

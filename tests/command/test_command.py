@@ -233,3 +233,15 @@ def test_python_m_kaju_answers():
         [sys.executable, "-m", "kaju", "--version"], capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith("kaju 0.")
+
+
+def test_a_tolerance_may_be_about_places(kaju):
+    box = '{"box": [[0.08, 0.1], [0.12, 0.14]]}'
+    places = ["--at", "top", "--at", "0.1,0.15", "--at", box, "--tolerance", "0.05"]
+    code, out, _ = kaju("solve", PLATE, "--out", "here", "--no-pictures", "--json", *places)
+    assert code == 0
+    told = json.loads(out)
+    assert [one["at"] for one in told["tolerance_at"]] == ["top", [0.1, 0.15], json.loads(box)]
+    mean, point, inner = (goal["error_bound"] for goal in told["goals"])
+    assert mean > 0.0 < inner
+    assert point is None

@@ -45,6 +45,8 @@ MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
 EXACT = 1e-6
 """Relative error below which no corner has to sink."""
+ROUGH = 0.3
+"""Relative error above which corners sink all over the body."""
 FEW = 20_000
 """So many boxes may be spent in any case."""
 

@@ -158,7 +158,7 @@ class CellAgents:
     @cached_property
     def bracket(self) -> Bracket | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
-        from .bracket import EXACT, SETTLED, SETTLED_TREE, bracket_of
+        from .bracket import EXACT, ROUGH, SETTLED, SETTLED_TREE, bracket_of
         from .cell_boxes import boxes_of_cells
 
         problem, solution = self.problem, self.solution
@@ -168,7 +168,8 @@ class CellAgents:
         if dragged:
             return self._by_tree(replace(self, solution=solution).tree)
         state = problem, solution.displacement, solution.algebraic, self.grid, self.stage
-        found = bracket_of(boxes_of_cells(*state, self.energy * max(self.error, EXACT) ** 2))
+        gap = self.energy * max(self.error, EXACT) ** 2 if self.error < ROUGH else 0.0
+        found = bracket_of(boxes_of_cells(*state, gap))
         return bracket_of(boxes_of_cells(*state)) if isinstance(found, str) else found
 
     def _by_tree(self, tree: TreeAgents) -> Bracket | str:

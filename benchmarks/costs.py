@@ -1,8 +1,8 @@
 """What a cell and an agent cost: the figures by which `kaju.solve` chooses between them.
 
-Prints, for equal cells by each method and for agents that spawn, the seconds of a run as a
-fixed part and a part for each cell (agent), fitted to runs of several sizes by the smallest
-relative misfit; `model/elastic/spawning/choice.py` holds rounded ones. Run:
+Prints, for equal cells by each method and for agents that spawn, the seconds of a run and of its
+bound as a fixed part and a part for each cell (agent), fitted to runs of several sizes by the
+smallest relative misfit; `model/elastic/spawning/choice.py` holds rounded ones. Run:
 
     python benchmarks/costs.py
 """
@@ -51,6 +51,7 @@ def timed(scene, **how):
     for _ in range(REPEATS):
         start = perf_counter()
         result = solve(scene, **how)
+        _ = result.error_bound if result.provable else None
         seconds.append(perf_counter() - start)
     return result.summary()["agents"], median(seconds)
 

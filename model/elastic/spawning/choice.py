@@ -66,23 +66,24 @@ class Cost(NamedTuple):
 
 
 CELLS: dict[tuple[Method, int], Cost] = {
-    ("box", 2): Cost(0.03, 0.35e-6),
-    ("box", 3): Cost(0.08, 1.6e-6),
-    ("matrices", 2): Cost(0.015, 1.3e-6),
-    ("matrices", 3): Cost(0.05, 8e-6),
-    ("pressures", 2): Cost(0.02, 100e-6),
-    ("pressures", 3): Cost(0.02, 450e-6),
+    ("box", 2): Cost(0.02, 0.37e-6),
+    ("box", 3): Cost(0.055, 0.85e-6),
+    ("matrices", 2): Cost(0.013, 0.7e-6),
+    ("matrices", 3): Cost(0.03, 4.8e-6),
+    ("pressures", 2): Cost(0.02, 15e-6),
+    ("pressures", 3): Cost(0.05, 66e-6),
 }
-"""What runs of equal cells are expected to cost, by `benchmarks/costs.py`. Only ratios count, and
-answers do not depend on them: they decide which way to the tolerance is tried first."""
+"""What runs of equal cells and their bounds are expected to cost, by `benchmarks/costs.py`. Only
+ratios count, and answers do not depend on them: they decide which way to the tolerance is tried
+first."""
 MOST_CELLS: dict[Method, int] = {
     "box": 40_000_000,
     "matrices": 8_000_000,
     "pressures": 1_000_000,
 }
 """More equal cells do not fit in some 10 GB, and are not considered."""
-AGENTS = {2: Cost(0.04, 22e-6), 3: Cost(0.08, 72e-6)}
-MIXED_AGENTS = {2: Cost(0.04, 33e-6), 3: Cost(0.03, 140e-6)}
+AGENTS = {2: Cost(0.027, 6.9e-6), 3: Cost(0.045, 48e-6)}
+MIXED_AGENTS = {2: Cost(0.02, 22e-6), 3: Cost(0.015, 115e-6)}
 """Where materials differ, the parents' matrices are projected from their children's."""
 
 

@@ -31,11 +31,15 @@ from kaju.model.scene.kinds import AIR
 from .boxes import Boxes, Index, Law
 from .crossed import Form
 from .problem import Floats
-from .ragged import found_data, ragged_tractions
+from .ragged import Ragged, found_data, ragged_tractions
 from .staggered import Pair
 
 WRONG = 1e-7
 """Tractions on two sides of a face that differ by this share of the largest stress disagree."""
+BALANCED = 1e-6
+"""Share of the largest stress that an answer may leave on a face, to be called balanced."""
+MOST_ODD = 30_000
+"""If more boxes disagree the answer has not settled, and nobody could pass on what is left."""
 
 
 @dataclass
@@ -134,8 +138,12 @@ class BalancedStress:
         self._pressed = _pressed(boxes)
         gap = np.where(boxes.uneven, 0.0, self._gaps(normal))
         gap = gap / scale if scale > 0.0 else gap
-        uneven = boxes.uneven | (gap > WRONG)
-        self.ragged = ragged_tractions(boxes, normal, self._pressed, uneven, WRONG * scale)
+        odd = gap > WRONG
+        if np.count_nonzero(odd) > MOST_ODD and gap.max() > BALANCED:
+            self.ragged = Ragged.none(boxes.dimension)
+        else:
+            uneven = boxes.uneven | odd
+            self.ragged = ragged_tractions(boxes, normal, self._pressed, uneven, WRONG * scale)
         gap[self.ragged.box] = self.ragged.left / (scale or 1.0)
         self.normal = normal
         self.left = float(gap.max(initial=0.0))

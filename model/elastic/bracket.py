@@ -22,7 +22,7 @@ import numpy as np
 
 from kaju.model.scene.kinds import ROLLER
 
-from .balanced import BalancedStress
+from .balanced import BALANCED, BalancedStress
 from .boxes import Boxes, Law
 from .compatible import CompatibleField
 from .problem import Floats
@@ -31,8 +31,6 @@ from .volume_field import LOCKING, VolumeField
 Means = tuple[Floats, dict[tuple[int, int], Floats]]
 """Normal stresses along every axis, and shear stresses by pair of axes."""
 
-BALANCED = 1e-6
-"""Share of the largest stress that an answer may leave on a face, to be called balanced."""
 SETTLED_TREE = 1e-11
 """Algebraic error that is no part of the bounds any more."""
 SETTLED = 0.015

@@ -270,6 +270,21 @@ def test_an_answer_that_does_not_balance_has_no_bound(monkeypatch):
     assert "does not balance" in result.no_bound
 
 
+def test_nobody_passes_on_what_an_answer_is_left_with_all_over(monkeypatch):
+    from kaju.model.elastic import balanced
+    from kaju.model.elastic.spawning import nested
+
+    auxetic = plate(8, materials={"a": {"youngs_modulus": 1e9, "poissons_ratio": -0.9}})
+    monkeypatch.setattr(nested, "LAST", 0.1)
+    monkeypatch.setattr(nested, "DIRECT", {2: 20, 3: 20})
+    monkeypatch.setattr(balanced, "MOST_ODD", 10)
+    monkeypatch.setattr(balanced, "ragged_tractions", None)
+    result = solve(auxetic, strategy="spawning", tolerance=0.3)
+    assert result.error_bound is None
+    assert "does not balance" in result.no_bound
+    assert result.tolerance_kept == "estimated"
+
+
 def test_the_mean_stress_is_better_than_either(plate_energy):
     # Against the stress of a grid four times as fine, averaged over the cells.
     coarse = solve(plate(20), strategy="uniform")

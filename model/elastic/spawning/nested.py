@@ -30,9 +30,9 @@ WORTHWHILE = 0.7
 """Parents that are more than this share of their children are not worth a level."""
 SWEEPS = 2
 FACTORISED = {2: 400_000, 3: 30_000}
-PATIENCE, MOST = 40, 400
+PATIENCE, MOST = 40, {2: 100, 3: 400}
 """A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
-larger ones get MOST iterations."""
+larger ones get MOST iterations: in the plane a hundred take a minute."""
 DIRECT = {2: 1_500, 3: 2_500}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
 LAST = 1e-10
@@ -101,8 +101,9 @@ class NestedMultigrid:
         def apply(x: Floats) -> Floats:
             return np.asarray(matrix @ x)
 
-        small = len(right) <= FACTORISED[self._balance.grid.dimension]
-        most = PATIENCE if small else MOST
+        dimension = self._balance.grid.dimension
+        small = len(right) <= FACTORISED[dimension]
+        most = PATIENCE if small else MOST[dimension]
         run = conjugate_gradients(apply, self.precondition, right, start, done, most, energy)
         if run.converged or not small:
             return run

@@ -138,6 +138,25 @@ def test_blocks_ask_for_no_more_than_the_tolerance():
     assert fine.generations[-1].agents == fine.agents
 
 
+def test_what_short_numbers_cannot_settle_long_ones_do(monkeypatch):
+    usual = solve(plate(), strategy="spawning", tolerance=0.015)
+    settles, cycles = BlockMultigrid.solve, []
+
+    def stuck(self, load, u, done, most=100, onward=False):
+        cycles.append(self.real)
+        short = self.real is np.float32
+        run = settles(self, load, u, done, 1 if short else most, onward)
+        run.converged &= not short
+        return run
+
+    monkeypatch.setattr(BlockMultigrid, "solve", stuck)
+    result = solve(plate(), strategy="spawning", tolerance=0.015)
+    assert set(cycles) == {np.float32, np.float64}
+    assert result.residuals[-1] <= 1e-9
+    assert result.strain_energy == pytest.approx(usual.strain_energy, rel=1e-4)
+    assert result.tolerance_kept == "proved"
+
+
 def test_family_of_blocks_is_a_family():
     result = solve(plate(), tolerance=0.015, strategy="spawning")
     family = result.family

@@ -101,13 +101,14 @@ def ragged_tractions(
         found = _taken(boxes, normal, pressed, np.flatnonzero(uneven))
         off = _imbalance(boxes, found)
         group, left = np.arange(len(off)), np.abs(off).max(axis=1, initial=0.0)
+        ended = True
         helps[found.box[left > small]] = True
         if left.max(initial=0.0) > small:
-            group = _pass_on(boxes, found, off, helps[found.box], small)
+            group, ended = _pass_on(boxes, found, off, helps[found.box], small)
             left = np.abs(_imbalance(boxes, found)).max(axis=1, initial=0.0)
         found = replace(found, left=left)
         far = found.box[np.isin(group, group[left > small])]
-        if not len(far):
+        if not (len(far) and ended):
             break
         around = boxes.beside[:, far].ravel()
         helps[around[around >= 0]] = True
@@ -287,10 +288,13 @@ def _slips(d: int) -> Flags:
     return np.stack([np.delete(m, s // 2, axis=2).any(axis=(1, 2, 3)) for s, m in enumerate(modes)])
 
 
-def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags, small: float) -> Index:
+def _pass_on(
+    boxes: Boxes, found: Ragged, off: Floats, helps: Flags, small: float
+) -> tuple[Index, bool]:
     """Let boxes pass on what they are left with, through the sides between them.
 
-    Returns the groups of boxes that did so with each other.
+    Returns the groups of boxes that did so with each other, and whether the iteration came to
+    its end.
     """
     d = boxes.dimension
     first, second, stiff, slides = _joints(boxes, found, helps)
@@ -300,7 +304,7 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags, small: floa
     shape = (len(found.box), len(found.box))
     _, group = connected_components(sp.coo_array(graph, shape=shape), directed=False)
     if not count:
-        return np.asarray(group)
+        return np.asarray(group), True
     row, column, value = [], [], []
     for joint in (first, second):
         there = np.flatnonzero(joint.box >= 0)
@@ -332,40 +336,46 @@ def _pass_on(boxes: Boxes, found: Ragged, off: Floats, helps: Flags, small: floa
     left, flat = -(off.ravel() * real)[used], np.zeros(kinds * count)
     share = SMALLER * small / float(np.abs(off).max())
     exact, moved_by = _solver(matrix, holds, d, share)
-    enough = max(ROUNDING, 0.0 if exact else 5.0 * share)
+    enough, ended = max(ROUNDING, 0.0 if exact else 5.0 * share), True
     for _ in range(5):
         # What rounding has left of the largest tractions is passed on once more.
         rest = left - take @ flat
-        if np.abs(rest).max() <= enough * np.abs(left).max():
+        if not ended or np.abs(rest).max() <= enough * np.abs(left).max():
             break
-        flat += weight @ (take.T @ moved_by(rest))
+        moved, ended = moved_by(rest)
+        flat += weight @ (take.T @ moved)
     passed = flat.reshape(-1, kinds)
     for joint in (first, second):
         there = np.flatnonzero(joint.box >= 0)
         modes = _passing(d)[joint.side[there], joint.part[there] + 1]
         change = np.einsum("nk,nkqcm->nqcm", passed[there], modes)
         np.add.at(found.traction, (joint.box[there], joint.side[there]), change)
-    return np.asarray(group)
+    return np.asarray(group), ended
 
 
 def _solver(
     matrix: sp.csr_array, holds: Floats, d: int, share: float
-) -> tuple[bool, Callable[[Floats], Floats]]:
+) -> tuple[bool, Callable[[Floats], tuple[Floats, bool]]]:
     """Return what solves a system: by factors, or by iteration where they would fill memory.
 
-    An iteration leaves a share.
+    An iteration leaves a share, and says whether it came to its end.
     """
-    if matrix.shape[0] <= FACTORED[d]:
-        factor = factors_of(matrix + sp.diags_array(holds))
-        return True, lambda right: np.asarray(factor.solve(right))
     diagonal = matrix.diagonal()
+    if matrix.shape[0] <= FACTORED[d]:
+        try:
+            factor = factors_of(matrix + sp.diags_array(holds))
+        except RuntimeError:
+            # Forces that nobody passes on: what holding all adds is passed on once more.
+            held = np.where(diagonal > 0.0, HOLD * diagonal, 1.0)
+            factor = factors_of(matrix + sp.diags_array(held))
+        return True, lambda right: (np.asarray(factor.solve(right)), True)
     scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
     alike = sp.csr_array(sp.diags_array(scale) @ matrix @ sp.diags_array(scale))
 
-    def solved(right: Floats) -> Floats:
+    def solved(right: Floats) -> tuple[Floats, bool]:
         # What is left after so many steps is told as left over.
-        found, _ = sl.cg(alike, scale * right, rtol=max(share, ROUNDING), maxiter=MOST_STEPS)
-        return np.asarray(scale * found)
+        found, steps = sl.cg(alike, scale * right, rtol=max(share, ROUNDING), maxiter=MOST_STEPS)
+        return np.asarray(scale * found), steps == 0
 
     return False, solved
 

@@ -43,6 +43,8 @@ STRIDE = {2: 4, 3: 2}
 """Cells this many times smaller tell how the error falls, where many more may be needed."""
 QUICK = 0.1
 """Seconds for which it is not worth while to find out."""
+PATIENT = 10.0
+"""Seconds that equal cells may cost where there may not be as many agents as it takes."""
 ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
 """Powers of the cells' size with which the error is taken to fall: before it is known, the
 least and the greatest."""
@@ -331,6 +333,11 @@ class Agents:
         return float(last.agents * max(last.error / self.tolerance, 1.0) ** self._power)
 
     @property
+    def most_seconds(self) -> float:
+        """What as many as allowed would cost."""
+        return self._cost.of(self.limit)
+
+    @property
     def seconds(self) -> float:
         """What is expected to be left to do."""
         if self.agents > self.limit:
@@ -384,8 +391,10 @@ def solve_cheaply(
     check_numbers(tolerance, resolution)
     cells = EqualCells(scene, tolerance, resolution, stage, previous)
     agents = Agents(scene, tolerance, resolution, stage, most_agents)
+    # Who limits the agents does not want to wait for as many cells as fit either.
+    dear = inf if most_agents is None else max(agents.most_seconds, PATIENT)
     while True:
-        if cells.continues or FAVOUR * cells.seconds < agents.seconds:
+        if cells.continues or FAVOUR * cells.seconds < min(agents.seconds, dear):
             equal = cells.step()
             if equal is not None:
                 notes = [note for note in equal.notes if TAKEN not in note]

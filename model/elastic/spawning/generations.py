@@ -41,6 +41,8 @@ KEPT = {2: 500_000, 3: 60_000}
 MOST_GENERATIONS = 60
 TELLING, FAR = 500, 100.0
 """From so many agents on they tell how many more it takes; so many times too many are not tried."""
+TOLD = 1e-5
+"""Share of the applied forces that may be left on agents without a word."""
 FIRST_GUESS = 0.3
 """Of the first generation's error."""
 
@@ -336,10 +338,15 @@ class Spawner:
     def _note_rest(self, run: Iteration) -> None:
         if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
             self._stopped, self.finished = "iteration", True
-        if not run.converged and self.finished:
-            self.notes.append(
-                f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
-            )
+        left = run.residuals[-1] if not run.converged else self._left_of_loads()
+        if self.finished and (not run.converged or left > TOLD):
+            self.notes.append(f"the forces on the agents balance to {left:.1g} of the loads only")
+
+    def _left_of_loads(self) -> float:
+        """Return what is left beside the applied forces; those of moved sides may be far larger."""
+        rest = (self.balance.force(self.displacement) - self.balance.load)[self.balance.free]
+        applied = float(np.abs(self.balance.load).sum())
+        return float(np.abs(rest).sum()) / applied if applied > 0.0 else 0.0
 
     def _rounding(self) -> list[str]:
         """Say what rounding leaves unbalanced; refuse what it hides before more agents spawn."""

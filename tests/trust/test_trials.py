@@ -204,7 +204,7 @@ def test_bodies_at_the_end_of_the_digits_are_answered_or_named(number, words):
 def test_solids_that_hardly_balance_or_ask_for_millions_of_cells_end_soon(number, verdict):
     began = process_time()
     assert attempt(number).verdict == verdict
-    assert process_time() - began < 20
+    assert process_time() - began < 60  # with all that may have to be compiled
 
 
 @pytest.mark.parametrize(

@@ -44,16 +44,21 @@ format: $(VENV)/.dev
 $(VENV)/bin/pip:
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.kaju: pyproject.toml | $(VENV)/bin/pip
-	$(BIN)/pip install --quiet --editable .
+# An editable installation is a tree of links to files under build/: new files want it anew.
+ROOMS := $(shell find agents model view src/kaju -type d -not -name __pycache__)
+SETUP := pyproject.toml setup.py $(ROOMS) | $(VENV)/bin/pip
+INSTALL = $(BIN)/pip install --quiet --config-settings editable_mode=strict --editable
+
+$(VENV)/.kaju: $(SETUP)
+	$(INSTALL) .
 	touch $@
 
-$(VENV)/.test: pyproject.toml | $(VENV)/bin/pip
-	$(BIN)/pip install --quiet --editable '.[test]'
+$(VENV)/.test: $(SETUP)
+	$(INSTALL) '.[test]'
 	touch $@ $(VENV)/.kaju
 
-$(VENV)/.dev: pyproject.toml | $(VENV)/bin/pip
-	$(BIN)/pip install --quiet --editable '.[dev]'
+$(VENV)/.dev: $(SETUP)
+	$(INSTALL) '.[dev]'
 	touch $@ $(VENV)/.test $(VENV)/.kaju
 
 pictures: $(VENV)/.test

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from math import isfinite
 
-from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
+from kaju.model.rheology.element import ThreeElement
 
 
 @dataclass(frozen=True)

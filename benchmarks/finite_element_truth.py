@@ -23,7 +23,7 @@ from peers.problems import BLOCK, PIXELS, PLATE, Problem
 
 from kaju import Scene
 from kaju.model.elastic.moduli import moduli_of
-from kaju.model.reference import Reference
+from kaju.model.study.reference import Reference
 from kaju.model.validation.graded_elements import solve_graded
 from kaju.model.validation.scene_elements import ElementAnswer
 

@@ -16,15 +16,15 @@ from collections.abc import Callable
 import numpy as np
 
 import kaju
-from kaju.agents import rheology_steps as steps
 from kaju.agents.materials import Material
-from kaju.agents.rheology import ThreeElement
-from kaju.model.creep.elastic import CreepingBody
-from kaju.model.creep.march import take_step
-from kaju.model.creep.network import CreepingNetwork
 from kaju.model.elastic.engine import solve_problem
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.network.lattices import triangular
+from kaju.model.rheology import schemes as steps
+from kaju.model.rheology.elastic import CreepingBody
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.march import take_step
+from kaju.model.rheology.network import CreepingNetwork
 
 REPEATS = 5
 HELD = np.ones((2, 2))

@@ -14,11 +14,11 @@ from pathlib import Path
 
 from kaju import load_scene
 from kaju.agents.rules import ElasticRule
-from kaju.model.compare import Comparison, compare
 from kaju.model.elastic.settling.elastic_model import ElasticModel
-from kaju.model.fitting import Fit, fit_rule
-from kaju.model.propagation.load_model import LoadModel
-from kaju.model.reference import Reference
+from kaju.model.study.compare import Comparison, compare
+from kaju.model.study.fitting import Fit, fit_rule
+from kaju.model.study.reference import Reference
+from kaju.model.transfer.load_model import LoadModel
 from kaju.view.comparison import Line, plot_maps, plot_profiles, plot_shapes, plot_stress_ratio
 from kaju.view.files import save
 

@@ -15,9 +15,9 @@ from kaju import ElasticRule, History, Scene, SpawningModel, ThreeElement, creep
 from kaju.model.network import triangular
 
 if TYPE_CHECKING:
-    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.network import NetworkResult
-    from kaju.model.result import Result
+    from kaju.model.results.result import Result
+    from kaju.model.rheology.network import NetworkCreepResult
 
 HERE = Path(__file__).parent
 

@@ -19,11 +19,11 @@ import numpy as np
 import kaju
 from kaju import ElasticModel, LoadModel, Material, NetworkModel, Scene, ThreeElement, creep
 from kaju.errors import KajuError
-from kaju.model.creep.state import CreepState
 from kaju.model.network import triangular
-from kaju.model.reference import Reference
+from kaju.model.rheology.state import CreepState
 from kaju.model.scale.pieces import Piece, PiecedResult
-from kaju.model.sweep.parts import load_sweep
+from kaju.model.study.parts import load_sweep
+from kaju.model.study.reference import Reference
 
 SECONDS = 20
 HISTORY = kaju.History.step()

@@ -29,15 +29,15 @@ SECONDS = 240
 """After which a mutant that does not end counts as killed."""
 
 ROOMS = {
-    "agents/rules.py": "trust/test_survivors.py propagation/test_agents.py "
-    "propagation/test_stability.py "
-    "propagation/test_hexagon_shares.py scene/test_scene_errors.py propagation/test_load_model.py",
-    "agents/shares.py": "propagation/test_agents.py propagation/test_hexagon_shares.py "
-    "propagation/test_sense.py propagation/test_own_lattice.py",
-    "model/propagation/stage.py": "propagation/test_hexagon_shares.py trust/test_survivors.py "
-    "propagation/test_own_agents.py propagation/test_load_model.py",
-    "model/propagation/stability.py": "trust/test_survivors.py propagation/test_hexagon_shares.py "
-    "propagation/test_stability.py",
+    "agents/rules.py": "trust/test_survivors.py transfer/test_agents.py "
+    "transfer/test_stability.py "
+    "transfer/test_hexagon_shares.py scene/test_scene_errors.py transfer/test_load_model.py",
+    "agents/shares.py": "transfer/test_agents.py transfer/test_hexagon_shares.py "
+    "transfer/test_sense.py transfer/test_own_lattice.py",
+    "model/transfer/stage.py": "transfer/test_hexagon_shares.py trust/test_survivors.py "
+    "transfer/test_own_agents.py transfer/test_load_model.py",
+    "model/transfer/stability.py": "trust/test_survivors.py transfer/test_hexagon_shares.py "
+    "transfer/test_stability.py",
     "model/elastic/staggered.py": "elasticity/test_e_twins.py elasticity/test_e_tables.py "
     "elasticity/test_e_solve.py trust/test_survivors.py",
     "model/elastic/moduli.py": "elasticity/test_e_twins.py elasticity/test_e_solve.py "
@@ -50,15 +50,15 @@ ROOMS = {
 NAMED = {
     "friction on hexagons": (
         "model/scene/lattice.py", "float(c == nearest), 1.0", "1.0, 1.0",
-        "propagation/test_hexagon_shares.py",
+        "transfer/test_hexagon_shares.py",
     ),
     "handed less entered": (
-        "model/propagation/stage.py", "handed - entered, 0.0", "0.0",
-        "propagation/test_hexagon_shares.py",
+        "model/transfer/stage.py", "handed - entered, 0.0", "0.0",
+        "transfer/test_hexagon_shares.py",
     ),
     "a remedy for hexagons": (
-        "model/propagation/stability.py", "sum(each.poisson for each in way)", "beside",
-        "propagation/test_hexagon_shares.py",
+        "model/transfer/stability.py", "sum(each.poisson for each in way)", "beside",
+        "transfer/test_hexagon_shares.py",
     ),
     "moments made up for": (
         "model/elastic/loads.py", "np.where(turn, 0.5, 1.0) * share",

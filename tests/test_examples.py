@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import kaju
 from kaju import LoadModel, PrescribedRule, creep, load_scene, stability
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -76,3 +77,8 @@ def test_the_arch_is_what_its_script_draws(monkeypatch):
         drawn, np.asarray(Image.open(EXAMPLES / "arch.png").convert("RGB"))
     )
     del sys.modules["draw_arch"]
+
+
+def test_the_plate_of_the_package_is_the_example():
+    installed = Path(kaju.__file__).with_name("plate.toml")
+    assert installed.read_bytes() == (EXAMPLES / "plate.toml").read_bytes()

@@ -16,9 +16,9 @@ from matplotlib.ticker import MaxNLocator
 
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
-from kaju.model.propagation.stage import Stage
-from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.transfer.stage import Stage
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .body import draw_body, draw_forces, finish
 from .section import Section, section_of

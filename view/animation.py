@@ -17,7 +17,7 @@ from PIL import Image
 from kaju.agents.materials import suggestion
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.files import scratch_beside
-from kaju.model.result import Result
+from kaju.model.results.result import Result
 
 from . import motion
 from .creep import curves_over_time, network_over_time

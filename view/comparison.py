@@ -18,8 +18,8 @@ from matplotlib.ticker import FuncFormatter
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.compare import Comparison, Pair, near_line
-from kaju.model.reference import Reference
+from kaju.model.study.compare import Comparison, Pair, near_line
+from kaju.model.study.reference import Reference
 
 from .body import draw_body, draw_forces
 from .deformed import corner_displacements
@@ -40,7 +40,7 @@ from .units import quantity, round_down, scale_for, times
 from .units import quantity as with_unit
 
 if TYPE_CHECKING:
-    from kaju.model.beside_elasticity import BesideElasticity, Way
+    from kaju.model.study.beside_elasticity import BesideElasticity, Way
 
 
 COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError
-from kaju.model.result import Curves
+from kaju.model.results.result import Curves
 
 from .body import draw_forces, finish
 from .comparison import COLOURS
@@ -26,8 +26,8 @@ from .units import quantity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from kaju.model.creep.network import NetworkCreepResult
-    from kaju.model.creep.state import BodyCourse, Course
+    from kaju.model.rheology.network import NetworkCreepResult
+    from kaju.model.rheology.state import BodyCourse, Course
 
 
 _ACROSS = 2  # panels side by side

@@ -15,9 +15,9 @@ from matplotlib.colors import Normalize
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.mesh import same_points
-from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import BodyResult
+from kaju.model.results.mesh import same_points
+from kaju.model.results.result import BodyResult
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .body import draw_body, draw_forces, finish
 from .layers import OUTLINED, Layer, layer_of, squares_of

@@ -14,7 +14,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.result import Tiles
+from kaju.model.results.result import Tiles
 
 from .body import draw_body
 from .section import Section, layer_at, section_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .style import INK, caption, figure_of, label_axis, new_axes
 from .units import quantity

@@ -16,8 +16,8 @@ from matplotlib.lines import Line2D
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.propagation.stage import Stage
-from kaju.model.propagation.transfer_result import TransferResult, load_path
+from kaju.model.transfer.stage import Stage
+from kaju.model.transfer.transfer_result import TransferResult, load_path
 
 from .body import draw_body, draw_forces, finish
 from .section import WHOLE_UP_TO, Section, section_of

@@ -13,7 +13,7 @@ from matplotlib.colors import Normalize
 from kaju.agents.materials import suggestion
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .body import draw_body, draw_forces, finish
 from .layers import Squares, draw_squares, draw_surroundings, layer_of, squares_of

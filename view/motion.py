@@ -24,9 +24,9 @@ from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import MissingExtraError, ResultFileError
 from kaju.files import scratch_beside
-from kaju.model.mesh import corner_order
-from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import BodyResult
+from kaju.model.results.mesh import corner_order
+from kaju.model.results.result import BodyResult
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .deformed import Joined, check_magnification, join, largest_shift
 from .files import new_folder
@@ -34,11 +34,11 @@ from .style import SIZE
 from .units import round_down
 
 if TYPE_CHECKING:
-    from kaju.model.creep.body import TransferCreepResult
-    from kaju.model.creep.elastic import ElasticCreepResult
-    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
+    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.elastic import ElasticCreepResult
+    from kaju.model.rheology.network import NetworkCreepResult
 
 
 class Frame(NamedTuple):

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
-from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import Result
+from kaju.model.results.result import Result
 from kaju.model.scene import Scene
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import plot_agents
 from .body import draw_scene

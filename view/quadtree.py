@@ -19,7 +19,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.result import Tiles
+from kaju.model.results.result import Tiles
 from kaju.model.scene import Scene
 
 from .body import draw_forces, finish

@@ -20,9 +20,9 @@ from matplotlib.text import Text
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.propagation.stage import Stage
-from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import BodyResult
+from kaju.model.results.result import BodyResult
+from kaju.model.transfer.stage import Stage
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
 from .body import draw_body, draw_forces, finish
@@ -47,9 +47,9 @@ from .style import caption, colour_bar, figure_of, legend, new_axes
 from .units import counted, quantity, times
 
 if TYPE_CHECKING:
-    from kaju.model.creep.body import TransferCreepResult
-    from kaju.model.creep.elastic import ElasticCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.elastic import ElasticCreepResult
 
 
 _BARE = 6.4

@@ -14,9 +14,9 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from kaju.arrays import Floats, Ints
-from kaju.model.propagation.stage import Stage
-from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene import Scene
+from kaju.model.transfer.stage import Stage
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
 from .body import MOST_ARROWS, force_arrows, told

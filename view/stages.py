@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.propagation.transfer_result import TransferResult
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import threshold_of
 from .style import FAINT, FORCE, INK, LINE, caption, label_axis, new_axes, new_figure

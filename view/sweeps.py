@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
-from kaju.model.sweep.job import ERROR
-from kaju.model.sweep.sensitivity import about_sweep
+from kaju.model.study.job import ERROR
+from kaju.model.study.sensitivity import about_sweep
 
 from .style import FAINT, FORCE, INK, LINE, SEQUENTIAL, caption, figure_of, new_axes, new_figure
 

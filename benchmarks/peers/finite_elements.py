@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from kaju.arrays import Flags, Floats
-from kaju.model.factors import rigid_motions
+from kaju.factors import rigid_motions
 
 from .problems import Problem
 

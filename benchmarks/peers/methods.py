@@ -76,7 +76,7 @@ def multigrid(problem: Problem, division: int) -> Callable[[], Answer]:
 
 def spawning(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let agents spawn to a tolerance that falls as the equal cells' error does."""
-    from kaju.model.solving import solve
+    from kaju.model.study.solving import solve
 
     def job() -> Answer:
         return Spawned(solve(problem.scene(1), SPAWNED / division, strategy="spawning"), problem)
@@ -131,7 +131,7 @@ def fitted(problem: Problem, division: int) -> Callable[[], Answer]:
 
     The search for them is not timed.
     """
-    from kaju.model.fitting import fit_rule
+    from kaju.model.study.fitting import fit_rule
 
     fit = fit_rule(
         problem.scene(1, "prescribed"),
@@ -143,7 +143,7 @@ def fitted(problem: Problem, division: int) -> Callable[[], Answer]:
 
 
 def _transfer(problem: Problem, scene: Scene) -> Answer:
-    from kaju.model.propagation.load_model import LoadModel
+    from kaju.model.transfer.load_model import LoadModel
 
     result = LoadModel(scene, engine="arrays").run()
     _ = result.displacement_field

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from kaju.arrays import Flags, Floats
-from kaju.model.reference import Reference
+from kaju.model.study.reference import Reference
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene

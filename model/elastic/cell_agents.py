@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ResultFileError
-from kaju.model.archive import Archive, plain_of
+from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 
 from . import fields

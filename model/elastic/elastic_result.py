@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.errors import ParameterError, ResultError
-from kaju.model.archive import Archive
-from kaju.model.result import BodyResult, Tiles, cells_of_points
+from kaju.model.results.archive import Archive
+from kaju.model.results.result import BodyResult, Tiles, cells_of_points
 from kaju.model.scene import Scene
 
 from . import fields

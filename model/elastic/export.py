@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import MissingExtraError
-from kaju.model.mesh import corner_order, write_vtk
+from kaju.model.results.mesh import corner_order, write_vtk
 
 from .staggered import axis_pairs
 

@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU
 
+from kaju import factors
 from kaju.errors import SceneError
-from kaju.model import factors
 
 from .krylov import Iteration, dot
 from .problem import ACTIVE

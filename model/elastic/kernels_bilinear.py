@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kaju.model.compiling import njit
+from kaju.compiling import njit
 
 
 def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any) -> None:

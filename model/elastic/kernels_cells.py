@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import along, njit, part
+from kaju.compiling import along, njit, part
 from kaju.model.scene.kinds import AIR as _AIR
 from kaju.model.scene.kinds import RIGID as _RIGID
 

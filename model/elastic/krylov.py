@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.compiling import njit
+from kaju.compiling import njit
 from kaju.stopping import stopped
 
 Vector = NDArray[np.float64]

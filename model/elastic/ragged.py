@@ -21,7 +21,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sl
 from scipy.sparse.csgraph import connected_components
 
-from kaju.model.factors import factors_of
+from kaju.factors import factors_of
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 from .boxes import Boxes, Flags, Index, corner_ends

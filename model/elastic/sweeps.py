@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import along, njit, part
+from kaju.compiling import along, njit, part
 
 PLANES, ROWS, LENGTH = 0, 1, 2
 """Of the arrays with their ghosts."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dasum
 from scipy.sparse.linalg import SuperLU
 
-from kaju.model.compiling import njit
+from kaju.compiling import njit
 
 from .fallback import algebraic_preconditioner, factorise
 from .hierarchy import Hierarchy

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import spsolve_triangular
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, MissingExtraError, ParameterError
-from kaju.model.factors import factors_of, rigid_motions
+from kaju.factors import factors_of, rigid_motions
 
 from .assembler import Assembler
 

@@ -15,8 +15,8 @@ import numpy as np
 from kaju._mesa import FixedAgent, Model, Network
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, TangentError
-from kaju.model.archive import Archive
-from kaju.model.mesa_model import SteppedModel, Until
+from kaju.mesa_model import SteppedModel, Until
+from kaju.model.results.archive import Archive
 
 from .increments import IncrementalLoading
 from .linear import Method

@@ -13,9 +13,9 @@ from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 from kaju import __version__
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
-from kaju.model.archive import Archive
-from kaju.model.formats import NETWORK, RECORDS
-from kaju.model.result import Result
+from kaju.model.results.archive import Archive
+from kaju.model.results.formats import NETWORK, RECORDS
+from kaju.model.results.result import Result
 
 from .assembler import spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network

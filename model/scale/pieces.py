@@ -24,10 +24,10 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import scratch_folder, take_place
-from kaju.model.archive import Archive, open_archive, reading, write_archive
 from kaju.model.elastic import fields
 from kaju.model.elastic.staggered import axis_pairs
-from kaju.model.result import BodyResult, cells_of_points
+from kaju.model.results.archive import Archive, open_archive, reading, write_archive
+from kaju.model.results.result import BodyResult, cells_of_points
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:

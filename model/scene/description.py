@@ -9,11 +9,11 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, PlainValidator, field_validator, model_validator
 
-from kaju.agents.history import History
 from kaju.agents.materials import LIBRARY, Material, suggestion
-from kaju.agents.rheology import ThreeElement
 from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
 from kaju.errors import ParameterError, SceneError
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
 
 from .body import Body
 from .contents import NOT_BODY

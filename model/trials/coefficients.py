@@ -9,8 +9,8 @@ import numpy as np
 from kaju.agents.materials import Material
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats
-from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
+from kaju.model.transfer.load_model import LoadModel
 
 CELLS = 9
 GENERATIONS = 400

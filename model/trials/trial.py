@@ -116,7 +116,7 @@ def _line(error: Exception) -> str:
 
 def _transfer(rng: Generator, family: str, number: int) -> dict[str, Any]:
     """Pass loads on by chosen shares: they end as the certificate says, and the books balance."""
-    from kaju.model.propagation.load_model import EngineName, LoadModel
+    from kaju.model.transfer.load_model import EngineName, LoadModel
 
     scene = transfer_scene(rng)
     # Objects are slow where loads are many: they are tried on the smallest bodies.
@@ -176,7 +176,7 @@ def _grains() -> dict[str, Any]:
 
 def _equal(rng: Generator, family: str, number: int) -> dict[str, Any]:
     """Solve the scene's own cells."""
-    from kaju.model.solving import solve
+    from kaju.model.study.solving import solve
 
     scene = elastic_scene(rng, family)
     return _judged(scene, solve(scene), number)
@@ -184,7 +184,7 @@ def _equal(rng: Generator, family: str, number: int) -> dict[str, Any]:
 
 def _within(rng: Generator, family: str, number: int) -> dict[str, Any]:
     """Solve by whatever keeps a tolerance."""
-    from kaju.model.solving import solve
+    from kaju.model.study.solving import solve
 
     scene = elastic_scene(rng, family)
     tolerance = float(rng.choice([0.2, 0.1]))
@@ -212,12 +212,12 @@ def _agents(rng: Generator, family: str, number: int) -> dict[str, Any]:
 
 def _network(rng: Generator, family: str, number: int) -> dict[str, Any]:
     """Press a lattice of springs or a body of hexagons, lightly or until it gives way, or creep."""
-    from kaju.agents.history import History
-    from kaju.agents.rheology import ThreeElement
-    from kaju.model.creep.creeping import creep
     from kaju.model.network.hexagon_body import hexagon_body
     from kaju.model.network.lattices import triangular
-    from kaju.model.solving import solve
+    from kaju.model.rheology.creeping import creep
+    from kaju.model.rheology.element import ThreeElement
+    from kaju.model.rheology.load_history import History
+    from kaju.model.study.solving import solve
 
     if rng.random() < 0.4:
         network, family = hexagon_body(hexagon_scene(rng)), "hexagons"
@@ -239,7 +239,7 @@ def _network(rng: Generator, family: str, number: int) -> dict[str, Any]:
 
 def _element(rng: Generator, family: str, number: int) -> dict[str, Any]:
     """Hold a steady force on a three-element material: the scheme has an exact answer."""
-    from kaju.agents.rheology import ThreeElement
+    from kaju.model.rheology.element import ThreeElement
 
     k, d_f, d_d = (float(10 ** rng.uniform(-6, 6)) for _ in range(3))
     element = ThreeElement(K_f=k, D_f=d_f, D_d=d_d if rng.random() < 0.8 else inf)

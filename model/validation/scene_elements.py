@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
+from kaju.factors import factors_of
 from kaju.model.elastic.moduli import Moduli, moduli_of
-from kaju.model.factors import factors_of
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
 

@@ -17,38 +17,38 @@ if TYPE_CHECKING:
     from kaju.agents.boundary_agent import RollerBoundaryAgent as RollerBoundaryAgent
     from kaju.agents.elastic_rule import ElasticRule as ElasticRule
     from kaju.agents.face_agent import FaceAgent as FaceAgent
-    from kaju.agents.history import History as History
     from kaju.agents.material_agent import MaterialAgent as MaterialAgent
     from kaju.agents.materials import Material as Material
     from kaju.agents.materials import material as material
-    from kaju.agents.rheology import ThreeElement as ThreeElement
     from kaju.agents.rules import Coefficients as Coefficients
     from kaju.agents.rules import PrescribedRule as PrescribedRule
     from kaju.agents.shares import Shares as Shares
     from kaju.errors import KajuError as KajuError
-    from kaju.model.compare import compare as compare
-    from kaju.model.creep import creep as creep
     from kaju.model.elastic.elastic_result import ElasticResult as ElasticResult
     from kaju.model.elastic.settling.elastic_model import ElasticModel as ElasticModel
     from kaju.model.elastic.spawning.quantities import Deflection as Deflection
     from kaju.model.elastic.spawning.quantities import Reaction as Reaction
     from kaju.model.elastic.spawning.quantities import Stress as Stress
     from kaju.model.elastic.spawning.spawning_model import SpawningModel as SpawningModel
-    from kaju.model.fitting import fit_rule as fit_rule
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
     from kaju.model.network.network_model import NetworkModel as NetworkModel
-    from kaju.model.propagation.load_model import LoadModel as LoadModel
-    from kaju.model.propagation.stability import stability as stability
-    from kaju.model.propagation.transfer_result import TransferResult as TransferResult
-    from kaju.model.reference import Reference as Reference
-    from kaju.model.result import Result as Result
-    from kaju.model.result import load_result as load_result
+    from kaju.model.results.result import Result as Result
+    from kaju.model.results.result import load_result as load_result
+    from kaju.model.rheology.creeping import creep as creep
+    from kaju.model.rheology.element import ThreeElement as ThreeElement
+    from kaju.model.rheology.load_history import History as History
     from kaju.model.scene import Lattice as Lattice
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
-    from kaju.model.solving import solve as solve
-    from kaju.model.sweep import sweep as sweep
+    from kaju.model.study.compare import compare as compare
+    from kaju.model.study.fitting import fit_rule as fit_rule
+    from kaju.model.study.reference import Reference as Reference
+    from kaju.model.study.solving import solve as solve
+    from kaju.model.study.sweeping import sweep as sweep
+    from kaju.model.transfer.load_model import LoadModel as LoadModel
+    from kaju.model.transfer.stability import stability as stability
+    from kaju.model.transfer.transfer_result import TransferResult as TransferResult
     from kaju.view import animate as animate
     from kaju.view import plot as plot
     from kaju.view.page import export_page as export_page
@@ -60,30 +60,30 @@ _NAMES = {
     "agents.boundary_agent": "FreeBoundaryAgent RigidBoundaryAgent RollerBoundaryAgent",
     "agents.elastic_rule": "ElasticRule",
     "agents.face_agent": "FaceAgent",
-    "agents.history": "History",
     "agents.material_agent": "MaterialAgent",
     "agents.materials": "Material material",
-    "agents.rheology": "ThreeElement",
     "agents.rules": "Coefficients PrescribedRule",
     "agents.shares": "Shares",
     "errors": "KajuError",
-    "model.compare": "compare",
-    "model.creep": "creep",
     "model.elastic.elastic_result": "ElasticResult",
     "model.elastic.settling.elastic_model": "ElasticModel",
     "model.elastic.spawning.quantities": "Deflection Reaction Stress",
     "model.elastic.spawning.spawning_model": "SpawningModel",
-    "model.fitting": "fit_rule",
     "model.network": "NetworkResult SpringNetwork",
     "model.network.network_model": "NetworkModel",
-    "model.propagation.load_model": "LoadModel",
-    "model.propagation.stability": "stability",
-    "model.propagation.transfer_result": "TransferResult",
-    "model.reference": "Reference",
-    "model.result": "Result load_result",
+    "model.results.result": "Result load_result",
+    "model.rheology.creeping": "creep",
+    "model.rheology.element": "ThreeElement",
+    "model.rheology.load_history": "History",
     "model.scene": "Lattice Scene load_scene",
-    "model.solving": "solve",
-    "model.sweep": "sweep",
+    "model.study.compare": "compare",
+    "model.study.fitting": "fit_rule",
+    "model.study.reference": "Reference",
+    "model.study.solving": "solve",
+    "model.study.sweeping": "sweep",
+    "model.transfer.load_model": "LoadModel",
+    "model.transfer.stability": "stability",
+    "model.transfer.transfer_result": "TransferResult",
     "view": "animate plot",
     "view.page": "export_page watch",
 }

@@ -19,7 +19,7 @@ from .options import Force, Json, Pictures, Quiet, Settings, scene_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from kaju.model.compare import Comparison
+    from kaju.model.study.compare import Comparison
 
 Stored = "a result or reference (.npz), or the folder of a run"
 
@@ -110,7 +110,7 @@ def _rule(
     console: Console,
 ) -> tuple[dict[str, Any], Figures]:
     """Set a scene's rule beside elasticity, and say what was found."""
-    from kaju.model.beside_elasticity import BesideElasticity, beside_elasticity
+    from kaju.model.study.beside_elasticity import BesideElasticity, beside_elasticity
     from kaju.view.comparison import pictures_beside, words_beside
 
     try:
@@ -129,9 +129,9 @@ def _rule(
 
 def _two(result: Path, reference: Path, console: Console) -> tuple[dict[str, Any], Figures]:
     """Compare two stored answers, and say what was found."""
-    from kaju.model.compare import compare as compare_answers
-    from kaju.model.compare import load_answer
-    from kaju.model.reference import Reference
+    from kaju.model.study.compare import compare as compare_answers
+    from kaju.model.study.compare import load_answer
+    from kaju.model.study.reference import Reference
 
     if reference.suffix == ".toml":
         raise ParameterError(

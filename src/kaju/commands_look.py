@@ -13,7 +13,7 @@ from kaju.errors import ParameterError
 from .options import Force, Settings, refuse_to_replace, scene_of
 
 if TYPE_CHECKING:
-    from kaju.model.result import Result
+    from kaju.model.results.result import Result
     from kaju.model.scene import Scene
 
 
@@ -37,7 +37,7 @@ def animate(
     force: Force = False,
 ) -> None:
     """Animate a stored run; nothing is computed again."""
-    from kaju.model.result import load_result
+    from kaju.model.results.result import load_result
     from kaju.view import animate as film
 
     if stored.suffix == ".toml":
@@ -75,7 +75,7 @@ def page(
     elif settings:
         raise ParameterError("--set: changes a scene, and what a stored result shows is over")
     else:
-        from kaju.model.result import load_result
+        from kaju.model.results.result import load_result
 
         shown = load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()

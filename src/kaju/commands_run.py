@@ -30,7 +30,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from kaju.model.result import Result
+    from kaju.model.results.result import Result
     from kaju.model.scene import Scene
 
 
@@ -131,8 +131,8 @@ def demo(
 
     A second film shows a plate so low that the load reaches the ground, which answers.
     """
-    from kaju.model.propagation.load_model import LoadModel
     from kaju.model.scene import Scene
+    from kaju.model.transfer.load_model import LoadModel
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
     scene = Scene.from_toml(worked_plate())
@@ -208,7 +208,7 @@ def solve(
             return
 
     def answer() -> Result:
-        from kaju.model.solving import solve as solve_scene
+        from kaju.model.study.solving import solve as solve_scene
 
         found: Result
         if engine is EngineName.PETSC:
@@ -229,7 +229,7 @@ def into_folder(
     After Ctrl-C what there is is written without pictures, and the exit code is 130. An answer that
     missed its tolerance is kept before the error is told.
     """
-    from kaju.model.result import Result
+    from kaju.model.results.result import Result
 
     from .output import Folder
 
@@ -256,7 +256,7 @@ def into_folder(
 
 def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
     """Let agents act."""
-    from kaju.model.mesa_model import agent_model
+    from kaju.mesa_model import agent_model
 
     result = agent_model(scene, allow_unstable=allow_unstable).run()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
@@ -305,8 +305,8 @@ def creep(
         )
 
     def answer() -> Result:
-        from kaju.agents.history import History
-        from kaju.model.creep import creep as let_creep
+        from kaju.model.rheology.creeping import creep as let_creep
+        from kaju.model.rheology.load_history import History
 
         history = History.step().hold(hold) if hold is not None else described.history
         found = let_creep(described, history, duration, step=step)

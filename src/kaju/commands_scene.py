@@ -15,7 +15,7 @@ from .options import Force, Json, SceneFile, Settings, refuse_to_replace, scene_
 
 def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) -> None:
     """Say whether the loads of a scene will end; exit code 1 if they may not."""
-    from kaju.model.propagation.stability import stability
+    from kaju.model.transfer.stability import stability
 
     certificate = stability(scene_of(scene, settings))
     radius, alone = certificate.spectral_radius, certificate.largest_share

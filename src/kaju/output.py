@@ -15,7 +15,7 @@ from kaju.files import check_writable, scratch_folder, take_place
 from kaju.view import PICTURES
 
 if TYPE_CHECKING:
-    from kaju.model.result import Result
+    from kaju.model.results.result import Result
 
 OURS = ("summary.json", "result.npz", *PICTURES)
 

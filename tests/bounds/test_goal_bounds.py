@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kaju import Deflection, Reaction, Scene, Stress, solve
-from kaju.model.result import load_result
+from kaju.model.results.result import load_result
 from kaju.model.validation.graded_elements import solve_graded
 
 CELL = 0.05

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from kaju import ElasticModel, ElasticRule, Scene, TransferResult, load_result, load_scene
-from kaju.model.propagation.load_model import LoadModel
+from kaju.model.transfer.load_model import LoadModel
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLATE = str(EXAMPLES / "plate.toml")

@@ -7,7 +7,7 @@ import pytest
 
 from kaju import ElasticModel, ElasticRule, LoadModel, Scene, compare, load_scene, solve
 from kaju.errors import KajuError, ParameterError
-from kaju.model.beside_elasticity import CHOSEN, DERIVED, FITTED, beside_elasticity
+from kaju.model.study.beside_elasticity import CHOSEN, DERIVED, FITTED, beside_elasticity
 from kaju.view.comparison import pictures_beside, words_beside
 
 

@@ -18,10 +18,10 @@ from hypothesis import given, settings
 
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import SceneError, SupportError
+from kaju.mesa_model import agent_model
 from kaju.model.elastic.settling.elastic_model import ElasticModel
-from kaju.model.mesa_model import agent_model
-from kaju.model.propagation.load_model import LoadModel
 from kaju.model.scene import Scene
+from kaju.model.transfer.load_model import LoadModel
 
 ORDERS = ["wave", "largest first", "multilevel"]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kaju
-from kaju.model import compiling
+from kaju import compiling
 
 
 def block(side, material=None, plane="stress", **sides):

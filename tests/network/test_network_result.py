@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from kaju.errors import ResultError, ResultFileError
-from kaju.model.archive import write_archive
 from kaju.model.network import NetworkResult, SpringNetwork, triangular
 from kaju.model.network.graphs import decoded, encoded
-from kaju.model.result import Result
+from kaju.model.results.archive import write_archive
+from kaju.model.results.result import Result
 
 
 @pytest.fixture(scope="module")

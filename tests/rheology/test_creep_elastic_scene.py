@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from kaju.agents.history import History
 from kaju.agents.materials import Material
-from kaju.agents.rheology import ThreeElement
-from kaju.model.creep import creep
-from kaju.model.creep.elastic import SteppedBody
 from kaju.model.elastic.solve import solve
+from kaju.model.rheology.creeping import creep
+from kaju.model.rheology.elastic import SteppedBody
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 
 SOFT = ThreeElement(K_f=2e5, D_f=3e5, D_d=4e6)
@@ -58,7 +58,7 @@ def test_materials_that_take_the_same_time_follow_the_correspondence_principle()
 def test_stepping_and_correspondence_agree(monkeypatch):
     times = TIMES[:3]
     short = creep(scene(SOFT, SOFT), BITE, times=times, step=0.1)
-    monkeypatch.setattr("kaju.model.creep.creeping.elastic_body", SteppedBody)
+    monkeypatch.setattr("kaju.model.rheology.creeping.elastic_body", SteppedBody)
     stepped = creep(scene(SOFT, SOFT), BITE, times=times, step=0.1)
     assert short.growth is not None
     assert stepped.growth is None

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from kaju.agents.history import History
-from kaju.agents.rheology import ThreeElement
 from kaju.errors import BucklingError, ConvergenceError, MechanismError, ParameterError
-from kaju.model.creep import creep
 from kaju.model.network import solve, triangular
 from kaju.model.network.springs import SpringNetwork
+from kaju.model.rheology.creeping import creep
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
 BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from creep_problems import PROBLEMS, CreepUnderForce
 
-from kaju.model.creep import creep
+from kaju.model.rheology.creeping import creep
 
 
 def errors(given, steps, scheme):

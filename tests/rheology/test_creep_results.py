@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from kaju import ElasticModel, History, Scene, ThreeElement, animate, creep, load_result, plot
-from kaju.agents.rheology import ElementState
 from kaju.errors import ParameterError, SceneError
 from kaju.model.network import triangular
+from kaju.model.rheology.element import ElementState
 
 LAW = ThreeElement(K_f=2.0, D_f=3.0, D_d=15.0)
 BITE = History().ramp(1.0, 0.5).hold(2.0).release().hold(4.0)

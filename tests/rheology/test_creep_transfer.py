@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kaju.agents.history import History
 from kaju.agents.materials import Material
-from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
-from kaju.model.creep import creep
+from kaju.model.rheology.creeping import creep
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 
 SOFT = ThreeElement(K_f=2e5, D_f=3e5, D_d=4e6)

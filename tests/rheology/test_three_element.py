@@ -5,9 +5,9 @@ from math import exp, inf, nan
 import numpy as np
 import pytest
 
-from kaju.agents.history import History
-from kaju.agents.rheology import ThreeElement
 from kaju.errors import ParameterError
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kaju.agents import rheology_steps as steps
-from kaju.agents.history import History
-from kaju.agents.rheology import ThreeElement
+from kaju.model.rheology import schemes as steps
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 FORCE = 7.0

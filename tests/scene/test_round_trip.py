@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from kaju.agents.materials import Material
-from kaju.agents.rheology import ThreeElement
 from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
 from kaju.errors import SceneError, SceneFileError
+from kaju.model.rheology.element import ThreeElement
 from kaju.model.scene import Scene, load_scene
 
 share = st.floats(0.0, 0.6)

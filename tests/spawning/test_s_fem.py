@@ -7,7 +7,7 @@ import pytest
 from spawning_bodies import BODIES, PLANE, SOLID
 
 from kaju import solve
-from kaju.model.reference import Reference
+from kaju.model.study.reference import Reference
 from kaju.model.validation.graded_elements import solve_graded
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"

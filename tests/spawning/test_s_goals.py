@@ -25,8 +25,8 @@ from kaju.errors import ParameterError
 from kaju.model.elastic.spawning.agent_fields import AgentFields
 from kaju.model.elastic.spawning.functionals import functional_of
 from kaju.model.elastic.spawning.quantities import quantities_of
-from kaju.model.reference import Reference
-from kaju.model.result import load_result
+from kaju.model.results.result import load_result
+from kaju.model.study.reference import Reference
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 CASES = [

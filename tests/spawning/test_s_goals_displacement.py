@@ -10,8 +10,8 @@ from spawning_bodies import BODIES
 
 from kaju import Scene, SpawningModel, solve
 from kaju.errors import ParameterError
-from kaju.model.reference import Reference
-from kaju.model.result import load_result
+from kaju.model.results.result import load_result
+from kaju.model.study.reference import Reference
 from kaju.model.validation.graded_elements import solve_graded
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"

@@ -9,7 +9,7 @@ from kaju import Scene, solve
 from kaju.model.elastic.spawning.balance import Balance
 from kaju.model.elastic.spawning.composite import Composite
 from kaju.model.elastic.spawning.ground import ground_of
-from kaju.model.result import load_result
+from kaju.model.results.result import load_result
 
 
 def spawned_by(scene, **how):

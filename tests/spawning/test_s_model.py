@@ -10,7 +10,7 @@ from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.spawning import spawning_model
 from kaju.model.elastic.spawning.family import Family, corners
 from kaju.model.elastic.spawning.leaves import morton
-from kaju.model.result import load_result
+from kaju.model.results.result import load_result
 
 
 def block(dimension=2, cells=8):

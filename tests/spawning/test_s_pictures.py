@@ -6,7 +6,7 @@ from PIL import Image
 
 from kaju import Scene, animate, plot, solve
 from kaju.errors import ParameterError
-from kaju.model.result import Tiles
+from kaju.model.results.result import Tiles
 from kaju.view.layers import layer_of, squares_of, together
 from kaju.view.plots import plot_all, plot_scene
 from kaju.view.quadtree import seen_faces, view_of

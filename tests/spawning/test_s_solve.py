@@ -9,7 +9,7 @@ from kaju import Scene, solve
 from kaju.errors import ConvergenceError, ParameterError, ResultFileError, SupportError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.spawning.solve import solve_spawning
-from kaju.model.result import load_result
+from kaju.model.results.result import load_result
 
 
 def spawned_by(scene, **how):

@@ -13,7 +13,8 @@ from scipy import stats
 import kaju
 from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
 from kaju.model.network import triangular
-from kaju.model.sweep import load_sweep, sensitivity
+from kaju.model.study.parts import load_sweep
+from kaju.model.study.sensitivity import sensitivity
 
 PLATE = {
     "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
@@ -157,7 +158,7 @@ def test_the_number_of_processes_changes_nothing():
 
 @given(st.integers(1, 5), st.integers(1, 4), st.integers(1, 3))
 def test_a_grid_has_every_combination_once(a, b, c):
-    from kaju.model.sweep.points import points_of
+    from kaju.model.study.points import points_of
 
     vary = {"a": list(range(a)), "b": list(range(b)), "c": list(range(c))}
     points = points_of(vary, "grid", None, 0)

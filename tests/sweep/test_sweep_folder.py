@@ -10,7 +10,7 @@ import sweep_work
 
 import kaju
 from kaju import sweep
-from kaju.model.sweep import load_sweep
+from kaju.model.study.parts import load_sweep
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
@@ -78,7 +78,7 @@ def test_torn_parts_are_named(tmp_path):
 
 @linux
 def test_two_sweeps_do_not_share_a_folder(tmp_path, monkeypatch):
-    from kaju.model.sweep import parts
+    from kaju.model.study import parts
 
     monkeypatch.setattr(parts, "_PATIENCE", 0.1)
     busy = sweep_work.start(str(tmp_path))
@@ -124,7 +124,7 @@ def test_ten_thousand_runs_need_no_more_memory_than_a_thousand(tmp_path):
 
 
 def test_interrupted_the_rows_are_kept(tmp_path, monkeypatch):
-    from kaju.model.sweep import sweeping
+    from kaju.model.study import sweeping
 
     def interrupted(*arguments):
         rows = original(*arguments)

@@ -89,7 +89,7 @@ def test_solve_keeps_what_was_found_and_says_so(monkeypatch, tmp_path, asked, an
 
 
 def test_time_ends_where_it_was(monkeypatch, tmp_path):
-    from kaju.model.creep import march
+    from kaju.model.rheology import march
 
     law = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
     times = np.linspace(0.1, 1.0, 10)

@@ -21,7 +21,7 @@ FROM_ELSEWHERE = {
 }  # fmt: skip
 KNOWN = {
     # Jobs between the processes of one user's own sweep.
-    ("model/sweep/crew.py", "pickle"),
+    ("model/study/crew.py", "pickle"),
     # `kaju watch`, which listens on this computer alone.
     ("view/page/server.py", "socket"),
 }

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 import kaju
-from kaju import History, Scene, SpringNetwork, ThreeElement, creep, solve
+from kaju import History, Scene, SpringNetwork, ThreeElement, creep, factors, solve
 from kaju.errors import ConvergenceError, KajuError, MechanismError, OutOfMemoryError, SceneError
-from kaju.model import factors
 
 EVERY_WAY = [{}, {"tolerance": 0.05}, {"strategy": "spawning", "tolerance": 0.02}]
 

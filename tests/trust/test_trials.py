@@ -67,7 +67,7 @@ def test_forces_that_do_not_balance_fail(monkeypatch):
 
 
 def test_a_certificate_that_does_not_hold_fails(monkeypatch):
-    from kaju.model.propagation import load_model
+    from kaju.model.transfer import load_model
 
     certify = load_model.certify
 

@@ -13,7 +13,7 @@ import pytest
 
 from kaju import LoadModel, Scene, load_result
 from kaju.errors import ResultFileError
-from kaju.model.archive import write_archive
+from kaju.model.results.archive import write_archive
 from kaju.output import Folder
 
 EVENTS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "shutil.rmtree")

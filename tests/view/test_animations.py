@@ -10,11 +10,11 @@ from PIL import Image, ImageSequence
 from kaju import History, ThreeElement, creep
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.model.network.lattices import triangular
-from kaju.model.propagation import load_model
-from kaju.model.propagation.load_model import LoadModel
-from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene import Scene
-from kaju.model.solving import solve
+from kaju.model.study.solving import solve
+from kaju.model.transfer import load_model
+from kaju.model.transfer.load_model import LoadModel
+from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import animate
 from kaju.view.reels import loading
 

@@ -13,9 +13,9 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from kaju.errors import ParameterError, ResultFileError
-from kaju.model.propagation.load_model import LoadModel
-from kaju.model.propagation.transfer_result import TransferResult
 from kaju.model.scene import Scene
+from kaju.model.transfer.load_model import LoadModel
+from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import PICTURES, plot, plot_all
 from kaju.view.agents import plot_agents
 from kaju.view.deformed import plot_deformed
@@ -390,7 +390,7 @@ def test_views_load_no_drawing_library_and_never_pyplot(tmp_path) -> None:
         "assert 'matplotlib' not in sys.modules\n"
         "import kaju.view.files; kaju.view.files.RESOLUTION = 40\n"
         "from kaju.view import plot_all\n"
-        "from kaju.model.propagation.load_model import LoadModel\n"
+        "from kaju.model.transfer.load_model import LoadModel\n"
         "from kaju.model.scene import Scene\n"
         f"plot_all(LoadModel(Scene.from_toml({PLATE.format(threshold=0.1, steps=2)!r})).run(), "
         f"{str(tmp_path)!r})\n"

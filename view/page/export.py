@@ -20,12 +20,12 @@ from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError
 from kaju.files import scratch_beside
 from kaju.model.elastic.settling.elastic_model import ElasticModel
-from kaju.model.propagation.load_model import LoadModel
-from kaju.model.propagation.stability import stability
-from kaju.model.propagation.transfer_result import TransferResult
-from kaju.model.result import Result
+from kaju.model.results.result import Result
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
+from kaju.model.transfer.load_model import LoadModel
+from kaju.model.transfer.stability import stability
+from kaju.model.transfer.transfer_result import TransferResult
 
 from .live import certified, has_own
 from .motion_data import motion_data

@@ -23,9 +23,9 @@ from kaju.errors import KajuError, ParameterError
 from kaju.model.elastic.problem import ABSENT
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.elastic.settling.run import curves_of
-from kaju.model.propagation.load_model import LoadModel
-from kaju.model.propagation.stability import Certificate
 from kaju.model.scene import Scene
+from kaju.model.transfer.load_model import LoadModel
+from kaju.model.transfer.stability import Certificate
 
 from .motion_data import Pictures, applied, curve_data, diamonds, picture_data
 from .packing import pack
@@ -178,7 +178,7 @@ class LiveRun(Session):
     def _elastic(self) -> tuple[dict[str, Any], Columns]:
         """Return the elastic answer to the scene: one row a component, by cell key."""
         from kaju.agents.rules import ElasticRule
-        from kaju.model.solving import solve
+        from kaju.model.study.solving import solve
 
         scene = self.model.scene.replace(rule=ElasticRule())
         result = solve(scene, strategy="uniform")

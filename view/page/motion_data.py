@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
-from kaju.model.mesh import corner_order
-from kaju.model.result import Curves, Result
+from kaju.model.results.mesh import corner_order
+from kaju.model.results.result import Curves, Result
 from kaju.model.scene import Scene
 from kaju.view import motion
 
@@ -133,13 +133,13 @@ def curve_data(curves: Curves) -> dict[str, Any]:
 
 def _pictures(result: Result) -> Pictures:
 
-    from kaju.model.creep.body import TransferCreepResult
-    from kaju.model.creep.elastic import ElasticCreepResult
-    from kaju.model.creep.network import NetworkCreepResult
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network.network_result import NetworkResult
-    from kaju.model.propagation.transfer_result import TransferResult
+    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.elastic import ElasticCreepResult
+    from kaju.model.rheology.network import NetworkCreepResult
+    from kaju.model.transfer.transfer_result import TransferResult
 
     if isinstance(result, NetworkResult):
         over, moved = ("stage", "", result.stage), _largest(result.displacement)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kaju.errors import KajuError, MissingExtraError
-from kaju.model.archive import Archive
-from kaju.model.mesa_model import SteppedModel
+from kaju.mesa_model import SteppedModel
+from kaju.model.results.archive import Archive
 
 from .export import MODULES, joined, packed_page, page_html, worker
 from .live import Session, Watched, sessions_of

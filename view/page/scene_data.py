@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from kaju.agents.rules import Coefficients, PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
-from kaju.model.propagation.deformation import squeeze
-from kaju.model.propagation.stage import Stage, Totals
-from kaju.model.propagation.transfer import Transfer
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.scene.selection import BY_SIDE, BY_SURFACE, PULL, PUSH
 from kaju.model.scene.sides import SideCondition
+from kaju.model.transfer.deformation import squeeze
+from kaju.model.transfer.stage import Stage, Totals
+from kaju.model.transfer.transfer import Transfer
 
 _SENSES = {PUSH: "push", PULL: "pull", BY_SIDE: "side", BY_SURFACE: "surface"}
 Columns = dict[str, NDArray[Any]]

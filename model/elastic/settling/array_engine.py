@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kaju.model.compiling import njit
+from kaju.compiling import njit
 
 from .state import Floats, Integers, PushState
 from .table import PushTable

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.errors import ResultError
-from kaju.model.archive import Archive
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.engine import Solution
 from kaju.model.elastic.staggered import strain_energy
-from kaju.model.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
-from kaju.model.result import BodyResult, Curves, idle_rheology
+from kaju.model.results.archive import Archive
+from kaju.model.results.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
+from kaju.model.results.result import BodyResult, Curves, idle_rheology
 
 from .records import BoundaryAgents, FaceAgents, Moments, PushLedger, StepRecord
 from .stability import WaveCertificate

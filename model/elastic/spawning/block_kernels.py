@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit, part
+from kaju.compiling import njit, part
 
 from .forest import ACROSS
 

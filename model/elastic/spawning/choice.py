@@ -26,7 +26,7 @@ from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import Cells
 from kaju.model.scene.selection import AppliedLoads
-from kaju.model.solving import SMALLEST_TOLERANCE, check_numbers
+from kaju.model.study.solving import SMALLEST_TOLERANCE, check_numbers
 from kaju.stopping import stopped
 
 from .block_spawner import FEWEST, BlockSpawner, spawner_of

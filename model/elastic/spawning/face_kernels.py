@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit
+from kaju.compiling import njit
 
 from .tree_kernels import leaf_at
 

@@ -17,9 +17,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU
 
-from kaju.model.compiling import njit
+from kaju.compiling import njit
+from kaju.factors import factors_of
 from kaju.model.elastic.krylov import Iteration, conjugate_gradients, dot
-from kaju.model.factors import factors_of
 
 from .balance import Balance
 from .composite import Composite, Floats

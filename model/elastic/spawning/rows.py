@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from kaju.model.compiling import njit
+from kaju.compiling import njit
 
 if TYPE_CHECKING:
     from .composite import Floats

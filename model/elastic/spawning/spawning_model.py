@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from kaju.agents.spawning_agent import Birth, SpawningAgent
 from kaju.errors import ResultError
+from kaju.mesa_model import SteppedModel, Until
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.mesa_model import SteppedModel, Until
 from kaju.model.scene import scene_needed
-from kaju.model.solving import check_numbers
+from kaju.model.study.solving import check_numbers
 
 from .block_spawner import BlockSpawner, spawner_of
 from .family import Family

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ResultFileError
-from kaju.model.archive import Archive, plain_of
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.problem import Scales
-from kaju.model.formats import AnswerRecord
+from kaju.model.results.archive import Archive, plain_of
+from kaju.model.results.formats import AnswerRecord
 from kaju.model.scene import Scene
 
 from . import agent_fields as sampling

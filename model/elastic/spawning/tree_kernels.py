@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.model.compiling import njit, part
+from kaju.compiling import njit, part
 
 BITS = {2: 30, 3: 20}
 """Binary digits of a coordinate in units; the code needs as many for every axis."""

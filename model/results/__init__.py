@@ -1,0 +1,1 @@
+"""What every answer is stored in, and how it is read again."""

@@ -1,0 +1,165 @@
+"""What stored results hold, kind by kind: every array with its numbers, shape and range.
+
+Files are read by these tables and documented by them (docs/formats.md). Sizes go by name:
+"agents" are however many rows the first array has that says so; sizes of the scene are known
+before (`sizes_of`). Elastic answers are told by the agents they were found with and looked at
+where these are built, `CellAgents.of_archive` and `TreeAgents.of_archive`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from typing_extensions import TypedDict
+
+from kaju.model.scene.kinds import AIR, DISPLACED
+
+from .archive import Column
+
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+STAGE = {
+    "cells": Column("i", "agents dimension", 0, "cells"),
+    "material": Column("i", "agents", 0, "materials"),
+    "spawn_step": Column("i", "agents", 0),
+    "woken_by": Column("i", "agents", 0, "sets of arms"),
+    "taken": Column("f", "agents directions"),
+    "pulled": Column("f", "agents directions"),
+    "kept": Column("f", "agents axes"),
+    "shortened": Column("f", "agents axes"),
+    "widened": Column("f", "agents axes"),
+    "passed": Column("f", "agents directions"),
+    "dropped": Column("f", "agents"),
+    "boundary_cells": Column("i", "boundary dimension", -1, "cells and beyond"),
+    "boundary_kind": Column("i", "boundary", DISPLACED, AIR),
+    "boundary_spawn_step": Column("i", "boundary", 0),
+    "returned": Column("f", "boundary"),
+    "arrived": Column("f", "boundary directions", finite=False, optional=True),
+}
+HISTORY = {
+    "generation": Column("i", "rows", 0),
+    "agent": Column("i", "rows", 0, "agents"),
+    "direction": Column("i", "rows", 0, "directions"),
+    "load": Column("f", "rows"),
+    "pull": Column("b", "rows"),
+}
+FACE_AGENTS = {
+    "level": Column("i", "agents", 0, 64),
+    "spawn_step": Column("i", "agents", 0),
+    "number": Column("i", "agents", 0),
+    "axis": Column("i", "agents", 0, "dimension"),
+    "position": Column("f", "agents dimension"),
+    "taken": Column("f", "agents", 0.0),
+    "left": Column("f", "agents"),
+    "displacement": Column("f", "agents"),
+}
+BOUNDARY_AGENTS = {
+    "cells": Column("i", "boundary dimension", -1, "cells and beyond"),
+    "kind": Column("i", "boundary", DISPLACED, AIR),
+    "spawn_step": Column("i", "boundary", 0),
+    "reaction": Column("f", "boundary dimension"),
+    "returned": Column("f", "boundary", 0.0),
+}
+MOMENTS = {
+    "step": Column("i", "moments", 0),
+    "level": Column("i", "moments", 0, 64),
+    "energy": Column("f", "moments"),
+    "left": Column("s", "moments agents"),
+    "taken": Column("s", "moments agents", 0.0),
+}
+NETWORK = {
+    "positions": Column("f", "nodes dimension"),
+    "springs": Column("i", "springs 2", 0, "nodes"),
+    "stiffness": Column("f", "springs", 0.0),
+    "rest_length": Column("f", "springs", 0.0),
+    "held": Column("b", "nodes dimension"),
+    "forces": Column("f", "stages nodes dimension"),
+    "displacements": Column("f", "stages nodes dimension"),
+}
+RECORDS = {
+    "stage": Column("f", "records"),
+    "displacement": Column("f", "records nodes dimension"),
+    "tension": Column("f", "records springs"),
+    "residual": Column("f", "records"),
+    "corrections": Column("i", "records", 0),
+}
+COURSE = {
+    name: Column("f", "times")
+    for name in ("times", "factors", "work", "stored", "dissipated", "numerical")
+}
+ELEMENT_IN_TIME = {"displacement": Column("f", "times"), "force": Column("f", "times")}
+NETWORK_IN_TIME = {
+    "displacement": Column("f", "times nodes dimension"),
+    "force": Column("f", "times springs"),
+}
+TRANSFER_IN_TIME = {"growth": Column("f", "times materials")}
+ELASTIC_IN_TIME = {
+    "growth": Column("f", "times", optional=True),
+    "faces": Column("f", "times faces", optional=True),
+    "cells": Column("f", "times dimension solid", optional=True),
+    "edges": Column("f", "times edges", optional=True),
+}
+CREEP_STATE = {
+    "time": Column("f", "", 0.0),
+    "next_step": Column("f", "", 0.0),
+    "scale": Column("f", "", 0.0),
+    "error_estimate": Column("f", "", 0.0),
+    "work": Column("f", ""),
+    "dissipated": Column("f", ""),
+    "numerical": Column("f", ""),
+    "steps": Column("i", "", 0),
+    "rejected": Column("i", "", 0),
+}
+REFERENCE = {
+    "points": Column("f", "points dimension"),
+    "displacement": Column("f", "points dimension"),
+    "stress": Column("f", "points dimension dimension", optional=True),
+}
+
+TABLES = {
+    "load transfer, every stage": STAGE,
+    "load transfer, every stage's history": HISTORY,
+    "elastic agents, agents": FACE_AGENTS,
+    "elastic agents, boundary": BOUNDARY_AGENTS,
+    "elastic agents, moments": MOMENTS,
+    "spring network, network": NETWORK,
+    "spring network": RECORDS,
+    "anything in time, course": COURSE,
+    "element in time": ELEMENT_IN_TIME,
+    "network in time": NETWORK_IN_TIME,
+    "load transfer in time": TRANSFER_IN_TIME,
+    "elasticity in time": ELASTIC_IN_TIME,
+    "reference": REFERENCE,
+}
+
+
+def sizes_of(scene: Scene) -> dict[str, Any]:
+    """Return the sizes that a scene gives to the arrays of its results."""
+    lattice = scene.lattice
+    return {
+        "dimension": lattice.dimension,
+        "directions": lattice.directions,
+        "axes": len(lattice.axes),
+        "materials": len(scene.cell_materials),
+        "sets of arms": 1 << lattice.directions,
+        "cells": np.array(lattice.shape),
+        "cells and beyond": np.array(lattice.shape) + 1,
+    }
+
+
+_Value = float | list[float] | list[list[float]]
+
+
+AnswerRecord = tuple[_Value, float, float] | tuple[_Value, float, float, float, float | None, str]
+"""A goal's value, its error, and that as a share of the scale; the scale, and what is certain."""
+
+
+class LedgerRecord(TypedDict):
+    """The account of a run of the elastic rule; see `PushLedger`."""
+
+    applied: list[float]
+    resting: list[float]
+    carried: list[float]
+    turnover: float

@@ -1,0 +1,372 @@
+"""What every answer of kaju offers, whatever it was computed with."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations_with_replacement, product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ResultError, ResultFileError
+from kaju.model.scene import Scene
+
+from .archive import Archive, open_archive, reading, write_archive
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """Some quantities of one unit over one other quantity.
+
+    Attributes
+    ----------
+    title : str
+        What it is about.
+    along : str
+        What they are drawn over, such as "time".
+    along_unit : str
+        Its unit, "" if it is a number.
+    at : array, shape (k,)
+        Values of that.
+    lines : mapping of str to array, shape (k,)
+        The quantities, by what they are called.
+    unit : str
+        Their unit, "" if they are numbers.
+    logarithmic : bool
+        Whether they are told by their orders of magnitude; all are above 0 then.
+    """
+
+    title: str
+    along: str
+    along_unit: str
+    at: Floats
+    lines: Mapping[str, Floats]
+    unit: str
+    logarithmic: bool = False
+
+
+_SCENE = "scene."
+
+INSIDE = "rigid"
+"""Name of the support that rigid cells inside the array give."""
+
+
+class Result:
+    """An answer of kaju: of load transfer, elasticity, agents that settle, springs, or in time.
+
+    It prints its key figures: nobody wants to see thousands of agents printed.
+
+    Attributes
+    ----------
+    kind : str
+        What it is an answer of; stored results are labelled by it.
+    seconds : float
+        Time that the computation took (s).
+    pictures, films : tuple of str
+        What `kaju.plot` and `kaju.animate` can draw of it, the usual one first.
+    """
+
+    kind: ClassVar[str]
+    seconds: float
+
+    if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
+
+        @property
+        def pictures(self) -> tuple[str, ...]:
+            """Names of the pictures of it, the usual one first."""
+
+        @property
+        def films(self) -> tuple[str, ...]:
+            """Names of the animations of it, the usual one first."""
+
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+
+    @abstractmethod
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per agent, or per time."""
+
+    def save(self, path: str | Path) -> Path:
+        """Write it to one ``.npz`` file, whole or not at all; `kaju.load_result` reads it again.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        return write_archive(path, self.kind, *self._stored())
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a result that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, is damaged, or holds something else.
+        """
+        archive = open_archive(path, *cls.kinds())
+        with reading(path):
+            return cls._restored(archive)
+
+    @abstractmethod
+    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored: arrays, and plain values."""
+
+    @classmethod
+    @abstractmethod
+    def _restored(cls, archive: Archive) -> Self:
+        """Return the result that `_stored` took apart."""
+
+    @classmethod
+    def kinds(cls) -> tuple[str, ...]:
+        """Return the labels of stored results that it reads: its own, and earlier ones."""
+        return (cls.kind,)
+
+    def __repr__(self) -> str:
+        figures = ", ".join(f"{key}={value!r}" for key, value in self.summary().items())
+        return f"{type(self).__name__}({figures})"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the page, or a picture."""
+        from kaju.view.page.notebook import shown
+
+        return shown(self)
+
+
+class Tiles(NamedTuple):
+    """Squares or cubes with a value each: what maps, sections and solids are drawn of.
+
+    Attributes
+    ----------
+    lower : array, shape (n, dimension)
+        Lower corners (m).
+    size : array, shape (n,)
+        Edges (m).
+    value : array, shape (n,)
+    """
+
+    lower: Floats
+    size: Floats
+    value: Floats
+
+
+class BodyResult(Result):
+    """An answer that knows displacement and stress everywhere in the body of a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    """
+
+    scene: Scene
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """What it is called beside another answer."""
+
+    @property
+    def grid(self) -> Scene:
+        """The scene on the cells that say where the body is."""
+        return self.scene
+
+    if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
+
+        @property
+        def stage(self) -> int | None:
+            """The stage of loading at which it stands, from 1; None: the last."""
+
+    @property
+    def focus(self) -> Ints | None:
+        """The cells that pictures are about; None for all of the body."""
+        return None
+
+    @abstractmethod
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension)."""
+
+    @abstractmethod
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+
+    def profile(
+        self, start: Sequence[float], end: Sequence[float], count: int = 101
+    ) -> pandas.DataFrame:
+        """Return displacement and stress along a line.
+
+        Parameters
+        ----------
+        start, end : sequence of float
+            Points (m) at its ends.
+        count : int
+            Number of points, evenly spaced; those outside of the body are left out.
+
+        Returns
+        -------
+        DataFrame
+            One row per point, with its distance from `start` (m).
+
+        Raises
+        ------
+        ResultError
+            If the ends are the same or of another dimension, or the line misses the body.
+        """
+        import pandas as pd
+
+        first, way, length = line_of(start, end, self.scene.lattice.dimension, "profile")
+        points = first + np.linspace(0.0, length, count)[:, None] * way
+        points = points[body_cells(self.grid, points)[1]]
+        if not len(points):
+            where = f"from {list(start)} to {list(end)}"
+            raise ResultError(f"profile: no point {where} lies in the body")
+        names = "xyz"[: len(first)]
+        columns: dict[str, Any] = {"distance (m)": (points - first) @ way}
+        columns |= {f"{name} (m)": points[:, a] for a, name in enumerate(names)}
+        moved, stress = self.displacement_at(points), self.stress_at(points)
+        columns |= {f"displacement_{name} (m)": moved[:, a] for a, name in enumerate(names)}
+        for (a, one), (b, other) in combinations_with_replacement(enumerate(names), 2):
+            columns[f"stress_{one}{other} (Pa)"] = stress[:, a, b]
+        return pd.DataFrame(columns)
+
+    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        text, scene_arrays = self.scene.to_archive()
+        arrays, about = self._archive()
+        arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
+        return arrays, about | {"scene": text, "seconds": self.seconds}
+
+    @classmethod
+    def _restored(cls, archive: Archive) -> Self:
+        scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
+        return cls._from_archive(scene, archive)
+
+    @abstractmethod
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored besides scene and time: arrays, and plain values."""
+
+    @classmethod
+    @abstractmethod
+    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
+        """Return the result that `_archive` took apart."""
+
+
+def idle_rheology(scene: Scene) -> list[str]:
+    """Say that a material's rheology takes no part in an answer without time, if one has any."""
+    if not any(material.rheology for material in scene.cell_materials):
+        return []
+    return ["a material's rheology takes no part here; time passes in `kaju creep`"]
+
+
+def line_of(
+    start: Sequence[float], end: Sequence[float], dimension: int, caller: str
+) -> tuple[Floats, Floats, float]:
+    """Return the first point (m), the unit vector and the length (m) of a line.
+
+    Raises
+    ------
+    ResultError
+        If the ends are the same, or of another dimension.
+    """
+    first, last = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    length = float(np.linalg.norm(last - first)) if first.shape == last.shape else 0.0
+    if first.shape != (dimension,) or not length > 0.0:
+        raise ResultError(
+            f"{caller}: two different points of {dimension} numbers are needed, "
+            f"got {list(start)} and {list(end)}"
+        )
+    return first, (last - first) / length, length
+
+
+def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, Ints]:
+    """Return points (m) as an array, and the body cell that each lies in or on.
+
+    Raises
+    ------
+    ResultError
+        If the points have another dimension than the body, or lie outside of it.
+    """
+    try:
+        points = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ResultError(f"points: must be numbers (m), got {points!r:.80}") from error
+    lattice = scene.lattice
+    if points.ndim != 2 or points.shape[1] != lattice.dimension:
+        raise ResultError(
+            f"points: an array of shape (n, {lattice.dimension}) in metres is needed, "
+            f"got shape {points.shape}"
+        )
+    if not np.isfinite(points).all():
+        raise ResultError("points: must be finite numbers")
+    cells, inside = body_cells(scene, points)
+    if not inside.all():
+        where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])
+        raise ResultError(f"points: ({where}) m lies outside the body")
+    return points, cells
+
+
+def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
+    """Return the body cell that each point (m) lies in or on, and whether there is one."""
+    lattice = scene.lattice
+    cells = lattice.locate(points)
+    outside = scene.kinds(cells) < 0
+    # A point on the surface belongs to the body, on whichever side rounding has put it.
+    corners = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
+    for shift in np.concatenate([lattice.normals, corners]):
+        moved = lattice.locate(points[outside] + 1e-6 * lattice.cell_size * shift)
+        inside = scene.kinds(moved) >= 0
+        place = np.flatnonzero(outside)[inside]
+        cells[place] = moved[inside]
+        outside[place] = False
+    return cells, ~outside
+
+
+def load_result(path: str | Path) -> Result:
+    """Read a result that some result's `save` wrote.
+
+    Parameters
+    ----------
+    path : path
+        An ``.npz`` file, or the folder of a run with ``result.npz`` in it, or one in pieces with
+        ``result.pvti``.
+
+    Raises
+    ------
+    ResultFileError
+        If the file is missing, or is no result of kaju's.
+    """
+    file = Path(path)
+    if file.suffix == ".pvti" or (file / "result.pvti").exists():
+        from kaju.model.scale.pieces import PiecedResult
+
+        return PiecedResult.load(file)
+    if file.is_dir():
+        file = file / "result.npz"
+    kind = open_archive(file).about["kind"]
+    for known in _kinds():
+        if kind in known.kinds():
+            return known.load(file)
+    raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
+
+
+def _kinds() -> tuple[type[Result], ...]:
+    from kaju.model.elastic.elastic_result import ElasticResult
+    from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.network import NetworkResult
+    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.elastic import ElasticCreepResult
+    from kaju.model.rheology.network import NetworkCreepResult
+    from kaju.model.rheology.state import CreepResult
+    from kaju.model.transfer.transfer_result import TransferResult
+
+    static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)
+    return *static, CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult

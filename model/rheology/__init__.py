@@ -1,0 +1,1 @@
+"""The three-element rheology in time: elements, networks, bodies."""

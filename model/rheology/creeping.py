@@ -1,0 +1,270 @@
+"""Creep: what becomes of elements, networks and bodies when time is let in.
+
+One call for all of them::
+
+    bite = History().ramp(1.0, duration=0.2).hold(5.0).release(duration=0.1).hold(20.0)
+    result = creep(network, bite, rheology=ThreeElement(K_f, D_f, D_d), tolerance=1e-3)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from time import perf_counter
+from typing import Any, Literal, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kaju.arrays import Floats
+from kaju.errors import ParameterError
+from kaju.model.elastic.solve import solve
+from kaju.model.network.springs import SpringNetwork
+from kaju.model.rheology import schemes
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
+from kaju.model.scene import Scene
+from kaju.model.transfer.load_model import LoadModel
+from kaju.stopping import NOTE, keeping, stopped
+
+from .body import CreepingAgents, Elements, TransferCreepResult
+from .elastic import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
+from .march import Drive, Log, Pace, march
+from .network import CreepingNetwork, NetworkCreepResult
+from .state import CreepResult, CreepState
+
+System = Elements | CreepingNetwork | SteppedBody
+_STATIC_TOLERANCE = 1e-10
+"""Accuracy (energy norm) of the elastic answer that the correspondence principle scales."""
+
+Drives = Literal["both", "forces", "displacements"]
+
+
+# The overloads only say which subject gives which result; options are checked by name below.
+@overload
+def creep(
+    subject: ThreeElement, history: History | None = ..., duration: float | None = ..., **how: Any
+) -> CreepResult: ...
+@overload
+def creep(
+    subject: SpringNetwork, history: History | None = ..., duration: float | None = ..., **how: Any
+) -> NetworkCreepResult: ...
+@overload
+def creep(
+    subject: Scene, history: History | None = ..., duration: float | None = ..., **how: Any
+) -> TransferCreepResult | ElasticCreepResult: ...
+def creep(  # type: ignore[misc]
+    subject: ThreeElement | SpringNetwork | Scene,
+    history: History | None = None,
+    duration: float | None = None,
+    *,
+    step: float | None = None,
+    tolerance: float = 1e-3,
+    times: ArrayLike | None = None,
+    scheme: Literal["sdirk2", "backward_euler"] = "sdirk2",
+    rheology: ThreeElement | Sequence[ThreeElement] | None = None,
+    drive: Drives = "both",
+    mass: ArrayLike | None = None,
+    resume: CreepState | None = None,
+    most_steps: int = 100_000,
+) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
+    """Let a body creep under a history of loads or displacements.
+
+    Parameters
+    ----------
+    subject : ThreeElement, SpringNetwork or Scene
+        An element takes the history as its force (N), or as its elongation (m) with
+        ``drive="displacements"``. A network has the forces and given displacements of its
+        last stage multiplied by the history, a scene its loads.
+    history : History, optional
+        Factor over time; of a scene, its own `history` unless given.
+    duration : float, optional
+        How long (s); by default as long as the history.
+    step : float, optional
+        Longest step (s): steps are equal between corners of the history and times asked for.
+        By default steps are chosen by `tolerance`.
+    tolerance : float
+        Error that may come up in an e-fold of time, as a share of the largest stretch, in
+        quarters; see `kaju.model.rheology.march`. Ignored if `step` is given.
+    times : array_like, optional
+        Times at which the result is wanted (s), rising, up to `duration`; by default 101,
+        evenly spread, and the corners of the history.
+    scheme : {"sdirk2", "backward_euler"}
+        Time stepping, of second or first order.
+    rheology : ThreeElement or sequence of them
+        Networks: the material of the springs; one element is scaled to the stiffness of each
+        spring, a sequence is taken as it is.
+    drive : {"both", "forces", "displacements"}
+        What the history multiplies; what it does not multiply stays 0.
+    mass : float or array_like, optional
+        Point mass at the loaded end of the element, or at each node of the network (kg). What
+        is pushed then swings, and its kinetic energy is part of `stored`.
+    resume : CreepState, optional
+        Where an earlier run ended. If that end was among the times of an unbroken run, the
+        numbers that follow are the same (to rounding, if supports move).
+    most_steps : int
+        Steps after which a run that keeps a tolerance gives up.
+
+    Returns
+    -------
+    CreepResult
+        Of an element.
+    NetworkCreepResult
+        Of a network.
+    TransferCreepResult
+        Of a scene with a prescribed rule.
+    ElasticCreepResult
+        Of a scene with an elastic rule. Large bodies of several materials keep arrays for
+        every time asked for, so ask for few.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is outside its rule.
+    ConvergenceError
+        If the tolerance cannot be kept or a time step finds no balance.
+    TangentError
+        If the network buckles or is a mechanism.
+    """
+    began = perf_counter()
+    history = _history_of(subject, history)
+    asked = _asked_times(history, duration, times, resume)
+    pace = _pace(step, tolerance, most_steps)
+    method = schemes.scheme(scheme)
+    drives = _drives(history, drive)
+    system = _system(subject, rheology, drive, mass)
+    state = resume or CreepState(system.start())
+    _check_fits(state, system)
+    if isinstance(system, CreepingNetwork):
+        system.begin(state.fields, float(drives.displacements.at(state.time)))
+
+    def run() -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
+        log, end = march(system, method, drives, state, asked, pace)
+        return _result(system, history, log, end, perf_counter() - began)
+
+    return keeping(run)
+
+
+def _history_of(subject: ThreeElement | SpringNetwork | Scene, history: History | None) -> History:
+    """Return what drives the subject."""
+    if isinstance(history, History):
+        return history
+    if isinstance(subject, Scene) and subject.history is not None:
+        return subject.history
+    raise ParameterError(
+        f"history: a History is needed, got {history!r}; such as History.step().hold(10.0). A "
+        "scene may bring its own, as [history] with times and factors"
+    )
+
+
+def _system(
+    subject: ThreeElement | SpringNetwork | Scene,
+    rheology: ThreeElement | Sequence[ThreeElement] | None,
+    drive: Drives,
+    mass: ArrayLike | None,
+) -> System:
+    """Make what is marched through time."""
+    if isinstance(subject, SpringNetwork):
+        if rheology is None:
+            raise ParameterError(
+                "rheology: a spring network says nothing about time; give a ThreeElement"
+            )
+        return CreepingNetwork(subject, rheology, mass=mass)
+    if rheology is not None:
+        raise ParameterError(
+            "rheology: is for spring networks; the cells of a scene have that of their material"
+        )
+    if isinstance(subject, Scene):
+        if mass is not None:
+            raise ParameterError("mass: the cells of a scene creep without inertia; leave it out")
+        if subject.rule.kind == "prescribed":
+            return CreepingAgents(LoadModel(subject).run())
+        return elastic_body(solve(subject, tolerance=_STATIC_TOLERANCE))
+    laws = schemes.Laws.of([subject])
+    weight = None if mass is None else np.atleast_1d(np.asarray(mass, dtype=np.float64))
+    return Elements(laws, np.ones(1), stretched=drive == "displacements", mass=weight)
+
+
+def _drives(history: History, drive: Drives) -> Drive:
+    if drive not in ("both", "forces", "displacements"):
+        raise ParameterError(f"drive: must be 'both', 'forces' or 'displacements', got {drive!r}")
+    still = History()
+    return Drive(
+        still if drive == "displacements" else history, still if drive == "forces" else history
+    )
+
+
+def _result(
+    system: System, history: History, log: Log, state: CreepState, seconds: float
+) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
+    """Put together what was seen."""
+    records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
+    work, stored, dissipated, numerical = np.array(log.energies).T
+    course: dict[str, Any] = {
+        "times": np.array(log.times),
+        "factors": history.at(log.times),
+        "work": work,
+        "stored": stored - system.stored(system.start()),
+        "dissipated": dissipated,
+        "numerical": numerical,
+        "state": state,
+        "seconds": seconds,
+        "notes": (NOTE,) if stopped() else (),
+    }
+    if isinstance(system, CreepingAgents):
+        return TransferCreepResult(**course, static=system.static, growth=records[0])
+    if isinstance(system, CorrespondingBody):
+        return ElasticCreepResult(**course, static=system.static, growth=records[0][:, 0])
+    if isinstance(system, SteppedBody):
+        faces, cells, edges = records
+        return ElasticCreepResult(
+            **course, static=system.static, body=system, faces=faces, cells=cells, edges=edges
+        )
+    if isinstance(system, CreepingNetwork):
+        moved, tension = records
+        return NetworkCreepResult(
+            **course, displacement=moved, force=tension, network=system.network
+        )
+    records = [record[:, 0] for record in records]
+    return CreepResult(**course, displacement=records[0], force=records[1])
+
+
+def _asked_times(
+    history: History, duration: float | None, times: ArrayLike | None, resume: CreepState | None
+) -> Floats:
+    """Return the times at which the result is wanted."""
+    last = history.duration if duration is None else duration
+    start = 0.0 if resume is None else resume.time
+    if not (isfinite(last) and last > start):
+        raise ParameterError(
+            f"duration: must be later than the start at {start} s, got {last}; "
+            "a history that only jumps needs a duration"
+        )
+    if times is None:
+        corners = [time for time in history.times if start <= time <= last]
+        return np.union1d(np.linspace(start, last, 101), corners)
+    asked = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    fits = asked.ndim == 1 and asked.size and np.all(np.isfinite(asked))
+    if not (fits and asked[0] >= start and asked[-1] <= last and np.all(np.diff(asked) > 0.0)):
+        raise ParameterError(
+            f"times: must rise from {start} s or later to {last} s (the duration) at most"
+        )
+    return asked
+
+
+def _pace(step: float | None, tolerance: float, most_steps: int) -> Pace:
+    if step is not None and not (isfinite(step) and step > 0.0):
+        raise ParameterError(f"step: must be above 0 s, got {step}")
+    if not 0.0 < tolerance < 1.0:
+        raise ParameterError(f"tolerance: must lie between 0 and 1, got {tolerance}")
+    return Pace(step, tolerance, most_steps)
+
+
+def _check_fits(state: CreepState, system: System) -> None:
+    expected = [part.shape for part in system.start()]
+    found = [part.shape for part in state.fields]
+    if found != expected:
+        raise ParameterError(
+            f"resume: the state is of something else: its arrays have shapes {found}, "
+            f"but {expected} are needed"
+        )

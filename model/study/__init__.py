@@ -1,0 +1,1 @@
+"""Asking more than one answer: the verb `solve`, comparison, fitted rules, sweeps."""

@@ -1,0 +1,471 @@
+"""Two answers side by side: how far apart, where, and along which lines.
+
+The second answer is the one that is believed: errors are shares of its largest value. They are
+compared at points of both bodies, which must be the same body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ResultError, ResultFileError
+from kaju.model.results.archive import open_archive
+from kaju.model.results.result import BodyResult, body_cells, line_of, load_result
+from kaju.model.scene import Scene
+from kaju.model.scene.filling import CellBox
+from kaju.model.study.reference import Reference
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """One quantity of two answers at the same points.
+
+    Attributes
+    ----------
+    name, unit : str
+        What it is.
+    values, reference : arrays, shape (n,), (n, dimension) or (n, dimension, dimension)
+        The answer that is judged, and the one that is believed.
+    """
+
+    name: str
+    unit: str
+    values: Floats
+    reference: Floats
+
+    @property
+    def scale(self) -> float:
+        """Largest size of the reference, of which errors are shares."""
+        return float(_size(self.reference).max(initial=0.0))
+
+    @property
+    def error(self) -> Floats:
+        """Size of the difference at every point, as a share of the reference's largest."""
+        return _size(self.values - self.reference) / self.scale
+
+    @property
+    def max_error(self) -> float:
+        """Largest error."""
+        return float(self.error.max())
+
+    @property
+    def l2_error(self) -> float:
+        """Root mean square of the error."""
+        return float(np.sqrt(np.mean(self.error**2)))
+
+    @property
+    def misfit(self) -> float:
+        """Norm of the difference over that of the reference: 1 is no better than nothing."""
+        difference = float(np.linalg.norm(self.values - self.reference))
+        return difference / float(np.linalg.norm(self.reference))
+
+    @property
+    def ratio(self) -> Floats:
+        """The values over the reference's, NaN where that is below a thousandth of its largest."""
+        small = np.abs(self.reference) < 1e-3 * np.abs(self.reference).max()
+        return np.asarray(self.values / np.where(small, np.nan, self.reference))
+
+    def component(self, name: str) -> Pair:
+        """Return one component, such as "y" of a displacement or "yy" of a stress.
+
+        Raises
+        ------
+        ResultError
+            If there is no such component.
+        """
+        order, axes = self.values.ndim - 1, "xyz"[: self.values.shape[-1]]
+        if order == 0 or len(name) != order or not set(name) <= set(axes):
+            known = "none" if order == 0 else " and ".join(axes if order == 1 else (axes[0] * 2,))
+            raise ResultError(
+                f"component: {self.name} has no {name!r}; "
+                f"components are {known}{' and so on' if order == 2 else ''}"
+            )
+        own, other = self.values, self.reference
+        for axis in name:
+            own, other = own[:, axes.index(axis)], other[:, axes.index(axis)]
+        return Pair(f"{self.name} {name}", self.unit, own, other)
+
+    def summary(self) -> dict[str, float]:
+        """Return the error's norms and the largest value of the reference."""
+        return {
+            "max_error": self.max_error,
+            "l2_error": self.l2_error,
+            "misfit": self.misfit,
+            "largest": self.scale,
+        }
+
+
+def _size(values: Floats) -> Floats:
+    """Return the length of vectors, the Frobenius norm of tensors."""
+    flat = values.reshape(len(values), -1)
+    return np.asarray(np.sqrt((flat**2).sum(axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Two answers along a line.
+
+    Attributes
+    ----------
+    points : array, shape (n, dimension)
+        Where (m).
+    distance : array, shape (n,)
+        Way along the line (m).
+    displacement : Pair
+    stress : Pair or None
+    """
+
+    points: Floats
+    distance: Floats
+    displacement: Pair
+    stress: Pair | None
+
+
+MOST_POINTS = 2_000_000
+"""Bodies of more cells than this are compared at points that the caller names."""
+
+_SAME = 1e-9
+
+
+@runtime_checkable
+class Stressed(Protocol):
+    """Whatever knows stresses."""
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+
+
+def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
+    """Return where to compare: the middles of the larger cells, as far as both know them.
+
+    Raises
+    ------
+    ResultError
+        If the answers are of different bodies, or the body has too many cells.
+    """
+    if isinstance(other, Reference):
+        centres = cell_centres(result.scene, result.grid)
+        known = other.rows(centres) >= 0
+        return centres if known.all() else other.points
+    coarse, fine = sorted((result.scene, other.scene), key=lambda s: -s.lattice.cell_size)
+    _same_body(coarse, fine)
+    return cell_centres(coarse, result.grid, other.grid)
+
+
+def cell_centres(scene: Scene, *others: Scene) -> Floats:
+    """Return the middles (m) of a scene's cells of material that are body in others too."""
+    cells = _cells_in(scene.bounds())
+    cells = cells[scene.kinds(cells) >= 0]
+    points = scene.lattice.centres(cells)
+    for other in others:
+        points = points[body_cells(other, points)[1]]
+    return points
+
+
+def _cells_in(box: CellBox) -> Ints:
+    lower, upper = box
+    count = float(np.prod((upper - lower).astype(np.float64)))
+    if count > MOST_POINTS:
+        raise ResultError(
+            f"points: the body has about {count:.2g} cells, more than {MOST_POINTS:.0e}; "
+            "name the points to compare at with points=, such as the `middle` of spawned agents"
+        )
+    every = np.indices(tuple(upper - lower)).reshape(len(lower), -1).T
+    return every + lower
+
+
+def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
+    """Refuse what cannot be compared: other dimensions, materials, thickness or loads."""
+    for answer in (result, other):
+        if not isinstance(answer, (BodyResult, Reference)):
+            raise ResultError(
+                f"compare: a {type(answer).__name__} has no body of cells; give "
+                "results of load transfer or elasticity, or a Reference"
+            )
+    ours = result.scene.lattice.dimension
+    theirs = other.dimension if isinstance(other, Reference) else other.scene.lattice.dimension
+    if ours != theirs:
+        raise ResultError(f"compare: a body in {ours} dimensions and one in {theirs} differ")
+    if isinstance(other, Reference):
+        return
+    first, second = result.scene, other.scene
+    if first.thickness != second.thickness:
+        told = f"{first.thickness:g} and {second.thickness:g} m"
+        raise ResultError(f"compare: the bodies differ in thickness: {told}")
+    if first.plane != second.plane:
+        raise ResultError(
+            f"compare: one body is in plane {first.plane}, the other in plane {second.plane}"
+        )
+    _same_loads(result, other)
+
+
+def _same_loads(result: BodyResult, other: BodyResult) -> None:
+    totals = [_total_force(answer) for answer in (result, other)]
+    largest = max(float(np.abs(total).max(initial=0.0)) for total in totals)
+    if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * largest:
+        told = [", ".join(f"{value:g}" for value in total) for total in totals]
+        raise ResultError(
+            f"compare: the loads differ: ({told[0]}) N and ({told[1]}) N in all; "
+            "compare results of one load, at the same stage of loading"
+        )
+
+
+def _total_force(result: BodyResult) -> Floats:
+    return np.asarray(result.scene.applied(result.stage).force.sum(axis=0))
+
+
+def _same_body(coarse: Scene, fine: Scene) -> None:
+    """Refuse bodies that differ by more than the steps that cells cut into a slanted surface.
+
+    Such steps lie at a surface, or where materials meet, in both bodies.
+    """
+    if coarse is fine:
+        return
+    cell = coarse.lattice.cell_size
+    for ours, theirs in zip(_corners(coarse), _corners(fine), strict=True):
+        if np.abs(ours - theirs).max() > (1.0 + _SAME) * cell:
+            told = [", ".join(f"{value:.4g}" for value in corner) for corner in (ours, theirs)]
+            raise ResultError(
+                f"compare: the bodies differ: one reaches to ({told[0]}) m, the other to "
+                f"({told[1]}) m"
+            )
+    points = coarse.lattice.centres(_cells_in(coarse.bounds()))
+    points = points[_differ(_constants(coarse, points), _constants(fine, points))]
+    for scene in (coarse, fine):
+        own = _constants(scene, points)
+        step = np.zeros(len(points), dtype=np.bool_)
+        for normal in coarse.lattice.normals:
+            step |= _differ(own, _constants(scene, points + cell * normal))
+        if not step.all():
+            where = ", ".join(f"{value:.4g}" for value in points[np.argmin(step)])
+            raise ResultError(f"compare: the bodies differ: by what is at ({where}) m")
+
+
+def _corners(scene: Scene) -> tuple[Floats, Floats]:
+    lower, upper = scene.bounds()
+    ends = np.stack([lower, upper - 1])
+    lowest, highest = scene.lattice.centres(ends)
+    half = 0.5 * scene.lattice.cell_size
+    return lowest - half, highest + half
+
+
+def _constants(scene: Scene, points: Floats) -> Floats:
+    """Return Young's modulus and Poisson's ratio at points, 0 where there is no body."""
+    table = np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
+    kinds = scene.kinds(scene.lattice.locate(points))
+    return np.where((kinds >= 0)[:, None], table[np.maximum(kinds, 0)], 0.0)
+
+
+def _differ(one: Floats, other: Floats) -> Flags:
+    return np.asarray(np.any(np.abs(one - other) > _SAME * np.abs(one), axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How far one answer is from another.
+
+    Attributes
+    ----------
+    result : BodyResult
+        The answer that is judged.
+    reference : BodyResult or Reference
+        The answer that is believed.
+    points : array, shape (n, dimension)
+        Where they are compared (m).
+    displacement : Pair
+    stress : Pair or None
+        None if one of the answers knows no stress.
+    energy_error : float or None
+        √(∫Δσ:ε(Δσ) / ∫σ:ε(σ)) over the points, each of them standing for the same volume;
+        Δσ is the difference of the stresses, σ the reference's.
+    """
+
+    result: BodyResult
+    reference: BodyResult | Reference
+    points: Floats
+    displacement: Pair
+    stress: Pair | None
+    energy_error: float | None
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """What the two answers are, in words."""
+        return _name(self.result), _name(self.reference)
+
+    def along(self, start: Sequence[float], end: Sequence[float], count: int = 101) -> Profile:
+        """Return both answers along a line from `start` to `end` (m).
+
+        At `count` places, those outside of the body left out. A `Reference` speaks for
+        itself at those of its own points that lie on the line.
+
+        Raises
+        ------
+        ResultError
+            If no point of the line can be compared.
+        """
+        first, way, length = line_of(start, end, self.points.shape[1], "along")
+        if isinstance(self.reference, Reference):
+            points = near_line(self.reference.points, first, way, length)
+        else:
+            points = first + np.linspace(0.0, length, count)[:, None] * way
+            points = points[body_cells(self.reference.grid, points)[1]]
+        points = points[body_cells(self.result.grid, points)[1]]
+        if not len(points):
+            raise ResultError(
+                "along: no point of the line lies in both bodies, or is known to the reference"
+            )
+        displacement, stress = _pairs(self.result, self.reference, points)
+        return Profile(points, (points - first) @ way, displacement, stress)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        result, reference = self.names
+        return {
+            "result": result,
+            "reference": reference,
+            "points": len(self.points),
+            "displacement": self.displacement.summary(),
+            "stress": self.stress.summary() if self.stress else None,
+            "energy_error": self.energy_error,
+        }
+
+
+@runtime_checkable
+class Settling(Protocol):
+    """A run of agents that can tell what they have settled to."""
+
+    @property
+    def result(self) -> BodyResult:
+        """What they have settled to."""
+
+
+def compare(
+    result: BodyResult | Settling,
+    reference: BodyResult | Reference | Settling,
+    *,
+    points: ArrayLike | None = None,
+) -> Comparison:
+    """Compare two answers for one body.
+
+    Parameters
+    ----------
+    result : BodyResult or ElasticRun
+        The answer that is judged: of load transfer, or elastic.
+    reference : BodyResult, ElasticRun or Reference
+        The answer that is believed; on cells of any size.
+    points : array, shape (n, dimension), optional
+        Where to compare (m). By default in the middles of the larger cells of the two scenes;
+        a `Reference` that does not know these is compared at its own points.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ResultError
+        If the bodies or their loads differ, the points lie outside, or the reference is 0.
+    """
+    judged, believed = _answer(result), _answer(reference)
+    if isinstance(judged, Reference):
+        raise ResultError(
+            "compare: the first answer is judged by the second, so it cannot be a reference; "
+            "give the two the other way round"
+        )
+    check_comparable(judged, believed)
+    if points is None:
+        chosen = common_points(judged, believed)
+    else:
+        chosen = np.asarray(points, dtype=np.float64)
+    displacement, stress = _pairs(judged, believed, chosen)
+    if not displacement.scale > 0.0:
+        raise ResultError(
+            "compare: the reference moves nowhere, so no error can be a share of it; "
+            "give the two the other way round"
+        )
+    if stress is not None and not stress.scale > 0.0:
+        stress = None
+    energy = None if stress is None else _energy_error(judged.scene, chosen, stress)
+    return Comparison(judged, believed, chosen, displacement, stress, energy)
+
+
+def load_answer(path: str | Path) -> BodyResult | Reference:
+    """Read a saved result or reference, whichever a file or a result's folder holds.
+
+    Raises
+    ------
+    ResultFileError
+        If there is no such file, or it holds something that cannot be compared.
+    """
+    source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
+    if open_archive(source).about["kind"] == "reference":
+        return Reference.load(source)
+    result = load_result(source)
+    if not isinstance(result, BodyResult):
+        raise ResultFileError(
+            f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
+            "and references can be compared"
+        )
+    return result
+
+
+def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
+    if isinstance(given, (BodyResult, Reference)):
+        return given
+    if isinstance(given, Settling):
+        return given.result
+    raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
+
+
+def _pairs(
+    result: BodyResult, reference: BodyResult | Reference, points: Floats
+) -> tuple[Pair, Pair | None]:
+    both = (result, reference)
+    displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
+    if isinstance(reference, Reference) and reference.stress is None:
+        return displacement, None
+    if not isinstance(result, Stressed) or not isinstance(reference, Stressed):
+        return displacement, None
+    stresses = result.stress_at(points), reference.stress_at(points)
+    return displacement, Pair("stress", "Pa", *stresses)
+
+
+def near_line(points: Floats, first: Floats, way: Floats, length: float) -> Floats:
+    """Return the points on a line, in order."""
+    along = (points - first) @ way
+    across = points - first - along[:, None] * way
+    near = np.linalg.norm(across, axis=1) < 1e-6 * length
+    near &= (along > -1e-6 * length) & (along < (1.0 + 1e-6) * length)
+    return np.asarray(points[near][np.argsort(along[near], kind="stable")])
+
+
+def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
+    """Return the error in the energy norm, from σ:ε = (1+ν)/E (σ:σ - c (tr σ)²).
+
+    c is ν/(1+ν) in plane stress and in three dimensions, and ν in plane strain.
+    """
+    kinds = np.maximum(scene.kinds(scene.lattice.locate(points)), 0)
+    modulus, ratio = np.array(
+        [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
+    ).T
+    share = ratio if scene.plane == "strain" else ratio / (1.0 + ratio)
+
+    def energy(tensors: Floats) -> float:
+        trace = np.trace(tensors, axis1=1, axis2=2)
+        square = (tensors**2).sum(axis=(1, 2)) - share[kinds] * trace**2
+        return float(((1.0 + ratio) / modulus)[kinds] @ square)
+
+    return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
+
+
+def _name(answer: BodyResult | Reference) -> str:
+    if isinstance(answer, Reference):
+        return answer.source.partition(":")[0] or "reference"
+    return answer.name

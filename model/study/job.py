@@ -1,0 +1,221 @@
+"""One run of a sweep: a point becomes a scene, the scene a result, the result a row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
+from inspect import signature
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from kaju.errors import ParameterError
+from kaju.model.scene import Scene
+from kaju.progress import without_progress
+
+from .points import key_path, plain
+
+Row = dict[str, Any]
+Measure = str | Callable[[Any], Any] | Sequence[str] | Mapping[str, Callable[[Any], Any]] | None
+
+RUN, ERROR = "run", "error"
+_OPTION = "run."
+_NOT_REPEATABLE = ("seconds", "kaju_version")
+"""Figures of a summary that say nothing about the point."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is done at every point.
+
+    Attributes
+    ----------
+    subject : Scene or callable
+        What is changed by the point's keys; a function is called with them by name.
+    run : callable
+        Takes the subject, and the keys that begin with "run." as options.
+    measure : str, sequence, callable, mapping or None
+        What of the result goes into the row.
+    seed : int
+        From which the runs' own seeds are made.
+    """
+
+    subject: Scene | Callable[..., Any]
+    run: Callable[..., Any]
+    measure: Measure
+    seed: int
+
+    def prepare(self) -> None:
+        """Import what the runs need, so that processes that are forked have it already."""
+        if self.run is by_its_kind and isinstance(self.subject, Scene):
+            pass
+
+    def row(self, number: int, point: Mapping[str, Any]) -> Row:
+        """Return the row of one point; one that fails has its error in it."""
+        row = begun(number, point)
+        try:
+            figures = self.figures(number, point)
+            taken = figures.keys() & {ERROR, *row}
+            if taken:
+                raise ParameterError(
+                    f"measure: {taken.pop()!r} is another column's name; return it by a new one"
+                )
+        except Exception as error:  # whatever a run dies of belongs into its row
+            return row | {ERROR: f"{type(error).__name__}: {error}"}
+        return row | figures | {ERROR: ""}
+
+    def figures(self, number: int, point: Mapping[str, Any]) -> Row:
+        """Return what is measured at one point."""
+        seed = seed_of(self.seed, number)
+        options = {
+            key.removeprefix(_OPTION): value
+            for key, value in point.items()
+            if key.startswith(_OPTION)
+        }
+        changes = {key: value for key, value in point.items() if not key.startswith(_OPTION)}
+        with without_progress():
+            result = _answer(self.run, self.varied(changes, seed), options, seed)
+        return _measured(result, self.measure)
+
+    def varied(self, changes: Mapping[str, Any], seed: int) -> Any:
+        """Return the subject at a point."""
+        if isinstance(self.subject, Scene):
+            if not changes:
+                return self.subject
+            return self.subject.with_overrides({key_path(k): v for k, v in changes.items()})
+        return _called(self.subject, (), changes, seed)
+
+
+def begun(number: int, point: Mapping[str, Any]) -> Row:
+    """Return what a row says before its run."""
+    return {RUN: number, **{key: _cell(value) for key, value in point.items()}}
+
+
+def seed_of(seed: int, number: int) -> int:
+    """Return the seed of a run, independent of all others' (NumPy's `SeedSequence`)."""
+    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0])
+
+
+def by_its_kind(subject: Any, rng: int | None = None) -> Any:
+    """Let agents run a scene with a prescribed rule; solve other scenes and networks.
+
+    Anything else, such as a number that a function of the point returned, is itself the answer.
+    """
+    if isinstance(subject, Scene) and subject.rule.kind == "prescribed":
+        from kaju.model.transfer.load_model import LoadModel
+
+        return LoadModel(subject, rng=rng).run()
+    from kaju.model.network import SpringNetwork
+    from kaju.model.study.solving import solve
+
+    return solve(subject) if isinstance(subject, (Scene, SpringNetwork)) else subject
+
+
+def run_batch(job: Job, batch: Sequence[tuple[int, Mapping[str, Any]]]) -> tuple[float, list[Row]]:
+    """Return the time (s) that some runs took, and their rows."""
+    began = perf_counter()
+    rows = [job.row(number, point) for number, point in batch]
+    return perf_counter() - began, rows
+
+
+def _answer(run: Callable[..., Any], subject: Any, options: Mapping[str, Any], seed: int) -> Any:
+    result = _called(run, (subject,), options, seed)
+    # A model's class makes a model, which has still to be run.
+    return result.run() if isinstance(run, type) and hasattr(result, "run") else result
+
+
+def _called(
+    function: Callable[..., Any], arguments: tuple[Any, ...], options: Mapping[str, Any], seed: int
+) -> Any:
+    takes = signature(function).parameters
+    chance = {"rng": seed} if "rng" in takes and "rng" not in options else {}
+    return function(*arguments, **options, **chance)
+
+
+def _measured(result: Any, measure: Measure) -> Row:
+    if measure is None:
+        return _everything(result)
+    if isinstance(measure, str):
+        measure = (measure,)
+    if isinstance(measure, Mapping):
+        return {name: _figure(name, function(result)) for name, function in measure.items()}
+    if not callable(measure):
+        table = _table(result)
+        return {name: _figure(name, _found(result, table, name)) for name in measure}
+    value = measure(result)
+    if isinstance(value, Mapping):
+        return {str(name): _figure(str(name), part) for name, part in value.items()}
+    name = getattr(measure, "__name__", "measure").replace("<lambda>", "measure")
+    return {name: _figure(name, value)}
+
+
+def _table(result: Any) -> Mapping[str, Any]:
+    if isinstance(result, Mapping):
+        return result
+    if callable(getattr(result, "summary", None)):
+        return dict(result.summary())
+    if is_dataclass(result):
+        return vars(result)
+    return {}
+
+
+def _everything(result: Any) -> Row:
+    if _is_figure(plain(result)):
+        return {"value": plain(result)}
+    figures = {key: plain(value) for key, value in _table(result).items()}
+    taken = {
+        key: value
+        for key, value in figures.items()
+        if _is_figure(value) and key not in _NOT_REPEATABLE
+    }
+    if not taken:
+        raise ParameterError(
+            f"measure: a {type(result).__name__} has no figures of its own; "
+            "say what to measure by a function of it"
+        )
+    return taken
+
+
+def _found(result: Any, table: Mapping[str, Any], name: str) -> Any:
+    """Return ``reaction.bottom[1]`` of a summary, or ``last.ledger.taken`` of the result."""
+    found: Any = table if key_path(name).split(".")[0] in table else result
+    for key in key_path(name).split("."):
+        try:
+            if isinstance(found, Mapping):
+                found = found[key]
+            elif key.isdecimal():
+                found = found[int(key)]
+            else:
+                found = getattr(found, key)
+        except (KeyError, IndexError, TypeError, AttributeError):
+            known = ", ".join(key for key, value in table.items() if _is_figure(plain(value)))
+            raise ParameterError(
+                f"measure: the result has no {name!r}; its summary has {known}"
+            ) from None
+    return found
+
+
+def _is_figure(value: Any) -> bool:
+    return value is None or isinstance(value, (bool, int, float, str))
+
+
+def _figure(name: str, value: Any) -> Any:
+    value = plain(value)
+    if value is None:
+        return math.nan
+    if not _is_figure(value):
+        raise ParameterError(
+            f"measure: {name!r} must be one number, text or truth value, got {type(value).__name__}"
+        )
+    return value
+
+
+def _cell(value: Any) -> Any:
+    """Return a varied value as a cell of a table holds it: lists and tables as text."""
+    if _is_figure(value):
+        return value
+    import json
+
+    return json.dumps(value, default=str)

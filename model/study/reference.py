@@ -1,0 +1,168 @@
+"""What results are measured against: a displacement and a stress known at some points.
+
+A reference may come from another program, an experiment or a formula. It knows nothing
+between its points and never guesses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kaju.arrays import Floats, Ints
+from kaju.errors import ParameterError, ResultError
+from kaju.model.results.archive import open_archive, reading, write_archive
+from kaju.model.results.formats import REFERENCE
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+
+_SAME_PLACE = 1e-7
+"""Points this near, as a share of the extent of all points, are the same point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Displacement and stress at points.
+
+    Parameters
+    ----------
+    points : array, shape (n, dimension)
+        Where something is known (m).
+    displacement : array, shape (n, dimension)
+        Displacement there (m).
+    stress : array, shape (n, dimension, dimension), optional
+        Stress there (Pa).
+    strain_energy : float, optional
+        Energy stored in the whole body (J).
+    source : str
+        Where the numbers come from; what stands before a colon is its name.
+
+    Raises
+    ------
+    ParameterError
+        If the arrays do not fit together or hold anything but finite numbers.
+    """
+
+    points: Floats
+    displacement: Floats
+    stress: Floats | None = None
+    strain_energy: float | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        points = _numbers("points", self.points)
+        if points.ndim != 2 or points.shape[1] not in (2, 3) or not len(points):
+            raise ParameterError(
+                f"points: an array of shape (n, 2) or (n, 3) is needed, got shape {points.shape}"
+            )
+        n, dimension = points.shape
+        object.__setattr__(self, "points", points)
+        wanted = {"displacement": (n, dimension), "stress": (n, dimension, dimension)}
+        for name, shape in wanted.items():
+            given = getattr(self, name)
+            if given is None and name == "stress":
+                continue
+            values = _numbers(name, given)
+            if values.shape != shape:
+                raise ParameterError(
+                    f"{name}: {n} points in {dimension} dimensions need an array of shape "
+                    f"{shape}, got shape {values.shape}"
+                )
+            object.__setattr__(self, name, values)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return int(self.points.shape[1])
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points)
+
+    def rows(self, points: Floats) -> Ints:
+        """Return for each point the row of the reference that knows it, -1 if none does."""
+        reach = _SAME_PLACE * float(np.ptp(self.points, axis=0).max(initial=0.0))
+        distance, row = self._tree.query(np.asarray(points, dtype=np.float64))
+        return np.where(distance <= reach, row, -1).astype(np.int64)
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points of the reference (m), both (n, dimension).
+
+        Raises
+        ------
+        ResultError
+            If the reference does not know one of the points.
+        """
+        return self.displacement[self._known(points)]
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points of the reference.
+
+        Raises
+        ------
+        ResultError
+            If the reference does not know one of the points, or no stress at all.
+        """
+        if self.stress is None:
+            raise ResultError("stress: the reference has none; give it as stress=")
+        return self.stress[self._known(points)]
+
+    def _known(self, points: Floats) -> Ints:
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != self.dimension:
+            raise ResultError(
+                f"points: an array of shape (n, {self.dimension}) in metres is needed, "
+                f"got shape {points.shape}"
+            )
+        rows = self.rows(points)
+        if (rows < 0).any():
+            where = ", ".join(f"{value:g}" for value in points[np.argmax(rows < 0)])
+            raise ResultError(
+                f"points: the reference knows nothing at ({where}) m; take points from its "
+                f"own {len(self.points)}"
+            )
+        return rows
+
+    def save(self, path: str | Path) -> Path:
+        """Write the reference to one ``.npz`` file, from which `load` reads it again."""
+        arrays: dict[str, NDArray[Any]] = {"points": self.points, "displacement": self.displacement}
+        if self.stress is not None:
+            arrays["stress"] = self.stress
+        about = {"strain_energy": self.strain_energy, "source": self.source}
+        return write_archive(path, "reference", arrays, about)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Reference:
+        """Read a reference that `save` wrote.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is missing, or holds something else.
+        """
+        archive = open_archive(path, "reference")
+        with reading(path):
+            return cls(
+                **archive.columns(REFERENCE, {}),
+                strain_energy=archive.value("strain_energy", float | None),
+                source=archive.value("source", str),
+            )
+
+
+def _numbers(name: str, given: ArrayLike | None) -> Floats:
+    try:
+        values = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(f"{name}: numbers are needed, got {given!r}") from error
+    if not np.isfinite(values).all():
+        raise ParameterError(f"{name}: must be finite numbers")
+    return values

@@ -1,0 +1,422 @@
+"""The result of load transfer by a prescribed rule."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from typing_extensions import TypedDict
+
+from kaju import __version__
+from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Floats, Ints
+from kaju.errors import ResultError
+from kaju.model.results.archive import Archive
+from kaju.model.results.formats import HISTORY, STAGE, sizes_of
+from kaju.model.results.mesh import corner_order, write_vtk
+from kaju.model.results.result import INSIDE, BodyResult, cells_of_points, idle_rheology
+from kaju.model.scene import Scene
+from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+
+from .deformation import DisplacementField, Squeeze, squeeze
+from .stability import Certificate
+from .stage import History, Ledger, Stage
+from .transfer import BOUNDARY_NAMES, pulls, split_force
+
+if TYPE_CHECKING:
+    import networkx
+    import pandas
+
+
+MOST_CELLS = 5_000_000
+"""Larger bodies are not written cell by cell."""
+
+
+def write_mesh(result: TransferResult, path: str | Path) -> Path:
+    """Write the body as quadrilaterals or hexahedra; see `TransferResult.to_vtk`."""
+    scene, stage = result.scene, result.last
+    lattice = scene.lattice
+    if not lattice.boxes or lattice.size > MOST_CELLS:
+        raise ResultError(
+            f"to_vtk: writes squares and cubes, up to {MOST_CELLS:.0e} of them, got "
+            f"{lattice.size} {lattice.kind}s; kaju.plot and to_dataframe take any body"
+        )
+    d, kinds = lattice.dimension, scene.rasterise()
+    cells = np.argwhere(kinds >= 0)
+    place = np.ravel_multi_index(tuple(stage.cells.T), lattice.shape)
+    row = np.searchsorted(np.ravel_multi_index(tuple(cells.T), lattice.shape), place)
+    columns = {
+        "spawn_step": stage.spawn_step,
+        "load_taken": stage.taken.sum(axis=1),
+        "load_kept": stage.kept.sum(axis=1),
+        "von_mises": result.von_mises,
+        "stress": result.stress.reshape(-1, d * d),
+        "strain": result.strain.reshape(-1, d * d),
+    }
+    values = {"material": kinds[kinds >= 0]}
+    for name, column in columns.items():
+        values[name] = np.zeros((len(cells), *column.shape[1:]), dtype=column.dtype)
+        values[name][row] = column
+    moved = result.displacement_at(lattice.centres(cells))
+    values["displacement"] = np.pad(moved, ((0, 0), (0, 3 - d)))
+    corners = (cells[:, None] + corner_order(d)) * lattice.cell_size
+    return write_vtk(path, corners, lattice.cell_size, values)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TransferResult(BodyResult):
+    """What the agents of a load-transfer run have taken, kept and passed on.
+
+    Strain, stress, displacement and the agents themselves are those of the last stage of
+    loading; `at_stage` gives the same result as of an earlier one.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    stages : tuple of Stage
+        The agents of every stage of loading.
+    certificate : Certificate
+        What was known about the stability before the run.
+    seconds : float
+        Time that the run took (s).
+    """
+
+    kind: ClassVar[str] = "load transfer"
+    films: ClassVar[tuple[str, ...]] = ("generations", "stages")
+    name: ClassVar[str] = "prescribed rule"
+    scene: Scene
+    stages: tuple[Stage, ...]
+    certificate: Certificate
+    seconds: float
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+        return PICTURES if len(self.stages) > 1 else tuple(p for p in PICTURES if p != "stages")
+
+    @property
+    def focus(self) -> Ints:
+        """The cells that pictures are about: those of agents, or where forces are."""
+        stage = self.last
+        if len(stage.cells):
+            return np.concatenate([stage.cells, stage.boundary_cells])
+        return self.scene.applied().cells
+
+    @property
+    def stage(self) -> int:
+        """The stage of loading at which it stands, counted from 1."""
+        return len(self.stages)
+
+    @property
+    def taken(self) -> Floats:
+        """Loads taken (N) by direction, shape (agents, directions)."""
+        return self.last.taken
+
+    @property
+    def last(self) -> Stage:
+        """The last stage of loading."""
+        return self.stages[-1]
+
+    @property
+    def reactions(self) -> dict[str, Floats]:
+        """Forces (N) by which supports answered the loads that reached them, each (dimension,).
+
+        By the name of the side, or "rigid" for rigid cells inside. A rigid agent answers a load
+        by the opposite of its force, a roller only by the part across it. Loads that end on
+        their way, or come more than once, keep the sum from being the applied one. Not a
+        number in results that were stored before it was kept.
+        """
+        stage, lattice = self.last, self.scene.lattice
+        beyond = lattice.side_beyond(stage.boundary_cells)
+        force = -stage.arrived @ lattice.normals
+        across = np.eye(lattice.dimension)[beyond // 2]
+        force = np.where((stage.boundary_kind == ROLLER)[:, None], force * across, force)
+        named = (*lattice.sides, INSIDE)
+        return {
+            named[side]: force[(beyond == side) & (stage.boundary_kind != AIR)].sum(axis=0)
+            for side in np.unique(beyond[stage.boundary_kind != AIR]).tolist()
+        }
+
+    @property
+    def outcome(self) -> str:
+        """How the last stage ended, in words."""
+        return self.last.outcome
+
+    def at_stage(self, stage: int) -> TransferResult:
+        """Return the result as it was after a stage, counted from 1.
+
+        Raises
+        ------
+        ResultError
+            If there is no such stage.
+        """
+        if not 1 <= stage <= len(self.stages):
+            raise ResultError(
+                f"stage: this result has the stages 1 to {len(self.stages)}, got {stage}"
+            )
+        return TransferResult(self.scene, self.stages[:stage], self.certificate, self.seconds)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the figures should know, in words."""
+        notes = idle_rheology(self.scene)
+        rule = self.scene.rule
+        if isinstance(rule, PrescribedRule) and not rule.sense:
+            applied = self.scene.applied(len(self.stages))
+            row, direction, _ = split_force(self.scene.lattice, applied.force)
+            if pulls(self.scene, applied, row, direction).any():
+                notes.append(
+                    "a load pulls, but without a sense every load squeezes: set rule.sense = true "
+                    "to let pulls stretch"
+                )
+        return tuple(notes)
+
+    @cached_property
+    def _squeeze(self) -> Squeeze:
+        return squeeze(self.scene, self.last)
+
+    @cached_property
+    def strain(self) -> Floats:
+        """Strain of every agent, shape (agents, dim, dim)."""
+        return self._squeeze.strains()
+
+    @cached_property
+    def stress(self) -> Floats:
+        """Stress of every agent (Pa), shape (agents, dim, dim)."""
+        return self._squeeze.stresses()
+
+    @cached_property
+    def von_mises(self) -> Floats:
+        """Von Mises stress of every agent (Pa); in the plane, of plane stress."""
+        stress = np.zeros((len(self.stress), 3, 3))
+        dimension = self.scene.lattice.dimension
+        stress[:, :dimension, :dimension] = self.stress
+        mean = np.trace(stress, axis1=1, axis2=2) / 3.0
+        deviator = stress - mean[:, None, None] * np.eye(3)
+        return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))
+
+    @cached_property
+    def displacement_field(self) -> DisplacementField:
+        """Displacement as a function of the place."""
+        return DisplacementField(self.scene, self.last, self._squeeze)
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement of the middle of every agent's cell (m), shape (agents, dim)."""
+        cells = self.last.cells
+        return self.displacement_field.at(self.scene.lattice.centres(cells), cells)
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m), both of shape (n, dimension).
+
+        Raises
+        ------
+        ResultError
+            If the points have another dimension or lie outside the body.
+        """
+        points, cells = cells_of_points(self.scene, points)
+        return self.displacement_field.at(points, cells)
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
+
+        Stress is the same all over a cell, and 0 in cells that no load reached.
+
+        Raises
+        ------
+        ResultError
+            If the points have another dimension or lie outside the body.
+        """
+        _, cells = cells_of_points(self.scene, points)
+        key, agents = self.scene.lattice.key(cells), self.scene.lattice.key(self.last.cells)
+        tensors = np.zeros((len(key), *self.stress.shape[1:]))
+        if len(agents):
+            order = np.argsort(agents)
+            place = order[np.minimum(np.searchsorted(agents[order], key), len(agents) - 1)]
+            awake = agents[place] == key
+            tensors[awake] = self.stress[place[awake]]
+        return tensors
+
+    def to_vtk(self, path: str | Path) -> Path:
+        """Write all cells of the body as an unstructured grid that ParaView reads (.vtu or .vtk).
+
+        Cells that no load reached have taken nothing.
+
+        Raises
+        ------
+        MissingExtraError
+            If meshio is not installed.
+        ResultError
+            If the cells are neither squares nor cubes, or more than five million.
+        """
+        return write_mesh(self, path)
+
+    def load_path(self) -> networkx.DiGraph:
+        """Return who loaded whom, with the loads as edge weights (N)."""
+        return load_path(self.scene, self.last)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures of the last stage."""
+        stage = self.last
+        size = np.linalg.norm(self.displacement, axis=1)
+        return {
+            "rule": "prescribed",
+            "generations": stage.generations,
+            "material_agents": len(stage.cells),
+            "boundary_agents": len(stage.boundary_cells),
+            "free_boundary_agents": int((stage.boundary_kind == AIR).sum()),
+            "rigid_boundary_agents": int((stage.boundary_kind == RIGID).sum()),
+            "load_taken": stage.ledger.taken,
+            "load_dropped": stage.ledger.dropped,
+            "reaction": {
+                name: force.tolist()
+                for name, force in self.reactions.items()
+                if np.isfinite(force).all()
+            },
+            "max_displacement": float(size.max(initial=0.0)),
+            "spectral_radius": self.certificate.spectral_radius,
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        } | ({"notes": list(self.notes)} if self.notes else {})
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per material agent of the last stage.
+
+        Columns: the cell's coordinates, its material, the spawn step, the loads taken by
+        direction (N), kept and dropped loads (N), displacement (m), strain and stress (Pa).
+        """
+        import pandas
+
+        stage, lattice = self.last, self.scene.lattice
+        names = "xyz"[: lattice.dimension]
+        columns: dict[str, Any] = {f"cell_{a}": stage.cells[:, i] for i, a in enumerate(names)}
+        materials = np.array([material.name for material in self.scene.cell_materials])
+        columns["material"] = materials[stage.material]
+        columns["spawn_step"] = stage.spawn_step
+        for direction, name in enumerate(lattice.direction_names):
+            columns[f"taken_{name}"] = stage.taken[:, direction]
+        columns["dropped"] = stage.dropped
+        for i, a in enumerate(names):
+            columns[f"displacement_{a}"] = self.displacement[:, i]
+        for i, a in enumerate(names):
+            for j, b in enumerate(names[i:], start=i):
+                columns[f"strain_{a}{b}"] = self.strain[:, i, j]
+                columns[f"stress_{a}{b}"] = self.stress[:, i, j]
+        return pandas.DataFrame(columns)
+
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        arrays: dict[str, NDArray[Any]] = {}
+        described = []
+        for number, stage in enumerate(self.stages):
+            for name, column in _columns(stage).items():
+                arrays[f"{number}.{name}"] = column
+            for name, column in _columns(stage.history).items():
+                arrays[f"{number}.history.{name}"] = column
+            described.append(
+                {
+                    "factor": stage.factor,
+                    "outcome": stage.outcome,
+                    "generations": stage.generations,
+                    "ledger": asdict(stage.ledger),
+                }
+            )
+        return arrays, {"stages": described, "certificate": asdict(self.certificate)}
+
+    @classmethod
+    def _from_archive(cls, scene: Scene, archive: Archive) -> TransferResult:
+        sizes, stages = sizes_of(scene), []
+        for number, told in enumerate(archive.value("stages", list[StageRecord])):
+            columns: dict[str, Any] = archive.columns(STAGE, sizes, f"{number}.")
+            if not np.array_equal(scene.kinds(columns["cells"]), columns["material"]):
+                raise ResultError("its agents are of other materials than the scene's cells")
+            if "arrived" not in columns:  # written before it was kept
+                unknown = (len(columns["returned"]), scene.lattice.directions)
+                columns["arrived"] = np.full(unknown, np.nan)
+            agents = {"agents": len(columns["cells"])}
+            history = History(**archive.columns(HISTORY, sizes | agents, f"{number}.history."))
+            stages.append(Stage(**told, **columns, history=history))
+        if not 1 <= len(stages) <= scene.stages:
+            raise ResultError(f"it has {len(stages)} stages, the scene {scene.stages}")
+        certificate = archive.value("certificate", Certificate)
+        return cls(scene, tuple(stages), certificate, archive.value("seconds", float))
+
+
+class StageRecord(TypedDict):
+    """What is stored of a stage besides its arrays."""
+
+    factor: float
+    outcome: str
+    generations: int
+    ledger: Ledger
+
+
+PICTURES = (
+    "agents",
+    "loads",
+    "deformed",
+    "displacement",
+    "strain",
+    "stress",
+    "von_mises",
+    "taken",
+    "load_path",
+    "ledger",
+    "stages",
+    "scene",
+)
+
+
+def _columns(record: Stage | History) -> dict[str, NDArray[Any]]:
+    every = {field.name: getattr(record, field.name) for field in fields(record)}
+    return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
+
+
+def load_path(scene: Scene, stage: Stage) -> networkx.DiGraph:
+    """Return the graph of all loads handed over.
+
+    Returns
+    -------
+    networkx.DiGraph
+        Nodes are cells (tuples of int) with the attributes ``kind`` ("material", "free",
+        "rigid" or "roller"), ``material``, ``spawn_step`` and ``pos`` (m). An edge leads from
+        the cell that passed loads on to the one that took them; its ``weight`` is their sum
+        (N). A boundary hands all it gets back over an edge of the same weight.
+    """
+    import networkx
+
+    lattice = scene.lattice
+    graph = networkx.DiGraph()
+    names = [material.name for material in scene.cell_materials]
+    cells = [tuple(cell) for cell in stage.cells.tolist()]
+    centres = lattice.centres(stage.cells).tolist()
+    for cell, number, step, centre in zip(
+        cells, stage.material.tolist(), stage.spawn_step.tolist(), centres, strict=True
+    ):
+        graph.add_node(
+            cell, kind="material", material=names[number], spawn_step=step, pos=tuple(centre)
+        )
+    boundaries = [tuple(cell) for cell in stage.boundary_cells.tolist()]
+    centres = lattice.centres(stage.boundary_cells).tolist()
+    for cell, kind, step, centre in zip(
+        boundaries,
+        stage.boundary_kind.tolist(),
+        stage.boundary_spawn_step.tolist(),
+        centres,
+        strict=True,
+    ):
+        graph.add_node(cell, kind=BOUNDARY_NAMES[kind], spawn_step=step, pos=tuple(centre))
+    outside = set(boundaries)
+    for arm in range(lattice.directions):
+        passing = np.flatnonzero(stage.passed[:, arm] > 0.0)
+        targets = lattice.neighbours(stage.cells[passing], arm).tolist()
+        for row, target in zip(passing.tolist(), map(tuple, targets), strict=True):
+            if target in graph:
+                graph.add_edge(cells[row], target, weight=float(stage.passed[row, arm]))
+            if target in outside:
+                graph.add_edge(target, cells[row], weight=float(stage.passed[row, arm]))
+    return graph

@@ -1,0 +1,368 @@
+"""What all of kaju's Mesa models have in common: seeds, steps that end, data, and checkpoints.
+
+Steps are certain: from the same scene, seed and classes they lead to the same numbers, bit for
+bit. So a checkpoint holds no inboxes and no multigrid cycle half done; loading it takes the
+steps again, and compares the figures that were noted on the way. Nothing in the file is code:
+classes of one's own are given again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
+from copy import deepcopy
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from numpy.typing import NDArray
+
+from kaju._mesa import DataCollector, Model
+from kaju.errors import ParameterError, ResultFileError
+from kaju.model.results.archive import Archive, open_archive, reading, write_archive
+from kaju.model.scene import Scene
+from kaju.stopping import keeping, stopped
+
+if TYPE_CHECKING:
+    from kaju.model.elastic.settling.elastic_model import ElasticModel
+    from kaju.model.transfer.load_model import LoadModel
+
+
+A = TypeVar("A")
+
+Order = Callable[[list[A]], Iterable[A]]
+"""Of the agents for which loads wait, those that act in this step, one after another."""
+
+
+def chosen(order: Order[A], waiting: list[A]) -> list[A]:
+    """Return whom an order of one's own lets act, each once.
+
+    Raises
+    ------
+    ParameterError
+        If it chooses nobody, or others than it was given.
+    """
+    acting = list(dict.fromkeys(order(list(waiting))))
+    if not acting or not set(acting) <= set(waiting):
+        raise ParameterError(
+            f"order: must choose at least one of the {len(waiting)} agents that it is given, "
+            f"and no others; it chose {len(acting)}"
+        )
+    return acting
+
+
+def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
+    """Tell whether agents are to be objects.
+
+    Parameters
+    ----------
+    engine : {"auto", "agents", "arrays"}
+        What was asked for.
+    agent, usual : type
+        Class of the agents, and the one that arrays know.
+    small : bool
+        Whether "auto" can afford objects.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such engine, or arrays are to run agents of one's own.
+    """
+    own_class = agent is not usual
+    if engine not in ("auto", "agents", "arrays"):
+        raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
+    if engine == "arrays" and own_class:
+        raise ParameterError(
+            f"engine: 'arrays' knows no {getattr(agent, '__name__', agent)}; "
+            "agents of your own are objects, so take 'auto' or 'agents'"
+        )
+    return engine == "agents" or (engine == "auto" and (small or own_class))
+
+
+_SUBJECT = "subject."
+Draws = tuple[dict[str, Any], tuple[int, tuple[int, ...], float | None]]
+"""States of a model's two generators of random numbers, before anything was drawn."""
+
+
+def _save(
+    model: SteppedModel,
+    path: str | Path,
+    subject: tuple[dict[str, NDArray[Any]], dict[str, Any]],
+    options: Mapping[str, Any],
+    own: Mapping[str, Any],
+) -> Path:
+    """Write a checkpoint: the subject taken apart, plain options, and what must be given again."""
+    arrays, about = subject
+    drawn, state = model.first_draws
+    text = {
+        "model": type(model).__name__,
+        "subject": about,
+        "options": dict(options),
+        "own": {name: _named(value) for name, value in own.items() if value is not None},
+        "rng": [drawn, state],
+        "steps": model.steps,
+        "figures": model.figures(),
+    }
+    packed = {_SUBJECT + name: array for name, array in arrays.items()}
+    return write_archive(path, "checkpoint", packed, text)
+
+
+def _named(value: Any) -> str:
+    """Return what tells a reader which class or object was used."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key}: {_named(part)}" for key, part in sorted(value.items()))
+    return str(getattr(value, "__name__", None) or type(value).__name__)
+
+
+def _load(kind: type[SteppedModel], path: str | Path, own: Mapping[str, Any]) -> Any:
+    """Return the model of a checkpoint; see `SteppedModel.load_checkpoint`."""
+    target = Path(path)
+    if not target.exists() and target.suffix != ".npz":
+        target = target.with_name(target.name + ".npz")
+    archive = open_archive(target, "checkpoint")
+    with reading(target):
+        model_name = archive.value("model", str)
+        if model_name != kind.__name__:
+            raise ResultFileError(
+                f"{target}: holds a {model_name}; load it with {model_name}.load_checkpoint"
+            )
+        described = archive.value("subject", dict[str, Any])
+        parts = Archive(target, archive.part(_SUBJECT), described)
+        subject = kind.checkpoint_subject(parts)
+        wanted = archive.value("own", dict[str, str])
+        steps, figures = archive.value("steps", int), archive.about["figures"]
+    _check_own(target, wanted, own)
+    # What goes wrong with classes of one's own is not the file's fault.
+    with nullcontext() if own else reading(target):
+        model = kind(subject, **archive.value("options", dict[str, Any]), **own)
+        model.first_draws = archive.value("rng", Draws)
+        model.reset()
+        while model.running and model.steps < steps:
+            model.step()
+    again = json.loads(json.dumps(model.figures()))
+    if model.steps != steps or repr(again) != repr(figures):
+        raise ResultFileError(
+            f"{target}: its {steps} steps led elsewhere this time ({again} instead of {figures}); "
+            "agents were changed by hand between steps, draw random numbers that are not the "
+            "model's, or are other classes now"
+        )
+    return model
+
+
+def _check_own(target: Path, wanted: dict[str, str], given: Mapping[str, Any]) -> None:
+    found = {name: _named(value) for name, value in given.items() if value is not None}
+    for name in wanted.keys() | found.keys():
+        if wanted.get(name) != found.get(name):
+            raise ParameterError(
+                f"{name}: {target} was made with {wanted.get(name, 'none of your own')}, got "
+                f"{found.get(name, 'none')}; give load_checkpoint(path, {name}=...) what the "
+                "model was made with"
+            )
+
+
+Answer = TypeVar("Answer")
+Until = Callable[[Any], bool]
+"""A question about the model, asked before every step: whether to stop."""
+
+
+class SteppedModel(Model):
+    """A Mesa model that can be run to its end, stopped on the way, and started again.
+
+    Parameters
+    ----------
+    rng, seed : int, optional
+        Seed of `rng` and `random`; give one of them. kaju's own agents draw no random numbers.
+
+    Attributes
+    ----------
+    running : bool
+        False at the end; `step` then does nothing and counts nothing.
+    steps : int
+        Steps taken since the start or the last `reset`.
+    datacollector : mesa.DataCollector
+        The model's `figures` after every step. Set another one to collect what you like.
+
+    Raises
+    ------
+    ParameterError
+        If both seeds are given.
+    """
+
+    step: Callable[[], None]
+    _collector: DataCollector | None
+    _noted: list[tuple[int, dict[str, float]]]
+    _own_collector: bool
+
+    def __init__(self, rng: Any = None, seed: int | None = None) -> None:
+        if rng is not None and seed is not None:
+            raise ParameterError("seed: is another word for rng; give one of them")
+        super().__init__(rng=rng if seed is None else seed)
+        self.first_draws = deepcopy(self.rng.bit_generator.state), self.random.getstate()
+        # Mesa counts every call of step; at the end there is nothing to count.
+        self._counted_step: Callable[[], None] = self.step
+        self.step = self._step_while_running
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step."""
+        raise NotImplementedError
+
+    @property
+    def datacollector(self) -> DataCollector:
+        """The figures after every step, as Mesa keeps them."""
+        if self._collector is None:
+            names = list(self.figures())
+            self._collector = DataCollector({name: _Figure(name) for name in names})
+        noted, self._noted = self._noted, []
+        for step, figures in noted:
+            for name, value in figures.items():
+                self._collector.model_vars[name].append(value)
+            if hasattr(self._collector, "_collection_steps"):  # Mesa from 3.4 on
+                self._collector._collection_steps.append(step)
+        return self._collector
+
+    @datacollector.setter
+    def datacollector(self, collector: DataCollector) -> None:
+        self._collector, self._noted, self._own_collector = collector, [], True
+
+    def _step_while_running(self) -> None:
+        if not self.running:
+            return
+        self._counted_step()
+        self._note()
+
+    def _note(self) -> None:
+        if self._own_collector:
+            self.datacollector.collect(self)
+        else:
+            # Mesa copies every figure deeply, which would cost as much as a small step.
+            self._noted.append((self.steps, self.figures()))
+
+    def _start_again(self) -> None:
+        """Go back to no steps, the first random numbers and no data."""
+        self.steps = 0
+        self.running = True
+        state, drawn = self.first_draws
+        self.rng.bit_generator.state = deepcopy(state)
+        self.random.setstate(drawn)
+        self._collector, self._noted, self._own_collector = None, [], False
+
+    def reset(self) -> None:
+        """Go back to the start."""
+        raise NotImplementedError
+
+    def again(self, scene: Any) -> Self:
+        """Return a new model of another scene with the same kind of agents.
+
+        It runs loads that grow, too, until they threaten to overflow.
+        """
+        options, own = self.checkpoint_options()
+        options |= {name: value for name, value in own.items() if value is not None}
+        if "allow_unstable" in options:
+            options["allow_unstable"] = True
+        return type(self)(scene, **options)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the page, with what has happened so far."""
+        from kaju.view.page.notebook import shown
+
+        return shown(self)
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        raise NotImplementedError
+
+    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's scene as arrays and plain values."""
+        text, arrays = self.scene.to_archive()
+        return arrays, {"scene": text}
+
+    @staticmethod
+    def checkpoint_subject(archive: Archive) -> Any:
+        """Return the scene that `checkpoint_parts` took apart."""
+        return Scene.from_archive(archive.value("scene", str), archive.arrays)
+
+    def save_checkpoint(self, path: str | Path) -> Path:
+        """Write what it takes to go on from here later: continuing is as never having stopped.
+
+        The file holds what was asked, the seed and the number of steps.
+
+        Raises
+        ------
+        ResultFileError
+            If the file cannot be written.
+        """
+        return _save(self, path, self.checkpoint_parts(), *self.checkpoint_options())
+
+    @classmethod
+    def load_checkpoint(cls, path: str | Path, **own: Any) -> Self:
+        """Return the model of a checkpoint, as it was; its steps are taken again.
+
+        Parameters
+        ----------
+        path : path
+            What `save_checkpoint` wrote.
+        **own
+            Classes, orders and rules of your own that the model was made with.
+
+        Raises
+        ------
+        ResultFileError
+            If the file is none of this model, or its steps now lead elsewhere.
+        ParameterError
+            If something of your own is missing or another.
+        """
+        model: Self = _load(cls, path, own)
+        return model
+
+    def _run(
+        self,
+        until: Until | None,
+        result: Callable[[], Answer],
+        after: Callable[[], None] | None = None,
+    ) -> Answer:
+        """Step until the end, or until a question is answered with yes; return what there is.
+
+        `after` is called after every step.
+        """
+        if not (until is None or callable(until)):
+            raise ParameterError(f"until: a function of the model is needed, got {until!r}")
+
+        def steps() -> Answer:
+            while self.running and not (until is not None and until(self)):
+                self.step()
+                if after is not None:
+                    after()
+                if stopped():
+                    break
+            return result()
+
+        return keeping(steps)
+
+
+class _Figure:
+    """Reports one of a model's figures to Mesa; unlike a lambda it can be sent to a process."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __call__(self, model: SteppedModel) -> float:
+        return model.figures()[self.name]
+
+
+def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
+    """Return the Mesa model of a scene: `LoadModel` or `ElasticModel`, by the scene's rule.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its ``rule.kind`` decides.
+    **options
+        Handed to the model, such as ``engine="arrays"``.
+    """
+    if scene.rule.kind == "elastic":
+        from kaju.model.elastic.settling.elastic_model import ElasticModel
+
+        return ElasticModel(scene, **options)
+    from kaju.model.transfer.load_model import LoadModel
+
+    return LoadModel(scene, **options)

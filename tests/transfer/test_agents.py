@@ -1,0 +1,132 @@
+"""What an agent can tell of itself."""
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
+from kaju.agents.boundary_agent import FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent
+from kaju.model.transfer.agent_engine import AgentEngine
+
+LEFT, RIGHT, DOWN, UP = range(4)
+
+
+def row_of(letters, sides, rule, cell=(1, 0), force=(-2.0, 0.0)):
+    scene = Scene(
+        body={"cell_size": 0.01, "drawing": letters, "allow_floating": True},
+        legend={"#": "steel", ".": "air", "=": "rigid"},
+        sides=sides,
+        loads=[{"cell": cell, "force": force}],
+        rule=rule,
+    )
+    return LoadModel(scene)
+
+
+STRAIGHT = PrescribedRule(alpha=(0.5, 0.5, 0.0), beta=1.0, threshold=0.3)
+
+
+def agent_at(model, column, row=0):
+    assert isinstance(model.engine, AgentEngine)
+    return next(agent for agent in model.agents if agent.cell.coordinate == (column + 1, row + 1))
+
+
+def test_a_row_step_by_step():
+    model = row_of("##", {"left": "rigid"}, STRAIGHT)
+    assert agent_at(model, 1).inbox == {(LEFT, 2.0): 1.0}
+    model.step()
+    pressed = agent_at(model, 1)
+    assert (pressed.taken, pressed.kept, pressed.passed) == ({LEFT: 2.0}, 1.0, {LEFT: 1.0})
+    assert pressed.woken_by == []
+    woken = agent_at(model, 0)
+    assert woken.spawn_step == 2
+    assert woken.woken_by == [pressed]
+    model.step()
+    wall = agent_at(model, -1)
+    assert isinstance(wall, RigidBoundaryAgent)
+    assert wall.returned == 0.5
+    assert woken.inbox == {(RIGHT, 0.5): 1.0}, "the wall pushes back"
+    model.step()
+    assert woken.taken == {LEFT: 1.0, RIGHT: 0.5}
+    assert woken.dropped == 0.25
+    assert not model.running
+
+
+@pytest.mark.parametrize(
+    ("side", "kind", "back"),
+    [
+        ("free", FreeBoundaryAgent, LEFT),
+        ("rigid", RigidBoundaryAgent, RIGHT),
+        ("roller", RollerBoundaryAgent, RIGHT),
+    ],
+)
+def test_what_a_boundary_gives_back(side, kind, back):
+    model = row_of("##", {"left": side}, STRAIGHT, cell=(0, 0))
+    model.step()
+    assert isinstance(agent_at(model, -1), kind)
+    assert agent_at(model, 0).inbox == {(back, 1.0): 1.0}
+
+
+def test_a_roller_lets_slide_what_runs_along_it():
+    rule = PrescribedRule(alpha=(0.5, 0.0, 0.3), beta=1.0, threshold=0.3)
+    smooth = row_of("##", {"bottom": "roller"}, rule, cell=(0, 0))
+    rough = row_of("##", {"bottom": "rigid"}, rule, cell=(0, 0))
+    for model in (smooth, rough):
+        model.step()
+    assert agent_at(smooth, 0).inbox == {(LEFT, 0.6): 2.0}, "from above and from below"
+    assert agent_at(rough, 0).inbox == {(LEFT, 0.6): 1.0, (RIGHT, 0.6): 1.0}
+
+
+def test_air_and_ground_inside_the_array_are_boundaries_too():
+    model = row_of(".#=", {}, STRAIGHT, force=(2.0, 0.0))
+    stage = model.run().last
+    assert stage.boundary_cells.tolist() == [[2, 0], [0, 0]]
+    assert stage.boundary_spawn_step.tolist() == [2, 3]
+
+
+def test_an_agent_is_woken_by_all_that_reach_it_first():
+    rule = PrescribedRule(alpha=(0.5, 0.5, 0.25), threshold=0.2)
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [3, 2], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [column, 1], "force": [0.0, -1.0]} for column in (0, 2)],
+        rule=rule,
+    )
+    for engine in ("agents", "arrays"):
+        stage = LoadModel(scene, engine=engine).run().last
+        middle = stage.cells.tolist().index([1, 1])
+        assert stage.woken_by[middle] == 2**LEFT + 2**RIGHT
+
+
+class Greedy(MaterialAgent):
+    """Passes on only what goes ahead."""
+
+    def pass_on(self, load):
+        self.model.hand_over(self, load.direction, load._replace(magnitude=0.4 * load.magnitude))
+
+
+def test_a_subclass_changes_the_rule():
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [3, 9], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 8], "force": [0.0, -2.0]}],
+        rule=PrescribedRule(threshold=0.1),
+    )
+    stage = LoadModel(scene, material_agent=Greedy).run().last
+    assert stage.cells.tolist() == [[1, row] for row in (8, 7, 6, 5)]
+    np.testing.assert_allclose(stage.taken[:, DOWN], [2.0, 0.8, 0.32, 0.128])
+
+
+def test_the_load_path_is_a_graph_of_loads():
+    model = row_of("##", {"left": "rigid"}, STRAIGHT)
+    graph = model.run().load_path()
+    assert isinstance(graph, nx.DiGraph)
+    assert graph.edges[(1, 0), (0, 0)]["weight"] == 1.0
+    assert graph.edges[(0, 0), (-1, 0)]["weight"] == 0.5
+    assert graph.edges[(-1, 0), (0, 0)]["weight"] == 0.5
+    assert graph.nodes[(-1, 0)]["kind"] == "rigid"
+    assert graph.nodes[(0, 0)] == {
+        "kind": "material",
+        "material": "steel",
+        "spawn_step": 2,
+        "pos": (0.005, 0.005),
+    }

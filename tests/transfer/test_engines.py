@@ -1,0 +1,107 @@
+"""Objects and arrays are two tellings of one story."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from strategies import scenes
+
+from kaju import KajuError, LoadModel, MaterialAgent, Scene, stability
+from kaju.errors import ParameterError, StabilityError
+from kaju.model.transfer.agent_engine import AgentEngine
+from kaju.model.transfer.array_engine import ArrayEngine
+from kaju.model.transfer.stage import Ledger
+
+
+def assert_same(one, other):
+    for field in fields(one):
+        a, b = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(a, np.ndarray):
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12, err_msg=field.name)
+        elif isinstance(a, float):
+            assert a == pytest.approx(b, rel=1e-12, abs=1e-12), field.name
+        elif isinstance(a, (int, str)):
+            assert a == b, field.name
+        else:
+            assert_same(a, b)
+
+
+def run_both(scene):
+    """Run a scene on both engines: same loads, balanced ledgers, a certificate that is right."""
+    if not stability(scene).stable:
+        with pytest.raises(StabilityError, match="lower"):
+            LoadModel(scene)
+        return
+    models = [LoadModel(scene, engine=engine) for engine in ("agents", "arrays")]
+    agents, arrays = (model.run().last for model in models)
+    assert_same(agents, arrays)
+    assert agents.ledger.imbalance < 1e-12
+    assert agents.ledger.pending == 0.0
+    assert agents.generations <= models[0].certificate.generations
+
+
+@settings(max_examples=100)
+@given(scene=scenes())
+def test_both_engines_give_the_same_loads_and_balanced_ledgers(scene):
+    run_both(scene)
+
+
+@pytest.mark.slow
+@settings(max_examples=500)
+@given(scene=scenes(senses=st.just(True)))
+def test_both_engines_tell_pushes_from_pulls_alike(scene):
+    assume(stability(scene).stable)
+    run_both(scene)
+
+
+@settings(max_examples=250)
+@given(scene=scenes())
+def test_every_random_scene_ends_balanced_or_with_a_named_error(scene):
+    try:
+        result = LoadModel(scene, engine="arrays").run()
+    except KajuError:
+        return
+    ledger = result.last.ledger
+    assert ledger.imbalance < 1e-12
+    assert ledger.taken == pytest.approx(result.last.taken.sum(), rel=1e-12)
+    assert ledger.returned == pytest.approx(result.last.returned.sum(), rel=1e-12, abs=1e-12)
+    assert np.isfinite(result.displacement).all()
+
+
+PLATE = {
+    "body": {"cell_size": 0.01, "cells": [8, 8], "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [3, 7], "force": [0.0, -2.0]}],
+}
+
+
+class Quiet(MaterialAgent):
+    """Keeps everything."""
+
+    def pass_on(self, load):
+        self.dropped += load.total
+
+
+def test_an_agent_of_ones_own_switches_to_objects():
+    body = {"cell_size": 0.01, "cells": [200, 200], "material": "steel"}
+    scene = Scene(**{**PLATE, "body": body})
+    assert isinstance(LoadModel(scene).engine, ArrayEngine)
+    model = LoadModel(scene, material_agent=Quiet)
+    assert isinstance(model.engine, AgentEngine)
+    stage = model.run().last
+    assert stage.cells.tolist() == [[3, 7]]
+    assert stage.ledger == Ledger(2.0, 2.0, 1.0, 2.0, 0.0, 0.0, 2.0, 0.0)
+
+
+def test_small_bodies_live_as_objects():
+    assert isinstance(LoadModel(Scene(**PLATE)).engine, AgentEngine)
+    assert isinstance(LoadModel(Scene(**PLATE), engine="arrays").engine, ArrayEngine)
+
+
+def test_a_wrong_engine_is_refused():
+    with pytest.raises(ParameterError, match=r"engine: 'auto', 'agents' or 'arrays', got 'gpu'"):
+        LoadModel(Scene(**PLATE), engine="gpu")
+    with pytest.raises(ParameterError, match="knows no Quiet"):
+        LoadModel(Scene(**PLATE), engine="arrays", material_agent=Quiet)

@@ -1,0 +1,116 @@
+"""The certificate, against dense eigenvalues and against what runs really do."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from strategies import scenes
+
+from kaju import KajuError, LoadModel, PrescribedRule, Scene, stability
+from kaju.errors import StabilityError
+from kaju.model.transfer.stability import transfer_operator
+from kaju.model.transfer.transfer import Transfer
+
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+}
+TWO = {
+    "body": {"cell_size": 0.01, "drawing": "ssss\nsrrs\nss.s"},
+    "legend": {"s": "steel", "r": "rubber", ".": "air"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [1, 2], "force": [0.0, -2.0]}],
+}
+
+
+def test_the_plate_ends_within_eight_generations():
+    certificate = stability(Scene(**PLATE))
+    assert certificate.stable
+    assert certificate.spectral_radius == pytest.approx(1.15)
+    assert certificate.generations == 8
+    assert certificate.verdict == "every load ends within 8 generations"
+
+
+def test_added_up_the_plate_is_refused_with_a_remedy_that_works():
+    scene = Scene(**PLATE, rule=PrescribedRule(accumulate=True))
+    with pytest.raises(
+        StabilityError, match=r"grow by 15 % .*forward \(α₂\) below 0\.35 or"
+    ) as error:
+        LoadModel(scene)
+    assert "friction (α₃) below 0.175" in str(error.value)
+    for alpha in [(0.5, 0.3499, 0.25), (0.5, 0.5, 0.1749)]:
+        mended = Scene(**PLATE, rule=PrescribedRule(alpha=alpha, accumulate=True))
+        assert stability(mended).stable
+        assert LoadModel(mended, engine="arrays").run().last.ledger.pending == 0.0
+
+
+def test_an_unstable_run_on_demand_stops_before_it_overflows():
+    scene = Scene(**PLATE, rule=PrescribedRule(accumulate=True))
+    stage = LoadModel(scene, engine="arrays", allow_unstable=True).run().last
+    assert "the loads have grown to 1e+12 times" in stage.outcome
+    assert np.isfinite(stage.taken).all()
+    assert stage.ledger.imbalance < 1e-12
+
+
+def test_a_share_of_one_never_ends():
+    scene = Scene(**PLATE, rule=PrescribedRule(alpha=(0.5, 1.0, 0.25)))
+    with pytest.raises(StabilityError, match="never ends"):
+        LoadModel(scene)
+    stage = LoadModel(scene, allow_unstable=True, max_generations=30).run().last
+    assert stage.outcome == "stopped after max_generations = 30 with loads on their way"
+
+
+@settings(max_examples=60)
+@given(scene=scenes())
+def test_the_bounds_enclose_the_dense_spectral_radius(scene):
+    try:
+        certificate = stability(scene)
+    except KajuError:
+        return
+    operator = transfer_operator(scene, Transfer(scene)).toarray()
+    radius = np.abs(np.linalg.eigvals(operator)).max()
+    # Eigenvalues of defective matrices are themselves only good to some digits.
+    assert certificate.lower <= radius + 1e-3
+    assert radius <= certificate.upper + 1e-3
+
+
+def test_power_iteration_narrows_down_two_materials():
+    certificate = stability(Scene(**TWO, rule=PrescribedRule(beta=0.0)))
+    operator = transfer_operator(*_scene_and_transfer(TWO)).toarray()
+    assert certificate.spectral_radius == pytest.approx(
+        np.abs(np.linalg.eigvals(operator)).max(), rel=1e-6
+    )
+    columns = operator.sum(axis=0)
+    assert columns.min() < certificate.spectral_radius < columns.max()
+
+
+def _scene_and_transfer(table):
+    scene = Scene(**table, rule=PrescribedRule(beta=0.0))
+    return scene, Transfer(scene)
+
+
+def test_the_operator_does_what_a_generation_does():
+    """T applied to the loads of one generation gives those of the next."""
+    scene = Scene(**TWO, rule=PrescribedRule(beta=0.2, threshold=1e-9))
+    operator = transfer_operator(scene, Transfer(scene))
+    history = LoadModel(scene, engine="arrays").run().last
+    everywhere = np.indices(scene.lattice.shape).reshape(2, -1).T
+    body = everywhere[scene.kinds(everywhere) >= 0].tolist()
+    number = {tuple(cell): row for row, cell in enumerate(body)}
+    loads = np.zeros((4, len(body) * 4))
+    record = history.history
+    for generation in range(4):
+        now = record.generation == generation + 1
+        for agent, direction, load in zip(
+            record.agent[now], record.direction[now], record.load[now], strict=True
+        ):
+            cell = tuple(history.cells[agent].tolist())
+            loads[generation, number[cell] * 4 + direction] = load
+    for generation in range(3):
+        np.testing.assert_allclose(operator @ loads[generation], loads[generation + 1], atol=1e-7)
+
+
+def test_sides_that_need_the_elastic_rule_are_named():
+    scene = Scene(**{**PLATE, "sides": {"bottom": {"stiffness": 1e9}}})
+    with pytest.raises(KajuError, match=r"sides\.bottom: a foundation side needs the elastic rule"):
+        LoadModel(scene)

@@ -1,0 +1,122 @@
+"""Storing a result and reading it again."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from kaju import (
+    ElasticResult,
+    ElasticRule,
+    LoadModel,
+    PrescribedRule,
+    Scene,
+    TransferResult,
+    load_result,
+    solve,
+)
+from kaju.errors import ResultError, ResultFileError
+from kaju.model.results.archive import write_archive
+
+
+@pytest.fixture(scope="module")
+def result():
+    scene = Scene(
+        body={"cell_size": 0.01, "drawing": "abba\naa.a\n===="},
+        legend={"a": "steel", "b": "rubber", ".": "air", "=": "rigid"},
+        loads=[{"cell": [1, 2], "force": [0.5, -2.0], "steps": 3}],
+        rule=PrescribedRule(threshold=1e-3),
+    )
+    return LoadModel(scene).run()
+
+
+def test_a_result_survives_storing(result, tmp_path):
+    path = result.save(tmp_path / "run")
+    assert path == tmp_path / "run.npz"
+    again = TransferResult.load(path)
+    assert again.scene == result.scene
+    assert again.summary() == result.summary()
+    assert again.certificate == result.certificate
+    np.testing.assert_array_equal(again.displacement, result.displacement)
+    for one, other in zip(result.stages, again.stages, strict=True):
+        assert one.ledger == other.ledger
+        assert one.outcome == other.outcome
+        for field in dataclasses.fields(one):
+            if isinstance(getattr(one, field.name), np.ndarray):
+                np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+        np.testing.assert_array_equal(one.history.load, other.history.load)
+    assert [file.name for file in tmp_path.iterdir()] == ["run.npz"], "nothing half-written"
+
+
+def test_results_stored_before_arrivals_were_kept_are_read(result, tmp_path):
+    arrays, about = result._archive()
+    text, own = result.scene.to_archive()
+    old = {name: a for name, a in arrays.items() if not name.endswith(".arrived")}
+    old |= {f"scene.{name}": array for name, array in own.items()}
+    about |= {"scene": text, "seconds": 1.0}
+    again = load_result(write_archive(tmp_path / "old", result.kind, old, about))
+    assert np.isnan(again.reactions["rigid"]).all()
+    assert again.summary() == result.summary() | {"reaction": {}, "seconds": 1.0}
+
+
+def test_a_stored_result_is_read_whatever_its_kind(result, tmp_path):
+    assert load_result(result.save(tmp_path / "result")).scene == result.scene
+    assert load_result(tmp_path).summary() == result.summary()
+    elastic = solve(result.scene.replace(rule=ElasticRule()))
+    elastic.save(tmp_path / "elastic")
+    assert isinstance(load_result(tmp_path / "elastic.npz"), ElasticResult)
+    with pytest.raises(ResultFileError, match="of kind 'elastic', not of 'load transfer'"):
+        TransferResult.load(tmp_path / "elastic.npz")
+    write_archive(tmp_path / "strange", "tea leaves", {}, {})
+    with pytest.raises(ResultFileError, match="'tea leaves', which this kaju cannot read"):
+        load_result(tmp_path / "strange.npz")
+
+
+def test_the_file_needs_no_pickle(result, tmp_path):
+    with np.load(result.save(tmp_path / "run"), allow_pickle=False) as archive:
+        assert all(archive[name].dtype != object for name in archive.files)
+
+
+def test_files_that_are_no_results_are_refused(result, tmp_path):
+    with pytest.raises(ResultFileError, match="there is no such file"):
+        TransferResult.load(tmp_path / "nothing.npz")
+    (tmp_path / "text.npz").write_text("hello")
+    with pytest.raises(ResultFileError, match="is not a result that kaju has saved"):
+        TransferResult.load(tmp_path / "text.npz")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(ResultFileError, match="is not a result"):
+        TransferResult.load(tmp_path / "other.npz")
+    with pytest.raises(ResultFileError, match="cannot be written"):
+        result.save(tmp_path / "missing" / "run.npz")
+
+
+def test_the_summary_has_its_keys(result):
+    assert list(result.summary()) == [
+        "rule",
+        "generations",
+        "material_agents",
+        "boundary_agents",
+        "free_boundary_agents",
+        "rigid_boundary_agents",
+        "load_taken",
+        "load_dropped",
+        "reaction",
+        "max_displacement",
+        "spectral_radius",
+        "seconds",
+        "kaju_version",
+    ]
+
+
+def test_a_data_frame_has_a_row_per_agent(result):
+    frame = result.to_dataframe()
+    assert len(frame) == len(result.last.cells) == 7
+    assert set(frame["material"]) == {"steel", "rubber"}
+    assert frame["taken_-y"].sum() == pytest.approx(result.last.taken[:, 2].sum())
+    assert frame.loc[0, ["cell_x", "cell_y", "spawn_step"]].tolist() == [1, 2, 1]
+    np.testing.assert_array_equal(frame["stress_yy"], result.stress[:, 1, 1])
+
+
+def test_a_stage_that_is_not_there(result):
+    with pytest.raises(ResultError, match="the stages 1 to 3, got 4"):
+        result.at_stage(4)

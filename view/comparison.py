@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
 from kaju.model.study.compare import Comparison, Pair, near_line
 from kaju.model.study.reference import Reference
@@ -215,7 +215,7 @@ def at_cells(comparison: Comparison, line: Line, what: tuple[str, str]) -> tuple
     length = float(np.linalg.norm(span))
     on_line = near_line(comparison.points, start, span / length, length)
     pair = pair_of(comparison, *what)
-    row = [int(np.argmin(np.abs(comparison.points - p).sum(axis=1))) for p in on_line]
+    row = [first_largest(-np.abs(comparison.points - p).sum(axis=1)) for p in on_line]
     chosen = Pair(pair.name, pair.unit, pair.values[row], pair.reference[row])
     return (on_line - start) @ (span / length), chosen
 
@@ -357,7 +357,7 @@ def plot_error(
     """Draw where the error is, as a share of the reference's largest value."""
     pair, scene = pair_of(comparison, quantity), comparison.result.scene
     cells = scene.lattice.locate(comparison.points)
-    worst = cells[int(np.argmax(pair.error))]
+    worst = cells[first_largest(pair.error)]
     if scene.lattice.dimension == 3 and cut is None:
         cut = {"y": (float(worst[1]) + 0.5) * scene.lattice.cell_size}
     section = section_of(scene, None, cut, False)
@@ -487,7 +487,7 @@ def _grade(misfit: float) -> str:
 def _off(comparison: Comparison, what: str) -> str:
     pair = comparison.displacement if what == "displacement" else comparison.stress
     assert pair is not None
-    place = comparison.points[int(np.argmax(pair.error))]
+    place = comparison.points[first_largest(pair.error)]
     edges = ", ".join(f"{1e3 * value:.4g}" for value in place)
     return (
         f"{what} off by up to {pair.max_error:.1%} of the largest "

@@ -14,7 +14,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.lines import Line2D
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult, load_path
@@ -178,7 +178,7 @@ def around_heaviest(stage: Stage, most: int = MOST_AGENTS) -> Stage:
     """Return a stage with only the agents around the one that took most, if there are many."""
     if len(stage.cells) <= most:
         return stage
-    heaviest = stage.cells[np.argmax(stage.taken.sum(axis=1))]
+    heaviest = stage.cells[first_largest(stage.taken.sum(axis=1))]
     kept = np.abs(stage.cells - heaviest).max(axis=1) <= REACH
     loads = ("taken", "pulled", "kept", "shortened", "widened", "passed", "dropped")
     names = ("cells", "material", "spawn_step", "woken_by", *loads)

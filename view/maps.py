@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 
 from kaju.agents.materials import suggestion
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
@@ -66,7 +66,8 @@ def quantity_of(
         return Quantity(values, f"Displacement along {chosen}", "m", signed=True)
     tensor, unit = getattr(result, what), "Pa" if what == "stress" else "m/m"
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
-    largest = max(pairs, key=lambda pair: float(np.abs(tensor[:, *pairs[pair]]).max(initial=0.0)))
+    sizes = [np.abs(tensor[:, *pair]).max(initial=0.0) for pair in pairs.values()]
+    largest = list(pairs)[first_largest(np.array(sizes))]
     chosen = _known(component or largest, tuple(pairs))
     symbol = "σ" if what == "stress" else "ε"
     title = f"{what.capitalize()} {symbol}{chosen}"
@@ -158,7 +159,7 @@ def plot_map(
         notes = ["no cell has taken a load", *notes]
     else:
         colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit, extend)
-        extreme = float(shown.values[np.argmax(np.abs(shown.values))])
+        extreme = float(shown.values[first_largest(np.abs(shown.values))])
         notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(notes)]
     finish(ax, section, shown.title, notes, entries)
     return ax

@@ -18,7 +18,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
 from kaju.model.results.result import BodyResult
 from kaju.model.transfer.stage import Stage
@@ -254,7 +254,8 @@ def _deforming(
     entries = draw_body(ax, section, filled=False)
     draw_rest(ax, section)
     draw_forces(ax, section, stage)
-    fullest = max(moves, key=lambda move: float(np.abs(move.moved).max(initial=0.0)))
+    sizes = [np.abs(move.moved).max(initial=0.0) for move in moves]
+    fullest = moves[first_largest(np.array(sizes))]
     last = draw_deformed(ax, section, fullest, factor, norm)
     colour_bar(ax, last, "displacement", "m")
     notes = finish(ax, section, "The body deforms", TWO_LINES, entries)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dasum
 from scipy.sparse.linalg import SuperLU
 
+from kaju.arrays import first_largest
 from kaju.compiling import njit
 
 from .fallback import algebraic_preconditioner, factorise
@@ -236,4 +237,4 @@ def _moved(problem: ElasticProblem) -> Vector:
 
 def _largest(values: Vector) -> float:
     """Return the value of largest size: what a side is moved by where nothing else holds it."""
-    return float(values.flat[np.abs(values).argmax()]) if values.size else 0.0
+    return float(values.flat[first_largest(np.abs(values.ravel()))]) if values.size else 0.0

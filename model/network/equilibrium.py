@@ -42,7 +42,7 @@ def tangent_error(
     network = assembler.network
     mode = assembler.expand(direction)
     moved = np.linalg.norm(mode, axis=1)
-    most = np.argsort(-moved, kind="stable")[:_NAMED]
+    most = np.argsort(-np.round(moved / moved.max(), 9), kind="stable")[:_NAMED]  # ties by name
     most = most[moved[most] > 0.05 * moved.max()]
     names = tuple(network.names[int(node)] for node in most)
     place = np.round(network.positions[most[0]], 6).tolist()

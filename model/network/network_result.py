@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator, make_interp_spline
 
 from kaju import __version__
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import NETWORK, RECORDS
@@ -165,9 +165,12 @@ class NetworkResult(Result):
         return ends[1] - ends[0] + float(curve.integrate(0.0, 1.0))
 
     def largest_displacement(self, record: int = -1) -> tuple[Hashable, float]:
-        """Return the name of the node that moved farthest, and how far (m)."""
+        """Return the name of the node that moved farthest, and how far (m).
+
+        Of nodes that moved equally far (to 1e-9) the first in the order of the network's names.
+        """
         moved = np.linalg.norm(self.displacement[record], axis=1)
-        node = int(np.argmax(moved))
+        node = first_largest(moved)
         return self.network.names[node], float(moved[node])
 
     def share_of_height(self, record: int = -1) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, diags_array
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, first_largest
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.network.assembler import Assembler, Geometry, spring_forces, spring_geometry
 from kaju.model.network.equilibrium import SpringLaw, find_balance, tangent_error
@@ -326,7 +326,7 @@ class NetworkCreepResult(Course):
     def largest_displacement(self) -> Floats:
         """Return how far the node that ever moves most has moved (m) at every time."""
         moved: Floats = np.linalg.norm(self.displacement, axis=2)
-        return moved[:, int(moved.max(axis=0).argmax())]
+        return moved[:, first_largest(moved.max(axis=0))]
 
     def grip_force(self) -> Floats:
         """Return the force (N) of what moves held nodes, along their way, at every time.

@@ -16,7 +16,7 @@ import numpy as np
 
 from kaju import __version__
 from kaju.agents.rules import ElasticRule
-from kaju.arrays import Floats
+from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.scene import Scene
@@ -234,7 +234,7 @@ def beside_elasticity(
     fit: Fit | None = None
 
     def told(*notes: str) -> BesideElasticity:
-        axis, seconds = int(force.argmax()), perf_counter() - began
+        axis, seconds = first_largest(force), perf_counter() - began
         return BesideElasticity(scene, believed, found, fit, axis, seconds, notes)
 
     elastic = scene

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, first_largest
 from kaju.model.scene import Scene
 
 from .transfer import Transfer, split_force
@@ -128,7 +128,7 @@ def _ends(generations: int) -> str:
 
 def _grows(transfer: Transfer, lower: float, upper: float) -> str:
     """Say why the run is refused, and which share to lower below what."""
-    worst = int(np.argmax(transfer.emitted.max(axis=(1, 2))))
+    worst = first_largest(transfer.emitted.max(axis=(1, 2)))
     shares, name = transfer.shares[worst], transfer.materials[worst].name
     if not transfer.rule.accumulate:
         return (

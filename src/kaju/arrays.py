@@ -6,3 +6,17 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+
+TIE = 1e-9
+"""Values that differ by less than this share of the largest size are equal: another
+processor rounds them in another order."""
+
+
+def first_largest(values: Floats) -> int:
+    """Return the first index whose value equals the largest one, but for rounding."""
+    return int(all_largest(values)[0])
+
+
+def all_largest(values: Floats) -> Ints:
+    """Return the indices of all values that equal the largest one, but for rounding."""
+    return np.flatnonzero(values >= values.max() - TIE * np.abs(values).max())

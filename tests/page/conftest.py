@@ -79,7 +79,7 @@ class Opened:
             f"return {expression}; }})()"
         )
 
-    def until(self, expression, seconds=60):
+    def until(self, expression, seconds=120):
         """Wait until an expression holds; the page's policy lets no string be polled in it."""
         end = time.monotonic() + seconds
         while not self.js(expression):

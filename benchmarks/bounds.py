@@ -28,11 +28,11 @@ from time import process_time
 import numpy as np
 from peers.graded_bricks import solve_bricks
 
-from kaju import Scene, solve
+from kaju import Scene, finite_elements, solve
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, KajuError
 from kaju.model.elastic.moduli import moduli_of
-from kaju.model.validation.graded_elements import solve_graded
-from kaju.model.validation.scene_elements import ElementAnswer, Floats
+from kaju.model.study.finite_elements import ElementField
 
 sys.path.append(str(Path(__file__).parent.parent / "tests"))
 
@@ -93,6 +93,11 @@ def made_of(codes: np.ndarray, materials: dict[str, dict[str, float]], **others:
     return Scene.from_array(codes, legend=used, cell_size=0.01, materials=present, **others)
 
 
+def graded(scene: Scene, levels: int) -> ElementField:
+    """Return what triangles of order 3 answer, graded into every corner."""
+    return finite_elements(scene, order=3, levels=levels).field
+
+
 def solid_of(seed: int) -> Scene:
     """Return a random solid: the materials, supports and kinds of load of the plane bodies."""
     rng = np.random.default_rng([13, seed])
@@ -145,7 +150,7 @@ def touches_along_an_edge(scene: Scene) -> bool:
 def truths(scene: Scene) -> tuple[float, float]:
     """Return the energies of a finer and a coarser graded mesh."""
     if scene.lattice.dimension == 2:
-        return tuple(solve_graded(scene, levels, order=3).energy for levels in (LEVELS, FEWER))
+        return tuple(graded(scene, levels).energy for levels in (LEVELS, FEWER))
     planes = [range(n + 1) for n in scene.lattice.shape]
     return tuple(solve_bricks(scene, planes, parts).energy for parts in PARTS)
 
@@ -256,7 +261,7 @@ def write() -> None:
     (DOCS / "bounds.md").write_text(f"{before}{FROM}\n{found}\n{TO}{after}", encoding="utf-8")
 
 
-def stress_errors(scene: Scene, truth: ElementAnswer, tolerance: float) -> tuple[int, Floats]:
+def stress_errors(scene: Scene, truth: ElementField, tolerance: float) -> tuple[int, Floats]:
     """Return agents, and true errors in the energy norm, relative.
 
     Of `stress`, a tensor an agent; of `stress_at`, which runs from agent to agent; and of the mean
@@ -274,7 +279,7 @@ def stress_errors(scene: Scene, truth: ElementAnswer, tolerance: float) -> tuple
     )
     for (x, wx), (y, wy) in product(zip(place, weight, strict=True), repeat=2):
         points = result.lower + 0.5 * (1.0 + np.array([x, y])) * result.size[:, None]
-        gradient = truth.gradient_at(points)
+        gradient = truth.at(points)[1]
         true = 0.5 * (gradient + gradient.transpose(0, 2, 1))
         for kind, strain in enumerate((result.strain, result.strain_at(points))):
             off = strain - true
@@ -288,7 +293,7 @@ def stress_errors(scene: Scene, truth: ElementAnswer, tolerance: float) -> tuple
 def compare_stresses() -> None:
     """Tell how many agents the mean field takes for an equal error."""
     for body in (plate, angle, inclusion):
-        truth = solve_graded(body(), LEVELS, order=3)
+        truth = graded(body(), LEVELS)
         runs = [stress_errors(body(), truth, t) for t in (0.16, 0.08, 0.04, 0.02)]
         agents = np.log([n for n, _ in runs])
         *others, mean = np.log([errors for _, errors in runs]).T

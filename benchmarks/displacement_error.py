@@ -16,9 +16,8 @@ from pathlib import Path
 import numpy as np
 from bounds import body_of
 
-from kaju import solve
+from kaju import finite_elements, solve
 from kaju.errors import ConvergenceError, KajuError
-from kaju.model.validation.graded_elements import solve_graded
 
 ROOT = Path(__file__).parent.parent
 sys.path.append(str(ROOT / "tests"))
@@ -64,7 +63,7 @@ def random(first, count):
         seed += 1
         try:
             scene = body_of(seed)
-            truth, less = (solve_graded(scene, levels, order=2) for levels in (8, 6))
+            truth, less = (finite_elements(scene, levels=levels) for levels in (8, 6))
             tolerance = (0.05, 0.2)[seed % 2]
             result = solve(scene, strategy="spawning", tolerance=tolerance)
         except KajuError:

@@ -21,11 +21,8 @@ import skfem
 from peers.graded_bricks import solve_bricks
 from peers.problems import BLOCK, PIXELS, PLATE, Problem
 
-from kaju import Scene
-from kaju.model.elastic.moduli import moduli_of
+from kaju import Scene, finite_elements
 from kaju.model.study.reference import Reference
-from kaju.model.validation.graded_elements import solve_graded
-from kaju.model.validation.scene_elements import ElementAnswer
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent / "tests"
@@ -44,15 +41,6 @@ LOADED_CELL = ((0.10, 0.2), (0.11, 0.2))
 """The worked example presses on cell 10 of 20: x from 100 to 110 mm."""
 
 
-def stress_at(answer: ElementAnswer, problem: Problem, points) -> np.ndarray:
-    """Return the stress (Pa) of plane stress at points."""
-    gradient = answer.gradient_at(points)
-    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
-    law = moduli_of(problem.youngs_modulus, problem.poissons_ratio, "stress")
-    volume = law.lateral * np.trace(strain, axis1=1, axis2=2)
-    return 2.0 * law.shear * strain + volume[:, None, None] * np.eye(2)
-
-
 def quarter() -> Scene:
     """Return the quarter x, y < ½ of the block, on rollers where it was cut."""
     patch = [list(BLOCK.patch[0]), [0.5, 0.5, 1.0]]
@@ -69,7 +57,7 @@ def quarter() -> Scene:
 def on_two(kind: str, solve, sizes, points):
     """Return the finer of two answers, its displacement at points, and where it comes from."""
     coarse, fine = (solve(size) for size in sizes)
-    before, moved = (answer.displacement_at(points) for answer in (coarse, fine))
+    before, moved = (answer.at(points)[0] for answer in (coarse, fine))
     gap = np.abs(moved - before).max() / np.abs(moved).max()
     return (
         fine,
@@ -89,7 +77,9 @@ def write(path: Path, points, displacement, stress, energy, source: str) -> None
 def triangles(scene: Scene, levels, points):
     """Answer a plane scene; see `on_two`."""
     kind = f"triangles of order 4, halved {levels[1]} times at singular points"
-    return on_two(kind, lambda number: solve_graded(scene, number), levels, points)
+    return on_two(
+        kind, lambda number: finite_elements(scene, order=4, levels=number).field, levels, points
+    )
 
 
 def plane_truth(problem: Problem, patch, points, path: Path, stressed: bool) -> None:
@@ -97,7 +87,7 @@ def plane_truth(problem: Problem, patch, points, path: Path, stressed: bool) -> 
     load = {"region": {"box": [list(p) for p in patch]}, "force": [0.0, -problem.force]}
     scene = problem.scene(1).replace(loads=[load])
     fine, moved, source = triangles(scene, LEVELS, points)
-    stress = stress_at(fine, problem, points) if stressed else None
+    stress = fine.at(points)[2] if stressed else None
     write(path, points, moved, stress, fine.energy, source)
 
 

@@ -18,23 +18,22 @@ from typing import Any
 
 import numpy as np
 
+from kaju.agents.elastic_rule import Moduli
 from kaju.arrays import Floats
-from kaju.model.elastic.moduli import Moduli
 from kaju.model.scene import Scene
-from kaju.model.validation.scene_elements import (
-    ElementAnswer,
+from kaju.model.study.finite_elements import (
+    ElementField,
     Index,
-    answer_of,
     cell_mesh,
-    cells_of,
     densities,
     depth,
     held,
-    scene_moduli,
+    multigrid,
+    solve_on,
     surroundings,
 )
 
-from .finite_elements import iterated, rigid_body_modes
+from .finite_elements import RESIDUAL
 
 SHARE = 0.5
 """Elements with more than this share of the largest η are refined."""
@@ -42,7 +41,7 @@ DIRECT = {2: 30_000, 3: 5_000}
 """Up to this many unknowns `scipy.sparse.linalg.spsolve` is quicker than pyamg."""
 
 
-def solve_elements(scene: Scene, mesh: Any, order: int = 1) -> ElementAnswer:
+def solve_elements(scene: Scene, mesh: Any, order: int = 1) -> ElementField:
     """Solve a scene on triangles or tetrahedra that are laid in cells.
 
     Parameters
@@ -61,17 +60,17 @@ def solve_elements(scene: Scene, mesh: Any, order: int = 1) -> ElementAnswer:
     element = elements[mesh.dim()][order - 1]()
     basis = skfem.Basis(mesh, skfem.ElementVector(element), intorder=2 * order - 1)
 
-    def solve(matrix: Any, right: Floats, free: Index) -> Floats:
-        if len(free) <= DIRECT[mesh.dim()]:
+    def solve(matrix: Any, right: Floats, motions: Floats) -> Floats:
+        if len(right) <= DIRECT[mesh.dim()]:
             from scipy.sparse.linalg import spsolve
 
             return np.asarray(spsolve(matrix.tocsc(), right))
-        return iterated(matrix.tocsr(), right, rigid_body_modes(basis.doflocs)[free])
+        return multigrid(matrix.tocsr(), right, motions, RESIDUAL)
 
-    return answer_of(scene, basis, surroundings(scene), solve)
+    return solve_on(scene, basis, surroundings(scene), solve)
 
 
-def adaptive(scene: Scene, order: int = 1) -> Iterator[tuple[ElementAnswer, float]]:
+def adaptive(scene: Scene, order: int = 1) -> Iterator[tuple[ElementField, float]]:
     """Yield answers on meshes refined where residuals are large, and their estimated error.
 
     The error is relative, in the energy norm.
@@ -84,35 +83,33 @@ def adaptive(scene: Scene, order: int = 1) -> Iterator[tuple[ElementAnswer, floa
         mesh = mesh.refined(np.flatnonzero(square > SHARE**2 * square.max()))
 
 
-def squared_errors(scene: Scene, answer: ElementAnswer) -> Floats:
+def squared_errors(scene: Scene, answer: ElementField) -> Floats:
     """Return η² of every element (J)."""
     import skfem
 
     basis, mesh = answer.basis, answer.basis.mesh
-    kind = surroundings(scene)[tuple(cells_of(mesh) + 1)]
-    moduli = scene_moduli(scene)
-    unit = 2.0 * depth(scene) * moduli.shear
+    unit = 2.0 * depth(scene) * answer.moduli.shear
     facets = mesh.boundary_facets()
     traction, weight = densities(scene, mesh, facets)
 
     vertices = skfem.Basis(mesh, basis.elem, quadrature=_at_corners(mesh.dim()))
-    stress = _stress(scene, moduli, kind, vertices.interpolate(answer.displacement).grad)
+    stress = _stress(scene, answer.moduli, vertices.interpolate(answer.displacement).grad)
     left = weight + _divergence(mesh, stress)
     size = basis.dx.sum(axis=1) ** (1.0 / mesh.dim())
-    total: Floats = size**2 * basis.dx.sum(axis=1) * (left**2).sum(axis=0) / unit[kind]
+    total: Floats = size**2 * basis.dx.sum(axis=1) * (left**2).sum(axis=0) / unit
 
     sides = [skfem.InteriorFacetBasis(mesh, basis.elem, side=side) for side in (0, 1)]
-    pulls = [_traction(scene, moduli, kind, side, answer.displacement) for side in sides]
+    pulls = [_traction(scene, answer, side) for side in sides]
     jump = _length(sides[0]) * (((pulls[0] - pulls[1]) ** 2).sum(axis=0) * sides[0].dx).sum(axis=1)
     for side in sides:
-        np.add.at(total, side.tind, 0.5 * jump / unit[kind[side.tind]])
+        np.add.at(total, side.tind, 0.5 * jump / unit[side.tind])
 
     free = _free_components(basis, facets, answer, surroundings(scene))
     surface = skfem.FacetBasis(mesh, basis.elem, facets=facets)
-    left = traction[..., None] - _traction(scene, moduli, kind, surface, answer.displacement)
+    left = traction[..., None] - _traction(scene, answer, surface)
     left = np.where(free[..., None], left, 0.0)
     jump = _length(surface) * ((left**2).sum(axis=0) * surface.dx).sum(axis=1)
-    np.add.at(total, surface.tind, jump / unit[kind[surface.tind]])
+    np.add.at(total, surface.tind, jump / unit[surface.tind])
     return total
 
 
@@ -121,12 +118,12 @@ def _at_corners(dimension: int) -> tuple[Floats, Floats]:
     return corners, np.ones(dimension + 1)
 
 
-def _stress(scene: Scene, moduli: Moduli, kind: Index, gradient: Floats) -> Floats:
+def _stress(scene: Scene, moduli: Moduli, gradient: Floats) -> Floats:
     """Return stresses times `depth`, as forces per area in cells; shape of the gradient."""
     strain = 0.5 * (gradient + gradient.swapaxes(0, 1))
-    volume = moduli.lateral[kind][:, None] * np.trace(strain)
+    volume = moduli.lateral[:, None] * np.trace(strain)
     unit = np.eye(len(gradient))[:, :, None, None]
-    return depth(scene) * (2.0 * moduli.shear[kind][:, None] * strain + unit * volume)
+    return depth(scene) * (2.0 * moduli.shear[:, None] * strain + unit * volume)
 
 
 def _divergence(mesh: Any, stress: Floats) -> Floats:
@@ -136,8 +133,9 @@ def _divergence(mesh: Any, stress: Floats) -> Floats:
     return np.einsum("abek,kbe->ae", grown, slopes)
 
 
-def _traction(scene: Scene, moduli: Moduli, kind: Index, side: Any, u: Floats) -> Floats:
-    stress = _stress(scene, moduli, kind[side.tind], np.asarray(side.interpolate(u).grad))
+def _traction(scene: Scene, answer: ElementField, side: Any) -> Floats:
+    moduli = Moduli(*(modulus[side.tind] for modulus in answer.moduli))
+    stress = _stress(scene, moduli, np.asarray(side.interpolate(answer.displacement).grad))
     return np.einsum("abfq,bfq->afq", stress, side.normals)
 
 
@@ -145,7 +143,7 @@ def _length(side: Any) -> Floats:
     return side.dx.sum(axis=1) ** (1.0 / (side.mesh.dim() - 1))
 
 
-def _free_components(basis: Any, facets: Index, answer: ElementAnswer, kinds: Index) -> Any:
+def _free_components(basis: Any, facets: Index, answer: ElementField, kinds: Index) -> Any:
     """Tell which components of traction are given on facets of the boundary."""
     fixed = np.zeros(basis.N, dtype=np.bool_)
     fixed[held(basis, kinds)] = True

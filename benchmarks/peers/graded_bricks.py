@@ -11,27 +11,26 @@ from typing import Any
 
 import numpy as np
 
+from kaju.agents.elastic_rule import Moduli
 from kaju.arrays import Floats
+from kaju.factors import factors_of
 from kaju.model.scene import Scene
-from kaju.model.validation.scene_elements import (
-    ElementAnswer,
-    Index,
-    answer_of,
+from kaju.model.study.finite_elements import (
+    ElementField,
     cells_of,
     depth,
-    factorised,
-    scene_moduli,
+    element_moduli,
+    multigrid,
+    solve_on,
     surroundings,
 )
-
-from .finite_elements import iterated, rigid_body_modes
 
 DIRECT = 60_000
 """Up to this many unknowns are factorised."""
 RESIDUAL = 1e-11
 
 
-def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) -> ElementAnswer:
+def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) -> ElementField:
     """Solve a scene of cubes.
 
     Parameters
@@ -60,18 +59,17 @@ def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) ->
     mesh = whole.restrict(np.flatnonzero(kinds[tuple(cells_of(whole) + 1)] >= 0))
     element = skfem.ElementHex2()
     scalar = skfem.Basis(mesh, element, intorder=4)
-    matrix = depth(scene) * _stiffness(scene, scalar, kinds[tuple(cells_of(mesh) + 1)])
+    matrix = depth(scene) * _stiffness(element_moduli(scene, mesh, kinds), scalar)
     # Where nothing acts within, one point a brick will do, which takes far less memory.
     inside = bool((scene.applied().direction < 0).any())
     basis = skfem.Basis(mesh, skfem.ElementVector(element), intorder=4 if inside else 1)
 
-    def solve(matrix: Any, right: Floats, free: Index) -> Floats:
+    def solve(matrix: Any, right: Floats, motions: Floats) -> Floats:
         if len(right) <= DIRECT:
-            return factorised(matrix, right, free)
-        modes = rigid_body_modes(basis.doflocs)[free]
-        return iterated(matrix.tocsr(), right, modes, RESIDUAL)
+            return factors_of(matrix).solve(right)
+        return multigrid(matrix.tocsr(), right, motions, RESIDUAL)
 
-    return answer_of(scene, basis, kinds, solve, matrix)
+    return solve_on(scene, basis, kinds, solve, matrix)
 
 
 def graded_ticks(cells: int, singular: Sequence[int], parts: int, elsewhere: int) -> Floats:
@@ -93,7 +91,7 @@ def graded_ticks(cells: int, singular: Sequence[int], parts: int, elsewhere: int
     return np.concatenate(positions)
 
 
-def _stiffness(scene: Scene, basis: Any, kind: Index) -> Any:
+def _stiffness(moduli: Moduli, basis: Any) -> Any:
     """Return the stiffness from the nine products of first derivatives; components alternate.
 
     Far quicker than a vector-valued form.
@@ -101,12 +99,11 @@ def _stiffness(scene: Scene, basis: Any, kind: Index) -> Any:
     import skfem
     from scipy.sparse import block_array
 
-    moduli = scene_moduli(scene)
     few = skfem.Basis(basis.mesh, basis.elem, intorder=3)
 
     def product(points: Any, modulus: Floats, a: int, b: int) -> Any:
         form = skfem.BilinearForm(lambda u, v, w: w.modulus * v.grad[a] * u.grad[b])
-        return form.assemble(points, modulus=modulus[kind][:, None] * np.ones_like(points.dx))
+        return form.assemble(points, modulus=modulus[:, None] * np.ones_like(points.dx))
 
     pairs = [(a, b) for a in range(3) for b in range(a, 3)]
     shear = {pair: product(basis, moduli.shear, *pair) for pair in pairs}

@@ -318,13 +318,14 @@ def _judged(scene: Scene, result: Any, number: int) -> dict[str, Any]:
 def _true_energy(scene: Scene) -> float:
     """Return the energy by graded elements; NaN if they cannot tell, or only slowly."""
     try:
-        from kaju.model.validation.graded_elements import singular_points, solve_graded
-        from kaju.model.validation.scene_elements import surroundings
+        from kaju.model.study.finite_elements import finite_elements, singular_points, surroundings
 
+        if scene.lattice.dimension != 2:
+            return nan
         if len(singular_points(scene, surroundings(scene))) > MOST_SINGULAR:
             return nan
-        return solve_graded(scene, LEVELS).energy
-    except (ImportError, KajuError):
+        return finite_elements(scene, order=4, levels=LEVELS).strain_energy or nan
+    except KajuError:
         return nan
 
 

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
     from kaju.model.study.compare import compare as compare
+    from kaju.model.study.finite_elements import finite_elements as finite_elements
     from kaju.model.study.fitting import fit_rule as fit_rule
     from kaju.model.study.reference import Reference as Reference
     from kaju.model.study.solving import solve as solve
@@ -77,6 +78,7 @@ _NAMES = {
     "model.rheology.load_history": "History",
     "model.scene": "Lattice Scene load_scene",
     "model.study.compare": "compare",
+    "model.study.finite_elements": "finite_elements",
     "model.study.fitting": "fit_rule",
     "model.study.reference": "Reference",
     "model.study.solving": "solve",

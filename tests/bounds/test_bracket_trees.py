@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from kaju import Scene, solve
-from kaju.model.validation.graded_elements import solve_graded
+from kaju import Scene, finite_elements, solve
 
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
 SOFT = {"youngs_modulus": 2e9, "poissons_ratio": 0.45}
@@ -43,7 +42,7 @@ BODIES = {
 @pytest.mark.parametrize("name", BODIES)
 def test_truths_lie_within(name):
     scene = BODIES[name]
-    truth = solve_graded(scene, 9, order=3).energy
+    truth = finite_elements(scene, order=3, levels=9).strain_energy
     bounds = []
     for tolerance in (0.2, 0.05):
         result = solve(scene, strategy="spawning", tolerance=tolerance)
@@ -68,7 +67,7 @@ def test_equal_agents_have_the_bounds_of_equal_cells():
 
 def test_weight_bends_agents_of_many_sizes():
     scene = drawn(L_SHAPE, [{"region": {"box": [[0.0, 0.0], [0.2, 0.2]]}, "force": [3.0, -9.0]}])
-    truth = solve_graded(scene, 9, order=3).energy
+    truth = finite_elements(scene, order=3, levels=9).strain_energy
     result = solve(scene, strategy="spawning", tolerance=0.05)
     lower, upper = result.energy_bounds
     assert lower <= truth * (1 + 1e-5)
@@ -144,7 +143,7 @@ def test_a_solid_of_many_sizes_keeps_a_tolerance_by_its_bound():
 
 def test_a_corner_alone_holds_nothing_together():
     scene = drawn(["a.aa", "aaa.", ".aa.", "aaaa"], PRESSED)
-    truth = solve_graded(scene, 9, order=3).energy
+    truth = finite_elements(scene, order=3, levels=9).strain_energy
     cells = solve(scene, strategy="uniform", resolution=8)
     agents = solve(scene, strategy="spawning", tolerance=0.05)
     for result in (cells, agents):

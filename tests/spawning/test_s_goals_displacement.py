@@ -8,11 +8,10 @@ import pytest
 from goal_bodies import FLAT, GROUND, SOLID, STEEL, beam, cube, pierced, plate, rubber, sheared
 from spawning_bodies import BODIES
 
-from kaju import Scene, SpawningModel, solve
+from kaju import Scene, SpawningModel, finite_elements, solve
 from kaju.errors import ParameterError
 from kaju.model.results.result import load_result
 from kaju.model.study.reference import Reference
-from kaju.model.validation.graded_elements import solve_graded
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 
@@ -65,7 +64,7 @@ def test_it_knows_of_what_agents_do_not_see_between_stiff_parts(tolerance):
         sides=GROUND,
         loads=[{"side": "right", "force": [0.0, -100.0]}],
     )
-    truth = solve_graded(scene, 12, order=3)
+    truth = finite_elements(scene, order=3, levels=12)
     result = spawned_by(scene, tolerance=tolerance)
     there = truth.displacement_at(result.middle)
     off = np.linalg.norm(result.displacement - there, axis=1).max()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kaju.model.validation import (
+from exact import (
     CONVERGING_PROBLEMS,
     BrazilianDisk,
     Cerruti,
@@ -12,7 +12,7 @@ from kaju.model.validation import (
     TimoshenkoCantilever,
     convergence,
 )
-from kaju.model.validation.eigenfields import DECAY, EXPONENT
+from exact.eigenfields import DECAY, EXPONENT
 
 STEP = 1e-5
 

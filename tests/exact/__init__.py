@@ -1,6 +1,6 @@
 """Problems with known solutions, for tests, documentation and benchmarks.
 
->>> from kaju.model.validation import Kirsch
+>>> from exact import Kirsch
 >>> problem = Kirsch()
 >>> result = problem.solve(16)
 >>> problem.error(result, of="stress") < 0.05
@@ -9,7 +9,10 @@ True
 
 from .bars import BimaterialBar, TimoshenkoCantilever
 from .eigenfields import LCorner, SaintVenantDecay
-from .exact import (
+from .half_space import Boussinesq, Cerruti, Flamant, StripLoad
+from .holes import BrazilianDisk, Kirsch, Lame
+from .known_problem import KnownProblem, Study, convergence
+from .uniform_fields import (
     ConfinedCompression,
     DisplacementPatch,
     ForcePatch,
@@ -19,11 +22,8 @@ from .exact import (
     SolidForcePatch,
     UniformCompression,
 )
-from .half_space import Boussinesq, Cerruti, Flamant, StripLoad
-from .holes import BrazilianDisk, Kirsch, Lame
-from .problem import Study, ValidationProblem, convergence
 
-EXACT_PROBLEMS: tuple[type[ValidationProblem], ...] = (
+EXACT_PROBLEMS: tuple[type[KnownProblem], ...] = (
     UniformCompression,
     ConfinedCompression,
     PureShear,
@@ -36,7 +36,7 @@ EXACT_PROBLEMS: tuple[type[ValidationProblem], ...] = (
 )
 """Problems whose solution the grid represents exactly."""
 
-CONVERGING_PROBLEMS: tuple[type[ValidationProblem], ...] = (
+CONVERGING_PROBLEMS: tuple[type[KnownProblem], ...] = (
     TimoshenkoCantilever,
     StripLoad,
     Flamant,
@@ -62,6 +62,7 @@ __all__ = [
     "Flamant",
     "ForcePatch",
     "Kirsch",
+    "KnownProblem",
     "LCorner",
     "Lame",
     "PureShear",
@@ -73,6 +74,5 @@ __all__ = [
     "Study",
     "TimoshenkoCantilever",
     "UniformCompression",
-    "ValidationProblem",
     "convergence",
 ]

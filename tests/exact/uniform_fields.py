@@ -19,13 +19,13 @@ from kaju.arrays import Floats
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.scene import Scene
 
-from .problem import Orders, ValidationProblem
+from .known_problem import KnownProblem, Orders
 
 EXACT: Orders = {"displacement": (inf, inf), "stress": (inf, inf)}
 
 
 @dataclass(frozen=True)
-class UniformCompression(ValidationProblem):
+class UniformCompression(KnownProblem):
     """A block between frictionless walls below and behind, pressed from above, free beside.
 
     Stress is -p along the load and zero across it; the block widens by Poisson's ratio
@@ -109,7 +109,7 @@ class ConfinedCompression(UniformCompression):
 
 
 @dataclass(frozen=True)
-class PureShear(ValidationProblem):
+class PureShear(KnownProblem):
     """A square glued to the ground with the same shear traction on its other sides.
 
     u_x = τy/μ and u_y = 0, so the ground's displacement is met as well
@@ -159,7 +159,7 @@ MACNEAL_HARDER = "MacNeal & Harder 1985, Finite Elements in Analysis and Design 
 
 
 @dataclass(frozen=True)
-class LinearField(ValidationProblem):
+class LinearField(KnownProblem):
     """A block in which the displacement is G·x, given on the whole outline.
 
     Attributes

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats
 
-from .problem import ValidationProblem
+from .known_problem import KnownProblem
 
 Complex = NDArray[np.complex128]
 
@@ -37,7 +37,7 @@ class Potentials(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PlaneProblem(ValidationProblem):
+class PlaneProblem(KnownProblem):
     """A plane problem that is solved by potentials.
 
     Attributes

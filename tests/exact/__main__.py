@@ -3,7 +3,7 @@
 Every line is one validation problem: what is compared, the power of the cell size by which
 the error falls, and the error at one resolution. Run it with
 
-    python benchmarks/validation_table.py
+    cd tests && python -m exact
 """
 
 from __future__ import annotations

@@ -13,12 +13,9 @@ import pytest
 
 pytest.importorskip("skfem")
 
-from fem_peer import solve_elements
 from scipy.ndimage import label
 
-from kaju import Scene
-from kaju.model.elastic.problem import CellLoads
-from kaju.model.elastic.solve import solve
+from kaju import Scene, finite_elements, solve
 
 MATERIALS = [(1.0, 0.3), (3.0, 0.2), (0.5, 0.4)]
 NAMES = {-1: "air", 0: "plain", 1: "stiff", 2: "soft"}
@@ -49,12 +46,11 @@ def touches_by_a_corner(solid):
 
 def load_on_top(kinds, force):
     """A force on the top face of the first cell that has one."""
-    top = np.argwhere(kinds[..., -1] >= 0)[0]
-    cell = np.array([[*top, kinds.shape[-1] - 1]])
-    return CellLoads(cell, np.array([2 * kinds.ndim - 1]), np.array([force]))
+    top = np.argwhere(kinds[..., -1] >= 0)[0].tolist()
+    return {"cell": [*top, kinds.shape[-1] - 1], "side": "top", "force": force}
 
 
-def as_scene(kinds, loads, materials=MATERIALS, plane=None):
+def as_scene(kinds, load, materials=MATERIALS, plane=None):
     body = {} if plane is None else {"plane": plane, "thickness": 1.0}
     used = np.unique(kinds)
     return Scene.from_array(
@@ -67,12 +63,17 @@ def as_scene(kinds, loads, materials=MATERIALS, plane=None):
             if code in used
         },
         sides={"bottom": "rigid"},
-        loads=[
-            {"cell": cell.tolist(), "side": "top", "force": force.tolist()}
-            for cell, force in zip(loads.cells, loads.force, strict=True)
-        ],
+        loads=[load],
         **body,
     )
+
+
+def cells_of(scene, resolution):
+    return solve(scene, strategy="uniform", tolerance=1e-8, resolution=resolution)
+
+
+def boxes(scene, split, order=2):
+    return finite_elements(scene, elements="boxes", split=split, order=order)
 
 
 def limit(values):
@@ -88,14 +89,12 @@ def limit(values):
 )
 def test_plane_bodies_agree_with_elements(seed, plane):
     kinds = random_body(seed, (6, 5))
-    loads = load_on_top(kinds, [0.0, -1.0])
+    load = load_on_top(kinds, [0.0, -1.0])
     points = np.argwhere(kinds >= 0) + 0.5
-    elements = [
-        solve_elements(kinds, MATERIALS, 1.0, loads, plane=plane, split=k) for k in (2, 4, 8)
-    ]
-    scene = as_scene(kinds, loads, plane=plane)
-    cells = [solve(scene, tolerance=1e-8, resolution=k) for k in (4, 8, 16, 32)]
-    below = [answer.energy for answer in elements]
+    scene = as_scene(kinds, load, plane=plane)
+    elements = [boxes(scene, k) for k in (2, 4, 8)]
+    cells = [cells_of(scene, k) for k in (4, 8, 16, 32)]
+    below = [answer.strain_energy for answer in elements]
     above = [answer.strain_energy for answer in cells]
     truth = limit(below)
     assert np.all(np.diff(below) > 0)
@@ -112,12 +111,10 @@ def test_plane_bodies_agree_with_elements(seed, plane):
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_blocks_of_several_materials_are_bracketed(seed, plane):
     kinds = np.random.default_rng(seed).choice([0, 0, 1, 2], size=(5, 4))
-    loads = load_on_top(kinds, [0.0, -1.0])
-    scene = as_scene(kinds, loads, plane=plane)
-    below = [
-        solve_elements(kinds, MATERIALS, 1.0, loads, plane=plane, split=k).energy for k in (1, 2, 4)
-    ]
-    above = [solve(scene, tolerance=1e-8, resolution=k).strain_energy for k in (2, 4, 8, 16)]
+    load = load_on_top(kinds, [0.0, -1.0])
+    scene = as_scene(kinds, load, plane=plane)
+    below = [boxes(scene, k).strain_energy for k in (1, 2, 4)]
+    above = [cells_of(scene, k).strain_energy for k in (2, 4, 8, 16)]
     assert np.all(np.diff(below) > 0)
     assert np.all(np.diff(above) < 0)
     assert above[-1] > limit(below)
@@ -126,12 +123,12 @@ def test_blocks_of_several_materials_are_bracketed(seed, plane):
 
 def test_a_solid_body_agrees_with_elements():
     kinds = random_body(8, (3, 2, 3))
-    loads = load_on_top(kinds, [0.0, 0.0, -1.0])
+    load = load_on_top(kinds, [0.0, 0.0, -1.0])
     points = np.argwhere(kinds >= 0) + 0.5
-    elements = [solve_elements(kinds, MATERIALS, 1.0, loads, split=k) for k in (1, 2, 3)]
-    scene = as_scene(kinds, loads)
-    cells = [solve(scene, tolerance=1e-7, resolution=k) for k in (4, 8, 16)]
-    below = [answer.energy for answer in elements]
+    scene = as_scene(kinds, load)
+    elements = [boxes(scene, k) for k in (1, 2, 3)]
+    cells = [cells_of(scene, k) for k in (4, 8, 16)]
+    below = [answer.strain_energy for answer in elements]
     above = [answer.strain_energy for answer in cells]
     assert np.all(np.diff(below) > 0)
     assert np.all(np.diff(above) < 0)
@@ -147,16 +144,10 @@ def test_rubber_does_not_lock(split):
     rubber = [(1.0, 0.499)]
     kinds = np.zeros((6, 5), int)
     kinds[2:5, 2] = kinds[0, 3:] = -1
-    loads = load_on_top(kinds, [0.0, -1.0])
-
-    def elements(split, order):
-        return solve_elements(
-            kinds, rubber, 1.0, loads, plane="strain", split=split, order=order
-        ).energy
-
-    truth = limit([elements(k, 2) for k in (4, 8, 16)])
-    locked = elements(split, 1) / truth - 1
-    scene = as_scene(kinds, loads, rubber, "strain")
-    cells = solve(scene, tolerance=1e-7, resolution=split).strain_energy / truth - 1
+    load = load_on_top(kinds, [0.0, -1.0])
+    scene = as_scene(kinds, load, rubber, "strain")
+    truth = limit([boxes(scene, k).strain_energy for k in (4, 8, 16)])
+    locked = boxes(scene, split, 1).strain_energy / truth - 1
+    cells = cells_of(scene, split).strain_energy / truth - 1
     assert locked < -min(0.4, 1.2 / split)
     assert 0 < cells < 0.4 / split**1.6

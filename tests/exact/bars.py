@@ -11,15 +11,15 @@ from kaju.arrays import Floats
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.scene import Scene
 
-from .exact import EXACT
+from .known_problem import MATERIAL, KnownProblem, Orders
 from .potentials import Complex, PlaneProblem, Potentials
-from .problem import MATERIAL, Orders, ValidationProblem
+from .uniform_fields import EXACT
 
 SECOND = "second"
 
 
 @dataclass(frozen=True)
-class BimaterialBar(ValidationProblem):
+class BimaterialBar(KnownProblem):
     """Two materials in a frictionless sleeve, pressed together by a pressure at the end.
 
     The stress along the bar is -p in both; each part shortens by p/C₁₁ of its own, so the

@@ -135,7 +135,7 @@ MATERIAL = "elastic"
 
 
 @dataclass(frozen=True)
-class ValidationProblem(ABC):
+class KnownProblem(ABC):
     """A body whose displacement and stress are known.
 
     Attributes
@@ -257,13 +257,13 @@ class Study(NamedTuple):
 
 
 def convergence(
-    problem: ValidationProblem, resolutions: Sequence[int] | None = None
+    problem: KnownProblem, resolutions: Sequence[int] | None = None
 ) -> dict[Quantity, Study]:
     """Solve a problem at several resolutions and fit the order of what it compares.
 
     Parameters
     ----------
-    problem : ValidationProblem
+    problem : KnownProblem
     resolutions : sequence of int, optional
         By default the problem's own.
     """

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kaju.model.validation import (
+from exact import (
     EXACT_PROBLEMS,
     BimaterialBar,
     ConfinedCompression,

@@ -12,8 +12,8 @@ from kaju.arrays import Floats
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 
+from .known_problem import Orders
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
-from .problem import Orders
 
 EXPONENT = 0.5444837367824639
 """Smallest positive root λ of sin(3πλ/2) = λ, the opening mode of a corner of 270°."""

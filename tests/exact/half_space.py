@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats
 from kaju.model.scene import Scene
 
+from .known_problem import KnownProblem, Orders
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
-from .problem import Orders, ValidationProblem
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ _STEP = 1e-30
 
 
 @dataclass(frozen=True)
-class _HalfSpace(ValidationProblem):
+class _HalfSpace(KnownProblem):
     """A block below the surface of a half space.
 
     Attributes

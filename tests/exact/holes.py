@@ -17,8 +17,8 @@ import numpy as np
 from kaju.arrays import Floats
 from kaju.model.scene import Scene
 
+from .known_problem import Orders
 from .potentials import Complex, PlaneProblem, Potentials, polar_points
-from .problem import Orders
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,522 @@
+"""Finite elements on the cells of a scene (scikit-fem): the independent answer.
+
+Nothing of kaju's own solvers takes part: a scene gives its cells, moduli, loads and supports,
+scikit-fem the elements. Triangles may be graded towards every point where the solution is
+singular, which makes them the truth of plane bodies. Within, lengths are in cells of the scene,
+displacements in metres, forces in newtons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Floats
+from kaju.errors import MissingExtraError, ParameterError
+from kaju.factors import factors_of, rigid_motions
+from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.scene import Scene
+from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.study.reference import Reference
+
+Index = NDArray[np.int64]
+
+NEAREST = 16
+"""Elements that are asked first for a point."""
+ROUNDING = 1e-9
+DIRECT = 400_000
+"""More unknowns than this are found by pyamg, which needs less memory than factors."""
+RESIDUAL = 1e-10
+ORDERS = {"triangles": (1, 2, 3, 4), "boxes": (1, 2)}
+MOST_CELLS = 1_000_000
+"""Bodies of more cells do not fit in memory as elements."""
+
+
+def finite_elements(
+    scene: Scene,
+    *,
+    elements: Literal["triangles", "boxes"] | None = None,
+    order: int = 2,
+    levels: int = 8,
+    split: int = 1,
+) -> ElementReference:
+    """Solve a scene by finite elements of scikit-fem, which share nothing with kaju's solvers.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of square cells or cubes; its sides are free, rigid or rollers.
+    elements : {"triangles", "boxes"}, optional
+        Four triangles a cell, graded towards singular points, or squares (cubes). By default
+        triangles in the plane, boxes in space.
+    order : int
+        Of the polynomials: triangles 1 to 4, boxes 1 or 2.
+    levels : int
+        How often the triangles around every singular point are halved; boxes are not graded.
+    split : int
+        Parts along the edge of a cell, of boxes.
+
+    Returns
+    -------
+    ElementReference
+        What `kaju.compare` takes as the answer that is believed.
+
+    Raises
+    ------
+    MissingExtraError
+        If scikit-fem is missing (or, above 400,000 unknowns, pyamg).
+    ParameterError
+        If an argument is outside its rule, or elements cannot tell what the scene asks for.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> body = {"size": [0.2, 0.1], "cells": [4, 2], "thickness": 0.01, "material": "steel"}
+    >>> pulled = [{"side": "right", "pressure": -1e6}]
+    >>> scene = kaju.Scene(body=body, sides={"left": "roller", "bottom": "roller"}, loads=pulled)
+    >>> elements = kaju.finite_elements(scene)
+    >>> float(elements.stress_at([[0.1, 0.05]])[0, 0, 0].round())
+    1000000.0
+    >>> kaju.compare(kaju.solve(scene), elements).displacement.max_error < 1e-6
+    True
+    """
+    try:
+        import skfem
+    except ImportError as error:
+        raise MissingExtraError(
+            "finite_elements needs scikit-fem: pip install 'kaju[fem]'"
+        ) from error
+    solid = scene.lattice.dimension == 3
+    shape = elements or ("boxes" if solid else "triangles")
+    if shape not in ORDERS or (solid and shape == "triangles"):
+        allowed = "'boxes' in space, 'triangles' or 'boxes' in the plane"
+        raise ParameterError(f"elements: must be {allowed}, got {elements!r}")
+    if order not in ORDERS[shape]:
+        raise ParameterError(f"order: {shape} have orders {ORDERS[shape]}, got {order!r}")
+    for name, value, least in (("levels", levels, 0), ("split", split, 1)):
+        if value != int(value) or value < least:
+            raise ParameterError(f"{name}: must be a whole number from {least}, got {value!r}")
+    cells = int(np.prod(scene.lattice.shape)) * split**scene.lattice.dimension
+    if cells > MOST_CELLS:
+        raise ParameterError(
+            f"scene: {cells:,} cells are too many for finite elements in memory, which is "
+            f"{MOST_CELLS:,}; give a coarser scene"
+        )
+    around = surroundings(scene)
+    family: tuple[Any, ...]
+    if shape == "triangles":
+        family = (skfem.ElementTriP1, skfem.ElementTriP2, skfem.ElementTriP3, skfem.ElementTriP4)
+        mesh = graded_mesh(around, singular_points(scene, around), levels)
+    else:
+        plane = (skfem.ElementQuad1, skfem.ElementQuad2)
+        family = (skfem.ElementHex1, skfem.ElementHex2) if solid else plane
+        mesh = box_mesh(around, split)
+    # Exact for products of slopes and for loads that are uniform in an element.
+    degree = 2 * order if shape == "boxes" else max(2 * order - 2, order)
+    basis = skfem.Basis(mesh, skfem.ElementVector(family[order - 1]()), intorder=degree)
+    told = f"{shape} of order {order}" + (f", {levels} times halved" if levels else "")
+    if shape == "boxes":
+        told = f"boxes of order {order}, {split} along a cell"
+    return _reference_of(scene, solve_on(scene, basis, around), told)
+
+
+@dataclass(frozen=True, eq=False)
+class ElementReference(Reference):
+    """Displacement, stress and strain energy of finite elements, known all over the body.
+
+    Its own points are the middles of the cells; these alone are saved and loaded again.
+
+    Attributes
+    ----------
+    field : ElementField or None
+        The elements' own unknowns; None if it comes from a file.
+    """
+
+    field: ElementField | None = None
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m) of the body, both (n, dimension)."""
+        return super().displacement_at(points) if self.field is None else self.field.at(points)[0]
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+        return super().stress_at(points) if self.field is None else self.field.at(points)[2]
+
+
+@dataclass(frozen=True, eq=False)
+class ElementField:
+    """The unknowns of elements, and what they say at points.
+
+    Attributes
+    ----------
+    basis : skfem.Basis
+        Vector-valued, on a mesh in cells.
+    displacement : array, shape (unknowns,)
+        m.
+    energy : float
+        J.
+    cell_size : float
+        m.
+    moduli : Moduli
+        Of every element (Pa).
+    """
+
+    basis: Any
+    displacement: Floats
+    energy: float
+    cell_size: float
+    moduli: Moduli
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement components."""
+        return int(self.basis.N)
+
+    def at(self, points: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return displacement (m), its gradient ∂u_a/∂x_b and stress (Pa) at points (m)."""
+        basis, (n, d) = self.basis, np.shape(points)
+        place = np.asarray(points, dtype=np.float64).T / self.cell_size
+        element = _elements_around(basis, place)
+        local = basis.mapping.invF(place[:, :, None], tind=element)
+        moved, slope = np.zeros((d, n)), np.zeros((d, d, n))
+        for k in range(basis.Nbfun):
+            shape = basis.elem.gbasis(basis.mapping, local, k, tind=element)[0]
+            weight = self.displacement[basis.element_dofs[k, element]]
+            moved += np.asarray(shape)[..., 0] * weight
+            slope += shape.grad[..., 0] * weight
+        gradient = slope.transpose(2, 0, 1) / self.cell_size
+        strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+        lateral, shear = (m[element][:, None, None] for m in self.moduli[1:])
+        volume = np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(d)
+        return moved.T, gradient, 2.0 * shear * strain + lateral * volume
+
+
+def _reference_of(scene: Scene, field: ElementField, told: str) -> ElementReference:
+    """Return what elements answer, with the middles of the cells as its own points."""
+    import skfem
+
+    lattice = scene.lattice
+    cells = np.argwhere(scene.rasterise() >= 0)
+    points = lattice.centres(cells)
+    moved, _, stress = field.at(points)
+    source = f"finite elements: {told}, {field.unknowns} unknowns (scikit-fem {skfem.__version__})"
+    return ElementReference(points, moved, stress, field.energy, source, field)
+
+
+def _elements_around(basis: Any, place: Floats) -> Index:
+    """Return the element that holds each place, or comes closest to it.
+
+    The mesh's own finder knows no rounding, which counts beside triangles graded to 1e-5.
+    """
+    from scipy.spatial import cKDTree
+
+    corners = basis.mesh.p[:, basis.mesh.t]
+    if corners.shape[1] == 2 ** len(place):  # boxes, which lie along the axes
+        low, high = corners.min(axis=1).T - ROUNDING, corners.max(axis=1).T + ROUNDING
+        return np.array([np.argmax(np.all((p >= low) & (p <= high), axis=1)) for p in place.T])
+    middles = corners.mean(axis=1)
+    nearest = cKDTree(middles.T).query(place.T, min(NEAREST, middles.shape[1]))[1]
+    near = np.asarray(nearest, dtype=np.int64).reshape(place.shape[1], -1)
+    inside = _depth_within(basis, np.repeat(place, near.shape[1], axis=1), near.ravel())
+    inside = inside.reshape(near.shape)
+    best = inside.argmax(axis=1)
+    rows = np.arange(len(near))
+    found: Index = near[rows, best]
+    for lost in np.flatnonzero(inside[rows, best] < -ROUNDING):
+        every = np.arange(middles.shape[1])
+        repeated = np.repeat(place[:, [lost]], len(every), axis=1)
+        found[lost] = _depth_within(basis, repeated, every).argmax()
+    return found
+
+
+def _depth_within(basis: Any, place: Floats, element: Index) -> Floats:
+    """Return the smallest barycentric coordinate of each place in its element."""
+    local = basis.mapping.invF(place[:, :, None], element)[..., 0]
+    return np.asarray(np.minimum(local.min(axis=0), 1.0 - local.sum(axis=0)))
+
+
+def surroundings(scene: Scene) -> Index:
+    """Return the kinds of all cells and of one layer of cells around them.
+
+    Raises
+    ------
+    ParameterError
+        If cells are neither squares nor cubes, or sides neither free, rigid nor rollers.
+    """
+    if not scene.lattice.boxes:
+        raise ParameterError(
+            f"scene: finite elements need square cells or cubes, got {scene.lattice.kind}s"
+        )
+    ranges = [np.arange(-1, n + 1) for n in scene.lattice.shape]
+    cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1)
+    found = scene.kinds(cells.reshape(-1, len(ranges)))
+    if np.isin(found, (FOUNDATION, DISPLACED)).any():
+        raise ParameterError(
+            "scene: finite elements know sides that are free, rigid or rollers only"
+        )
+    return np.asarray(found.reshape(cells.shape[:-1]))
+
+
+def depth(scene: Scene) -> float:
+    """Return what turns stresses times cells into forces: thickness, or the cells' edge (m)."""
+    d = scene.lattice.dimension
+    return scene.thickness if d == 2 else scene.lattice.cell_size
+
+
+def cells_of(mesh: Any) -> Index:
+    """Return the cell that each element lies in, shape (dimension, elements)."""
+    cells: Index = np.floor(mesh.p[:, mesh.t].mean(axis=1)).astype(np.int64)
+    return cells
+
+
+def element_moduli(scene: Scene, mesh: Any, kinds: Index) -> Moduli:
+    """Return the moduli (Pa) of every element; see `surroundings` for `kinds`."""
+    kind = kinds[tuple(cells_of(mesh) + 1)]
+    materials = scene.cell_materials
+    constants = (
+        np.array([m.youngs_modulus for m in materials]),
+        np.array([m.poissons_ratio for m in materials]),
+    )
+    return Moduli(*(modulus[kind] for modulus in moduli_of(*constants, scene.plane)))
+
+
+def _faces_of(mesh: Any, facets: Index) -> tuple[Index, Index]:
+    """Return the cell and the direction of the face that facets of the boundary lie on."""
+    cell = cells_of(mesh)[:, mesh.f2t[0, facets]]
+    away = mesh.p[:, mesh.facets[:, facets]].mean(axis=1) - (cell + 0.5)
+    axis: Index = np.abs(away).argmax(axis=0)
+    upper = np.take_along_axis(away, axis[None], axis=0)[0] > 0
+    return cell, 2 * axis + upper
+
+
+def stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
+    """Return the stiffness matrix of vector-valued elements with these moduli."""
+    import skfem
+    from skfem.helpers import ddot, div, sym_grad
+
+    @skfem.BilinearForm
+    def form(u: Any, v: Any, w: Any) -> Any:
+        return w.lateral * div(u) * div(v) + 2.0 * w.shear * ddot(sym_grad(u), sym_grad(v))
+
+    ones = np.ones_like(basis.dx)
+    lateral, shear = (modulus[:, None] * ones for modulus in (moduli.lateral, moduli.shear))
+    return depth(scene) * form.assemble(basis, lateral=lateral, shear=shear)
+
+
+def densities(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
+    """Return forces per facet of the boundary and per element, each for unit area or volume.
+
+    Forces in the middle of cells are spread over these.
+
+    Raises
+    ------
+    ParameterError
+        If a force enters by a face between two cells of the body.
+    """
+    d, shape = scene.lattice.dimension, scene.lattice.shape
+    applied = scene.applied()
+    on_faces, within = np.zeros((d, 2 * d, *shape)), np.zeros((d, *shape))
+    surface = applied.direction >= 0
+    beyond = applied.cells[surface] + scene.lattice.normals[applied.direction[surface]].astype(int)
+    if (scene.kinds(beyond) >= 0).any():
+        raise ParameterError("scene: a force enters by a face inside the body, not by its surface")
+    for axis in range(d):
+        force = applied.force[:, axis]
+        place = (applied.direction[surface], *applied.cells[surface].T)
+        np.add.at(on_faces[axis], place, force[surface])
+        np.add.at(within[axis], tuple(applied.cells[~surface].T), force[~surface])
+    cell, way = _faces_of(mesh, facets)
+    return on_faces[:, way, *cell], within[:, *cells_of(mesh)]
+
+
+def _load_vector(scene: Scene, basis: Any) -> Floats:
+    """Return the forces on the unknowns of vector-valued elements."""
+    import skfem
+
+    facets = basis.mesh.boundary_facets()
+    traction, weight = densities(scene, basis.mesh, facets)
+    loaded = np.abs(traction).max(axis=0) > 0.0
+    total = _assembled(weight, basis) if weight.any() else np.zeros(basis.N)
+    if loaded.any():
+        side = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets[loaded])
+        total += _assembled(traction[:, loaded], side)
+    return total
+
+
+def _assembled(density: Floats, basis: Any) -> Floats:
+    """Return the load vector of a force density that is constant in each element or facet."""
+    import skfem
+
+    names = [f"force_{axis}" for axis in range(len(density))]
+    form = skfem.LinearForm(lambda v, w: sum(w[name] * v[a] for a, name in enumerate(names)))
+    ones = np.ones_like(basis.dx)
+    values = {name: part[:, None] * ones for name, part in zip(names, density, strict=True)}
+    return np.asarray(form.assemble(basis, **values))
+
+
+def held(basis: Any, kinds: Index) -> Index:
+    """Return the unknowns that rigid cells and rollers hold; see `surroundings` for `kinds`."""
+    facets = basis.mesh.boundary_facets()
+    cell, way = _faces_of(basis.mesh, facets)
+    beyond = cell + 1
+    beyond[way // 2, np.arange(len(way))] += 2 * (way % 2) - 1
+    kind = kinds[tuple(beyond)]
+    parts = [basis.get_dofs(facets[kind == RIGID]).flatten()]
+    for axis in range(len(cell)):
+        sliding = facets[(kind == ROLLER) & (way // 2 == axis)]
+        parts.append(basis.get_dofs(sliding).all([f"u^{axis + 1}"]))
+    return np.unique(np.concatenate(parts).astype(np.int64))
+
+
+def solve_on(
+    scene: Scene,
+    basis: Any,
+    kinds: Index,
+    solve: Callable[[Any, Floats, Floats], Floats] | None = None,
+    matrix: Any = None,
+) -> ElementField:
+    """Solve a scene on the elements of a basis.
+
+    Parameters
+    ----------
+    scene : Scene
+    basis : skfem.Basis
+        Vector-valued, on a mesh in cells.
+    kinds : int array
+        What is where; see `surroundings`.
+    solve : callable, optional
+        From a matrix, the forces and the rigid motions of its unknowns to the unknowns.
+    matrix : sparse array, optional
+        The stiffness of all unknowns; `stiffness` unless given.
+    """
+    moduli = element_moduli(scene, basis.mesh, kinds)
+    matrix = stiffness(scene, basis, moduli) if matrix is None else matrix
+    right, u = _load_vector(scene, basis), np.zeros(basis.N)
+    free = np.setdiff1d(np.arange(basis.N), held(basis, kinds))
+    d = basis.mesh.dim()
+    motions = rigid_motions(basis.doflocs.T, np.arange(basis.N) % d)[free]
+    u[free] = (solve or _solved)(matrix[free][:, free], right[free], motions)
+    return ElementField(basis, u, 0.5 * float(u @ right), scene.lattice.cell_size, moduli)
+
+
+def _solved(matrix: Any, right: Floats, motions: Floats) -> Floats:
+    """Solve by elimination or, if there are many unknowns, by `multigrid`."""
+    if len(right) <= DIRECT:
+        return factors_of(matrix).solve(right)
+    return multigrid(matrix.tocsr(), right, motions, RESIDUAL)
+
+
+def multigrid(matrix: Any, right: Floats, motions: Floats, residual: float) -> Floats:
+    """Solve by conjugate gradients with pyamg's smoothed aggregation, to a relative residual."""
+    try:
+        import pyamg
+    except ImportError as error:
+        raise MissingExtraError(
+            "finite_elements needs pyamg for so many unknowns: pip install 'kaju[amg]'"
+        ) from error
+    hierarchy = pyamg.smoothed_aggregation_solver(matrix, B=motions)
+    return np.asarray(hierarchy.solve(right, tol=residual, accel="cg", maxiter=2000))
+
+
+def cell_mesh(kinds: Index) -> Any:
+    """Return triangles (tetrahedra) on the body's cells, four (six) in each."""
+    import skfem
+
+    ticks = [np.arange(n - 1.0) for n in kinds.shape]
+    if len(ticks) == 2:
+        whole = skfem.MeshQuad.init_tensor(*ticks).to_meshtri(style="x")
+    else:
+        whole = skfem.MeshTet.init_tensor(*ticks)
+    return _body_of(whole, kinds)
+
+
+def box_mesh(kinds: Index, split: int) -> Any:
+    """Return squares (cubes) on the body's cells, `split` along the edge of each."""
+    import skfem
+
+    ticks = [np.arange(split * (n - 2) + 1.0) / split for n in kinds.shape]
+    kind = skfem.MeshQuad if len(ticks) == 2 else skfem.MeshHex
+    return parted(_body_of(kind.init_tensor(*ticks), kinds))
+
+
+def _body_of(whole: Any, kinds: Index) -> Any:
+    return whole.restrict(np.flatnonzero(kinds[tuple(cells_of(whole) + 1)] >= 0))
+
+
+def graded_mesh(kinds: Index, singular: Floats, levels: int) -> Any:
+    """Return triangles on the body's cells, halved `levels` times around singular points."""
+    from scipy.spatial import cKDTree
+
+    mesh = cell_mesh(kinds)
+    tree = cKDTree(singular)
+    for _ in range(levels if len(singular) else 0):
+        sharp = np.equal(tree.query(mesh.p.T)[0], 0.0)
+        mesh = mesh.refined(np.flatnonzero(sharp[mesh.t].any(axis=0)))
+    return parted(mesh)
+
+
+def parted(mesh: Any) -> Any:
+    """Give elements that touch at a corner only a point each: one point holds nothing together.
+
+    Corners of elements are joined through the facets that elements share.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    corners, count = mesh.t.shape
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    one, other = mesh.f2t[:, inner]
+    pairs = []
+    for vertex in mesh.facets[:, inner]:
+        own = [(mesh.t[:, e] == vertex).argmax(axis=0) * count + e for e in (one, other)]
+        pairs.append(np.stack(own))
+    links = np.concatenate(pairs, axis=1)
+    graph = coo_array((np.ones(links.shape[1]), tuple(links)), shape=(corners * count,) * 2)
+    number, label = connected_components(graph, directed=False)
+    if number == mesh.p.shape[1]:
+        return mesh
+    _, first = np.unique(label, return_index=True)
+    return type(mesh)(mesh.p[:, mesh.t.ravel()[first]], label.reshape(mesh.t.shape))
+
+
+def singular_points(scene: Scene, kinds: Index) -> Floats:
+    """Return where stresses or their slopes are unbounded in a plane scene, in cells.
+
+    Around a grid point that is not on a straight surface, support or interface the four
+    cells do not pair up; and the loads on two surface faces in line may differ.
+    """
+    a, b, c, d = kinds[:-1, :-1], kinds[1:, :-1], kinds[:-1, 1:], kinds[1:, 1:]
+    four = np.stack([a, b, c, d])
+    straight = ((a == b) & (c == d)) | ((a == c) & (b == d))
+    solid = (four >= 0).sum(axis=0)
+    on_ground = np.isin(four, (RIGID, ROLLER)).any(axis=0)
+    # Two free sides at a right angle bend nothing; neither does a place without a body.
+    plain = straight | (solid == 0) | ((solid == 1) & ~on_ground)
+    return np.unique(np.concatenate([np.argwhere(~plain), _ends_of_loads(scene)]), axis=0) + 0.0
+
+
+def _ends_of_loads(scene: Scene) -> Index:
+    """Return the ends of faces whose traction is not that of the next face in line."""
+    applied = scene.applied()
+    traction: dict[tuple[int, ...], Floats] = {}
+    for cell, way, force in zip(applied.cells, applied.direction, applied.force, strict=True):
+        if way >= 0:
+            key = (int(way), *map(int, cell))
+            traction[key] = traction.get(key, 0.0) + force
+    ends = []
+    for (way, *cell), force in traction.items():
+        axis, upper = divmod(way, 2)
+        for step in (-1, 1):
+            beside = list(cell)
+            beside[1 - axis] += step
+            other = traction.get((way, *beside), np.zeros(2))
+            if np.abs(other - force).max() > ROUNDING * np.abs(force).max():
+                end = list(cell)
+                end[axis] += upper
+                end[1 - axis] += step == 1
+                ends.append(end)
+    return np.array(ends, dtype=np.int64).reshape(-1, 2)

@@ -1,7 +1,7 @@
 """Answers side by side: profiles and ratios along lines, maps in one scale, shapes, errors.
 
 The reference is drawn as a line in ink, whatever is judged by it in colours with markers.
-A scene's rule beside elasticity takes four figures, and some words.
+A scene's rule beside elasticity takes five figures, and some words.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from kaju.model.study.compare import Comparison, Pair, near_line
 from kaju.model.study.reference import Reference
 
 from .body import draw_body, draw_forces
+from .cuts import KEPT, frame_cuts
 from .deformed import corner_displacements
 from .maps import Quantity, draw_map
 from .section import Section, section_of
@@ -40,6 +41,7 @@ from .units import quantity, round_down, scale_for, times
 from .units import quantity as with_unit
 
 if TYPE_CHECKING:
+    from kaju.model.results.cuts import Cuts
     from kaju.model.study.beside_elasticity import BesideElasticity, Way
 
 
@@ -405,7 +407,7 @@ BELIEVED = "elasticity"
 def pictures_beside(
     study: BesideElasticity, depths: Sequence[float] | None = None
 ) -> dict[str, Figure]:
-    """Return the four figures, by what they show.
+    """Return the figures, by what they show.
 
     Parameters
     ----------
@@ -420,7 +422,7 @@ def pictures_beside(
         "stress_ratio": stress down from the load as a share of the pressure, over that of
         elasticity, and stress across over stress along. "stress_rows": both normal stresses
         along rows. "deformed" (plane bodies only): the shapes. "displacement": down from the
-        load, and along the rows.
+        load, and along the rows. "cuts": the force through every cut across the load.
     """
     names = "xyz"[: study.scene.lattice.dimension]
     along, across = names[study.axis], names[0 if study.axis else 1]
@@ -435,6 +437,7 @@ def pictures_beside(
     figures["displacement"] = plot_profiles(
         found, [down, *rows], "displacement", along, believed=BELIEVED, symbol=f"$u_{along}$"
     )
+    figures["cuts"] = _cuts_beside(study)
     return figures
 
 
@@ -457,15 +460,32 @@ def _stress_rows(study: BesideElasticity, rows: Sequence[Line], axes: tuple[str,
     return figure
 
 
+def _cuts_beside(study: BesideElasticity) -> Figure:
+    """Draw what every answer carries through its cuts, each over its way from the load."""
+    figure = new_figure((6.4, 4.2))
+    ax = figure.add_subplot()
+    believed, judged = study.cuts()
+    ax.plot(believed.carried, believed.at, color=INK, linewidth=1.6)
+    for number, cuts in enumerate(judged.values()):
+        ax.plot(cuts.carried, cuts.at, **look_of(number))
+    frame_cuts(ax, believed)
+    ax.set_title("Force through each cut", **TITLE)
+    legend_below(figure, study.comparisons, BELIEVED)
+    return figure
+
+
 def words_beside(study: BesideElasticity) -> list[str]:
     """Say how far each of the answers is off, and where."""
     told = []
     unreached = study.unreached()
+    believed, judged = study.cuts()
     for name, comparison in study.comparisons.items():
         told.append(f"{name}: {_grade(comparison.displacement.misfit)}")
         told.append(f"  {_off(comparison, 'displacement')}")
         if comparison.stress is not None:
             told.append(f"  {_off(comparison, 'stress')}")
+        ours, theirs = _carries(judged[name]), _carries(believed)
+        told.append(f"  carries {ours}" + (f" ({BELIEVED}: {theirs})" if ours != theirs else ""))
         if unreached.get(name, 0.0) > 0.01:
             told.append(
                 f"  {unreached[name]:.0%} of the squared error of the displacement lies where no "
@@ -474,6 +494,14 @@ def words_beside(study: BesideElasticity) -> list[str]:
     if study.fit is not None:
         told.append(f"the fit: {study.fit}")
     return told
+
+
+def _carries(cuts: Cuts) -> str:
+    """Say between which forces the cuts carry; the same when they differ by rounding only."""
+    least, most = float(cuts.carried.min()), float(cuts.carried.max())
+    if most - least <= KEPT * max(abs(least), abs(most)):
+        return f"{quantity(most, 'N')} through every cut"
+    return f"{quantity(least, 'N')} to {quantity(most, 'N')} through its cuts"
 
 
 def _grade(misfit: float) -> str:

@@ -20,6 +20,7 @@ from kaju.model.transfer.transfer_result import TransferResult
 from .agents import plot_agents
 from .body import draw_scene
 from .creep import plot_body_at, plot_curves, plot_network_at
+from .cuts import plot_cuts
 from .deformed import plot_deformed
 from .face_agents import plot_face_agents, plot_left
 from .files import save
@@ -92,6 +93,7 @@ TRANSFER: dict[str, Picture] = {
     **{name: _map(name) for name in MAPS},
     "taken": _map("taken"),
     "load_path": plot_load_path,
+    "cuts": plot_cuts,
     "ledger": plot_ledger,
     "stages": _stages,
     "scene": _scene,
@@ -112,6 +114,7 @@ ELASTIC: dict[str, Picture] = {
     "agents": _many_sizes,
     "deformed": plot_deformed,
     **{name: _map(name) for name in MAPS},
+    "cuts": plot_cuts,
     "scene": _scene,
 }
 """Pictures of an elastic answer."""
@@ -131,7 +134,7 @@ FACES: dict[str, Picture] = {
     "agents": plot_face_agents,
     "left": plot_left,
     "curves": plot_curves,
-    **{name: _settled(ELASTIC[name]) for name in ("deformed", *MAPS)},
+    **{name: _settled(ELASTIC[name]) for name in ("deformed", *MAPS, "cuts")},
     "scene": _scene,
 }
 """Pictures of agents of the elastic rule."""
@@ -181,7 +184,7 @@ def plot(
     what : str, optional
         Of a scene "scene". Of a run of load transfer "agents" (as unless given), "loads",
         "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
-        "ledger", "stages" or "scene". Of elastic results those of them that are fields or
+        "cuts", "ledger", "stages" or "scene". Of elastic results those of them that are fields or
         the scene, and of agents of many sizes "agents" as well; of agents of the elastic rule
         also "left" and "curves"; of what creeps "curves" and, but for a single element,
         "deformed". Of a network's result "deformed" or "response".
@@ -205,6 +208,7 @@ def plot(
         - ``step`` of agents of many sizes in the plane: outline those that spawned then.
         - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...
         - ``record`` of networks and of what creeps: which state; the last unless given.
+        - ``axis`` of "cuts": across which the body is cut.
         - ``panel`` of "curves", ``quantity_shown`` ("displacement" or "agents") of "stages".
 
     Returns

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.errors import ParameterError, ResultError
 from kaju.model.results.archive import Archive
+from kaju.model.results.cuts import Carrying
 from kaju.model.results.result import BodyResult, Tiles, cells_of_points
 from kaju.model.scene import Scene
 
@@ -71,7 +72,7 @@ class ElasticResult(BodyResult):
     @property
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
-        return ("agents", "deformed", *FIELDS, "scene")
+        return ("agents", "deformed", *FIELDS, "cuts", "scene")
 
     @property
     def films(self) -> tuple[str, ...]:
@@ -415,6 +416,12 @@ class ElasticResult(BodyResult):
         place = self._located(points)
         stress = self._stress_unit * self.found.stress_at(*place)
         return self._strain_of(stress, self.found.material_at(*place))
+
+    def _carrying(self, axis: int) -> Carrying:
+        volume = self.size**self.scene.lattice.dimension
+        if self.scene.lattice.dimension == 2:
+            volume = volume * self.scene.thickness
+        return Carrying(self.middle, self.size, volume, self.stress)
 
     def value_of(self, quantity: Quantity | Place) -> float | Floats:
         """Return a quantity in m, Pa or N: of a place the displacement.

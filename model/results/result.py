@@ -17,6 +17,7 @@ from kaju.errors import ResultError, ResultFileError
 from kaju.model.scene import Scene
 
 from .archive import Archive, open_archive, reading, write_archive
+from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
 
 if TYPE_CHECKING:
     import pandas
@@ -238,6 +239,55 @@ class BodyResult(Result):
         for (a, one), (b, other) in combinations_with_replacement(enumerate(names), 2):
             columns[f"stress_{one}{other} (Pa)"] = stress[:, a, b]
         return pd.DataFrame(columns)
+
+    def cuts(self, axis: str | None = None) -> Cuts:
+        """Return the force through every cut across an axis, and what it would have to be.
+
+        The prescribed rule shows how a pattern emerges, it does not keep equilibrium: what its
+        agents keep does not hold up what lies on them. Elasticity does, at every cut, as far as
+        its equations are solved.
+
+        Parameters
+        ----------
+        axis : {"x", "y", "z"}, optional
+            Across which the body is cut; the one along which the loads press most unless given.
+
+        Returns
+        -------
+        Cuts
+            One cut a layer of cells, or of agents where these are larger.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such axis, or cells do not lie in layers across it (hexagons do
+            across y).
+        ResultError
+            If the body has more than five million cells.
+
+        Examples
+        --------
+        >>> from kaju import LoadModel, Scene, solve
+        >>> column = Scene(
+        ...     body={"cell_size": 0.01, "cells": [1, 3], "material": "steel"},
+        ...     sides={"bottom": "rigid"},
+        ...     loads=[{"side": "top", "force": [0.0, -1.0]}],
+        ...     rule={"kind": "prescribed", "alpha": [0.5, 0.5, 0.0], "beta": 1.0},
+        ... )
+        >>> LoadModel(column).run().cuts().carried.round(4)
+        array([0.1875, 0.2812, 0.5234])
+        >>> solve(column).cuts().carried.round(9)
+        array([1., 1., 1.])
+
+        """
+        number = axis_of_cuts(self.scene, axis, self.stage)
+        return cuts_of(self.scene, self.stage, number, self._carrying(number))
+
+    def _carrying(self, axis: int) -> Carrying:
+        """Return the parts of the body that carry anything, for cuts across an axis."""
+        raise ResultError(
+            f"cuts: a {type(self).__name__} does not hold all of its stresses at once"
+        )
 
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         text, scene_arrays = self.scene.to_archive()

@@ -28,6 +28,7 @@ from kaju.model.transfer.transfer_result import TransferResult
 from kaju.stopping import NOTE, Interrupted
 
 if TYPE_CHECKING:
+    from kaju.model.results.cuts import Cuts
     from kaju.model.results.result import BodyResult
 
 
@@ -153,6 +154,12 @@ class BesideElasticity:
         place, into, _ = self._load
         return float(place[self.axis] - 0.5 * into * self.scene.lattice.cell_size)
 
+    def cuts(self) -> tuple[Cuts, dict[str, Cuts]]:
+        """Return the force through every cut across the load: as believed, and of each answer."""
+        axis = "xyz"[self.axis]
+        judged = {name: found.result.cuts(axis) for name, found in self.comparisons.items()}
+        return self.believed.cuts(axis), judged
+
     def unreached(self) -> dict[str, float]:
         """Return which part of the squared error of displacement lies where no load arrived."""
         shares = {}
@@ -180,8 +187,13 @@ class BesideElasticity:
                 "runs": self.fit.evaluations,
             }
         reference = self.believed.summary()
+        believed, judged = self.cuts()
         return {
             "answers": {name: c.summary() for name, c in self.comparisons.items()},
+            "carried_through_cuts": {
+                "axis": believed.axis,
+                **{name: cuts.carried.tolist() for name, cuts in judged.items()},
+            },
             "squared_error_where_no_load_arrived": self.unreached(),
             "fit": fitted,
             "believed": {key: reference[key] for key in ("agents", "error_estimate")},

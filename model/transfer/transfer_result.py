@@ -16,6 +16,7 @@ from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.results.archive import Archive
+from kaju.model.results.cuts import Carrying
 from kaju.model.results.formats import HISTORY, STAGE, sizes_of
 from kaju.model.results.mesh import corner_order, write_vtk
 from kaju.model.results.result import INSIDE, BodyResult, cells_of_points, idle_rheology
@@ -242,6 +243,13 @@ class TransferResult(BodyResult):
             tensors[awake] = self.stress[place[awake]]
         return tensors
 
+    def _carrying(self, axis: int) -> Carrying:
+        lattice, count = self.scene.lattice, len(self.last.cells)
+        middle = lattice.centres(self.last.cells)
+        height = np.full(count, float(lattice.pitch[axis, axis]))
+        volume = np.full(count, lattice.cell_volume(self.scene.thickness))
+        return Carrying(middle, height, volume, self.stress)
+
     def to_vtk(self, path: str | Path) -> Path:
         """Write all cells of the body as an unstructured grid that ParaView reads (.vtu or .vtk).
 
@@ -365,6 +373,7 @@ PICTURES = (
     "von_mises",
     "taken",
     "load_path",
+    "cuts",
     "ledger",
     "stages",
     "scene",

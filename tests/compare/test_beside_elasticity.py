@@ -92,7 +92,7 @@ def test_where_the_error_lies(study):
 
 def test_four_figures_show_both_stresses_shapes_and_displacements(study):
     figures = pictures_beside(study)
-    assert list(figures) == ["stress_ratio", "stress_rows", "deformed", "displacement"]
+    assert list(figures) == ["stress_ratio", "stress_rows", "deformed", "displacement", "cuts"]
     ratio, rows = figures["stress_ratio"].axes, figures["stress_rows"].axes
     assert len(ratio) == 3
     assert len(rows) == 6, "two stresses, three depths"
@@ -123,7 +123,7 @@ def test_one_command_writes_figures_and_words(scene, tmp_path, study, typed):
     for line in words_beside(study):
         assert line in done.output
     names = {path.name for path in out.iterdir()}
-    pictures = {"stress_ratio", "stress_rows", "deformed", "displacement"}
+    pictures = {"stress_ratio", "stress_rows", "deformed", "displacement", "cuts"}
     assert names == {"comparison.json", *(f"{name}.png" for name in pictures)}
     with pytest.raises(KajuError, match="--force"):
         typed(*words)

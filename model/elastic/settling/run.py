@@ -16,6 +16,7 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.engine import Solution
 from kaju.model.elastic.staggered import strain_energy
 from kaju.model.results.archive import Archive
+from kaju.model.results.cuts import Carrying
 from kaju.model.results.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
 from kaju.model.results.result import BodyResult, Curves, idle_rheology
 
@@ -152,6 +153,9 @@ class ElasticRun(BodyResult):
     def curves(self) -> list[Curves]:
         """Return energy, largest load left, and the error meter after every step."""
         return curves_of(self.history, 0, self.threshold)
+
+    def _carrying(self, axis: int) -> Carrying:
+        return self.result._carrying(axis)
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m), both of shape (n, dimension)."""

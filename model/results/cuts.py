@@ -1,0 +1,201 @@
+"""Force through every cut across a body: whether what lies on it is held up.
+
+A cut is one layer of cells thick. What it carries is ∫σn dV over the layer, divided by its
+thickness: the resultant of the stress in its middle where agents fill the layer, the mean of the
+resultants at all its heights where they are smaller. By the principle of virtual work (a
+displacement that rises from 0 to 1 through the layer) it balances the loads beyond, those inside
+counted by how far up the layer they act. An answer that keeps equilibrium does so in every layer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kaju.arrays import Flags, Floats, first_largest
+from kaju.errors import ParameterError, ResultError
+from kaju.model.scene import Scene
+from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
+
+if TYPE_CHECKING:
+    import pandas
+
+MOST_CELLS = 5_000_000
+"""Larger bodies are not looked through for what holds them."""
+_NEAR = 1e-6  # of a cell: places that are the same but for rounding
+
+
+class Carrying(NamedTuple):
+    """Parts of a body and the stress in each.
+
+    Attributes
+    ----------
+    middle : array, shape (n, dimension)
+        Middles (m).
+    height : array, shape (n,)
+        How far each reaches along the axis across which the body is cut (m).
+    volume : array, shape (n,)
+        Volumes (m³).
+    stress : array, shape (n, dimension, dimension)
+        Stress tensors (Pa).
+    """
+
+    middle: Floats
+    height: Floats
+    volume: Floats
+    stress: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """What an answer carries through every cut across one axis, and what it would have to carry.
+
+    Attributes
+    ----------
+    axis : str
+        Across which the body is cut: "x", "y" or "z".
+    at : array, shape (n,)
+        Where the cuts lie along it (m), ascending.
+    force : array, shape (n, dimension)
+        Force (N) by which the part beyond each cut presses on the part before it. Of
+        elasticity it is in equilibrium along the axis; the shear across it is told by the means
+        of cells, which smear it over two layers where a surface is dragged, and over agents of
+        different sizes.
+    needed : array, shape (n, dimension)
+        The force (N) that balances what acts on the part that no support holds; NaN where
+        supports hold both parts, for statics alone does not say what they share.
+    load : float
+        Sum of the applied forces along the axis (N).
+    """
+
+    axis: str
+    at: Floats
+    force: Floats
+    needed: Floats
+    load: float
+
+    @property
+    def carried(self) -> Floats:
+        """Force along the axis (N), above 0 where it acts in the sense of the load."""
+        return self._along(self.force)
+
+    @property
+    def balance(self) -> Floats:
+        """What `carried` is in equilibrium (N); NaN where supports hold both parts."""
+        return self._along(self.needed)
+
+    @property
+    def missing(self) -> Floats:
+        """`balance` less `carried` (N)."""
+        return self.balance - self.carried
+
+    def _along(self, force: Floats) -> Floats:
+        along = force[:, "xyz".index(self.axis)]
+        return (-along if self.load < 0.0 else along) + 0.0  # no zero has a sign
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row a cut: where it is (m), what it carries, needs and misses (N)."""
+        import pandas as pd
+
+        columns = {f"{self.axis} (m)": self.at, "carried (N)": self.carried}
+        return pd.DataFrame(columns | {"balance (N)": self.balance, "missing (N)": self.missing})
+
+
+def main_axis(scene: Scene, stage: int | None = None) -> str:
+    """Return the axis along which the loads press most; the last one without loads."""
+    pressed = np.abs(scene.applied(stage).force).sum(axis=0)
+    last = scene.lattice.dimension - 1
+    return "xyz"[first_largest(pressed) if pressed.any() else last]
+
+
+def axis_of_cuts(scene: Scene, axis: str | None, stage: int | None) -> int:
+    """Return the number of an axis across which bodies of a lattice can be cut.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such axis, or cells do not lie in layers across it.
+    """
+    lattice = scene.lattice
+    chosen = main_axis(scene, stage) if axis is None else axis
+    names = "xyz"[: lattice.dimension]
+    if not isinstance(chosen, str) or chosen not in tuple(names):
+        raise ParameterError(f"axis: one of {', '.join(names)} is needed, got {axis!r}")
+    if not lattice.boxes and (lattice.kind != "hexagon" or chosen != "y"):
+        layered = " across y only" if lattice.kind == "hexagon" else " across no axis"
+        raise ParameterError(
+            f"axis: {lattice.kind}s lie in layers{layered}, got {chosen!r}; squares and cubes do "
+            "across every axis"
+        )
+    return names.index(chosen)
+
+
+def cuts_of(scene: Scene, stage: int | None, axis: int, parts: Carrying) -> Cuts:
+    """Return the cuts across an axis through a body whose parts carry so much.
+
+    Raises
+    ------
+    ResultError
+        If the body has more than five million cells.
+    """
+    pitch = float(scene.lattice.pitch[axis, axis])
+    ends = _layers(scene, axis, parts, pitch)
+    lower, thick = ends[:-1], np.diff(ends)
+    layer = np.searchsorted(ends, parts.middle[:, axis], side="right") - 1
+    force = np.zeros((len(lower), scene.lattice.dimension))
+    np.add.at(force, layer, parts.stress[:, :, axis] * (parts.volume / thick[layer])[:, None])
+    applied = scene.applied(stage)
+    places = scene.lattice.face_middles(applied.cells, applied.direction)[:, axis]
+    beyond = np.clip((places - lower[:, None]) / thick[:, None], 0.0, 1.0)
+    above, below = beyond @ applied.force, (beyond - 1.0) @ applied.force
+    held_above, held_below = _held(scene, axis, ends, _NEAR * pitch)
+    needed = np.where(held_above, np.where(held_below, np.nan, below), above)
+    load = float(applied.force[:, axis].sum())
+    return Cuts("xyz"[axis], lower + 0.5 * thick, force, needed, load)
+
+
+def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
+    """Return where layers end (m): as thin as cells of the scene, but none crosses a part."""
+    lattice = scene.lattice
+    first, last = (int(end[axis]) for end in scene.bounds())
+    corner = np.zeros((1, lattice.dimension), dtype=np.int64)
+    start = float(lattice.centres(corner)[0, axis]) - 0.5 * pitch
+    ends: Floats = start + pitch * np.arange(first, last + 1.0)
+    low = parts.middle[:, axis] - 0.5 * parts.height
+    thick = parts.height > (1.0 + _NEAR) * pitch
+    spans = np.unique(np.rint(np.stack([low, parts.height], axis=1)[thick] / pitch), axis=0)
+    crossed = np.zeros(len(ends), dtype=np.bool_)
+    for begin, height in (spans - [first, 0.0]).astype(np.int64).tolist():
+        crossed[max(begin + 1, 0) : begin + height] = True
+    return ends[~crossed]
+
+
+def _held(scene: Scene, axis: int, ends: Floats, near: float) -> tuple[Flags, Flags]:
+    """Tell of every layer and component whether a support holds what lies beyond, or before.
+
+    Supports in a layer hold both. Rigid cells hold every component, rollers and beds the one
+    across them.
+    """
+    lattice = scene.lattice
+    if lattice.size > MOST_CELLS:
+        raise ResultError(
+            f"cuts: bodies of up to {MOST_CELLS:.0e} cells are cut, got {lattice.size:.3g}"
+        )
+    cells = np.argwhere(scene.rasterise() >= 0)
+    highest = np.full(lattice.dimension, -np.inf)
+    lowest = np.full(lattice.dimension, np.inf)
+    for arm, normal in enumerate(lattice.normals):
+        beyond = scene.kinds(lattice.neighbours(cells, arm))
+        for kinds, component in (
+            ((RIGID, DISPLACED), np.ones(lattice.dimension, dtype=np.bool_)),
+            ((ROLLER, FOUNDATION), np.abs(normal) > 1e-9),
+        ):
+            there = cells[np.isin(beyond, kinds)]
+            if len(there):  # between two rows of cells, or beside a cell
+                across = 0.5 * float(lattice.pitch[axis, axis]) * np.sign(np.round(normal[axis], 9))
+                places = lattice.centres(there)[:, axis] + across
+                highest[component] = np.maximum(highest[component], places.max())
+                lowest[component] = np.minimum(lowest[component], places.min())
+    return highest > ends[:-1, None] + near, lowest < ends[1:, None] - near

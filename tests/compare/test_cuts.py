@@ -1,0 +1,149 @@
+"""Force through every cut: elasticity holds up what lies on it, the prescribed rule does not."""
+
+import numpy as np
+import pytest
+
+from kaju import ElasticModel, LoadModel, Scene, solve
+from kaju.errors import ParameterError
+
+
+def plate(**given):
+    return Scene(
+        **{
+            "body": {
+                "size": [0.2, 0.2],
+                "cells": [20, 20],
+                "thickness": 0.002,
+                "material": "steel",
+            },
+            "sides": {"bottom": "rigid"},
+            "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+        }
+        | given
+    )
+
+
+def elastic(tolerance=1e-12):
+    return {"kind": "elastic", "tolerance": tolerance}
+
+
+def test_the_rule_carries_ever_less_of_two_newtons():
+    cuts = LoadModel(plate()).run().cuts()
+    assert cuts.axis == "y"
+    np.testing.assert_allclose(cuts.at, 0.01 * np.arange(20) + 0.005)
+    np.testing.assert_allclose(
+        cuts.carried[::-1][:8],
+        [1.8862, 1.6362, 1.0, 0.6875, 0.2187, 0.125, 0.0156, 0.0078],
+        atol=6e-5,
+    )
+    np.testing.assert_array_equal(cuts.carried[:12], 0.0)
+    np.testing.assert_allclose(cuts.balance, 2.0)
+    np.testing.assert_allclose(cuts.missing, 2.0 - cuts.carried)
+
+
+def test_a_cut_is_the_squeeze_of_its_row():
+    result = LoadModel(plate()).run()
+    kept, row = result.last.kept[:, 1], result.last.cells[:, 1]
+    squeeze = np.bincount(row, kept, minlength=20)
+    np.testing.assert_allclose(result.cuts().carried, squeeze, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"strategy": "uniform"},
+        {"strategy": "uniform", "resolution": 2},
+        {"strategy": "spawning", "tolerance": 0.2},
+    ],
+)
+def test_elasticity_carries_all_of_it_at_every_cut(how):
+    cuts = solve(plate(), **how).cuts()
+    assert len(cuts.at) > 5
+    np.testing.assert_allclose(cuts.carried, 2.0, atol=2e-10)
+    np.testing.assert_allclose(cuts.missing, 0.0, atol=2e-10)
+
+
+def test_agents_of_the_elastic_rule_come_to_equilibrium():
+    far, near = (
+        ElasticModel(plate(rule=elastic(t)), engine="arrays").run().cuts() for t in (1e-2, 1e-12)
+    )
+    assert np.abs(near.missing).max() < 1e-10 < np.abs(far.missing).max()
+
+
+def test_a_shear_force_goes_through_every_cut_of_a_cantilever():
+    scene = plate(
+        body={"cell_size": 0.01, "cells": [12, 4], "thickness": 0.002, "material": "steel"},
+        sides={"left": "rigid"},
+        loads=[{"side": "right", "force": [0.0, -3.0]}],
+    )
+    cuts = solve(scene).cuts("x")
+    # The part before each cut is held, so the part beyond it says what is needed.
+    np.testing.assert_allclose(cuts.needed, np.tile([0.0, -3.0], (12, 1)), atol=1e-12)
+    np.testing.assert_allclose(cuts.force[:10], cuts.needed[:10], atol=1e-9)
+    # A surface that is dragged takes its shear over two cells.
+    np.testing.assert_allclose(cuts.force[10:].mean(axis=0), cuts.needed[10], atol=1e-9)
+
+
+def test_weight_grows_downwards_and_hangs_from_the_top():
+    body = {"cell_size": 0.1, "cells": [3, 4], "thickness": 0.1, "material": "steel"}
+    material = {"steel": {"youngs_modulus": 2e11, "poissons_ratio": 0.3, "density": 1000.0}}
+    for side in ("bottom", "top"):
+        scene = plate(
+            body=body | {"gravity": [0.0, -10.0]},
+            sides={side: "rigid"},
+            loads=[],
+            materials=material,
+        )
+        cuts = solve(scene).cuts()
+        rows = (np.arange(4) + 0.5) * 30.0  # a row weighs 30 N
+        expected = -rows[::-1] if side == "bottom" else rows
+        np.testing.assert_allclose(cuts.force[:, 1], expected, rtol=1e-9)
+        np.testing.assert_allclose(cuts.needed[:, 1], expected, rtol=1e-12)
+        np.testing.assert_allclose(cuts.carried, -cuts.force[:, 1])
+
+
+def test_where_supports_hold_both_parts_nothing_is_called_missing():
+    cuts = LoadModel(plate(sides={"bottom": "rigid", "left": "rigid"})).run().cuts()
+    assert np.isnan(cuts.missing).all()
+    rollers = solve(plate(sides={"bottom": "rigid", "left": "roller", "right": "roller"})).cuts()
+    np.testing.assert_allclose(rollers.missing, 0.0, atol=2e-10)  # they let slide along
+    assert np.isnan(rollers.needed[:, 0]).all()
+
+
+def test_cubes_are_cut_across_every_axis():
+    body = {"cell_size": 0.1, "cells": [3, 4, 5], "material": "steel"}
+    load = {"side": "top", "force": [0.0, 0.0, -5.0]}
+    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
+    result = solve(scene)
+    np.testing.assert_allclose(result.cuts().carried, 5.0, rtol=1e-9)
+    np.testing.assert_allclose(result.cuts("x").force, 0.0, atol=5.0)
+    assert [len(result.cuts(axis).at) for axis in "xyz"] == [3, 4, 5]
+
+
+def test_rows_of_hexagons_are_cut():
+    body = {"cells": [5, 4], "cell_size": 0.01, "lattice": "hexagon", "material": "steel"}
+    scene = Scene(
+        body=body, sides={"bottom": "rigid"}, loads=[{"cell": [2, 3], "force": [0.0, -2.0]}]
+    )
+    result = LoadModel(scene).run()
+    cuts = result.cuts()
+    row = result.last.cells[:, 1]
+    width = 0.01 * scene.thickness
+    np.testing.assert_allclose(
+        cuts.carried, -np.bincount(row, result.stress[:, 1, 1], minlength=4) * width
+    )
+    with pytest.raises(ParameterError, match="axis"):
+        result.cuts("x")
+
+
+def test_cuts_that_are_none_are_refused():
+    result = LoadModel(plate()).run()
+    for axis in ("z", "xy", 1):
+        with pytest.raises(ParameterError, match="axis"):
+            result.cuts(axis)
+
+
+def test_a_table_of_cuts_names_its_units():
+    table = LoadModel(plate()).run().cuts().to_dataframe()
+    assert list(table) == ["y (m)", "carried (N)", "balance (N)", "missing (N)"]
+    assert table["carried (N)"].max() == pytest.approx(1.8862, abs=5e-5)

@@ -21,8 +21,7 @@ from kaju.errors import ParameterError
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.scene import Scene
 from kaju.model.study.compare import Comparison, compare
-from kaju.model.study.fitting import Fit, fit_rule
-from kaju.model.study.solving import solve
+from kaju.model.study.fitting import Fit, elastic_reference, fit_rule
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.stopping import NOTE, Interrupted
@@ -36,8 +35,6 @@ CHOSEN = "prescribed rule"
 FITTED = "prescribed rule, fitted"
 DERIVED = "elastic agents"
 
-CELLS_ACROSS = {2: 160, 3: 48}
-"""The believed answer has about so many cells across the body, at most 8 for each of its own."""
 ELASTIC_TOLERANCE = 1e-6
 """So far the elastic agents are run beside a prescribed rule."""
 
@@ -237,10 +234,7 @@ def beside_elasticity(
     began = perf_counter()
     loads = tuple(load.model_copy(update={"steps": 1}) for load in scene.loads)
     scene = scene.replace(loads=loads)
-    if resolution is None:
-        across = max(scene.lattice.shape)
-        resolution = min(8, max(1, CELLS_ACROSS[scene.lattice.dimension] // across))
-    believed = solve(scene, resolution=resolution, strategy="uniform")
+    believed = elastic_reference(scene, resolution)
     force = np.abs(scene.applied().force).sum(axis=0)
     found: dict[str, Comparison] = {}
     fit: Fit | None = None

@@ -9,13 +9,16 @@ are deterministic.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import hypot, isfinite, sqrt
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kaju.agents.materials import suggestion
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, StabilityError
@@ -23,12 +26,11 @@ from kaju.model.results.result import BodyResult
 from kaju.model.scene import Scene, scene_needed
 from kaju.model.study.compare import Comparison, Pair, Settling, compare
 from kaju.model.study.reference import Reference
+from kaju.model.study.solving import solve
 from kaju.model.transfer.load_model import LoadModel
 
-if TYPE_CHECKING:
-    from kaju.model.transfer.transfer_result import TransferResult
-
 Quantity = Literal["displacement", "stress"]
+Believed = BodyResult | Reference | Settling
 
 GLOBAL_SHARE = 0.7
 """Part of the evaluations that go into the search of the whole box."""
@@ -38,6 +40,29 @@ LEAST_BESIDE = 0.02
 """At least this part of what is passed on along the load goes beside."""
 LARGEST_SHARE = 0.98
 """No load is passed on in a larger piece, so that all of them end."""
+CELLS_ACROSS = {2: 160, 3: 48}
+"""Cells of a believed answer across a body, where nobody says how many."""
+
+
+class Misfit(NamedTuple):
+    """How far one quantity of one scene was off before the fit, and is after it.
+
+    Attributes
+    ----------
+    scene : int
+        Number of the scene, from 0.
+    quantity : {"displacement", "stress"}
+    weight : float
+        How much it counted; 0 if it was only watched.
+    before, after : float
+        Norm of the difference over that of the reference: 1 is no better than nothing.
+    """
+
+    scene: int
+    quantity: Quantity
+    weight: float
+    before: float
+    after: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,73 +72,154 @@ class Fit:
     Attributes
     ----------
     rule : PrescribedRule
-        With the fitted α and β, ready for `Scene.replace(rule=...)`.
-    before, after : Comparison
-        The scene's own rule and the fitted one against the reference.
-    quantity : {"displacement", "stress"}
-        Whose misfit was made small.
+        The first scene's with the fitted α and β, ready for `Scene.replace(rule=...)`.
+    comparisons : tuple of (Comparison, Comparison)
+        For every scene its own rule, and the fitted one, against the reference.
+    misfits : tuple of Misfit
+        What every quantity of every scene has gained or lost, whether it was fitted or not.
     history : array, shape (evaluations,)
-        Least misfit found up to each run of the model.
+        Least weighted misfit found up to each run of the rule.
     seconds : float
         Time that the search took (s).
+    notes : tuple of str
+        What a reader of the figures should know, in words.
     """
 
     rule: PrescribedRule
-    before: Comparison
-    after: Comparison
-    quantity: Quantity
+    comparisons: tuple[tuple[Comparison, Comparison], ...]
+    misfits: tuple[Misfit, ...]
     history: Floats
     seconds: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def before(self) -> Comparison:
+        """The first scene's own rule against the reference."""
+        return self.comparisons[0][0]
+
+    @property
+    def after(self) -> Comparison:
+        """The fitted rule on the first scene against the reference."""
+        return self.comparisons[0][1]
+
+    @property
+    def quantity(self) -> str:
+        """What was fitted."""
+        return " and ".join(dict.fromkeys(row.quantity for row in self.misfits if row.weight))
 
     @property
     def evaluations(self) -> int:
-        """How often the model was run."""
+        """How often the rule was run on all scenes."""
         return len(self.history)
 
     @property
     def misfit(self) -> tuple[float, float]:
-        """Misfit of the fitted quantity before and after."""
-        return _misfit(self.before, self.quantity), _misfit(self.after, self.quantity)
+        """Weighted misfit of what was fitted, before and after."""
+        weights = [row.weight for row in self.misfits]
+        before, after = (
+            [getattr(row, name) for row in self.misfits] for name in Misfit._fields[3:]
+        )
+        return _weighted(before, weights), _weighted(after, weights)
+
+    @property
+    def trade_off(self) -> str:
+        """What has become worse, and what better for it; empty if nothing has become worse."""
+        worse = [row for row in self.misfits if row.after > row.before]
+        if not worse:
+            return ""
+        better = [row for row in self.misfits if row.after < row.before]
+        unfitted = any(row.weight == 0.0 for row in worse)
+        remedy = "; quantity={'displacement': 1, 'stress': 1} weighs both" if unfitted else ""
+        told = f"{self._told(worse)} got worse"
+        return (f"{self._told(better)} got better, but " if better else "") + told + remedy
+
+    def _told(self, rows: Sequence[Misfit]) -> str:
+        several = len(self.comparisons) > 1
+        return ", ".join(
+            f"{row.quantity}{f' of scene {row.scene + 1}' if several else ''} "
+            f"({row.before:.3g} to {row.after:.3g})"
+            for row in rows
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        before, after = self.misfit
+        return {
+            "alpha": list(self.rule.alpha or ()),
+            "beta": self.rule.beta,
+            "fitted": self.quantity,
+            "misfit_before": before,
+            "misfit_after": after,
+            "misfits": [row._asdict() for row in self.misfits],
+            "trade_off": self.trade_off or None,
+            "runs": self.evaluations,
+            "seconds": self.seconds,
+            "notes": list(self.notes),
+        }
 
     def __str__(self) -> str:
         assert self.rule.alpha is not None
         before, after = self.misfit
         alpha = ", ".join(f"{share:.4g}" for share in self.rule.alpha)
-        return (
+        told = (
             f"alpha = ({alpha}), beta = {self.rule.beta:.4g}: misfit of the {self.quantity} "
             f"{before:.3g} before, {after:.3g} after, {self.evaluations} runs"
         )
+        return "; ".join([told, *filter(None, [self.trade_off]), *self.notes])
 
 
-def fit_rule(
-    scene: Scene,
-    reference: BodyResult | Reference | Settling,
-    *,
-    quantity: Quantity = "displacement",
-    points: ArrayLike | None = None,
-    most_passed_on: float = 1.0,
-    evaluations: int = 600,
-) -> Fit:
-    """Find α and β that bring the prescribed rule closest to a reference on a scene.
-
-    The coefficients fit this body under this load, and no other.
+def elastic_reference(scene: Scene, resolution: int | None = None) -> BodyResult:
+    """Return the answer of elasticity to a scene, on cells fine enough to be believed.
 
     Parameters
     ----------
-    scene : Scene
+    resolution : int, optional
+        Cells for each of the scene's along every axis; by default as many as give 160 (in space
+        48) across the body, up to 8.
+    """
+    if resolution is None:
+        across = CELLS_ACROSS[scene.lattice.dimension]
+        resolution = min(8, max(1, across // max(scene.lattice.shape)))
+    return solve(scene, resolution=resolution, strategy="uniform")
+
+
+def fit_rule(
+    scene: Scene | Sequence[Scene],
+    reference: Believed | Sequence[Believed] | None = None,
+    *,
+    quantity: Quantity | Mapping[Quantity, float] = "displacement",
+    weights: Sequence[float] | None = None,
+    points: ArrayLike | None = None,
+    most_passed_on: float = 1.0,
+    evaluations: int = 600,
+    seconds: float = 60.0,
+) -> Fit:
+    """Find α and β that bring the prescribed rule closest to references on scenes.
+
+    The coefficients fit these bodies under these loads, and no others. Made small is the root of
+    the weighted mean square of all misfits; what got worse for it is told.
+
+    Parameters
+    ----------
+    scene : Scene, or several
         With a `PrescribedRule`; its threshold and way of adding up are kept, coefficients of
         single materials are given up.
-    reference : BodyResult, ElasticRun or Reference
-        What to come close to.
-    quantity : {"displacement", "stress"}
+    reference : BodyResult, ElasticRun or Reference, or one for each scene, optional
+        What to come close to; by default the answers of elasticity.
+    quantity : {"displacement", "stress"} or mapping
         Whose misfit to make small: the norm of the difference over that of the reference.
+        ``{"displacement": 1, "stress": 2}`` weighs several.
+    weights : sequence of float, optional
+        How much each scene counts; all alike unless given.
     points : array, shape (n, dimension), optional
         Where to compare (m); as for `compare`.
     most_passed_on : float
         α₂ + 2 (dimension - 1) α₃ is at most this. 1: no more than the load. Above 1 loads
         multiply on their way: displacements spread farther, but stresses count load twice.
     evaluations : int
-        Runs of the model, about.
+        Runs of the rule on all scenes, about.
+    seconds : float
+        The search ends after so long (s) with the best found until then, and says so.
 
     Returns
     -------
@@ -122,29 +228,92 @@ def fit_rule(
     Raises
     ------
     ParameterError
-        If the scene's rule is another one, or an argument breaks its rule.
+        If a scene's rule is another one, or an argument breaks its rule.
     ResultError
         If scene and reference cannot be compared.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> scene = kaju.Scene(
+    ...     body={"cell_size": 0.01, "cells": [6, 6], "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [3, 5], "force": [0.0, -2.0]}],
+    ... )
+    >>> fit = kaju.fit_rule(scene, quantity={"displacement": 1, "stress": 1}, evaluations=60)
+    >>> before, after = fit.misfit
+    >>> after < before
+    True
     """
     began = perf_counter()
-    _check(scene, quantity, most_passed_on, evaluations)
-    search = _Search(scene, reference, quantity, points, most_passed_on)
-    best = search.run(evaluations)
-    rule = search.rule(best)
-    after = search.compare(search.answer(rule))
-    history = np.minimum.accumulate(np.array(search.found))
-    return Fit(rule, search.before, after, quantity, history, perf_counter() - began)
-
-
-def _check(scene: Scene, quantity: str, most_passed_on: float, evaluations: int) -> None:
-    scene_needed(scene)
-    if not isinstance(scene.rule, PrescribedRule):
+    scenes = [scene] if isinstance(scene, Scene) or not isinstance(scene, Sequence) else [*scene]
+    wanted: dict[Quantity, float] = {quantity: 1.0} if isinstance(quantity, str) else dict(quantity)
+    counted = [1.0] * len(scenes) if weights is None else list(weights)
+    _check(scenes, wanted, counted, most_passed_on, evaluations, seconds)
+    if reference is None:
+        references: list[Believed] = [elastic_reference(one) for one in scenes]
+    else:
+        references = list(reference) if isinstance(reference, Sequence) else [reference]
+    if len(references) != len(scenes):
         raise ParameterError(
-            f"scene: its rule is {scene.rule.kind!r}; the coefficients of a prescribed rule can "
-            "be fitted, so replace it: scene.replace(rule=PrescribedRule())"
+            f"reference: one for each of the {len(scenes)} scenes is needed, got {len(references)}"
         )
-    if quantity not in get_args(Quantity):
-        raise ParameterError(f"quantity: 'displacement' or 'stress', got {quantity!r}")
+    cases = [
+        _Case(one, believed, {name: weight * share for name, share in wanted.items()}, points)
+        for one, believed, weight in zip(scenes, references, counted, strict=True)
+    ]
+    search = _Search(cases, most_passed_on, began + seconds)
+    best = search.run(evaluations)
+    rule = search.rule(cases[0], best)
+    pairs = tuple((case.before, case.compare(search.rule(case, best))) for case in cases)
+    misfits = tuple(
+        Misfit(number, name, case.weights.get(name, 0.0), first.misfit, _pair(after, name).misfit)
+        for number, (case, (before, after)) in enumerate(zip(cases, pairs, strict=True))
+        for name in get_args(Quantity)
+        if (first := _known_pair(before, name)) is not None
+    )
+    notes: tuple[str, ...] = ()
+    if search.ended_early:
+        notes = (f"ended after {seconds:g} s with {len(search.found)} of {evaluations} runs",)
+    history = np.minimum.accumulate(np.array(search.found))
+    return Fit(rule, pairs, misfits, history, perf_counter() - began, notes)
+
+
+def _check(
+    scenes: list[Scene],
+    quantities: Mapping[Quantity, float],
+    weights: list[float],
+    most_passed_on: float,
+    evaluations: int,
+    seconds: float,
+) -> None:
+    for scene in scenes:
+        scene_needed(scene)
+        if not isinstance(scene.rule, PrescribedRule):
+            raise ParameterError(
+                f"scene: its rule is {scene.rule.kind!r}; the coefficients of a prescribed rule "
+                "can be fitted, so replace it: scene.replace(rule=PrescribedRule())"
+            )
+    if len({scene.lattice.dimension for scene in scenes}) != 1:
+        raise ParameterError(
+            "scene: all must be in the plane, or all in space, where a load has more neighbours "
+            "beside it; fit them apart"
+        )
+    for name in quantities:
+        if name not in get_args(Quantity):
+            raise ParameterError(
+                f"quantity: 'displacement' or 'stress', got {name!r}"
+                f"{suggestion(str(name), get_args(Quantity))}"
+            )
+    if len(weights) != len(scenes):
+        raise ParameterError(
+            f"weights: one for each of the {len(scenes)} scenes is needed, got {len(weights)}"
+        )
+    for key, each in (("quantity", list(quantities.values())), ("weights", weights)):
+        if not (all(isfinite(w) and w >= 0.0 for w in each) and sum(each) > 0.0):
+            raise ParameterError(
+                f"{key}: weights from 0 upwards, not all 0, are needed, got {each}"
+            )
     if not 0.0 < most_passed_on <= 2.0:
         raise ParameterError(
             f"most_passed_on: must lie above 0 and up to 2, got {most_passed_on}; above 1 loads "
@@ -152,6 +321,49 @@ def _check(scene: Scene, quantity: str, most_passed_on: float, evaluations: int)
         )
     if evaluations < 10:
         raise ParameterError(f"evaluations: 10 or more are needed, got {evaluations}")
+    if not (isfinite(seconds) and seconds > 0.0):
+        raise ParameterError(f"seconds: a time above 0 s is needed, got {seconds}")
+
+
+class _Case:
+    """One scene, what is believed about it, and how much each of its misfits counts."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        reference: Believed,
+        weights: Mapping[Quantity, float],
+        points: ArrayLike | None,
+    ) -> None:
+        # The last stage alone counts, and each is run from the start.
+        loads = tuple(load.model_copy(update={"steps": 1}) for load in scene.loads)
+        self.scene = scene.replace(loads=loads)
+        self.weights = weights
+        assert isinstance(scene.rule, PrescribedRule)
+        self.rule = scene.rule
+        first = LoadModel(self.scene, engine="arrays", allow_unstable=True).run()
+        self.before = compare(first, reference, points=points)
+        self.wanted = {name: _pair(self.before, name).reference for name in weights}
+        self.own = [_pair(self.before, name).misfit for name in weights]
+
+    def compare(self, rule: PrescribedRule) -> Comparison:
+        """Compare a rule with the reference, where the first one was compared."""
+        result = LoadModel(self.scene.replace(rule=rule), engine="arrays").run()
+        return compare(result, self.before.reference, points=self.before.points)
+
+    def misfits(self, rule: PrescribedRule) -> list[float]:
+        """Return the misfits of a rule that count."""
+        result = LoadModel(self.scene.replace(rule=rule), engine="arrays").run()
+        found = []
+        for name, wanted in self.wanted.items():
+            at = result.stress_at if name == "stress" else result.displacement_at
+            difference = np.linalg.norm(at(self.before.points) - wanted)
+            found.append(float(difference / np.linalg.norm(wanted)))
+        return found
+
+
+class _TimeIsUpError(Exception):
+    """The time is up."""
 
 
 class _Search:
@@ -162,88 +374,81 @@ class _Search:
     if each is judged by itself.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        reference: BodyResult | Reference | Settling,
-        quantity: Quantity,
-        points: ArrayLike | None,
-        most_passed_on: float,
-    ) -> None:
-        # The last stage alone counts, and each is run from the start.
-        loads = tuple(load.model_copy(update={"steps": 1}) for load in scene.loads)
-        self.scene = scene.replace(loads=loads)
-        self.quantity, self.most = quantity, most_passed_on
-        self.beside = 2 * (scene.lattice.dimension - 1)
-        assert isinstance(scene.rule, PrescribedRule)
-        self.own_rule = scene.rule
-        first = LoadModel(self.scene, engine="arrays", allow_unstable=True).run()
-        self.before = compare(first, reference, points=points)
-        pair = _pair(self.before, quantity)
-        self.wanted, self.size = pair.reference, float(np.linalg.norm(pair.reference))
-        self.found = [_misfit(self.before, quantity)]
+    def __init__(self, cases: list[_Case], most_passed_on: float, deadline: float) -> None:
+        self.cases, self.most, self.deadline = cases, most_passed_on, deadline
+        self.beside = 2 * (cases[0].scene.lattice.dimension - 1)
+        self.weights = [weight for case in cases for weight in case.weights.values()]
+        own = [misfit for case in cases for misfit in case.own]
+        self.found = [_weighted(own, self.weights)]
+        self.best, self.box = np.inf, self.start()
+        self.ended_early = False
 
-    def rule(self, box: Floats) -> PrescribedRule:
-        """Return the rule at a point of the box."""
+    def rule(self, case: _Case, box: Floats) -> PrescribedRule:
+        """Return a scene's rule at a point of the box."""
         own, total, across, beta = (float(x) for x in np.clip(box, 0.0, 1.0))
         across = LEAST_BESIDE + (1.0 - LEAST_BESIDE) * across
         passed = self.most * total * np.array([1.0 - across, across / self.beside])
         forward, friction = (float(share) for share in np.minimum(passed, LARGEST_SHARE))
         alpha = (own, forward, friction)
-        return replace(self.own_rule, alpha=alpha, beta=beta, materials={})
+        return replace(case.rule, alpha=alpha, beta=beta, materials={})
 
     def start(self) -> Floats:
-        """Return the point of the box nearest to the scene's own rule."""
-        shares = self.own_rule.shares(self.scene.cell_materials[0], self.scene.lattice.dimension)
+        """Return the point of the box nearest to the first scene's own rule."""
+        scene, rule = self.cases[0].scene, self.cases[0].rule
+        shares = rule.shares(scene.cell_materials[0], scene.lattice.dimension)
         total = shares.forward + self.beside * shares.friction
         across = self.beside * shares.friction / total if total > 0.0 else 0.5
         beside = (across - LEAST_BESIDE) / (1.0 - LEAST_BESIDE)
-        box = np.array([shares.own, total / self.most, beside, self.own_rule.beta])
+        box = np.array([shares.own, total / self.most, beside, rule.beta])
         return np.asarray(np.clip(box, 0.0, 1.0))
 
-    def answer(self, rule: PrescribedRule) -> TransferResult:
-        """Run the model."""
-        return LoadModel(self.scene.replace(rule=rule), engine="arrays").run()
-
-    def compare(self, result: TransferResult) -> Comparison:
-        """Compare a run with the reference, where the first one was compared."""
-        return compare(result, self.before.reference, points=self.before.points)
-
     def __call__(self, box: Floats) -> float:
-        """Return the misfit at a point of the box."""
+        """Return the weighted misfit at a point of the box."""
+        if perf_counter() > self.deadline and len(self.found) > 1:
+            raise _TimeIsUpError
         try:
-            result = self.answer(self.rule(box))
+            misfits = [m for case in self.cases for m in case.misfits(self.rule(case, box))]
+            value = _weighted(misfits, self.weights)
         except StabilityError:
             value = UNSTABLE
-        else:
-            at = result.stress_at if self.quantity == "stress" else result.displacement_at
-            value = float(np.linalg.norm(at(self.before.points) - self.wanted)) / self.size
         self.found.append(value)
+        if value < self.best:
+            self.best, self.box = value, np.array(box)
         return value
 
     def run(self, evaluations: int) -> Floats:
         """Return the best point of the box."""
         from scipy.optimize import Bounds, direct, minimize
 
-        everywhere = direct(
-            self,
-            Bounds(np.zeros(4), np.ones(4)),
-            maxfun=int(GLOBAL_SHARE * evaluations),
-            maxiter=evaluations,
-            locally_biased=True,
-        )
-        start = self.start()
-        candidates = [(float(everywhere.fun), everywhere.x), (self(start), start)]
-        best, box = min(candidates, key=lambda candidate: candidate[0])
-        left = max(evaluations - len(self.found), 5)
-        nearby = minimize(
-            self,
-            box,
-            method="Nelder-Mead",
-            bounds=[(0.0, 1.0)] * 4,
-            options={"maxfev": left, "initial_simplex": _simplex(box), "xatol": 1e-5},
-        )
-        return np.asarray(nearby.x if nearby.fun < best else box)
+        try:
+            self(self.start())
+            direct(
+                self,
+                Bounds(np.zeros(4), np.ones(4)),
+                maxfun=int(GLOBAL_SHARE * evaluations),
+                maxiter=evaluations,
+                locally_biased=True,
+            )
+            minimize(
+                self,
+                self.box,
+                method="Nelder-Mead",
+                bounds=[(0.0, 1.0)] * 4,
+                options={
+                    "maxfev": max(evaluations - len(self.found), 5),
+                    "initial_simplex": _simplex(self.box),
+                    "xatol": 1e-5,
+                },
+            )
+        except _TimeIsUpError:
+            self.ended_early = True
+        return self.box
+
+
+def _weighted(misfits: Sequence[float], weights: Sequence[float]) -> float:
+    """Return the root of the weighted mean square."""
+    whole = sum(weights)
+    return hypot(*(sqrt(w / whole) * m for m, w in zip(misfits, weights, strict=True)))
 
 
 def _simplex(box: Floats, size: float = 0.05) -> Floats:
@@ -254,13 +459,12 @@ def _simplex(box: Floats, size: float = 0.05) -> Floats:
     return corners
 
 
-def _pair(comparison: Comparison, quantity: Quantity) -> Pair:
-    if quantity == "displacement":
-        return comparison.displacement
-    if comparison.stress is None:
+def _known_pair(comparison: Comparison, quantity: str) -> Pair | None:
+    return comparison.displacement if quantity == "displacement" else comparison.stress
+
+
+def _pair(comparison: Comparison, quantity: str) -> Pair:
+    pair = _known_pair(comparison, quantity)
+    if pair is None:
         raise ParameterError("quantity: the reference knows no stress; fit the displacement")
-    return comparison.stress
-
-
-def _misfit(comparison: Comparison, quantity: Quantity) -> float:
-    return _pair(comparison, quantity).misfit
+    return pair

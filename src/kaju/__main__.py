@@ -11,7 +11,14 @@ import typer
 from kaju import __version__
 from kaju.errors import KajuError
 
-from . import commands_compare, commands_look, commands_many, commands_run, commands_scene
+from . import (
+    commands_compare,
+    commands_fit,
+    commands_look,
+    commands_many,
+    commands_run,
+    commands_scene,
+)
 
 app = typer.Typer(
     help="Agents that carry load through a body.",
@@ -31,6 +38,7 @@ for _verb in (
     commands_look.page,
     commands_look.watch,
     commands_compare.compare,
+    commands_fit.fit,
     commands_many.stress,
     commands_many.sweep,
     commands_scene.materials,

@@ -118,3 +118,91 @@ def test_stress_needs_a_reference_that_knows_it():
     reference = Reference(points, result.displacement_at(points))
     with pytest.raises(ParameterError, match="knows no stress"):
         fit_rule(plate(), reference, quantity="stress")
+
+
+def bar(rule=OWN):
+    return Scene(
+        body={"size": [0.04, 0.1], "cells": [4, 10], "thickness": 0.002, "material": "rubber"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, -2.0]}],
+        rule=rule,
+    )
+
+
+def test_a_fit_of_one_quantity_says_what_it_costs_the_other(fit):
+    by_name = {row.quantity: row for row in fit.misfits}
+    assert by_name["displacement"].after < by_name["displacement"].before
+    assert by_name["stress"].after > by_name["stress"].before
+    assert by_name["stress"].weight == 0.0
+    assert "stress" in fit.trade_off.partition("but")[2]
+    assert fit.trade_off in str(fit)
+
+
+def test_several_quantities_are_weighed():
+    reference = solve(plate(), resolution=4)
+
+    def both_after(**weights):
+        fit = fit_rule(plate(), reference, quantity=weights, evaluations=100)
+        return np.hypot(*(row.after for row in fit.misfits))
+
+    both = both_after(displacement=1.0, stress=1.0)
+    assert both < both_after(displacement=1.0)
+    assert both < both_after(displacement=1.0, stress=0.0)
+    assert both == pytest.approx(both_after(displacement=3.0, stress=3.0), rel=1e-9)
+
+
+def test_several_scenes_are_fitted_together():
+    """Two bodies whose references were made by one rule: it is found on both at once."""
+    made = replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9)
+    scenes = [plate(), bar()]
+    references = [as_reference(LoadModel(scene.replace(rule=made)).run()) for scene in scenes]
+    fit = fit_rule(scenes, references, evaluations=400)
+    assert [(row.scene, row.quantity) for row in fit.misfits] == [
+        (0, "displacement"),
+        (0, "stress"),
+        (1, "displacement"),
+        (1, "stress"),
+    ]
+    assert all(row.after < 0.5 * row.before for row in fit.misfits if row.weight)
+    alone = fit_rule(scenes, references, weights=[1.0, 0.0], evaluations=100)
+    first = fit_rule(plate(), references[0], evaluations=100)
+    assert alone.misfit == pytest.approx(first.misfit, rel=1e-12)
+
+
+def test_without_a_reference_elasticity_is_believed():
+    fit = fit_rule(plate(), evaluations=20)
+    assert fit.misfit[0] == pytest.approx(0.79, abs=0.1)
+    assert fit.before.reference.resolution == 8
+
+
+def test_it_ends_in_time_with_the_best_until_then():
+    fit = fit_rule(plate(), solve(plate()), evaluations=100_000, seconds=0.5)
+    assert fit.evaluations < 100_000
+    assert fit.notes[0].startswith("ended after 0.5 s")
+    assert fit.misfit[1] == pytest.approx(fit.history[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("scenes", "arguments", "message"),
+    [
+        (2, {"weights": [1.0]}, "weights: one for each of the 2 scenes"),
+        (1, {"weights": [0.0]}, "weights: weights from 0 upwards, not all 0"),
+        (1, {"quantity": {"displacement": -1.0}}, "quantity: weights from 0 upwards"),
+        (1, {"quantity": {"displacment": 1.0}}, "did you mean 'displacement'"),
+        (1, {"seconds": 0.0}, "seconds: a time above 0 s"),
+        (2, {"reference": []}, "reference: one for each of the 2 scenes"),
+    ],
+)
+def test_wrong_weights_are_named(scenes, arguments, message):
+    with pytest.raises(ParameterError, match=message):
+        fit_rule([plate()] * scenes, **arguments)
+
+
+def test_plane_and_space_are_fitted_apart():
+    cube = Scene(
+        body={"cell_size": 0.01, "cells": [2, 2, 2], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, 0.0, -1.0]}],
+    )
+    with pytest.raises(ParameterError, match="all must be in the plane, or all in space"):
+        fit_rule([plate(), cube])

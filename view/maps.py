@@ -161,6 +161,9 @@ def plot_map(
         colour_bar(ax, drawn, shown.title[0].lower() + shown.title[1:], shown.unit, extend)
         extreme = float(shown.values[first_largest(np.abs(shown.values))])
         notes = [f"largest value {quantity(extreme, shown.unit)}; " + "; ".join(notes)]
+        if result.kind == "elastic" and what in ("strain", "stress", "von_mises"):
+            reason = cast("ElasticResult", result).largest_stress.no_limit
+            notes += [f"the largest stress has no limit: {reason}"] if reason else []
     finish(ax, section, shown.title, notes, entries)
     return ax
 

@@ -1,21 +1,31 @@
-"""Where stresses have no limit: re-entrant corners, and ends of what holds a body.
+"""Where stresses have no limit: re-entrant corners, ends of supports, corners between materials.
 
-Round a point the body is a wedge of one to three quarters between two sides. Stresses grow without
-limit towards its tip if both sides are free, or both held, and it is wider than half a turn; or if
-one is free and the other held, from a quarter turn on (M. L. Williams, *Journal of Applied
-Mechanics* 19, 1952). Corners between materials are not looked for.
+Round a point of the plane the body is a wedge of one to four quarters between two sides. Stresses
+grow without limit towards its tip if both sides are free, or both held, and it is wider than half a
+turn; or if one is free and the other held, from a quarter turn on (M. L. Williams, *Journal of
+Applied Mechanics* 19, 1952). A roller is a mirror: the wedge counts twice. Where materials meet,
+they do unless their boundary is straight there, and does not end (D. B. Bogy, *Journal of Applied
+Mechanics* 38, 1971). In space the same holds in the plane across an edge.
 """
 
 from __future__ import annotations
 
+from functools import cache
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Ints
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
+from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 MOST_CELLS = 1_000_000
 """Larger arrays, and solids, are not looked through."""
+ON_EDGE = 1e-6
+"""Of a cell: a point that is nearer to a line of the cells lies on it."""
+ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
+"""The four cells round a point of the plane, each beside the next."""
 
 
 def sharp_corners(scene: Scene) -> NDArray[np.float64]:
@@ -26,14 +36,78 @@ def sharp_corners(scene: Scene) -> NDArray[np.float64]:
     ranges = [np.arange(-1, n + 1) for n in lattice.shape]
     cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1)
     kinds = scene.kinds(cells.reshape(-1, 2)).reshape(cells.shape[:-1])
-    around = np.stack([kinds[:-1, :-1], kinds[1:, :-1], kinds[1:, 1:], kinds[:-1, 1:]])
-    free, held, body = around == AIR, np.isin(around, (RIGID, DISPLACED)), around >= 0
-    sharp = np.zeros(around.shape[1:], dtype=np.bool_)
-    for first in range(4):
-        for quarters in (1, 2, 3):
-            before, after = (first - 1) % 4, (first + quarters) % 4
-            wedge = np.all([body[(first + k) % 4] for k in range(quarters)], axis=0)
-            mixed = (free[before] & held[after]) | (held[before] & free[after])
-            alike = (free[before] & free[after]) | (held[before] & held[after])
-            sharp |= wedge & (mixed | (alike if quarters == 3 else False))
-    return np.asarray(np.argwhere(sharp) * lattice.cell_size, dtype=np.float64)
+    around = np.stack([kinds[:-1, :-1], kinds[1:, :-1], kinds[1:, 1:], kinds[:-1, 1:]], axis=-1)
+    patterns, which = np.unique(around.reshape(-1, 4), axis=0, return_inverse=True)
+    sharp = np.array([bool(_reason(_sides(scene, pattern))) for pattern in patterns])
+    found = sharp[which.reshape(around.shape[:2])]
+    return np.asarray(np.argwhere(found) * lattice.cell_size, dtype=np.float64)
+
+
+def singular_at(scene: Scene, point: NDArray[np.float64]) -> str:
+    """Return why stresses have no limit at a point (m); empty if they have, or it is unknown."""
+    lattice = scene.lattice
+    if not lattice.boxes:
+        return ""
+    place = np.asarray(point, dtype=np.float64) / lattice.cell_size
+    on_line = np.abs(place - np.rint(place)) <= ON_EDGE
+    corner = np.where(on_line, np.rint(place), np.floor(place)).astype(np.int64)
+    for along in range(lattice.dimension) if lattice.dimension == 3 else [None]:
+        across = [axis for axis in range(lattice.dimension) if axis != along]
+        if not on_line[across].all():
+            continue
+        # At a corner of the cells an edge goes on to both sides.
+        for step in (0, -1) if along is not None and on_line[along] else (0,):
+            cells = np.repeat(corner[None], 4, axis=0)
+            cells[:, across] += ROUND
+            if along is not None:
+                cells[:, along] += step
+            reason = _reason(_sides(scene, _known_kinds(scene, cells)))
+            if reason:
+                return reason
+    return ""
+
+
+def _known_kinds(scene: Scene, cells: Ints) -> Ints:
+    """Return the kinds of cells; those farther than one beyond the array are as the nearest."""
+    return scene.kinds(np.clip(cells, -1, np.asarray(scene.lattice.shape)))
+
+
+def _sides(scene: Scene, kinds: Ints) -> tuple[int, ...]:
+    """Return four kinds with those alike that hold alike, or are of the same stiffness."""
+    materials = scene.cell_materials
+    stiffness = [(m.youngs_modulus, m.poissons_ratio) for m in materials]
+    alike = {AIR: AIR, FOUNDATION: AIR, RIGID: RIGID, DISPLACED: RIGID, ROLLER: ROLLER}
+    return tuple(
+        alike[kind] if kind < 0 else stiffness.index(stiffness[kind]) for kind in kinds.tolist()
+    )
+
+
+@cache
+def _reason(around: tuple[int, ...]) -> str:
+    """Return why stresses have no limit between four cells, each beside the next."""
+    if all(kind >= 0 for kind in around):
+        pairs = [around[k] == around[(k + 1) % 4] for k in range(4)]
+        straight = all(pairs) or pairs in ([True, False, True, False], [False, True, False, True])
+        return "" if straight else "materials meet in a corner"
+    for first, quarters in product(range(4), (1, 2, 3)):
+        wedge = [around[(first + k) % 4] for k in range(quarters)]
+        before, after = around[first - 1], around[(first + quarters) % 4]
+        if min(wedge) >= 0 and before < 0 and after < 0:
+            reason = _reason_of_wedge(wedge, {before, after})
+            if reason:
+                return reason
+    return ""
+
+
+def _reason_of_wedge(wedge: list[int], sides: set[int]) -> str:
+    """Return why stresses have no limit at the tip of a wedge between sides of some kinds."""
+    if len(set(wedge)) > 1:
+        straight = len(wedge) == 2 and sides == {ROLLER}
+        return "" if straight else "the boundary between two materials ends at the surface"
+    if sides == {AIR, RIGID}:
+        return "a support ends"
+    if len(wedge) == 3:
+        return "a re-entrant corner"
+    if len(wedge) == 2 and ROLLER in sides and len(sides) == 2:
+        return "a roller ends"
+    return ""

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.arrays import first_largest
 from kaju.errors import ParameterError, ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
@@ -34,6 +35,17 @@ if TYPE_CHECKING:
     from .equal_arrays import EqualArrays
 
 Index = NDArray[np.int64]
+
+
+class LargestStress(NamedTuple):
+    """The largest equivalent (von Mises) stress of an answer."""
+
+    value: float
+    """In Pa, in the middle of an agent."""
+    at: tuple[float, ...]
+    """The agent's middle (m)."""
+    no_limit: str
+    """Why it grows without limit as agents shrink; empty if it has a limit."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -360,7 +372,23 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the solver decided by itself, and what is to be known of the answer."""
-        return (*self.found.notes, *self._unproved)
+        return tuple(dict.fromkeys((*self.found.notes, *self._unproved, *self.caveats)))
+
+    @cached_property
+    def caveats(self) -> tuple[str, ...]:
+        """What is approximate beside the error on the cells: outlines, loads, corners."""
+        from .caveats import caveats
+
+        return tuple(caveats(self))
+
+    @cached_property
+    def largest_stress(self) -> LargestStress:
+        """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
+        from .caveats import has_limit
+
+        agent = first_largest(self.von_mises)
+        place = tuple(self.middle[agent].tolist())
+        return LargestStress(float(self.von_mises[agent]), place, has_limit(self, agent))
 
     @property
     def _unproved(self) -> list[str]:
@@ -387,16 +415,6 @@ class ElasticResult(BodyResult):
         from .corners import sharp_corners
 
         return sharp_corners(self.scene)
-
-    @property
-    def _sharp(self) -> list[str]:
-        corners = self.sharp_corners.tolist()
-        places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3])
-        more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
-        return [
-            f"stress grows without limit under refinement at the corner {places} m{more}"
-            for _ in corners[:1]
-        ]
 
     @property
     def max_displacement(self) -> float:
@@ -483,6 +501,9 @@ class ElasticResult(BodyResult):
             "strain_energy": self.strain_energy,
             "error_estimate": self.error_estimate,
             "max_displacement": self.max_displacement,
+            "largest_stress_Pa": self.largest_stress.value,
+            "largest_stress_at_m": list(self.largest_stress.at),
+            "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
             "method": self.found.method,
             "iterations": self.iterations,
@@ -507,7 +528,7 @@ class ElasticResult(BodyResult):
             ]
         figures |= self.found.history()
         return figures | {
-            "notes": [*self.notes, *self._sharp],
+            "notes": list(self.notes),
             "seconds": self.seconds,
             "kaju_version": __version__,
         }

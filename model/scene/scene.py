@@ -78,7 +78,7 @@ class Scene(Description):
         check_rule(self.rule, [*self.materials, *(m.name for m in self.cell_materials)])
         check_body(self._contents.filling, self.body.allow_floating)
         check_gravity(self._contents, self.body.gravity)
-        _ = self._selections
+        _ = self.selections
         return self
 
     @classmethod
@@ -221,7 +221,7 @@ class Scene(Description):
         if not 1 <= stage <= self.stages:
             raise SceneError(f"stage: must lie between 1 and {self.stages}, got {stage}")
         return at_stage(
-            self._contents, self.loads, self._selections, stage, self.thickness, self.body.gravity
+            self._contents, self.loads, self.selections, stage, self.thickness, self.body.gravity
         )
 
     def same_body(self, other: Scene) -> bool:
@@ -265,7 +265,7 @@ class Scene(Description):
         names = contents.picture.names if contents.picture else ()
         legend = {str(code): name for code, name in enumerate(names)}
         bare = self.replace(body=body, legend=legend, loads=())
-        loads = refined_loads(self.loads, self._selections, self.lattice, bare.kinds, int(k))
+        loads = refined_loads(self.loads, self.selections, self.lattice, bare.kinds, int(k))
         return bare.replace(loads=tuple(loads))
 
     def with_overrides(self, changes: Mapping[str, Any]) -> Scene:
@@ -340,7 +340,8 @@ class Scene(Description):
         return contents_of(self.body, self.legend, self.materials, self.sides)
 
     @cached_property
-    def _selections(self) -> tuple[Selection, ...]:
+    def selections(self) -> tuple[Selection, ...]:
+        """The faces or cells on which each load acts, and how much of each it covers."""
         filling = self._contents.filling
         return tuple(
             select(filling, load, f"loads.{number}") for number, load in enumerate(self.loads)

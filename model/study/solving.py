@@ -199,6 +199,7 @@ def _solve_scene(
     stage: int | None,
     most_agents: int | None,
 ) -> ElasticResult:
+    from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.solve import solve as solve_uniform
     from kaju.model.elastic.spawning.choice import solve_cheaply, solve_equal
@@ -214,6 +215,8 @@ def _solve_scene(
     spawned = previous is not None and previous.found.storage == "tree"
     if strategy == "auto" and (tolerance_at is not None or spawned):
         strategy = "spawning"
+    if tolerance_at is not None:
+        refuse_singular(scene, tolerance_at)
     if strategy == "spawning":
         return solve_spawning(
             scene,

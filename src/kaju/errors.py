@@ -61,6 +61,10 @@ class ResultFileError(ResultError, OSError):
     """A result file cannot be read or written."""
 
 
+class SingularPlaceError(ParameterError):
+    """A stress is asked for where it has no limit."""
+
+
 class MissingExtraError(KajuError, ImportError):
     """An optional package is needed; the message says how to install it."""
 

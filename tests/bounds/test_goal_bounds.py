@@ -168,7 +168,7 @@ def test_where_no_theorem_reaches_it_says_why(asked, why):
     assert goal.relative_bound is None
     assert why in goal.no_bound
     assert result.tolerance_kept == "estimated"
-    assert [why in note for note in result.notes] == [True]
+    assert sum(why in note for note in result.notes) == 1
 
 
 def test_what_is_certain_is_told_and_stored(tmp_path):
@@ -180,7 +180,7 @@ def test_what_is_certain_is_told_and_stored(tmp_path):
     lower = solve(drawn(["aaaa"] * 4), tolerance=0.3 * goal.relative_bound, tolerance_at=asked[0])
     goal = lower.goals[0]
     told = f"is estimated as {goal.relative_error:.2g}, and proved to be below"
-    assert [f"{told} {goal.relative_bound:.2g}" in note for note in lower.notes] == [True]
+    assert sum(f"{told} {goal.relative_bound:.2g}" in note for note in lower.notes) == 1
     assert lower.tolerance_kept == "estimated"
 
 

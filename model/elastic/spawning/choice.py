@@ -397,7 +397,7 @@ def solve_cheaply(
         if cells.continues or FAVOUR * cells.seconds < min(agents.seconds, dear):
             equal = cells.step()
             if equal is not None:
-                notes = [note for note in equal.notes if TAKEN not in note]
+                notes = [note for note in equal.found.notes if TAKEN not in note]
                 notes += cells_notes(equal, agents, tolerance)
                 return with_notes(equal, notes, tolerance, perf_counter() - start)
         else:
@@ -429,18 +429,18 @@ def solve_equal(
     start = perf_counter()
     if resolution is not None or tolerance < SMALLEST_TOLERANCE:
         result = solve(scene, tolerance, resolution, stage=stage, previous=previous)
-        notes = [*result.notes, *above_note(result, tolerance)]
+        notes = [*result.found.notes, *above_note(result, tolerance)]
         return with_notes(result, notes, tolerance, perf_counter() - start)
     cells = EqualCells(scene, tolerance, None, stage, previous, divides=True)
     while cells.seconds < inf:
         result_or_none = cells.step()
         if result_or_none is not None:
             return with_notes(
-                result_or_none, list(result_or_none.notes), tolerance, perf_counter() - start
+                result_or_none, list(result_or_none.found.notes), tolerance, perf_counter() - start
             )
     best = cells.last
     if best is not None and best.error_estimate <= tolerance:
-        return with_notes(best, list(best.notes), tolerance, perf_counter() - start)
+        return with_notes(best, list(best.found.notes), tolerance, perf_counter() - start)
     raise ConvergenceError(
         f"solve: a tolerance of {tolerance:g} needs about {cells.cells:.2g} equal cells, more than "
         "fit, or cells that cannot be solved; take a larger tolerance, or strategy='spawning'. The "

@@ -1,0 +1,202 @@
+"""What an elastic answer says of outlines, loads and corners that its error does not hold."""
+
+import numpy as np
+import pytest
+
+from kaju import Scene, Stress, solve
+from kaju.errors import SingularPlaceError
+from kaju.model.elastic.corners import singular_at
+
+RING = {"m": {"youngs_modulus": 1e9, "poissons_ratio": 1 / 3}}
+
+
+def quarter_tube(cells):
+    """A Lamé tube, inner radius 1 m and outer 2 m, under 1 MPa from within; its energy (J)."""
+    inner, outer, pressure, E, nu = 1.0, 2.0, 1e6, 1e9, 1 / 3
+    widening = (1 - nu) * inner + (1 + nu) * outer**2 / inner
+    widening *= pressure * inner**2 / (E * (outer**2 - inner**2))
+    disk = {"centre": [0.0, 0.0], "radius": outer}
+    bore = {"centre": [0.0, 0.0], "radius": inner}
+    around = {"centre": [0.0, 0.0], "radius": inner + 1.01 * outer / cells}
+    scene = Scene(
+        body={
+            "size": [2.0, 2.0],
+            "cells": [cells, cells],
+            "material": "air",
+            "regions": [{"disk": disk, "material": "m"}, {"disk": bore, "material": "air"}],
+        },
+        materials=RING,
+        sides={"left": "roller", "bottom": "roller"},
+        loads=[{"region": {"disk": around}, "pressure": pressure}],
+    )
+    return scene, 0.5 * pressure * widening * np.pi / 2
+
+
+def quarter_hole(cells):
+    """A plate pulled at its right, with a quarter of a hole; its energy (J) on ever finer cells."""
+    hole = {"disk": {"centre": [0.0, 0.0], "radius": 0.31}, "material": "air"}
+    scene = Scene(
+        body={"size": [1.0, 1.0], "cells": [cells, cells], "material": "steel", "regions": [hole]},
+        sides={"left": "roller", "bottom": "roller"},
+        loads=[{"side": "right", "pressure": -1e6}],
+    )
+    return scene, 3.1645
+
+
+def cooks_membrane(cells):
+    """Cook's membrane, half of whose compliance of 24.04 is the energy (J)."""
+    outline = [[0, 0], [48, 44], [48, 60], [0, 44]]
+    scene = Scene(
+        body={
+            "size": [48.0, 60.0],
+            "cells": [cells, round(cells * 60 / 48)],
+            "material": "air",
+            "regions": [{"polygon": outline, "material": "m"}],
+        },
+        materials={"m": {"youngs_modulus": 1.0, "poissons_ratio": 1 / 3}},
+        sides={"left": "rigid"},
+        loads=[{"region": {"box": [[48.0, 44.0], [48.0, 60.0]]}, "force": [0.0, 1.0]}],
+    )
+    return scene, 0.5 * 24.0409
+
+
+def outline_note(result):
+    (note,) = [note for note in result.notes if "outlines are steps" in note]
+    return note
+
+
+@pytest.mark.parametrize(
+    ("body", "cells"),
+    [
+        *((body, cells) for body in (quarter_tube, cooks_membrane) for cells in (16, 64)),
+        *((quarter_hole, cells) for cells in (20, 80)),
+    ],
+)
+def test_steps_are_owned_up_to_and_their_effect_is_told_within_a_factor_of_three(body, cells):
+    scene, truth = body(cells)
+    result = solve(scene, tolerance=0.05)
+    note = outline_note(result)
+    estimate = float(note.split("estimated ")[1].split()[0])
+    true = abs(result.strain_energy / truth - 1.0)
+    assert true / 3 < estimate < 3 * true
+    assert "proved for the body of cells" in note
+    assert note in result.summary()["notes"]
+
+
+def test_the_largest_stress_at_a_step_is_called_an_artefact():
+    scene, _ = quarter_tube(32)
+    result = solve(scene, tolerance=0.05)
+    assert "step of an outline" in result.largest_stress.no_limit
+    note = outline_note(result)
+    beyond = float(note.split("it is ")[1].split()[0])
+    assert beyond < result.largest_stress.value
+    # Lamé: 1.67 MPa along the bore beside −1 MPa across it.
+    assert beyond == pytest.approx(np.sqrt(1.67**2 + 1.67 + 1.0) * 1e6, rel=0.2)
+
+
+def test_bodies_along_the_axes_have_no_such_note():
+    scene = Scene(
+        body={"size": [0.2, 0.2], "cells": [10, 10], "material": "steel"},
+        sides={"bottom": "roller", "left": "roller"},
+        loads=[{"side": "top", "pressure": 1e5}],
+    )
+    result = solve(scene)
+    assert result.caveats == ()
+    assert result.largest_stress.no_limit == ""
+    assert result.largest_stress.value == pytest.approx(1e5)
+
+
+def plate(**load):
+    return Scene(
+        body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel"},
+        sides={"bottom": "roller", "left": "roller"},
+        loads=[load],
+    )
+
+
+@pytest.mark.parametrize(
+    ("load", "said"),
+    [
+        ({"region": {"box": [[0.095, 0.2], [0.105, 0.2]]}, "force": [0.0, -2.0]}, "by up to 0.01"),
+        ({"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}, ""),
+        ({"point": [0.1, 0.2], "force": [0.0, -2.0]}, ""),
+        ({"point": [0.095, 0.2], "force": [0.0, -2.0]}, ""),
+        ({"point": [0.098, 0.2], "force": [0.0, -2.0]}, "spread evenly over the 0.01 m"),
+        ({"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 0.0]}, "up to 50 Pa"),
+        ({"cell": [4, 19], "force": [0.0, -2.0]}, ""),
+    ],
+)
+def test_loads_that_do_not_act_just_where_they_are_described_are_named(load, said):
+    notes = [note for note in solve(plate(**load)).notes if note.startswith("loads.0:")]
+    assert len(notes) == bool(said)
+    assert all(said in note for note in notes)
+
+
+def test_a_coarse_answer_says_how_to_get_a_better_one():
+    narrow = plate(cell=[10, 19], force=[0.0, -2.0])
+    rough = solve(narrow)
+    assert rough.error_estimate > 0.1
+    assert any("tolerance=0.05" in note for note in rough.notes)
+    assert not any("tolerance=" in note for note in solve(narrow, tolerance=0.05).notes)
+
+
+L_SHAPE = Scene(
+    body={
+        "size": [0.2, 0.2],
+        "cells": [4, 4],
+        "material": "steel",
+        "regions": [
+            {"box": [[0.1, 0.1], [0.2, 0.2]], "material": "air"},
+            {"box": [[0.0, 0.0], [0.05, 0.05]], "material": "copper"},
+        ],
+    },
+    sides={"bottom": "rigid"},
+    loads=[{"side": "top", "force": [1000.0, 0.0]}],
+)
+
+
+@pytest.mark.parametrize(
+    ("point", "reason"),
+    [
+        ((0.1, 0.1), "re-entrant"),
+        ((0.2, 0.0), "support ends"),
+        ((0.05, 0.05), "materials meet"),
+        ((0.0, 0.05), "between two materials ends"),
+        ((0.05, 0.0), "between two materials ends"),
+        ((0.05, 0.02), ""),
+        ((0.0, 0.2), ""),
+        ((0.1, 0.2), ""),
+        ((0.15, 0.1), ""),
+        ((0.1, 0.0), ""),
+        ((0.11, 0.04), ""),
+    ],
+)
+def test_points_without_a_limit_are_known_and_refused_as_goals(point, reason):
+    assert reason in singular_at(L_SHAPE, np.array(point))
+    assert bool(reason) == bool(singular_at(L_SHAPE, np.array(point)))
+    if reason:
+        with pytest.raises(SingularPlaceError, match="tolerance_at"):
+            solve(L_SHAPE, tolerance=0.1, tolerance_at=Stress(point, "von_mises"))
+
+
+def test_edges_of_solids_and_ends_of_rollers_have_no_limit_either():
+    step = Scene(
+        body={
+            "size": [0.2, 0.2, 0.2],
+            "cells": [2, 2, 2],
+            "material": "steel",
+            "regions": [{"box": [[0.1, 0.0, 0.1], [0.2, 0.2, 0.2]], "material": "air"}],
+        },
+        sides={"bottom": "roller"},
+        loads=[{"cell": [0, 0, 1], "force": [0.0, 0.0, -1.0]}],
+    )
+    assert singular_at(step, np.array([0.1, 0.07, 0.1])) == "a re-entrant corner"
+    assert singular_at(step, np.array([0.1, 0.1, 0.1])) == "a re-entrant corner"
+    assert singular_at(step, np.array([0.1, 0.1, 0.2])) == ""
+    assert singular_at(step, np.array([0.2, 0.1, 0.0])) == ""
+
+
+def test_a_mean_round_a_corner_is_a_goal():
+    region = {"box": [[0.05, 0.05], [0.15, 0.15]]}
+    result = solve(L_SHAPE, tolerance=0.1, tolerance_at=Stress(region, "yy"), most_agents=20_000)
+    assert np.isfinite(result.goals[0].value)

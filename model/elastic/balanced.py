@@ -77,6 +77,19 @@ class Polynomials:
             parts.append(low + b / 2 + c / 3)
         return np.stack(parts)
 
+    def at(self, box: Index, inside: Floats) -> tuple[Floats, Floats]:
+        """Return normal and shear stresses at a place in each of some boxes."""
+        normal, shear = [], []
+        for axis, low in enumerate(self.low):
+            first, second = (slope[box] for slope in self.slopes(axis))
+            x = inside[:, axis]
+            normal.append(low[box] + (first + second * x) * x)
+        for (a, b), t in sorted(self.shear.items()):
+            x, y = inside[:, a], inside[:, b]
+            (p, q), (r, s) = t[..., box]
+            shear.append((1 - x) * ((1 - y) * p + y * q) + x * ((1 - y) * r + y * s))
+        return np.stack(normal), np.stack(shear)
+
     def high(self, axis: int) -> Floats:
         """Return the normal traction on the upper faces along an axis."""
         b, c = self.slopes(axis)
@@ -201,19 +214,35 @@ class BalancedStress:
             )
         return energy
 
-    def means(self) -> tuple[Floats, dict[Pair, Floats]]:
-        """Return mean normal stresses, shape (d, boxes), and mean shear stresses of the boxes."""
+    def means(self) -> Floats:
+        """Return the mean stress tensors of the boxes, shape (boxes, d, d)."""
         normal = self.plain.mean_normal()
-        shear = {pair: t.mean(axis=(0, 1)) for pair, t in self.plain.shear.items()}
+        shear = np.stack([self.plain.shear[p].mean(axis=(0, 1)) for p in sorted(self.plain.shear)])
+        found = np.concatenate([normal, shear])
         for box, form in self._forms:
-            mean = form.mean(self._data(box))
-            normal[:, box] = mean[: len(normal)]
-            for pair, tau in zip(sorted(shear), mean[len(normal) :], strict=True):
-                shear[pair][box] = tau
-        return normal, shear
+            found[:, box] = form.mean(self._data(box))
+        return _tensors(found, self.boxes.dimension)
+
+    def at(self, box: Index, inside: Floats) -> Floats:
+        """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
+        found = np.concatenate(self.plain.at(box, inside))
+        for some, form in self._forms:
+            here = np.flatnonzero(np.isin(box, some))
+            found[:, here] = form.at(self._data(box[here]), inside[here])
+        return _tensors(found, self.boxes.dimension)
 
     def _data(self, box: Index) -> Floats:
         return found_data(self.boxes, self.ragged, self.ragged.at(box))
+
+
+def _tensors(stress: Floats, d: int) -> Floats:
+    """Return tensors, shape (n, d, d), by normal stresses, then shear stresses pair by pair."""
+    found = np.empty((stress.shape[1], d, d))
+    for axis in range(d):
+        found[:, axis, axis] = stress[axis]
+    for (a, b), tau in zip(combinations(range(d), 2), stress[d:], strict=True):
+        found[:, a, b] = found[:, b, a] = tau
+    return found
 
 
 def polynomials(sigma: Floats, shear: dict[Pair, Floats], body: Floats) -> Polynomials:

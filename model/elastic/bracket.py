@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import product
 from math import inf, sqrt
 
 import numpy as np
@@ -23,13 +24,10 @@ import numpy as np
 from kaju.model.scene.kinds import ROLLER
 
 from .balanced import BALANCED, BalancedStress
-from .boxes import Boxes, Law
+from .boxes import Boxes, Index, Law
 from .compatible import CompatibleField
 from .problem import Floats
 from .volume_field import LOCKING, VolumeField
-
-Means = tuple[Floats, dict[tuple[int, int], Floats]]
-"""Normal stresses along every axis, and shear stresses by pair of axes."""
 
 SETTLED_TREE = 1e-11
 """Algebraic error that is no part of the bounds any more."""
@@ -66,29 +64,33 @@ class Bracket:
         Error of the mean stress in the energy norm, relative to the true stress, at most.
     potential : tuple of float
         Bounds of the potential energy, which supports that move do not widen.
-    parts : callable
-        Works out `shares` and `stress`.
+    norm : float
+        What that is relative to: the least norm of the true stress.
+    make : callable
+        Works `middle` out.
     """
 
     lower: float
     upper: float
     error: float
     potential: tuple[float, float]
-    parts: Callable[[], tuple[Floats, Floats]]
+    norm: float
+    make: Callable[[], MiddleStress]
 
     @cached_property
-    def _parts(self) -> tuple[Floats, Floats]:
-        return self.parts()
+    def middle(self) -> MiddleStress:
+        """The stress that is so much off."""
+        return self.make()
+
+    @property
+    def mean_error(self) -> float:
+        """Error of what `middle` is in the mean of every box, relative to the true stress."""
+        return self.error + self.middle.variation / self.norm if self.norm > 0.0 else inf
 
     @property
     def shares(self) -> Floats:
         """Every box's part of the squared distance: where smaller ones would serve."""
-        return self._parts[0]
-
-    @property
-    def stress(self) -> Floats:
-        """The mean stress, shape (boxes, dimension, dimension)."""
-        return self._parts[1]
+        return self.middle.shares
 
 
 def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
@@ -156,19 +158,102 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
         return "rounding has eaten the bounds: the lower one lies above the upper"
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
     potential = wall_work - complementary, whole - work
-    return Bracket(lower, upper, error, potential, partial(_parts, stress, v))
+    return Bracket(lower, upper, error, potential, smallest, partial(_middle, stress, v))
 
 
-def _parts(stress: BalancedStress, field: CompatibleField | VolumeField) -> tuple[Floats, Floats]:
-    """Return every box's part of the squared distance, and the mean stress."""
+def _middle(stress: BalancedStress, field: CompatibleField | VolumeField) -> MiddleStress:
+    """Return the mean of both stresses, every box told one by one."""
     others = stress.boxes.others
     if others and isinstance(field, CompatibleField):
         boxes = others.tell(field.displacement, field.scale)
         stress, field = BalancedStress(boxes), CompatibleField(boxes)
-    means, strain = stress.means(), field.mean_strains()
-    volume = stress.boxes.size**stress.boxes.dimension
-    shares = _shares(stress.energies + field.energies(), means, strain, volume)
-    return shares, _mean_stress(stress.boxes.law, means, strain)
+    return MiddleStress(stress, field)
+
+
+@dataclass(frozen=True, eq=False)
+class MiddleStress:
+    """The middle of the circle: the mean of a stress that balances and that of a displacement.
+
+    Attributes
+    ----------
+    balanced : BalancedStress
+    field : CompatibleField or VolumeField
+    order : int array, optional
+        Numbers of the boxes in the order in which they are asked for.
+    unit, energy : float
+        By what stresses and energies are multiplied.
+    """
+
+    balanced: BalancedStress
+    field: CompatibleField | VolumeField
+    order: Index | None = None
+    unit: float = 1.0
+    energy: float = 1.0
+
+    def at(self, box: Index, inside: Floats) -> Floats:
+        """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
+        box = box if self.order is None else self.order[box]
+        strain = self.field.strain_at(box, inside)
+        law = Law(*(modulus[box] for modulus in self.balanced.boxes.law))
+        return self.unit * 0.5 * (self.balanced.at(box, inside) + stress_of(law, strain))
+
+    @cached_property
+    def means(self) -> Floats:
+        """The mean in every box, shape (boxes, d, d)."""
+        found = (
+            self.unit * 0.5 * (self._means[0] + stress_of(self.balanced.boxes.law, self._means[1]))
+        )
+        return np.asarray(found if self.order is None else found[self.order])
+
+    @cached_property
+    def _means(self) -> tuple[Floats, Floats]:
+        return self.balanced.means(), self.field.mean_strains()
+
+    @property
+    def _volume(self) -> Floats:
+        boxes = self.balanced.boxes
+        return np.asarray(boxes.size**boxes.dimension)
+
+    @cached_property
+    def shares(self) -> Floats:
+        """Every box's part of the squared distance of the two, but for what others make up for.
+
+        In a box the product of the two stresses is by their means but for terms that are small
+        where the box is small.
+        """
+        own = self.balanced.energies + self.field.energies()
+        product = np.einsum("nab,nab->n", *self._means)
+        found = self.energy * np.maximum(2.0 * (own - self._volume * product), 0.0)
+        return np.asarray(found if self.order is None else found[self.order])
+
+    @property
+    def variation(self) -> float:
+        """The norm of what `means` leaves out."""
+        boxes, v = self.balanced.boxes, self.field
+        # The product of the two stresses is the work of the tractions of the one on the other.
+        product = v.work() - v.work_of_rest() + _at_supports(self.balanced)[1]
+        if isinstance(v, CompatibleField):
+            product += _work_on_beds(self.balanced, v)
+        whole = 0.5 * (float(self.balanced.energies.sum() + v.energies().sum()) + product)
+        balanced, strain = self._means
+        mean = 0.5 * (balanced + stress_of(boxes.law, strain))
+        square = np.einsum("nab,nab->n", mean, 0.5 * (strain + strain_of(boxes.law, balanced)))
+        return sqrt(self.energy * max(whole - float(self._volume @ square), 0.0))
+
+
+def _work_on_beds(stress: BalancedStress, field: CompatibleField) -> float:
+    """Return the work of the tractions on beds: linear on the halves of sides, as is the field."""
+    boxes, d, total = stress.boxes, stress.boxes.dimension, 0.0
+    points = [0.5 * half + 0.25 * (1.0 + sign / sqrt(3.0)) for half in (0, 1) for sign in (-1, 1)]
+    for side, box, _ in boxes.beds:
+        axis, upper = divmod(side, 2)
+        for place in product(points, repeat=d - 1):
+            inside = np.tile(np.insert(place, axis, upper), (len(box), 1))
+            normal = stress.at(box, inside)[:, axis, axis]
+            moved = field.displacement_at(box, inside)[:, axis]
+            each = normal * moved * boxes.size[box] ** (d - 1) / len(points) ** (d - 1)
+            total += (2.0 * upper - 1.0) * float(each.sum())
+    return total
 
 
 def _locks(boxes: Boxes) -> bool:
@@ -199,26 +284,23 @@ def _at_supports(stress: BalancedStress) -> tuple[float, float]:
     return bed, work
 
 
-def _mean_stress(law: Law, means: Means, strain: Floats) -> Floats:
-    """Return the mean of the balanced and the compatible stress in every box."""
-    normal, shear = means
-    volume = np.trace(strain, axis1=1, axis2=2)
-    found = np.empty_like(strain)
-    for axis, own in enumerate(normal):
-        along = law.lateral * volume + (law.stretch - law.lateral) * strain[:, axis, axis]
-        found[:, axis, axis] = 0.5 * (own + along)
-    for (a, b), tau in shear.items():
-        found[:, a, b] = found[:, b, a] = 0.5 * (tau + 2.0 * law.shear * strain[:, a, b])
-    return found
+def stress_of(law: Law, strain: Floats) -> Floats:
+    """Return stress tensors by strain tensors, shape (n, d, d)."""
+    volume = law.lateral * np.trace(strain, axis1=1, axis2=2)
+    return _tensors_of(strain, 2.0 * law.shear, law.stretch - law.lateral, volume)
 
 
-def _shares(energies: Floats, means: Means, strain: Floats, volume: Floats) -> Floats:
-    """Return every box's part of the squared distance, but for what balances out between boxes.
+def strain_of(law: Law, stress: Floats) -> Floats:
+    """Return strain tensors by stress tensors, shape (n, d, d)."""
+    d, twice = stress.shape[1], law.stretch - law.lateral
+    share = law.lateral / (law.stretch + (d - 1) * law.lateral)
+    volume = -share / twice * np.trace(stress, axis1=1, axis2=2)
+    return _tensors_of(stress, 0.5 / law.shear, 1.0 / twice, volume)
 
-    In a box the product of the two stresses is by their means but for terms that are small where
-    the box is small.
-    """
-    normal, shear = means
-    product = sum(own * strain[:, a, a] for a, own in enumerate(normal))
-    product = product + sum(2.0 * tau * strain[:, a, b] for (a, b), tau in shear.items())
-    return np.asarray(np.maximum(2.0 * (energies - volume * product), 0.0))
+
+def _tensors_of(tensor: Floats, across: Floats, along: Floats, volume: Floats) -> Floats:
+    """Multiply what is off the diagonal of tensors, and what is on it, to which more is added."""
+    found = across[:, None, None] * tensor
+    for axis in range(tensor.shape[1]):
+        found[:, axis, axis] = along * tensor[:, axis, axis] + volume
+    return np.asarray(found)

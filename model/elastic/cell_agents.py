@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
+from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -24,7 +25,7 @@ from .staggered import Strains
 if TYPE_CHECKING:
     from kaju.model.elastic.spawning.tree_agents import TreeAgents
 
-    from .bracket import Bracket
+    from .bracket import Bracket, MiddleStress
 
 Index = NDArray[np.int64]
 
@@ -174,19 +175,27 @@ class CellAgents:
 
     def _by_tree(self, tree: TreeAgents) -> Bracket | str:
         """Return the bracket of the same agents as a tree: in the order and units of these."""
+        from .bracket import Bracket
+
         found, units, own = tree.bracket, tree.scales, self.scales
         if isinstance(found, str):
             return found
         force, moved = units.force / own.force, units.displacement / own.displacement
         energy, stress = force * moved, units.modulus / own.modulus * moved
-        parts = partial(self._parts_by_tree, found, energy, stress)
-        lower, upper = energy * found.lower, energy * found.upper
-        potential = energy * found.potential[0], energy * found.potential[1]
-        return replace(found, lower=lower, upper=upper, potential=potential, parts=parts)
+        order = self._in_tree
 
-    def _parts_by_tree(self, found: Bracket, energy: float, stress: float) -> tuple[Floats, Floats]:
-        """Return the parts of a bracket of the tree, in the order and units of these."""
-        return energy * self.from_tree(found.shares), stress * self.from_tree(found.stress)
+        def middle() -> MiddleStress:
+            return replace(found.middle, order=order, unit=stress, energy=energy)
+
+        lower, upper, norm = energy * found.lower, energy * found.upper, sqrt(energy) * found.norm
+        potential = energy * found.potential[0], energy * found.potential[1]
+        return Bracket(lower, upper, found.error, potential, norm, middle)
+
+    def placed(self, points: Floats, cells: Index) -> tuple[Index, Floats]:
+        """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
+        place, inside = self._within(points, cells)
+        number = np.cumsum(self.body.ravel()) - 1
+        return number[np.ravel_multi_index(tuple(place.T), self.body.shape)], inside
 
     @cached_property
     def corners(self) -> Floats:
@@ -231,8 +240,11 @@ class CellAgents:
 
     def from_tree(self, values: Floats) -> Floats:
         """Return values of the tree's agents in the order of these."""
-        tree = self.tree
-        return np.asarray(values[tree.leaves.find(self.cells * tree.ground.cell)])
+        return np.asarray(values[self._in_tree])
+
+    @cached_property
+    def _in_tree(self) -> Index:
+        return self.tree.leaves.find(self.cells * self.tree.ground.cell)
 
     @property
     def level(self) -> Index:

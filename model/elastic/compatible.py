@@ -251,6 +251,32 @@ class CompatibleField:
         own = 0.5 * float(dot(self.displacement.ravel(), pull.ravel()))
         return own + self.scale**2 * self.boxes.others.whole if self.boxes.others else own
 
+    def _placed(self, box: Index, inside: Floats) -> tuple[Index, Floats, Floats]:
+        """Return the nodes round places in boxes, the place between them, and the parts' edges."""
+        d, parts = self.boxes.dimension, self.mesh.parts
+        upper = (inside >= 0.5).astype(np.int64)
+        element = parts[upper @ (1 << np.arange(d)[::-1]), box]
+        cut = (parts[0, box] != parts[1, box])[:, None]
+        local = np.where(cut, 2.0 * inside - upper, inside)
+        return self.mesh.element[:, element], local, self.mesh.edge[element]
+
+    def displacement_at(self, box: Index, inside: Floats) -> Floats:
+        """Return the displacement at a place in each of n boxes, shape (n, d) from 0 to 1."""
+        node, local, _ = self._placed(box, inside)
+        share = np.where(self._ends[:, None], local, 1.0 - local).prod(axis=2)
+        return np.asarray(np.einsum("cn,cna->na", share, self.displacement[node]))
+
+    def strain_at(self, box: Index, inside: Floats) -> Floats:
+        """Return the strain tensors, shape (n, d, d), there."""
+        node, local, edge = self._placed(box, inside)
+        share = np.where(self._ends[:, None], local, 1.0 - local)
+        values, d = self.displacement[node], self.boxes.dimension
+        slope = np.empty((len(box), d, d))
+        for b in range(d):
+            others = np.delete(share, b, axis=2).prod(axis=2) * (2.0 * self._ends[:, None, b] - 1.0)
+            slope[:, :, b] = np.einsum("cn,cna->na", others, values) / edge[:, None]
+        return np.asarray(0.5 * (slope + slope.transpose(0, 2, 1)))
+
     def mean_strains(self) -> Floats:
         """Return the mean strain tensors of the boxes, shape (boxes, d, d)."""
         mesh, d = self.mesh, self.boxes.dimension

@@ -9,7 +9,7 @@ per material.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, product
@@ -33,10 +33,16 @@ class Form:
     quadratic : array, shape (data, data)
     linear : array, shape (d (d + 1) / 2, data)
         Mean normal stresses, then shear stresses pair by pair.
+    parts : array, shape (2^d, data of a part, data)
+        The data of every part.
+    stress : array, shape (simplices, d + 1, d (d + 1) / 2, data of a part)
+        Stresses at the corners of the simplices of a part.
     """
 
     quadratic: Floats
     linear: Floats
+    parts: Floats
+    stress: Floats
 
     @classmethod
     def of_laws(cls, dimension: int, law: Law, box: Index) -> list[tuple[Index, Form]]:
@@ -55,6 +61,19 @@ class Form:
     def mean(self, data: Floats) -> Floats:
         """Return the mean stresses, shape (d (d + 1) / 2, n)."""
         return np.asarray(self.linear @ data.T)
+
+    def at(self, data: Floats, inside: Floats) -> Floats:
+        """Return stresses, like `mean`, at a place in each of n boxes, shape (n, d) from 0 to 1."""
+        d = inside.shape[1]
+        upper = (inside >= 0.5).astype(np.int64)
+        octant = upper @ (1 << np.arange(d)[::-1])
+        simplex, weight = inside_simplices(_simplices(d), 2.0 * inside - upper)
+        found = np.empty((len(self.linear), len(inside)))
+        for one, corners in product(range(len(self.parts)), range(len(self.stress))):
+            here = np.flatnonzero((octant == one) & (simplex == corners))
+            own = data[here] @ self.parts[one].T
+            found[:, here] = np.einsum("nk,kcp,np->cn", weight[here], self.stress[corners], own)
+        return found
 
 
 @lru_cache(maxsize=2)
@@ -129,7 +148,8 @@ def _form(dimension: int, stretch: float, lateral: float, shear: float) -> Form:
     between = -(np.linalg.pinv(system, rcond=1e-10, hermitian=True) @ right)[: inner * d * d]
     whole = take @ np.concatenate([np.eye(count), between])
     quadratic = share * np.einsum("pia,ij,pjb->ab", whole, part.quadratic, whole, optimize=True)
-    return Form(quadratic, share * np.einsum("ki,pia->ka", part.linear, whole))
+    mean = share * np.einsum("ki,pia->ka", part.linear, whole)
+    return Form(quadratic, mean, whole, part.stress)
 
 
 def _part(d: int, stretch: float, lateral: float, shear: float) -> Form:
@@ -152,8 +172,10 @@ def _part(d: int, stretch: float, lateral: float, shear: float) -> Form:
 
     heavy = weigh(free)
     stress = stress - free @ np.linalg.solve(free.T @ heavy, heavy.T @ stress)
-    mean = stress.reshape(-1, d + pairs, stress.shape[1]).mean(axis=0)
-    return Form(stress.T @ weigh(stress), mean)
+    each = stress.reshape(count, corners, d + pairs, -1)
+    return Form(
+        stress.T @ weigh(stress), each.mean(axis=(0, 1)), np.eye(stress.shape[1])[None], each
+    )
 
 
 @lru_cache(maxsize=2)
@@ -234,6 +256,14 @@ def _crossed(d: int) -> Iterator[list[Point]]:
         for axis, end in product(range(d), (0.0, 1.0)):
             side = [(*point[:axis], end, *point[axis:]) for point in points]
             yield [*side, (0.5,) * d]
+
+
+def inside_simplices(simplices: Sequence[Sequence[Point]], place: Floats) -> tuple[Index, Floats]:
+    """Return the simplex that each place lies in, and how much of each of its corners it is."""
+    to = np.stack([np.linalg.inv(np.c_[np.ones(len(one)), np.array(one)]) for one in simplices])
+    share = np.einsum("ni,sik->nsk", np.c_[np.ones(len(place)), place], to)
+    simplex = share.min(axis=2).argmax(axis=1)
+    return simplex, share[np.arange(len(place)), simplex]
 
 
 def triangles() -> Iterator[list[tuple[float, float]]]:

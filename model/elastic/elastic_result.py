@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.spawning.quantities import Place, Quantity
     from kaju.model.elastic.spawning.tree_agents import TreeAgents
 
+    from .bracket import Bracket
     from .cell_agents import CellAgents
     from .equal_arrays import EqualArrays
 
@@ -161,7 +162,11 @@ class ElasticResult(BodyResult):
 
     @cached_property
     def stress(self) -> Floats:
-        """Stress tensors (Pa) of the agents, shape (agents, dimension, dimension)."""
+        """Stress tensors (Pa) of the agents, shape (agents, dimension, dimension).
+
+        The operator's own, in the middles of the agents. Nothing is proved of it; see
+        `balanced_stress_at`.
+        """
         return np.asarray(self._stress_unit * self.found.stress)
 
     @cached_property
@@ -221,9 +226,10 @@ class ElasticResult(BodyResult):
 
     @property
     def error_bound(self) -> float | None:
-        """Largest error that `mean_stress` can have: in the energy norm, relative to the truth.
+        """Largest error of `balanced_stress_at`: in the energy norm, relative to the truth.
 
-        A theorem where `error_estimate` is an opinion; None where there is none (`no_bound`).
+        A theorem about that stress alone, where `error_estimate` is an opinion; None where there is
+        none (`no_bound`).
         """
         found = self.found.bracket
         return None if isinstance(found, str) else found.error
@@ -263,21 +269,70 @@ class ElasticResult(BodyResult):
         found = self.found.bracket
         return found if isinstance(found, str) else ""
 
+    def balanced_stress_at(self, points: Floats) -> Floats:
+        """Return the stress (Pa) of which `error_bound` is proved, at points.
+
+        In the middle between a stress that balances all loads exactly and that of a displacement
+        without gaps, which is the least certain error that can be had of the two. It varies
+        within agents (linearly, but for terms of second order), and jumps between them.
+
+        Parameters
+        ----------
+        points : array, shape (n, dimension)
+            In metres, in or on the body; on a face between two agents either may be taken.
+
+        Returns
+        -------
+        array, shape (n, dimension, dimension)
+
+        Raises
+        ------
+        ResultError
+            If there are no bounds (`no_bound`), or points lie outside of the body.
+
+        Examples
+        --------
+        >>> from kaju import Scene, solve
+        >>> bar = Scene(
+        ...     body={"size": [0.2, 0.1], "cells": [4, 2], "material": "steel"},
+        ...     sides={"left": "roller"},
+        ...     loads=[{"side": "right", "force": [100.0, 0.0]}],
+        ... )
+        >>> solve(bar).balanced_stress_at([[0.12, 0.03]]).shape
+        (1, 2, 2)
+        """
+        middle = self._certain("balanced_stress_at").middle
+        return np.asarray(self._stress_unit * middle.at(*self.found.placed(*self._located(points))))
+
     @property
     def mean_stress(self) -> Floats:
-        """Mean (Pa) of the stress that balances and that of a displacement without gaps.
+        """Mean (Pa) of `balanced_stress_at` in every agent, shape (agents, dimension, dimension).
 
-        Shape (agents, dimension, dimension); `error_bound` is about this stress.
+        `error_bound` is not about this: what varies within the agents is left out, and is part of
+        the error. `mean_stress_error_bound` has it added.
 
         Raises
         ------
         ResultError
             If there are no bounds.
         """
+        return np.asarray(self._stress_unit * self._certain("mean_stress").middle.means)
+
+    @property
+    def mean_stress_error_bound(self) -> float | None:
+        """Largest error of `mean_stress`, taken as the stress all over every agent.
+
+        In the energy norm, relative to the truth: `error_bound`, and how far `balanced_stress_at`
+        varies within agents. None where there is none (`no_bound`).
+        """
+        found = self.found.bracket
+        return None if isinstance(found, str) else found.mean_error
+
+    def _certain(self, name: str) -> Bracket:
         found = self.found.bracket
         if isinstance(found, str):
-            raise ResultError(f"mean_stress: there are no bounds, since {found}")
-        return np.asarray(self._stress_unit * found.stress)
+            raise ResultError(f"{name}: there are no bounds, since {found}")
+        return found
 
     @cached_property
     def displacement_error_estimate(self) -> float:
@@ -426,7 +481,11 @@ class ElasticResult(BodyResult):
         return self.found.scales.displacement * self.found.displacement_at(*self._located(points))
 
     def stress_at(self, points: Floats) -> Floats:
-        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
+        """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension).
+
+        `stress` of the agents, running from each to the next. Nothing is proved of it; see
+        `balanced_stress_at`.
+        """
         return self._stress_unit * self.found.stress_at(*self._located(points))
 
     def strain_at(self, points: Floats) -> Floats:

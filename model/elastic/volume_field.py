@@ -16,7 +16,7 @@ import numpy as np
 
 from .boxes import Index
 from .compatible import CompatibleField, sink
-from .crossed import triangles
+from .crossed import inside_simplices, triangles
 from .problem import Floats
 
 LOCKING = 0.8
@@ -144,6 +144,22 @@ class VolumeField:
         bent = np.einsum("nk,nk->n", data, self._bends(data))
         return np.asarray(0.5 * (self.boxes.law.lateral * grown**2 + bent))
 
+    def strain_at(self, box: Index, inside: Floats) -> Floats:
+        """Return the strain tensors, shape (n, 2, 2), at a place in each of n boxes."""
+        data = self._data(self.displacement, self._flux)
+        for some, straight in self._groups:
+            data[some] = data[some] @ _slaves(straight).T
+        moved = (data[box] @ _least().whole.T).reshape(len(box), -1, 2)
+        triangle, share = inside_simplices(list(triangles()), inside)
+        slope = np.empty((len(box), 2, 2))
+        for k, (corners, node) in enumerate(zip(triangles(), _least().node, strict=True)):
+            here = np.flatnonzero(triangle == k)
+            flat = np.linalg.inv(np.c_[np.ones(3), np.array(corners)])[1:]
+            for n in here:
+                slope[n] = (_slopes(flat, share[n]) @ moved[n, node]).T
+        slope /= self.boxes.size[box, None, None]
+        return np.asarray(0.5 * (slope + slope.transpose(0, 2, 1)))
+
     def mean_strains(self) -> Floats:
         """Return the mean strain tensors of the boxes, shape (boxes, 2, 2)."""
         data = self._data(self.displacement, self._flux)
@@ -177,12 +193,20 @@ class _Form(NamedTuple):
     mean: Floats
 
 
+class _Least(NamedTuple):
+    """The field of least energy in a box of unit edge, by its data."""
+
+    shear: Floats  # of which the integral of ε:ε is made, shape (24, 24)
+    mean: Floats  # displacement, shape (2, 24)
+    whole: Floats  # displacement of all nodes, component by component, shape (2 nodes, 24)
+    node: list[list[int]]  # of every triangle: its corners, then the middles of its edges
+
+
 @lru_cache(maxsize=16)
 def _form(straight: int) -> _Form:
     """Return the form of boxes with some sides straight, a bit for each."""
-    shear, mean = _least()
-    slaves = _slaves(straight)
-    return _Form(slaves.T @ shear @ slaves, mean @ slaves)
+    least, slaves = _least(), _slaves(straight)
+    return _Form(slaves.T @ least.shear @ slaves, least.mean @ slaves)
 
 
 @lru_cache(maxsize=16)
@@ -208,8 +232,8 @@ def _slaves(straight: int) -> Floats:
 
 
 @lru_cache(maxsize=1)
-def _least() -> tuple[Floats, Floats]:
-    """Return the integral of ε:ε, and the mean, by the 24 data: least of one divergence."""
+def _least() -> _Least:
+    """Return the field of least energy of all that have one divergence."""
     number: dict[tuple[float, float], int] = {}
     corners = [
         [number.setdefault(p, len(number)) for p in _with_middles(triangle)]
@@ -249,7 +273,7 @@ def _least() -> tuple[Floats, Floats]:
     loose = np.zeros((size, len(inner) - rank))
     loose[inner] = vt[rank:].T
     whole -= loose @ np.linalg.solve(loose.T @ energy @ loose, loose.T @ energy @ whole)
-    return whole.T @ energy @ whole, mean @ whole
+    return _Least(whole.T @ energy @ whole, mean @ whole, whole, corners)
 
 
 def _with_middles(triangle: list[tuple[float, float]]) -> list[tuple[float, float]]:

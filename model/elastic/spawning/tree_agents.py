@@ -190,6 +190,12 @@ class TreeAgents:
         fields, agent = self.spawning.near(agent)
         return sampling.stress_at(fields, place, agent)
 
+    def placed(self, points: Floats, cells: Index) -> tuple[Index, Floats]:
+        """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
+        place, agent = self._located(points, cells)
+        lower, size = self.leaves.lower[agent], self.leaves.size[agent, None]
+        return agent, np.clip((place - lower) / size, 0.0, 1.0)
+
     def material_at(self, points: Floats, cells: Index) -> Index:
         """Return the material of the agents in or on which points lie."""
         return self.leaves.kind[self._located(points, cells)[1]]

@@ -162,7 +162,7 @@ def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:
     first, last = (int(end[axis]) for end in scene.bounds())
     corner = np.zeros((1, lattice.dimension), dtype=np.int64)
     start = float(lattice.centres(corner)[0, axis]) - 0.5 * pitch
-    ends: Floats = start + pitch * np.arange(first, last + 1.0)
+    ends: Floats = start + pitch * np.arange(first, last + 1, dtype=np.float64)
     low = parts.middle[:, axis] - 0.5 * parts.height
     thick = parts.height > (1.0 + _NEAR) * pitch
     spans = np.unique(np.rint(np.stack([low, parts.height], axis=1)[thick] / pitch), axis=0)

@@ -46,7 +46,7 @@ export function elasticAnswer(scene, cells, loads) {
 
 /** The same body and loads on cells half as large. */
 function halved(scene, cells, loads) {
-  const [nx, ny] = scene.lattice.shape, fine = new Int8Array(4 * nx * ny), found = [];
+  const [nx, ny] = scene.lattice.shape, fine = new Int16Array(4 * nx * ny), found = [];
   for (let x = 0; x < 2 * nx; x++) for (let y = 0; y < 2 * ny; y++)
     fine[2 * ny * x + y] = cells[ny * (x >> 1) + (y >> 1)];
   for (const { cell: [x, y], force, face } of loads)
@@ -66,7 +66,7 @@ class StaggeredGrid {
     this.X = nx + 2, this.Y = ny + 2, this.h = lattice.cell_size;
     this.first = (this.X + 1) * this.Y;          // where the faces normal to y begin
     this.size = this.first + this.X * (this.Y + 1);
-    this.kinds = new Int8Array(this.X * this.Y).fill(_AIR);
+    this.kinds = new Int16Array(this.X * this.Y).fill(_AIR);
     for (let x = 0; x < nx; x++) for (let y = 0; y < ny; y++)
       this.kinds[(x + 1) * this.Y + y + 1] = cells[x * ny + y];
     this.used = materials.filter((_, m) => materials.length === 1 || cells.includes(m));

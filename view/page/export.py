@@ -19,16 +19,19 @@ from numpy.typing import NDArray
 from kaju.agents.rules import PrescribedRule
 from kaju.errors import ParameterError, ResultFileError
 from kaju.files import scratch_beside
+from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.results.result import Result
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import stability
+from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .live import certified, has_own
+from .live import certified
 from .motion_data import motion_data
+from .own import own_data
 from .packing import pack
 from .scene_data import FORMAT, Account, history_columns, scene_data
 
@@ -148,11 +151,12 @@ def packed_page(
         raise ParameterError(f"of: a scene, a model or a result is needed, got {of!r:.80}")
     shown: Scene | Result
     account = None
-    if isinstance(of, LoadModel) and has_own(of) and of.steps == 0:
+    own = own_data(of) if isinstance(of, SteppedModel) else {}
+    if isinstance(of, LoadModel) and own and of.steps == 0:
         shown, account = _watched(of)
     else:
         shown = of if isinstance(of, (Scene, Result)) else of.run()
-    header: dict[str, Any] = {"format": FORMAT, "text": text}
+    header: dict[str, Any] = {"format": FORMAT, "text": text, **own}
     header |= {"title": title} if title else {}
     header |= {"language": language} if language else {}
     scene = shown.scene if isinstance(shown, TransferResult) else shown
@@ -164,7 +168,7 @@ def packed_page(
     assert isinstance(scene, Scene)
     data, columns = scene_data(scene)
     header |= {"scene": data, "kind": "runnable"}
-    if isinstance(shown, TransferResult) and not _by_the_rule(shown):
+    if isinstance(shown, TransferResult) and (own or not _by_the_rule(shown)):
         header |= {
             "kind": "recorded",
             "outcome": shown.last.outcome,
@@ -211,16 +215,39 @@ def _by_the_rule(result: TransferResult) -> bool:
 
     A result does not know its agents' classes, and need not: what counts is what they did.
     """
-    last, scene = result.last, result.scene
-    if len(result.stages) < scene.stages or not stability(scene).stable:
+    scene = result.scene
+    if not result.certificate.known or len(result.stages) < scene.stages:
+        return False
+    if not stability(scene).stable:
         return False
     again = LoadModel(scene, engine="arrays").run().last
-    key, theirs = (np.argsort(scene.lattice.key(stage.cells)) for stage in (last, again))
-    return (
-        len(key) == len(theirs)
-        and np.array_equal(last.cells[key], again.cells[theirs])
-        and np.allclose(last.taken[key], again.taken[theirs], rtol=1e-9)
-    )
+    return all(map(_alike, _doings(scene, result.last), _doings(scene, again)))
+
+
+def _alike(ours: NDArray[Any], theirs: NDArray[Any]) -> bool:
+    """Tell whether two columns are equal but for rounding; what is not known of ours counts."""
+    if ours.shape != theirs.shape:
+        return False
+    known = ~np.isnan(ours)
+    largest = float(np.abs(theirs).max(initial=0.0))
+    return np.allclose(ours[known], theirs[known], rtol=1e-9, atol=1e-12 * largest)
+
+
+def _doings(scene: Scene, stage: Stage) -> list[NDArray[Any]]:
+    """Return what agents and boundaries did in a stage, in an order that does not depend on it."""
+    keys = scene.lattice.key(stage.cells), scene.lattice.key(stage.boundary_cells)
+    found: list[NDArray[Any]] = []
+    for key, names in zip(
+        keys,
+        (
+            ("spawn_step", "taken", "kept", "shortened", "widened", "passed", "dropped"),
+            ("boundary_spawn_step", "returned", "arrived"),
+        ),
+        strict=True,
+    ):
+        order = np.argsort(key)
+        found += [key[order], *(getattr(stage, name)[order] for name in names)]
+    return found
 
 
 @cache

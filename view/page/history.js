@@ -43,7 +43,7 @@ export class Sums {
 
 // ------------------------------------------------------------------------------------ packing
 
-const ARRAYS = { int8: Int8Array, uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array,
+const ARRAYS = { int16: Int16Array, uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array,
   int32: Int32Array, float32: Float32Array, float64: Float64Array };
 
 export const bytesOf = (base64) => Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));

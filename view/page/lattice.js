@@ -63,7 +63,7 @@ export class Lattice {
   /** Kinds by key, the rim included, from the array's cells and what holds its sides. */
   kinds(cells, sides) {
     const beyond = this.sides.map((name) => ({ rigid: RIGID, roller: ROLLER })[sides[name]] ?? AIR);
-    const kinds = new Int8Array(this.size);
+    const kinds = new Int16Array(this.size);
     for (let k = 0; k < this.size; k++) {
       const side = this.sideBeyond(this.cell(k));
       if (side >= 0) kinds[k] = beyond[side];

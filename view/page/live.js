@@ -19,7 +19,7 @@ export class Channel {
   /** Begin anew with another scene. */
   change(scene, cells, stage) {
     let text = "";
-    for (const cell of cells) text += String.fromCharCode(cell & 255);
+    for (const cell of cells) text += String.fromCharCode(cell & 255, cell >> 8 & 255);
     const { run, g } = this.page, generation = run.atRest ? AT_ONCE : Math.min(run.generation, 1000);
     this.wanted = g >= run.generation ? generation : g;
     this.next = { type: "scene", scene, cells: btoa(text), stage, generation };

@@ -28,6 +28,7 @@ from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import Certificate
 
 from .motion_data import Pictures, applied, curve_data, diamonds, picture_data
+from .own import acting_controls, own_data, own_parts
 from .packing import pack
 from .scene_data import FORMAT, Account, Rows, scene_data
 
@@ -98,7 +99,10 @@ class LiveRun(Session):
     def opening(self) -> bytes:
         """Return the scene, as the page draws it."""
         data, columns = scene_data(self.scene)
-        return pack({"format": FORMAT, "kind": "live", "scene": data, "presets": []}, columns)
+        header = {"format": FORMAT, "kind": "live", "scene": data, "presets": []}
+        if own := own_data(self.model):
+            header |= own | {"controls": acting_controls(self.model)}
+        return pack(header, columns)
 
     @property
     def model(self) -> LoadModel:
@@ -133,7 +137,7 @@ class LiveRun(Session):
 
     def _begin(self, scene: Scene) -> None:
         self._model = self.model_of(scene)
-        self._account = Account(scene, has_own(self._model))
+        self._account = Account(scene, bool(own_parts(self._model)))
         self._sent = self._known = 0
 
     def _step(self, generations: int) -> dict[str, Any]:
@@ -214,7 +218,9 @@ def at_stage(scene: Scene, stage: int) -> Scene:
     return scene.replace(loads=tuple(loads))
 
 
-def scene_from(data: Mapping[str, Any], cells: NDArray[np.int8], stage: int | None = None) -> Scene:
+def scene_from(
+    data: Mapping[str, Any], cells: NDArray[np.int16], stage: int | None = None
+) -> Scene:
     """Return the scene that `scene_data` has described, as a page may have changed it.
 
     Parameters
@@ -238,7 +244,7 @@ def scene_from(data: Mapping[str, Any], cells: NDArray[np.int8], stage: int | No
     if cells.max(initial=0) >= len(names):
         raise ParameterError(f"cells: {cells.max()} is no number of {len(names)} materials")
     body = {
-        "array": cells.astype(np.int16).reshape(shape) + 3,
+        "array": cells.reshape(shape) + 3,
         "cell_size": lattice.get("cell_size"),
         "allow_floating": True,
     }
@@ -303,11 +309,6 @@ def certified(certificate: Certificate) -> dict[str, Any]:
     return {"stable": stable, "verdict": certificate.verdict}
 
 
-def has_own(model: LoadModel) -> bool:
-    """Tell whether a model's agents, boundaries, order or rule are somebody's own."""
-    return any(own is not None for own in model.checkpoint_options()[1].values())
-
-
 def generations_of(asked: Mapping[str, Any]) -> int:
     """Return how many generations a message asks for."""
     if asked["type"] == "step":
@@ -346,13 +347,14 @@ def whole(of: Mapping[str, Any], name: str, low: int, high: int, usual: int) -> 
     return int(value)
 
 
-def _cells(asked: Mapping[str, Any]) -> NDArray[np.int8]:
+def _cells(asked: Mapping[str, Any]) -> NDArray[np.int16]:
     text = asked.get("cells")
     try:
         raw = base64.b64decode(text, validate=True) if isinstance(text, str) else b""
     except binascii.Error as error:
         raise ParameterError(f"cells: are not base64 ({error})") from error
-    cells = np.frombuffer(raw, dtype=np.int8)
+    whole = len(raw) % 2 == 0
+    cells = np.frombuffer(raw if whole else b"", dtype="<i2").astype(np.int16)
     if not len(cells) or cells.min() < -2:
         raise ParameterError("cells: materials from 0, -1 for air and -2 for rigid are needed")
     return cells
@@ -406,7 +408,7 @@ class LiveFaces(Session):
                 visits=[0],
             )
         )
-        return pack(header | {"format": FORMAT, "kind": "live"}, columns)
+        return pack(header | own_data(model) | {"format": FORMAT, "kind": "live"}, columns)
 
     def told(self, asked: dict[str, Any]) -> tuple[dict[str, Any], Columns]:
         """Return the frames of the steps that are asked for."""

@@ -69,7 +69,7 @@ def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
         "stages": scene.stages,
         "loads": _loads(scene),
     }
-    return data, {"cells": scene.rasterise().astype(np.int8)}
+    return data, {"cells": scene.rasterise()}
 
 
 def _side(condition: SideCondition) -> str | dict[str, Any]:

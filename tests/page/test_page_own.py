@@ -1,0 +1,195 @@
+"""A page never shows somebody else's agents as the standard rule."""
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju import (
+    FreeBoundaryAgent,
+    LoadModel,
+    MaterialAgent,
+    RigidBoundaryAgent,
+    RollerBoundaryAgent,
+    Scene,
+)
+from kaju.view.page.export import packed_page
+from kaju.view.page.live import LiveRun, scene_from
+from kaju.view.page.own import acting_controls
+from kaju.view.page.packing import unpack
+from kaju.view.page.scene_data import scene_data
+
+
+def plate(**given):
+    rule = {"kind": "prescribed", "threshold": 5e-3}
+    body = {"size": [0.1, 0.06], "cells": [10, 6], "thickness": 0.002, "material": "steel"}
+    load = {"cell": [5, 5], "force": [0.0, -2.0]}
+    return Scene(
+        **{
+            "body": body,
+            "sides": {"bottom": "rigid", "right": "roller"},
+            "loads": [load],
+            "rule": rule,
+        }
+        | given
+    )
+
+
+class Greedy(MaterialAgent):
+    def take(self, load):
+        super().take(load)
+        self.kept += 0.1 * load.total
+
+
+class Leaky(MaterialAgent):
+    def pass_on(self, load):
+        ahead = load._replace(magnitude=0.8 * load.magnitude)
+        if ahead.magnitude > self.model.threshold:
+            self.model.hand_over(self, load.direction, ahead)
+
+
+class Narrow(MaterialAgent):
+    def emissions(self, load):
+        return super().emissions(load)[:1]
+
+
+class Soft(MaterialAgent):
+    def shortening(self, axis):
+        return 2.0 * super().shortening(axis)
+
+
+class Calm(MaterialAgent):
+    """Overrides a hook and does what the rule does."""
+
+    def shortening(self, axis):
+        return super().shortening(axis)
+
+
+class Curious(MaterialAgent):
+    def receive(self, load, senders=()):
+        super().receive(load, senders)
+
+
+class Absorbing(FreeBoundaryAgent):
+    def give_back(self, load, arm):
+        return None
+
+
+class Weak(FreeBoundaryAgent):
+    def give_back(self, load, arm):
+        return load._replace(magnitude=0.5 * load.magnitude)
+
+
+class Mirror(FreeBoundaryAgent):
+    def turn(self, load, arm):
+        return load._replace(direction=int(self.model.lattice.opposite[load.direction]))
+
+
+class Sand(RigidBoundaryAgent):
+    def turn(self, load, arm):
+        return load
+
+
+class Ice(RollerBoundaryAgent):
+    def give_back(self, load, arm):
+        return None
+
+
+def first_only(waiting):
+    return waiting[:1]
+
+
+MATERIALS = (Greedy, Leaky, Narrow, Soft, Calm, Curious)
+OWN = {
+    **{
+        kind.__name__: {"material_agent": kind}
+        for kind in (Greedy, Leaky, Narrow, Soft, Calm, Curious)
+    },
+    **{kind.__name__: {"boundary_agents": {"free": kind}} for kind in (Absorbing, Weak, Mirror)},
+    "Sand": {"boundary_agents": {"rigid": Sand}},
+    "Ice": {"boundary_agents": {"roller": Ice}},
+    "first_only": {"order": first_only},
+}
+
+
+@pytest.fixture(params=sorted(OWN))
+def own(request):
+    return request.param, LoadModel(plate(), **OWN[request.param])
+
+
+def test_what_is_overridden_is_recorded_and_named(own):
+    name, model = own
+    header, _ = unpack(packed_page(model))
+    assert header["kind"] == "recorded"
+    assert header["own"]["names"] == [name]
+    assert f" {name}" in header["own"]["source"]
+
+
+def test_a_page_moves_cells_as_python_does(own, opened, tmp_path):
+    name, model = own
+    page = opened(kaju.export_page(model, tmp_path / "own.html", exact=True))
+    result = model.again(model.scene).run()
+    page.js("page.seek(Infinity)")
+    keys = result.scene.lattice.key(result.last.cells).tolist()
+    moved = page.js(f"page.deformed().displacement.map((u) => {keys}.map((k) => u[k]))")
+    size = np.abs(result.displacement).max()
+    np.testing.assert_allclose(np.transpose(moved), result.displacement, atol=1e-12 * size)
+    assert page.messages == []
+
+
+def test_results_of_what_is_overridden_are_no_standard_rule():
+    """A result does not know its classes; what they did tells them from the rule's own."""
+    for name, how in OWN.items():
+        header, _ = unpack(packed_page(LoadModel(plate(), **how).run()))
+        assert header["kind"] == "recorded", name
+    assert unpack(packed_page(LoadModel(plate()).run()))[0]["kind"] == "runnable"
+    assert "own" not in unpack(packed_page(LoadModel(plate())))[0]
+
+
+@pytest.mark.parametrize(
+    ("agent", "acting"),
+    [
+        (MaterialAgent, ["alpha1", "alpha2", "alpha3", "beta", "nu", "modulus", "gamma"]),
+        (Leaky, ["alpha1", "beta", "nu", "modulus", "gamma"]),
+        (Narrow, ["alpha1", "alpha2", "beta", "nu", "modulus", "gamma"]),
+    ],
+)
+def test_controls_that_do_nothing_are_not_offered(agent, acting):
+    found = acting_controls(LoadModel(plate(), engine="agents", material_agent=agent))
+    assert [name for name in found if name not in ("accumulate", "sense")] == acting
+
+
+def test_a_live_page_is_told_whose_agents_and_which_controls():
+    header, _ = unpack(LiveRun(plate(), LoadModel(plate(), material_agent=Leaky).again).opening())
+    assert header["own"]["names"] == ["Leaky"]
+    assert "alpha2" not in header["controls"]
+    usual, _ = unpack(LiveRun(plate()).opening())
+    assert not {"own", "controls"} & set(usual)
+
+
+def test_three_hundred_materials_keep_their_numbers(node, tmp_path):
+    count = 300
+    names = {number + 1: f"m{number}" for number in range(count)}
+    scene = Scene.from_array(
+        np.arange(1, count + 1).reshape(-1, 1),
+        legend=names,
+        cell_size=0.01,
+        materials={m: {"youngs_modulus": 1e9, "poissons_ratio": 0.3} for m in names.values()},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [count - 1, 0], "force": [0.0, -1.0]}],
+        rule={"kind": "prescribed", "threshold": 0.01},
+    )
+    data, columns = scene_data(scene)
+    cells = columns["cells"].ravel()
+    assert sorted(cells) == list(range(count))
+    np.testing.assert_array_equal(scene_from(data, cells).rasterise(), scene.rasterise())
+    kind, toml = node(
+        'import { Twin } from "./rule.js"; import { tomlOf } from "./scene.js";'
+        "const run = new Twin(data.scene, Int16Array.from(data.cells)).run();"
+        "tell([run.kinds[run.lattice.key([299, 0])], tomlOf(data.scene, data.cells)]);",
+        {"scene": data, "cells": cells.tolist()},
+    )
+    assert kind == count - 1
+    (tmp_path / "many.toml").write_text(toml, encoding="utf-8")
+    again = kaju.load_scene(tmp_path / "many.toml")
+    named = [again.cell_materials[kind].name for kind in again.rasterise().ravel()]
+    assert named == [data["materials"][kind]["name"] for kind in cells]

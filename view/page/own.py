@@ -1,0 +1,123 @@
+"""Whose agents a page shows: their names, their source, and which controls act on them."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from kaju.agents.rules import PrescribedRule
+from kaju.arrays import Floats
+from kaju.model.scene import Scene
+from kaju.model.transfer.load_model import LoadModel
+
+PATIENCE = 2.0
+"""Seconds of the processor to try controls in; those that were not tried are shown."""
+_TRIED = 40  # generations, beyond which a control may go unnoticed
+
+
+def own_parts(model: Any) -> list[type | Callable[..., Any]]:
+    """Return what of a model is one's own: classes of agents and boundaries, order, rule."""
+    parts: list[Any] = []
+    for own in model.checkpoint_options()[1].values():
+        parts += list(own.values()) if isinstance(own, Mapping) else [own]
+    chosen = (part for part in parts if part is not None)
+    named = [part if hasattr(part, "__name__") else type(part) for part in chosen]
+    return list(dict.fromkeys(named))
+
+
+def own_data(model: Any) -> dict[str, Any]:
+    """Return what a page is told of agents of one's own, for its header; empty without any."""
+    parts = own_parts(model)
+    if not parts:
+        return {}
+    own = {"names": [part.__name__ for part in parts], "source": "\n\n".join(map(_source, parts))}
+    return {"own": own}
+
+
+def _source(part: type | Callable[..., Any]) -> str:
+    """Return the source of a class or function, or why there is none."""
+    try:
+        return textwrap.dedent(inspect.getsource(part)).rstrip()
+    except (OSError, TypeError):
+        return f"# the source of {part.__name__} is not at hand"
+
+
+def acting_controls(model: LoadModel) -> list[str]:
+    """Return the controls of the rule that change what a model's agents do.
+
+    They are found by trying: the model is begun anew with each number changed a little, and what
+    its agents take, keep, pass on and yield by is compared.
+    """
+    began = process_time()
+    usual = _outcome(model, model.scene)
+    found = []
+    for name, scene in _changed(model.scene):
+        if process_time() - began > PATIENCE or not _same(_outcome(model, scene), usual):
+            found.append(name)
+    return found
+
+
+def _changed(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    """Yield the name of every control, and the scene with its number changed."""
+    rule = scene.rule
+    assert isinstance(rule, PrescribedRule)
+    usual = (0.5, 0.5, 0.25 if scene.lattice.dimension == 2 else 0.125)
+
+    def with_rule(**changes: Callable[[Any], Any]) -> Scene:
+        every = {"": rule, **rule.materials}
+        for name, own in every.items():
+            new = {key: change(getattr(own, key)) for key, change in changes.items()}
+            every[name] = replace(own, **new)
+        chosen = every.pop("")
+        return scene.replace(rule=replace(chosen, materials=every))
+
+    def with_material(key: str, change: Callable[[float], float]) -> Scene:
+        materials = {
+            material.name: replace(material, **{key: change(getattr(material, key))})
+            for material in scene.cell_materials
+        }
+        return scene.replace(materials=materials)
+
+    def less(value: float) -> float:
+        return 0.9 * value or 0.1
+
+    for number in range(3):
+
+        def share(alpha: tuple[float, ...] | None, number: int = number) -> tuple[float, ...]:
+            shares = list(alpha or usual)
+            shares[number] = less(shares[number])
+            return tuple(shares)
+
+        yield f"alpha{number + 1}", with_rule(alpha=share)
+    yield "beta", with_rule(beta=less)
+    yield "nu", with_material("poissons_ratio", less)
+    yield "modulus", with_material("youngs_modulus", less)
+    for name, change in (
+        ("gamma", {"threshold": 0.5 * rule.threshold}),
+        ("accumulate", {"accumulate": not rule.accumulate}),
+        ("sense", {"sense": not rule.sense}),
+    ):
+        yield name, scene.replace(rule=replace(rule, **change))
+
+
+def _outcome(model: LoadModel, scene: Scene) -> list[Floats] | None:
+    """Return what agents did in a number of generations; None if they failed."""
+    tried = model.again(scene)
+    try:
+        tried.run(until=lambda model: model.generation >= _TRIED)
+    except Exception:  # of agents that somebody wrote
+        return None
+    done = tried.totals
+    return [done.cells, done.kept, done.passed, done.dropped, done.shortened, done.widened]
+
+
+def _same(one: list[Floats] | None, other: list[Floats] | None) -> bool:
+    if one is None or other is None:
+        return one is other
+    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))

@@ -125,7 +125,7 @@ def test_what_is_overridden_is_recorded_and_named(own):
 
 
 def test_a_page_moves_cells_as_python_does(own, opened, tmp_path):
-    name, model = own
+    _, model = own
     page = opened(kaju.export_page(model, tmp_path / "own.html", exact=True))
     result = model.again(model.scene).run()
     page.js("page.seek(Infinity)")

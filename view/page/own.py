@@ -10,9 +10,9 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from kaju.agents.rules import PrescribedRule
-from kaju.arrays import Floats
+from kaju.agents.rules import Coefficients, PrescribedRule
 from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
 
@@ -70,18 +70,17 @@ def _changed(scene: Scene) -> Iterator[tuple[str, Scene]]:
     usual = (0.5, 0.5, 0.25 if scene.lattice.dimension == 2 else 0.125)
 
     def with_rule(**changes: Callable[[Any], Any]) -> Scene:
-        every = {"": rule, **rule.materials}
-        for name, own in every.items():
-            new = {key: change(getattr(own, key)) for key, change in changes.items()}
-            every[name] = replace(own, **new)
-        chosen = every.pop("")
-        return scene.replace(rule=replace(chosen, materials=every))
+        def new(own: Coefficients) -> dict[str, Any]:
+            return {key: change(getattr(own, key)) for key, change in changes.items()}
+
+        materials = {name: replace(own, **new(own)) for name, own in rule.materials.items()}
+        return scene.replace(rule=replace(rule, **new(rule), materials=materials))
 
     def with_material(key: str, change: Callable[[float], float]) -> Scene:
-        materials = {
-            material.name: replace(material, **{key: change(getattr(material, key))})
-            for material in scene.cell_materials
-        }
+        materials = {}
+        for material in scene.cell_materials:
+            new: dict[str, Any] = {key: change(getattr(material, key))}
+            materials[material.name] = replace(material, **new)
         return scene.replace(materials=materials)
 
     def less(value: float) -> float:
@@ -106,7 +105,7 @@ def _changed(scene: Scene) -> Iterator[tuple[str, Scene]]:
         yield name, scene.replace(rule=replace(rule, **change))
 
 
-def _outcome(model: LoadModel, scene: Scene) -> list[Floats] | None:
+def _outcome(model: LoadModel, scene: Scene) -> list[NDArray[Any]] | None:
     """Return what agents did in a number of generations; None if they failed."""
     tried = model.again(scene)
     try:
@@ -117,7 +116,7 @@ def _outcome(model: LoadModel, scene: Scene) -> list[Floats] | None:
     return [done.cells, done.kept, done.passed, done.dropped, done.shortened, done.widened]
 
 
-def _same(one: list[Floats] | None, other: list[Floats] | None) -> bool:
+def _same(one: list[NDArray[Any]] | None, other: list[NDArray[Any]] | None) -> bool:
     if one is None or other is None:
         return one is other
     return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))

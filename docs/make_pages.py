@@ -1,117 +1,112 @@
 """Make the lessons' pages: python docs/make_pages.py [FOLDER], docs/pages unless given.
 
-A lesson is a text in docs/lessons; its pages show what the text tells to look at, and try.
+A lesson is a text in docs/lessons, in three languages; its page holds all three. Where the rule
+runs a lesson has one page with presets; other lessons show recorded runs, one a page. The index
+of them all is `lesson_index.py`'s.
 """
 
 from __future__ import annotations
 
-import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from kaju import ElasticRule, History, Scene, SpawningModel, ThreeElement, creep, export_page
-from kaju.model.network import triangular
+import lesson_runs
+from lesson_claims import answers
+from lesson_index import write_index
+from lesson_texts import HEADINGS, ORDER, Lesson, lesson
 
-if TYPE_CHECKING:
-    from kaju.model.network import NetworkResult
-    from kaju.model.results.result import Result
-    from kaju.model.rheology.network import NetworkCreepResult
+from kaju import export_page
 
 HERE = Path(__file__).parent
 
 
-def plate(cells: int = 20, pressed: int = 10) -> Scene:
-    """Return a steel plate pressed at one cell of its top."""
-    return Scene(
-        body={"cell_size": 0.01, "cells": [cells, cells], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [pressed, cells - 1], "force": [0.0, -2.0]}],
-        rule=ElasticRule(),
-    )
+def page_lesson(of: Lesson) -> dict[str, Any]:
+    """Return what a page is told of a lesson: its questions, in all languages."""
+    return {
+        "key": of.name,
+        "minutes": sum(question.minutes for question in of.texts["en"].questions),
+        "age": of.age,
+        "index": "index.html",
+        "presets": [
+            {
+                "name": {k: text.presets[n][0] for k, text in of.texts.items()},
+                "note": {k: text.presets[n][1] for k, text in of.texts.items()},
+            }
+            for n in range(1, len(of.scenes))
+        ],
+        "questions": [_page_question(of, n) for n in range(len(of.kinds))],
+    }
 
 
-def spawned(scene: Scene, tolerance: float = 0.05) -> Callable[[], Result]:
-    """Let agents spawn until the error is below the tolerance."""
-    return lambda: SpawningModel(scene, tolerance=tolerance).run()
+def _page_question(of: Lesson, number: int) -> dict[str, Any]:
+    """Return what a page is told of a question; its answers are worked out."""
+    kind = of.kinds[number]
+    asked = {k: text.questions[number] for k, text in of.texts.items()}
+    told: dict[str, Any] = {
+        "key": kind["key"],
+        "step": kind["step"],
+        "minutes": asked["en"].minutes,
+        "kind": kind.get("kind", "number" if "answers" in kind else "text"),
+        "question": {k: q.asks for k, q in asked.items()},
+        "note": {k: q.note for k, q in asked.items()},
+        "hint": {k: q.hint for k, q in asked.items()},
+        "answer": {k: text.answers[number] for k, text in of.texts.items()},
+        "show": kind.get("show", {}) | {"preset": kind.get("preset", 0)},
+    }
+    told |= {name: kind[name] for name in ("until", "lines") if name in kind}
+    if "answers" in kind:
+        told["fields"] = [
+            {
+                "label": {k: q.fields[n][0] for k, q in asked.items()},
+                "unit": {k: q.fields[n][1] for k, q in asked.items()},
+                "answer": round(value, 6),
+                "tolerance": tolerance(kind, n, value),
+                "look": {k: q.fields[n][0] for k, q in asked.items()},
+            }
+            for n, value in enumerate(answers(of, number))
+        ]
+    return told
 
 
-def pressed(width: int, force: float) -> Callable[[], NetworkResult]:
-    """Press a lattice in its middle, in 20 increments."""
-    return lambda: triangular(width, force=force).solve(20)
+def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
+    """Return how far an answer may be from the true one: none if counted, 2 % if read."""
+    if "tolerances" in kind:
+        return float(kind["tolerances"][field])
+    if "tolerance" in kind:
+        return float(kind["tolerance"])
+    if value == int(value):
+        return 0.0
+    return 5e-4 if kind.get("exact") else max(0.02 * abs(value), 0.005)
 
 
-def bitten(damper: float, hold: float) -> Callable[[], NetworkCreepResult]:
-    """Bite a noodle, hold it, and let it go."""
-
-    def run() -> NetworkCreepResult:
-        history = History().ramp(1.0, duration=1.0).hold(hold).release(duration=1.0).hold(20.0)
-        element = ThreeElement(K_f=1.0, D_f=1.0, D_d=damper)
-        return creep(triangular(5, force=0.05), history, rheology=element, step=0.25)
-
-    return run
-
-
-HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
-PAGES: dict[str, dict[str, Callable[[], Result]]] = {
-    "agents-of-many-sizes": {
-        "": spawned(plate()),
-        "rough": spawned(plate(), 0.1),
-        "fine": spawned(plate(), 0.025),
-        "twice-as-large": spawned(plate(40, 20)),
-        "hole": spawned(HOLE),
-        "at-the-edge": spawned(plate(pressed=2)),
-    },
-    "a-lattice-bends": {
-        "": pressed(9, 0.1),
-        "0.05-N": pressed(9, 0.05),
-        "0.2-N": pressed(9, 0.2),
-        "5-wide": pressed(5, 0.1),
-        "17-wide": pressed(17, 0.1),
-    },
-    "a-noodle-remembers": {
-        "": bitten(20.0, 5.0),
-        "2-s": bitten(20.0, 2.0),
-        "10-s": bitten(20.0, 10.0),
-        "firm": bitten(200.0, 5.0),
-    },
-}
-"""What is shown, by lesson and page; the nameless page is the lesson's own."""
-
-
-def told(lesson: str) -> tuple[str, str]:
-    """Return the headline of a lesson, and what its page says: all but programs and worksheet."""
-    text = (HERE / "lessons" / f"{lesson}.md").read_text("utf-8")
-    title = text.splitlines()[0].removeprefix("# ")
-    body = text.split("\n", 1)[1].split("## Extending it")[0]
-    body = re.sub(r"```.*?```\n", "", body, flags=re.S)
-    body = re.sub(
-        r"^\| (?:try|---).*\n", "", re.sub(r"^\|---.*\n", "", body, flags=re.M), flags=re.M
-    )
-    body = re.sub(r"^\| (.+?) \| (.+?) \|$", r"- \1: \2", body, flags=re.M)
-    body = re.sub(r"\[([^]]+)\]\([^)]+\)", r"\1", body)
-    return title, re.sub(r"^## ", "# ", body, flags=re.M).strip()
-
-
-def make(folder: Path) -> list[Path]:
-    """Write all pages into a folder; return them."""
-    folder.mkdir(parents=True, exist_ok=True)
+def make_lesson(of: Lesson, folder: Path) -> list[Path]:
+    """Write the pages of a lesson into a folder; return them."""
+    title, text = of.texts["en"].title, of.texts["en"].words(*HEADINGS["en"][:4])
+    if of.scenes:
+        first, *others = of.scenes
+        presets = {
+            name: (scene, note)
+            for scene, (name, note) in zip(others, of.texts["en"].presets[1:], strict=True)
+        }
+        target = folder / f"{of.name}.html"
+        return [export_page(first, target, title=title, text=text, presets=presets)]
     made = []
-    for lesson, pages in PAGES.items():
-        title, text = told(lesson)
-        for name, run in pages.items():
-            headline = f"{title}: {name.replace('-', ' ')}" if name else title
-            target = folder / f"{'-'.join(filter(None, (lesson, name)))}.html"
-            made.append(export_page(run(), target, title=headline, text=text))
+    for name in lesson_runs.PAGES[of.name]:
+        headline = f"{title}: {name.replace('-', ' ')}" if name else title
+        target = folder / f"{'-'.join(filter(None, (of.name, name)))}.html"
+        shown = lesson_runs.run(of.name, name)
+        made.append(export_page(shown, target, title=headline, text=text))
     return made
 
 
-if __name__ == "__main__":
-    import runnable_lessons
+def make(folder: Path) -> list[Path]:
+    """Write the pages of all lessons into a folder, and their index; return them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    made = [page for name in ORDER for page in make_lesson(lesson(name), folder)]
+    return [write_index(folder), *made]
 
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "pages"
-    for page in make(folder):
+
+if __name__ == "__main__":
+    for page in make(Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "pages"):
         print(page)
-    for lesson in runnable_lessons.lessons():
-        print(runnable_lessons.build(lesson, folder))

@@ -1,72 +1,43 @@
 """Every lesson: its page opens, each preset loads by one click, and what it says is seen."""
 
-import importlib.util
 import sys
+from pathlib import Path
 
 import pytest
 
 import kaju
 
-HEADINGS = [
-    "What is it?",
-    "How it works",
-    "Things to notice",
-    "Things to try",
-    "Extending it",
-    "Related",
-    "Sources",
-    "Worksheet (45 minutes)",
-    "For the teacher",
-]
+DOCS = Path(__file__).parents[2] / "docs"
+if not DOCS.exists():
+    pytest.skip("the lessons are in docs/, which is not here", allow_module_level=True)
+sys.path.insert(0, str(DOCS))
+
+import make_pages  # noqa: E402
+from lesson_measures import Seen  # noqa: E402
+from lesson_texts import ORDER, lesson  # noqa: E402
+
+RUNNABLE = [name for name in ORDER if lesson(name).scenes]
 
 
-@pytest.fixture(scope="module")
-def builder(pytestconfig):
-    path = pytestconfig.rootpath / "docs" / "runnable_lessons.py"
-    if not path.exists():
-        pytest.skip("the lessons are in docs/, which is not here")
-    spec = importlib.util.spec_from_file_location("runnable_lessons", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["runnable_lessons"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_lessons_say_what_is_seen(builder):
-    lessons = builder.lessons()
-    assert len(lessons) >= 5
-    for lesson in lessons:
-        text = (builder.LESSONS / f"{lesson.name}.md").read_text("utf-8")
-        headings = [line[3:] for line in text.splitlines() if line.startswith("## ")]
-        assert headings == HEADINGS, lesson.name
-        assert len(lesson.presets) >= 2
-        for preset in lesson.presets:
-            seen = builder.observe(preset.scene)
-            assert preset.see, preset.name
-            for key, value in preset.see.items():
-                wanted = pytest.approx(value, rel=0.01) if isinstance(value, float) else value
-                assert seen[key] == wanted, (lesson.name, preset.name, key)
-
-
-def test_lesson_pages_show_the_same(builder, opened, tmp_path):
-    for lesson in builder.lessons():
-        page = opened(path := builder.build(lesson, tmp_path))
+def test_lesson_pages_show_the_same(opened, tmp_path):
+    for of in map(lesson, RUNNABLE):
+        (path,) = make_pages.make_lesson(of, tmp_path)
+        page = opened(path)
         about = page.tab.get_by_role("tab", name="About")
         about.click()
         assert page.tab.get_by_role("heading", name="What is it?").is_visible()
-        for preset in lesson.presets:
-            first = preset is lesson.presets[0]
-            name = "As it was" if first else preset.name
+        for number, scene in enumerate(of.scenes):
+            name = of.texts["en"].presets[number][0] if number else "As it was"
             page.tab.get_by_role("button", name=name, exact=True).click()
-            seen = builder.observe(preset.scene)
+            seen = Seen(scene)
             page.until("!page.judging")
-            assert page.js("page.certificate.stable") is seen["stable"]
+            assert page.js("page.certificate.stable") is seen.stable()
             verdict = page.tab.locator(".verdict").inner_text()
-            assert verdict.lower() == seen["verdict"].lower()
-            if seen["stable"]:
+            assert verdict.lower() == seen.verdict().lower()
+            if seen.stable():
                 page.until("page.run.atRest")
                 told = page.js("[page.run.generation, page.run.agents]")
-                assert told == [seen["generations"], seen["agents"]], (lesson.name, preset.name)
+                assert told == [seen.generations(), seen.agents()], (of.name, name)
         page.tab.get_by_role("button", name="As it was").click()
         page.tab.get_by_role("button", name="Play").click()
         page.until("page.g > 1")
@@ -74,10 +45,10 @@ def test_lesson_pages_show_the_same(builder, opened, tmp_path):
         assert page.messages == []
 
 
-def test_a_whole_lesson_by_keyboard(builder, opened, tmp_path):
+def test_a_whole_lesson_by_keyboard(opened, tmp_path):
     """Read it, try every preset, find where it turns red, play, step back, read a story, save."""
-    lesson = next(lesson for lesson in builder.lessons() if lesson.name == "blow-up")
-    page = opened(builder.build(lesson, tmp_path))
+    of = lesson("blow-up")
+    page = opened(make_pages.make_lesson(of, tmp_path)[0])
     press = page.tab.keyboard.press
 
     def go_to(name):
@@ -95,10 +66,10 @@ def test_a_whole_lesson_by_keyboard(builder, opened, tmp_path):
     go_to("Rule")
     press("ArrowLeft")  # round to the last tab
     assert page.tab.get_by_role("heading", name="Things to notice").is_visible()
-    for preset in lesson.presets[1:]:
-        go_to(preset.name)
+    for (name, _), scene in list(zip(of.texts["en"].presets, of.scenes, strict=True))[1:]:
+        go_to(name)
         press("Enter")
-        assert verdict() == builder.observe(preset.scene)["verdict"].lower()
+        assert verdict() == Seen(scene).verdict().lower()
     go_to("As it was")
     press("Enter")
     go_to("About")

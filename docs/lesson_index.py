@@ -1,0 +1,270 @@
+"""The index of the lessons: a picture of what will be seen, its question, minutes and age.
+
+The pictures are drawn from the lessons' own runs. The file needs no other, and no network; it
+reads how far somebody has got from the browser's own storage, where the lessons write it.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import lesson_runs
+import numpy as np
+from lesson_claims import words
+from lesson_texts import ORDER, Lesson, lesson
+
+STEPS = (
+    *("#cdeabb", "#aedfb5", "#8ad1bc", "#62c2c2", "#3ea9c4"),
+    *("#2588bb", "#2566aa", "#1c4490", "#102670"),
+)
+"""Colours of a quantity: far from the paper is more."""
+LOAD, RULE, ELASTIC, SLEEPING = "#b33a08", "#0b5cad", "#a11a5b", "#d5d9de"
+WIDTH, HEIGHT = 280, 112
+WORDS = {
+    "title": {"en": "kaju lessons", "de": "kaju-Stunden", "ja": "kaju の授業"},
+    "subtitle": {
+        "en": "How a load finds its way, cell by cell",
+        "de": "Wie eine Last ihren Weg findet, Zelle für Zelle",
+        "ja": "荷重が道を見つけるようすを、セルからセルへ",
+    },
+    "age": {"en": "age {n}+", "de": "ab {n} Jahren", "ja": "{n} 歳から"},
+    "ages": {"en": "Age", "de": "Alter", "ja": "年齢"},
+    "all": {"en": "all", "de": "alle", "ja": "すべて"},
+    "minutes": {"en": "{n} min", "de": "{n} Min.", "ja": "{n} 分"},
+    "done": {
+        "en": "{n} of 4 steps",
+        "de": "{n} von 4 Schritten",
+        "ja": "4 段階のうち {n}",
+    },
+    "count": {
+        "en": "{n} lessons, each one file that needs no network",
+        "de": "{n} Stunden, jede eine Datei, die kein Netz braucht",
+        "ja": "{n} の授業。どれも一つのファイルで、ネットワークは要りません",
+    },
+}
+
+
+def write_index(folder: Path) -> Path:
+    """Write the index of all lessons into the folder of their pages; return it."""
+    lessons = [lesson(name) for name in ORDER]
+    cards = "\n".join(_card(found) for found in lessons)
+    ages = sorted({found.age for found in lessons})
+    told = json.dumps({"words": WORDS, "ages": ages}, ensure_ascii=False).replace("<", "\\u003c")
+    page = TEMPLATE.replace("{{cards}}", cards).replace("{{told}}", told)
+    target = folder / "index.html"
+    target.write_text(page, encoding="utf-8")
+    return target
+
+
+def _card(of: Lesson) -> str:
+    """Return a lesson as a card that leads to its page."""
+    minutes = sum(question.minutes for question in of.texts["en"].questions)
+    title = _in_all({k: text.title for k, text in of.texts.items()}, "h2")
+    asks = _in_all({k: text.asks for k, text in of.texts.items()}, "p")
+    return (
+        f'<a class="card" href="{of.name}.html" data-key="{of.name}" data-age="{of.age}" '
+        f'data-minutes="{minutes}">{picture(of)}<div>{title}{asks}'
+        '<p class="facts"><span class="minutes"></span><span class="age"></span>'
+        '<span class="done"></span></p></div></a>'
+    )
+
+
+def _in_all(texts: dict[str, str], tag: str) -> str:
+    """Return a text in every language, of which the page shows one."""
+    parts = (f'<{tag} lang="{k}">{html.escape(text)}</{tag}>' for k, text in texts.items())
+    return "".join(parts)
+
+
+def picture(of: Lesson) -> str:
+    """Return what will be seen in a lesson, drawn from its own run."""
+    drawn = PICTURES[of.name](words(of))
+    box = f'viewBox="0 0 {WIDTH} {HEIGHT}"'
+    return f'<svg {box} role="img" aria-hidden="true">{drawn}</svg>'
+
+
+def _rect(x: float, y: float, wide: float, high: float, colour: str) -> str:
+    return f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide:.1f}" height="{high:.1f}" fill="{colour}"/>'
+
+
+def _line(points: Any, colour: str, width: float = 2.0, dash: str = "") -> str:
+    joined = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    dashed = f' stroke-dasharray="{dash}"' if dash else ""
+    return (
+        f'<polyline points="{joined}" fill="none" stroke="{colour}" stroke-width="{width:g}"'
+        f"{dashed}/>"
+    )
+
+
+def _colour(values: Any) -> list[str]:
+    """Return colours of positive values on a logarithmic scale of three decades."""
+    level = 1.0 + np.log10(np.maximum(np.asarray(values) / np.max(values), 1e-3)) / 3.0
+    return [STEPS[round(float(step) * (len(STEPS) - 1))] for step in level]
+
+
+def _body(seen: Any, rows: int | None = None) -> str:
+    """Draw loads taken in the upper rows of a body."""
+    wide, high = seen.scene.lattice.shape
+    rows = rows or high
+    edge = min((WIDTH - 40) / wide, (HEIGHT - 12) / rows)
+    left = 0.5 * (WIDTH - edge * wide)
+
+    def square(cell: Any, colour: str) -> str:
+        place = left + cell[0] * edge, 6 + (high - 1 - cell[1]) * edge
+        return _rect(*place, edge - 0.5, edge - 0.5, colour)
+
+    box = np.stack(np.meshgrid(np.arange(wide), np.arange(high - rows, high)), -1).reshape(-1, 2)
+    drawn = [square(cell, SLEEPING) for cell in box[seen.scene.kinds(box) >= 0]]
+    stage = seen.run.last
+    colours = _colour(stage.taken.sum(axis=1))
+    there = [i for i, cell in enumerate(stage.cells) if cell[1] >= high - rows]
+    return "".join(drawn + [square(stage.cells[i], colours[i]) for i in there])
+
+
+def _curve(points: Any, colour: str, dash: str = "") -> str:
+    """Draw a curve over axes, scaled into the picture by its own ends and zero."""
+    x, y = (np.asarray(column, dtype=float) for column in zip(*points, strict=True))
+    return _line(_scaled(x, y, x.max(), y.max()), colour, 2.0, dash) + _axes()
+
+
+def _scaled(x: Any, y: Any, far: float, high: float) -> list[tuple[float, float]]:
+    across, up = 40 + (WIDTH - 80) * x / far, HEIGHT - 14 - (HEIGHT - 30) * y / high
+    return list(zip(across, up, strict=True))
+
+
+def _axes() -> str:
+    return _line([(40, 10), (40, HEIGHT - 14), (WIDTH - 36, HEIGHT - 14)], "#4d5661", 1.0)
+
+
+def _bounces(see: dict[str, Any]) -> str:
+    """Draw the column that a load runs down and up, generation by generation: row over time."""
+    times = range(1, see["generations"]() + 1)
+    rows = [(g, see["load_at"](g), see["pull_in"](g)) for g in times]
+    step, edge = (WIDTH - 60) / len(rows), (HEIGHT - 20) / see["depth"]()
+    colours = {False: RULE, True: ELASTIC}
+    return "".join(
+        _rect(
+            30 + step * (g - 1), HEIGHT - 10 - edge * (row + 1), step - 1, edge - 1, colours[pull]
+        )
+        for g, row, pull in rows
+    )
+
+
+def _growth(see: dict[str, Any]) -> str:
+    """Draw the load on its way at the usual numbers and just below the limit."""
+    generations = np.arange(0, 21)
+    grows, ends = (see["p"][n].radius() ** generations for n in (1, 0))
+    high = grows.max()
+    lines = (
+        _line(_scaled(generations, y, 20, high), c, 2.5) for y, c in ((grows, LOAD), (ends, RULE))
+    )
+    return "".join(lines) + _axes()
+
+
+def _cuts(see: dict[str, Any]) -> str:
+    """Draw the force through each cut, and the line that elasticity keeps."""
+    cuts = see["cuts"]()[:12]
+    high, longest = (HEIGHT - 16) / len(cuts), max(cuts)
+    bars = [
+        _rect(60, 8 + n * high, max(150 * cut / longest, 0.5), high - 2, RULE)
+        for n, cut in enumerate(cuts)
+    ]
+    line = 60 + 150 * see["put_on"]() / longest
+    return "".join(bars) + _line([(line, 4), (line, HEIGHT - 4)], ELASTIC, 2.5, "5 4")
+
+
+def _widths(see: dict[str, Any]) -> str:
+    """Draw half widths over the depth: the rule, and elasticity."""
+    rows = np.array([2, 5, 10, 15, 20, 25])
+    rule, elastic = (
+        [see[k](int(row)) for row in rows] for k in ("half_width", "elastic_half_width")
+    )
+    high = max(elastic)
+    first = _line(_scaled(rows, np.array(rule), 25, high), RULE, 2.5)
+    return first + _line(_scaled(rows, np.array(elastic), 25, high), ELASTIC, 2.5, "5 4") + _axes()
+
+
+def _numbers(see: dict[str, Any]) -> str:
+    """Draw how far the cells below the load move: chosen, fitted, elastic."""
+    rows = np.arange(10)
+    chosen, fitted = ([p.moved(5, 9 - int(r)) for r in rows] for p in see["p"][:2])
+    elastic = [see["elastic_moved"](5, 9 - int(r)) for r in rows]
+    high = max(fitted)
+    drawn = ((chosen, RULE, ""), (fitted, LOAD, ""), (elastic, ELASTIC, "5 4"))
+    lines = (_line(_scaled(rows, np.array(y), 9, high), c, 2.5, d) for y, c, d in drawn)
+    return "".join(lines) + _axes()
+
+
+def _sizes(see: dict[str, Any]) -> str:
+    """Draw the agents of many sizes, the smallest the darkest."""
+    result = lesson_runs.run("agents-of-many-sizes", "rough")
+    scale = (HEIGHT - 12) / 0.2
+    colours = _colour(result.size.min() / result.size)
+    left = 0.5 * (WIDTH - 0.2 * scale)
+    squares = zip(result.middle, result.size, colours, strict=True)
+    return "".join(
+        _rect(
+            left + (x - s / 2) * scale,
+            6 + (0.2 - y - s / 2) * scale,
+            s * scale - 0.3,
+            s * scale - 0.3,
+            c,
+        )
+        for (x, y), s, c in squares
+    )
+
+
+def _bounds(see: dict[str, Any]) -> str:
+    """Draw the pairs of wrong answers, which close in on the truth."""
+    low, high = see["low"](10), see["high"](10)
+    place = lambda energy: 30 + (WIDTH - 60) * (energy - low) / (high - low)  # noqa: E731
+    bars = []
+    for n, cells in enumerate((10, 20, 40, 80)):
+        ends, y = (place(see["low"](cells)), place(see["high"](cells))), 18 + 26 * n
+        bars.append(_rect(ends[0], y - 5, ends[1] - ends[0], 10, "#cfe3f5"))
+        bars.append(
+            _rect(ends[0] - 2, y - 8, 4, 16, RULE) + _rect(ends[1] - 2, y - 8, 4, 16, ELASTIC)
+        )
+    return "".join(bars)
+
+
+def _lattice(see: dict[str, Any]) -> str:
+    """Draw the bent lattice: what is pressed, and what is pulled."""
+    result = see["run"]("0.2-N")
+    place = result.positions()
+    low, high = place.min(axis=0), place.max(axis=0)
+    scale = min((WIDTH - 40) / (high - low)[0], (HEIGHT - 16) / (high - low)[1])
+    at = (place - low) * scale
+    at[:, 0] += 0.5 * (WIDTH - (high - low)[0] * scale)
+    at[:, 1] = HEIGHT - 8 - at[:, 1]
+    pulled = result.tension[-1] > 0.0
+    return "".join(
+        _line(at[ends], LOAD if pull else RULE, 1.5)
+        for ends, pull in zip(result.network.springs, pulled, strict=True)
+    )
+
+
+def _noodle(see: dict[str, Any]) -> str:
+    """Draw the dent over time."""
+    return _curve([(t, see["dent"](float(t))) for t in np.linspace(0.0, 27.0, 109)], RULE)
+
+
+PICTURES: dict[str, Callable[[dict[str, Any]], str]] = {
+    "find-its-way": lambda see: _body(see["p"][0], 10),
+    "walls-and-air": _bounces,
+    "blow-up": _growth,
+    "arching": lambda see: _body(see["p"][1]),
+    "who-holds-the-load": _cuts,
+    "root-depth": _widths,
+    "the-right-numbers": _numbers,
+    "agents-of-many-sizes": _sizes,
+    "two-wrong-answers": _bounds,
+    "a-lattice-bends": _lattice,
+    "a-noodle-remembers": _noodle,
+}
+"""How a lesson's picture is drawn."""
+TEMPLATE = (Path(__file__).parent / "lesson_index.html").read_text("utf-8")
+"""The page round the cards."""

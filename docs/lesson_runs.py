@@ -1,0 +1,126 @@
+"""The runs that lessons record: what their pages show, and what their texts tell of beside."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kaju import ElasticRule, History, Scene, SpawningModel, ThreeElement, creep, solve
+from kaju.model.network import triangular
+
+if TYPE_CHECKING:
+    from kaju.model.network import NetworkResult
+    from kaju.model.results.result import Result
+    from kaju.model.rheology.network import NetworkCreepResult
+
+
+def plate(cells: int = 20, pressed: int = 10) -> Scene:
+    """Return a steel plate pressed at one cell of its top."""
+    return Scene(
+        body={"cell_size": 0.01, "cells": [cells, cells], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [pressed, cells - 1], "force": [0.0, -2.0]}],
+        rule=ElasticRule(),
+    )
+
+
+def spawned(scene: Scene, tolerance: float = 0.05) -> Callable[[], Result]:
+    """Let agents spawn until the error is below the tolerance."""
+    return lambda: SpawningModel(scene, tolerance=tolerance).run()
+
+
+def pressed(width: int, force: float) -> Callable[[], NetworkResult]:
+    """Press a lattice in its middle, in 20 increments."""
+    return lambda: triangular(width, force=force).solve(20)
+
+
+def bitten(damper: float, hold: float) -> Callable[[], NetworkCreepResult]:
+    """Bite a noodle, hold it, and let it go."""
+
+    def run() -> NetworkCreepResult:
+        history = History().ramp(1.0, duration=1.0).hold(hold).release(duration=1.0).hold(20.0)
+        element = ThreeElement(K_f=1.0, D_f=1.0, D_d=damper)
+        return creep(triangular(5, force=0.05), history, rheology=element, step=0.25)
+
+    return run
+
+
+def broad(cells: int) -> Scene:
+    """Return a plate pressed in the middle of its top, of so many cells a side."""
+    return Scene(
+        body={"size": [0.2, 0.2], "cells": [cells, cells], "thickness": 0.002, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}],
+    )
+
+
+def corner(cells: int) -> Scene:
+    """Return a plate with a quarter cut out, pressed on what is left of its top."""
+    codes = np.ones((cells, cells), dtype=int)
+    codes[cells // 2 :, cells // 2 :] = 0
+    return Scene.from_array(
+        codes,
+        legend={0: "air", 1: "steel"},
+        cell_size=0.2 / cells,
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.0, 0.2], [0.1, 0.2]]}, "force": [0.0, -50.0]}],
+    )
+
+
+def bar() -> Scene:
+    """Return a bar that is pulled evenly."""
+    return Scene(
+        body={"cell_size": 0.01, "cells": [4, 12], "thickness": 0.01, "material": "steel"},
+        sides={"bottom": "roller", "left": "roller"},
+        loads=[{"side": "top", "force": [0.0, 8.0]}],
+    )
+
+
+def solved(scene: Scene) -> Callable[[], Result]:
+    """Solve a scene on its own cells."""
+    return lambda: solve(scene, strategy="uniform")
+
+
+HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
+PAGES: dict[str, dict[str, Callable[[], Result]]] = {
+    "agents-of-many-sizes": {
+        "": spawned(plate()),
+        "rough": spawned(plate(), 0.1),
+        "fine": spawned(plate(), 0.025),
+        "twice-as-large": spawned(plate(40, 20)),
+        "hole": spawned(HOLE),
+        "at-the-edge": spawned(plate(pressed=2)),
+    },
+    "a-lattice-bends": {
+        "": pressed(9, 0.1),
+        "0.05-N": pressed(9, 0.05),
+        "0.2-N": pressed(9, 0.2),
+        "5-wide": pressed(5, 0.1),
+        "17-wide": pressed(17, 0.1),
+    },
+    "a-noodle-remembers": {
+        "": bitten(20.0, 5.0),
+        "2-s": bitten(20.0, 2.0),
+        "10-s": bitten(20.0, 10.0),
+        "firm": bitten(200.0, 5.0),
+    },
+    "two-wrong-answers": {"": spawned(broad(20), 0.02)},
+}
+"""What is shown, by lesson and page; the nameless page is the lesson's own."""
+EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
+    "two-wrong-answers": {
+        **{f"{n}": solved(broad(n)) for n in (10, 20, 40, 80)},
+        **{f"corner-{n}": solved(corner(n)) for n in (16, 32, 64)},
+        "bar": solved(bar()),
+    },
+}
+"""Further runs that a recorded lesson tells of."""
+
+
+@cache
+def run(lesson: str, name: str = "") -> Any:
+    """Return a run of a lesson; each is done once."""
+    return (PAGES[lesson] | EVIDENCE.get(lesson, {}))[name]()

@@ -1,0 +1,191 @@
+"""Read the lessons: docs/lessons/NAME.md, and the same in German and Japanese beside it.
+
+The English text holds what all three share. Its block ``toml lesson`` says for whom it is,
+``toml scene`` what its page starts with, ``toml try`` below a heading of the third order what a
+preset changes, ``toml see`` what is then observed, and ``toml questions`` what kind of question
+each one of the worksheet is. The answers there are expressions of `lesson_measures`, worked out
+when they are asked for: no language tells a number that another does not.
+
+In a worksheet a question begins in bold, ``- label: ___ unit`` is a field to fill in, and
+``*Hint:*`` a hint. What stands in ``<!-- -->`` behind a sentence holds it: `lesson_claims.py`.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import kaju
+
+LESSONS = Path(__file__).parent / "lessons"
+ORDER = (
+    "find-its-way",
+    "walls-and-air",
+    "blow-up",
+    "arching",
+    "who-holds-the-load",
+    "root-depth",
+    "the-right-numbers",
+    "agents-of-many-sizes",
+    "two-wrong-answers",
+    "a-lattice-bends",
+    "a-noodle-remembers",
+)
+"""In which order they are offered."""
+HEADINGS = {
+    "en": [
+        "What is it?",
+        "How it works",
+        "Things to notice",
+        "Things to try",
+        "Worksheet (45 minutes)",
+        "For the teacher",
+    ],
+    "de": [
+        "Worum geht es?",
+        "Wie geht das?",
+        "Darauf achten",
+        "Zum Ausprobieren",
+        "Arbeitsblatt (45 Minuten)",
+        "Für die Lehrkraft",
+    ],
+    "ja": [
+        "どんな話？",
+        "しくみ",
+        "注目するところ",
+        "試してみよう",
+        "ワークシート（45 分）",
+        "先生へ",
+    ],
+}
+"""What every lesson has, in this order; the English ones also say more for those who program."""
+FENCE = re.compile(r"^```(.*?)\n(.*?)^```\n?", re.M | re.S)
+MARK = re.compile(r"<!--.*?-->", re.S)
+_HINT = re.compile(r"^\s+\*(?:Hint|Tipp|ヒント)[:：]\*\s*", re.M)
+_FIELD = re.compile(r"^\s+- (?P<label>.+?)[:：]\s*___ ?(?P<unit>.*)$", re.M)
+_QUESTION = re.compile(r"\((\d+) (?:min|Min\.|分)\)\s*\*\*(.+?)\*\*\s*(.*)", re.S)
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question of the worksheet in one language; its fields are pairs of label and unit."""
+
+    minutes: int
+    asks: str
+    note: str
+    hint: str
+    fields: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Text:
+    """A lesson in one language.
+
+    `sections` are its texts by the English heading, `presets` names and notes, the start first.
+    """
+
+    language: str
+    title: str
+    asks: str
+    sections: dict[str, str]
+    presets: tuple[tuple[str, str], ...]
+    questions: tuple[Question, ...]
+    answers: tuple[str, ...]
+
+    def words(self, *headings: str) -> str:
+        """Return some of its sections as the page reads them, without what holds them."""
+        named = dict(zip(HEADINGS["en"], HEADINGS[self.language], strict=True))
+        return "\n\n".join(f"# {named[h]}\n\n{plain(self.sections[h])}" for h in headings)
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A lesson in all its languages, with what they share.
+
+    `scenes` and `see` belong to the presets, the start first; both are empty where the page
+    shows a recorded run. `kinds` says of each question what the page has to know.
+    """
+
+    name: str
+    age: int
+    texts: dict[str, Text]
+    scenes: tuple[kaju.Scene, ...]
+    see: tuple[dict[str, Any], ...]
+    kinds: tuple[dict[str, Any], ...]
+
+
+def plain(markdown: str) -> str:
+    """Return a text as a page shows it: no programs, links to pages beside it."""
+    text = MARK.sub("", FENCE.sub("", markdown)).replace("../pages/", "")
+    return re.sub(r"\n{3,}", "\n\n", text).strip()
+
+
+def lesson(name: str) -> Lesson:
+    """Read a lesson in all the languages that there are."""
+    source = (LESSONS / f"{name}.md").read_text("utf-8")
+    blocks = dict(FENCE.findall(source))
+    texts = {"en": _text(source, "en")}
+    for language in ("de", "ja"):
+        path = LESSONS / language / f"{name}.md"
+        if path.exists():
+            texts[language] = _text(path.read_text("utf-8"), language)
+    scenes, see = [], []
+    if "toml scene" in blocks:
+        scene = kaju.Scene.from_toml(blocks["toml scene"])
+        for part in re.split(r"^### ", source, flags=re.M)[1:]:
+            own = dict(FENCE.findall(part))
+            changes = _flat(tomllib.loads(own["toml try"]))
+            scenes.append(scene.with_overrides(changes) if changes else scene)
+            see.append(tomllib.loads(own["toml see"]))
+    kinds = tomllib.loads(blocks["toml questions"])["question"]
+    age = tomllib.loads(blocks["toml lesson"])["age"]
+    return Lesson(name, age, texts, tuple(scenes), tuple(see), tuple(kinds))
+
+
+def _text(source: str, language: str) -> Text:
+    """Read one language of a lesson."""
+    parts = re.split(r"^## (.*)\n", source, flags=re.M)
+    found = dict(zip(parts[1::2], parts[2::2], strict=True))
+    sections = {
+        english: found[own].strip()
+        for english, own in zip(HEADINGS["en"], HEADINGS[language], strict=True)
+    }
+    notes = re.split(r"^### ", sections["Things to try"], flags=re.M)[1:]
+    presets = [(part.partition("\n")[0], plain(part.partition("\n")[2])) for part in notes]
+    asks = re.search(r"^> (.*)$", parts[0], flags=re.M)
+    assert asks, f"{language}: the line '> ...' that asks the lesson's question is missing"
+    return Text(
+        language=language,
+        title=source.split("\n", 1)[0].removeprefix("# "),
+        asks=asks[1],
+        sections=sections,
+        presets=tuple(presets),
+        questions=tuple(_question(item) for item in items(sections["Worksheet (45 minutes)"])),
+        answers=tuple(plain(item) for item in items(sections["For the teacher"])),
+    )
+
+
+def items(section: str) -> list[str]:
+    """Return the items of a numbered list, without their numbers."""
+    return [part.strip() for part in re.split(r"^\d+\. ", FENCE.sub("", section), flags=re.M)[1:]]
+
+
+def _question(item: str) -> Question:
+    """Read a question of the worksheet."""
+    body, *hint = _HINT.split(item)
+    fields = tuple((m["label"], m["unit"].strip()) for m in _FIELD.finditer(body))
+    read = _QUESTION.match(_FIELD.sub("", body).strip())
+    assert read, f"a question is '(10 min) **What?** ...', got {item!r:.60}"
+    return Question(int(read[1]), read[2], plain(read[3]), plain("".join(hint)), fields)
+
+
+def _flat(table: dict[str, Any], start: str = "") -> dict[str, Any]:
+    """Return nested tables by key paths: rule.alpha, loads.0.force."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        nested = isinstance(value, dict)
+        found |= _flat(value, f"{start}{key}.") if nested else {f"{start}{key}": value}
+    return found

@@ -18,6 +18,8 @@ from kaju.agents.materials import suggestion
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.files import scratch_beside
 from kaju.model.results.result import Result
+from kaju.model.results.subjects import answer_of
+from kaju.model.scene import Scene
 
 from . import motion
 from .creep import curves_over_time, network_over_time
@@ -84,7 +86,7 @@ ANIMATIONS_OF = {
 
 
 def animate(
-    result: Result,
+    result: Any,
     path: str | Path,
     what: str | None = None,
     *,
@@ -100,8 +102,8 @@ def animate(
 
     Parameters
     ----------
-    result : Result
-        Of a model, a solver, or `kaju.creep`.
+    result : Result, model or path
+        Of a model, a solver, or `kaju.creep`; a model shows what it has done so far.
     path : path
         The ending decides: ``.gif``, ``.webp`` or ``.mp4`` are films; a name without ending is
         a folder of pictures without background (PNG with alpha), one a frame; ``.glb`` is a
@@ -144,6 +146,12 @@ def animate(
     target = Path(path)
     ending = target.suffix.lower()
     _check(target, ending, fps, hold)
+    result = answer_of(result)
+    if isinstance(result, Scene):
+        raise ParameterError(
+            "result: a Scene has no film yet; run it first, kaju.animate(LoadModel(scene).run(), "
+            f"{str(target)!r}), or solve it"
+        )
     if not isinstance(result, Result):
         raise ParameterError(f"result: an answer of kaju is needed, got {type(result).__name__}")
     known = ANIMATIONS_OF[result.kind]

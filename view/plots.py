@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.result import Result
+from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 
@@ -167,20 +168,19 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
         return {"scene": plot_scene}
     if not isinstance(subject, Result):
         raise ParameterError(
-            f"subject: a Scene or a result is needed, got {type(subject).__name__}"
+            f"subject: a Scene, a result, a model or a path is needed, got {type(subject).__name__}"
         )
     return {name: PICTURES_OF[subject.kind][name] for name in subject.pictures}
 
 
-def plot(
-    subject: Scene | Result, what: str | None = None, ax: Axes | None = None, **options: Any
-) -> Figure:
+def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **options: Any) -> Figure:
     """Draw a picture of a scene or a result.
 
     Parameters
     ----------
-    subject : Scene or Result
-        What the picture is of.
+    subject : Scene, Result, model or path
+        What the picture is of: of a model the answer as far as it has come, of a path the scene
+        (.toml) or the result in it.
     what : str, optional
         Of a scene "scene". Of a run of load transfer "agents" (as unless given), "loads",
         "deformed", "displacement", "strain", "stress", "von_mises", "taken", "load_path",
@@ -222,6 +222,7 @@ def plot(
         If there is no such picture, it has no such option, or the option's value breaks its
         rule.
     """
+    subject = answer_of(subject)
     known = pictures_of(subject)
     name = next(iter(known)) if what is None else what
     if name not in known:

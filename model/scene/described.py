@@ -66,7 +66,12 @@ else:
         Parts within parts are validated without coming by here: the outermost tells of them all.
         """
 
-        def __call__(cls, **values: Any) -> Any:
+        def __call__(cls, *unnamed: Any, **values: Any) -> Any:
+            if unnamed:
+                raise ParameterError(
+                    f"{cls.__name__}: its parts are given by name ({', '.join(cls.model_fields)}), "
+                    f"got {unnamed[0]!r:.80}; kaju.load_scene(path) reads a scene from a file"
+                )
             try:
                 return super().__call__(**values)
             except ValidationError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf
+from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field, PlainValidator, field_validator, model_validator
@@ -19,6 +20,7 @@ from .body import Body
 from .contents import NOT_BODY
 from .described import Count, Described, Flag, Number, Text, one_given
 from .loads import Load
+from .shared_materials import shared_materials
 from .sides import SideCondition
 
 
@@ -266,6 +268,11 @@ class Description(Described):
             inner = {**body, "regions": values["regions"]}
             return {**{k: v for k, v in values.items() if k != "regions"}, "body": inner}
         return values
+
+    @field_validator("materials", mode="before")
+    @classmethod
+    def _in_a_file(cls, materials: Any) -> Any:
+        return shared_materials(materials) if isinstance(materials, (str, Path)) else materials
 
     @field_validator("legend", mode="before")
     @classmethod

@@ -22,11 +22,13 @@ from .description import Description, check_rule
 from .filling import CellBox
 from .lattice import Cells, Lattice
 from .pictures import embedded
+from .places import with_lines
 from .purity import Purity
 from .refinement import refined_body, refined_loads
 from .regions import Region
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Mask
+from .shared_materials import with_shared
 from .sides import FREE, SideCondition
 from .support import check_body
 from .text import (
@@ -54,8 +56,9 @@ class Scene(Description):
     legend : dict of str to str
         What the letters, colours or codes of a drawn body stand for: a material's name,
         "air" or "rigid".
-    materials : dict of str to Material
-        Materials by name; names of the library need no entry.
+    materials : dict of str to Material, or path
+        Materials by name; names of the library need no entry. A path is that of a TOML file that
+        holds them, which several scenes may share.
     sides : dict of str to SideCondition
         How the sides of the array are held; free unless given.
     loads : tuple of Load
@@ -384,7 +387,7 @@ def load_scene(path: str | Path, overrides: Mapping[str, Any] | None = None) -> 
             "Scene.from_array)"
         ) from None
     try:
-        table = overridden(table_from(text), overrides or {})
-        return Scene(**located(table, path.parent))
+        table = with_shared(table_from(text), path.parent)
+        return Scene(**located(overridden(table, overrides or {}), path.parent))
     except SceneError as error:
-        raise type(error)(f"{path}: {error}") from None
+        raise type(error)(f"{path}: {with_lines(text, str(error), overrides or ())}") from None

@@ -7,6 +7,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,10 @@ from kaju.errors import SceneError, SceneFileError
 from kaju.files import scratch_beside
 
 from .body import Body
-from .description import Description
+from .description import TABLES, Description
+from .loads import Load
 from .pictures import EMBEDDED, Picture
+from .shared_materials import with_shared
 
 LONGEST = 100_000_000
 """Characters of a scene's text; larger bodies come from images and arrays."""
@@ -72,7 +75,7 @@ def table_from_archive(text: str, arrays: Mapping[str, NDArray[Any]]) -> dict[st
 def located(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return a scene's table with the paths in it starting from `folder`."""
     located = {key: _moved(part, folder) for key, part in table.items() if key != "materials"}
-    return {**table, **located}
+    return with_shared({**table, **located}, folder)
 
 
 def _moved(part: Any, folder: Path) -> Any:
@@ -105,6 +108,9 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
     SceneError
         If a path leads through something that has no parts, or to a missing list item.
     """
+    for path in changes:
+        if "." not in path:
+            _check_first(path)
     result: Any = _copied(table)
     kind = changes.get("rule.kind")
     if kind is not None and kind != result.get("rule", {}).get("kind", "prescribed"):
@@ -118,6 +124,21 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
             place = _part(place, key, keys[: depth + 1])
         _put(place, keys, _parsed(value))
     return dict(result)
+
+
+def _check_first(key: str) -> None:
+    """Say where a key belongs that stands alone but is no part of a scene."""
+    if key in Description.model_fields:
+        return
+    homes = {
+        "rule.": {key for table in TABLES.values() for key in table.model_fields},
+        "body.": set(Body.model_fields),
+        "loads.0.": set(Load.model_fields),
+    }
+    whole = {key: home + key for home, keys in homes.items() for key in keys}
+    near = get_close_matches(key, list(whole), n=1, cutoff=0.7)
+    if near:
+        raise SceneError(f"{key}: unknown key; did you mean {whole[near[0]]}?")
 
 
 def _copied(value: Any) -> Any:

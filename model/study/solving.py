@@ -8,14 +8,19 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from kaju.errors import OutOfMemoryError, ParameterError
+from kaju.model.results.subjects import question_of
 from kaju.model.scene import Scene
 from kaju.stopping import keeping
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.spawning.quantities import ToleranceAt
     from kaju.model.network import NetworkResult, SpringNetwork
+    from kaju.model.network.network_model import NetworkModel
     from kaju.model.scale.pieces import PiecedResult
+    from kaju.model.transfer.load_model import LoadModel
 
 Strategy = Literal["auto", "uniform", "spawning"]
 STRATEGIES = ("auto", "uniform", "spawning")
@@ -24,7 +29,7 @@ SMALLEST_TOLERANCE, TOLERANCE = 1e-6, 1e-2
 
 @overload
 def solve(
-    subject: Scene,
+    subject: Scene | LoadModel | str | Path,
     tolerance: float | None = None,
     resolution: int | None = None,
     strategy: Strategy = "auto",
@@ -47,14 +52,14 @@ def solve(
 ) -> ElasticResult | PiecedResult: ...
 @overload
 def solve(
-    subject: SpringNetwork,
+    subject: SpringNetwork | NetworkModel,
     tolerance: float | None = None,
     *,
     increments: int | None = None,
     method: str | None = None,
 ) -> NetworkResult: ...
 def solve(
-    subject: Scene | SpringNetwork,
+    subject: Scene | SpringNetwork | NetworkModel | LoadModel | str | Path,
     tolerance: float | None = None,
     resolution: int | None = None,
     strategy: Strategy = "auto",
@@ -71,8 +76,9 @@ def solve(
 
     Parameters
     ----------
-    subject : Scene or SpringNetwork
-        A scene is solved as linear elasticity, a network in large deformation.
+    subject : Scene, SpringNetwork, model or path
+        A scene is solved as linear elasticity, a network in large deformation; of a model its
+        scene or network is, of a path the scene in it.
     tolerance : float, optional
         Relative error of a scene's answer: in the energy norm, or in what `tolerance_at` names;
         the square of an error in the energy norm is the relative error of the energy. Without
@@ -129,6 +135,7 @@ def solve(
     Interrupted
         After Ctrl-C, a KeyboardInterrupt; `best` holds the result so far.
     """
+    subject = question_of(subject)
     if isinstance(subject, Scene):
         _refuse(subject, increments=increments, method=method)
         if engine is not None:
@@ -153,7 +160,8 @@ def solve(
 
     if not isinstance(subject, SpringNetwork):
         raise ParameterError(
-            f"subject: a Scene or a SpringNetwork is needed, got {type(subject).__name__}"
+            "subject: a Scene, a SpringNetwork, a model of one, or the path of a scene is needed, "
+            f"got {type(subject).__name__}"
         )
     _refuse(
         subject,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import io
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+import typer.core
 
 from kaju import __version__
 from kaju.errors import KajuError
@@ -20,7 +21,17 @@ from . import (
     commands_scene,
 )
 
+
+class Verbs(typer.core.TyperGroup):
+    """The verbs; a scene alone is run."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the verb that is meant, and its words."""
+        return super().resolve_command(ctx, ["run", *args] if args[0].endswith(".toml") else args)
+
+
 app = typer.Typer(
+    cls=Verbs,
     help="Agents that carry load through a body.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +16,14 @@ from .options import Force, Settings, refuse_to_replace, scene_of
 if TYPE_CHECKING:
     from kaju.model.results.result import Result
     from kaju.model.scene import Scene
+
+
+class Language(Enum):
+    """What the page's own words are written in, for the shell to complete."""
+
+    EN = "en"
+    DE = "de"
+    JA = "ja"
 
 
 def animate(
@@ -60,7 +69,8 @@ def page(
     ] = None,
     title: Annotated[str | None, typer.Option(help="The headline.")] = None,
     language: Annotated[
-        str | None, typer.Option(metavar="en|de|ja", help="Unless given, the reader's own.")
+        Language | None,
+        typer.Option(help="Of the page's own words; the reader's own unless given."),
     ] = None,
     settings: Settings = None,
     force: Force = False,
@@ -79,7 +89,7 @@ def page(
 
         shown = load_result(file)
     headline = title or file.stem.replace("-", " ").replace("_", " ").capitalize()
-    typer.echo(export_page(shown, target, title=headline, language=language))
+    typer.echo(export_page(shown, target, title=headline, language=language and language.value))
 
 
 def watch(

@@ -25,7 +25,7 @@ Vary = Annotated[
         "--vary",
         metavar="KEY=VALUES",
         help="What is varied, may be repeated: values (rule.threshold=0.01,0.02), or a range to "
-        "draw from (rule.beta=0:1, and rule.threshold=1e-4:1e-1:log).",
+        "draw from (rule.beta=0:1 or 0..1, and rule.threshold=1e-4:1e-1:log).",
     ),
 ]
 
@@ -111,7 +111,7 @@ def _distribution(text: str) -> Any:
     """Return what ``0:1`` or ``1e-4:1e-1:log`` stands for; None for anything else."""
     from scipy.stats import loguniform, uniform
 
-    low, _, rest = text.partition(":")
+    low, _, rest = text.replace("..", ":").partition(":")
     high, _, log = rest.partition(":")
     try:
         ends = float(low), float(high)

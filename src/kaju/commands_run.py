@@ -24,6 +24,7 @@ from .options import (
     Resolution,
     SceneFile,
     Settings,
+    fraction,
     places_of,
     scene_of,
     worked_plate,
@@ -112,7 +113,11 @@ Engine = Annotated[
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(help="Relative error in the energy norm to keep; 0.01 is one per cent."),
+    typer.Option(
+        parser=fraction,
+        metavar="SHARE",
+        help="Relative error in the energy norm to keep; 0.01 or 1%.",
+    ),
 ]
 Misplaced = Annotated[str | None, typer.Option(hidden=True)]
 

@@ -40,15 +40,23 @@ def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) ->
     raise typer.Exit(0 if certificate.stable else 1)
 
 
-def materials() -> None:
-    """List the materials that scenes can use by name."""
+def materials(
+    file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help='A file of your own, which scenes name by materials = "FILE".'
+        ),
+    ] = None,
+) -> None:
+    """List the materials that scenes can use by name: the library's, or those of a file."""
     from rich.console import Console
     from rich.table import Table
 
     from kaju.agents.materials import LIBRARY
+    from kaju.model.scene.shared_materials import shared_materials
 
     table = Table("name", "E (Pa)", "ν", "density (kg/m³)", "source")
-    for material in LIBRARY.values():
+    for material in (LIBRARY if file is None else shared_materials(file)).values():
         table.add_row(
             material.name,
             f"{material.youngs_modulus:.4g}",

@@ -38,6 +38,18 @@ Resolution = Annotated[
     int | None, typer.Option(min=1, metavar="N", help="Split every cell into N along each axis.")
 ]
 
+
+def fraction(word: str) -> float:
+    """Return a share, such as 0.05 or 5%."""
+    number, percent, rest = word.strip().partition("%")
+    try:
+        if rest:
+            raise ValueError
+        return float(number) / (100.0 if percent else 1.0)
+    except ValueError:
+        raise typer.BadParameter(f"a share such as 0.01, or 1%, is needed, got {word!r}") from None
+
+
 Places = Annotated[
     list[str] | None,
     typer.Option(

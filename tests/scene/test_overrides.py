@@ -87,7 +87,9 @@ def test_one_value_cannot_smuggle_in_another():
 def test_a_file_may_be_mended_while_it_is_read(tmp_path):
     path = tmp_path / "plate.toml"
     path.write_text(PLATE.replace("steps = 20", "steps = 0"))
-    with pytest.raises(SceneError, match=r"plate.toml: loads.0.steps: must be above 0, got 0"):
+    with pytest.raises(
+        SceneError, match=r"plate.toml: line 11: loads.0.steps: must be above 0, got 0"
+    ):
         load_scene(path)
     assert load_scene(path, {"loads.0.steps": "2"}).stages == 2
 

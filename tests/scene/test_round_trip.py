@@ -229,7 +229,7 @@ def test_files_that_are_no_scenes(tmp_path):
     with pytest.raises(SceneError, match=r"scene.toml: is not valid TOML: .*line 1"):
         load_scene(path)
     path.write_text("[body]\nsise = 1\n")
-    with pytest.raises(SceneError, match=r"scene.toml: body.sise: unknown key"):
+    with pytest.raises(SceneError, match=r"scene.toml: line 2: body.sise: unknown key"):
         load_scene(path)
 
 

@@ -22,6 +22,7 @@ from kaju.files import scratch_beside
 from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.results.result import Result
+from kaju.model.results.subjects import from_file
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.transfer.load_model import LoadModel
@@ -79,8 +80,12 @@ socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("go
 """
 
 
+LANGUAGES = ("en", "de", "ja")
+"""What the page's own words are written in."""
+
+
 def export_page(
-    of: Scene | Result | Runs,
+    of: Scene | Result | Runs | str | Path,
     path: str | Path,
     *,
     title: str | None = None,
@@ -98,7 +103,7 @@ def export_page(
 
     Parameters
     ----------
-    of : Scene, Result or model
+    of : Scene, Result, model or path
         What to show. A model that has not come to rest is run to its end, a scene with an
         elastic rule by `ElasticModel`.
     path : path
@@ -128,7 +133,12 @@ def export_page(
     target = Path(path)
     if target.suffix not in (".html", ".htm"):
         raise ParameterError(f"{target}: a page is an .html file; name it {target.stem}.html")
-    html = page_html(packed_page(of, title, text, presets or {}, language, exact), title or "kaju")
+    if language not in (None, *LANGUAGES):
+        raise ParameterError(f"language: one of {', '.join(LANGUAGES)} is needed, got {language!r}")
+    shown = from_file(of)
+    html = page_html(
+        packed_page(shown, title, text, presets or {}, language, exact), title or "kaju"
+    )
     with scratch_beside(target, ResultFileError) as scratch:
         scratch.write_text(html, encoding="utf-8")
     return target

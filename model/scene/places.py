@@ -1,0 +1,59 @@
+"""Where in a TOML text a key stands, so that an error can name its line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+_HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(#.*)?$")
+_ENTRY = re.compile(r"\s*([\w.\"' -]+?)\s*=")
+_TOLD = re.compile(r"^(\s*)([\w -]+(?:\.[\w -]+)*): ")
+
+
+def with_lines(text: str, told: str, changed: Iterable[str] = ()) -> str:
+    """Return an error's lines, each with the line of the text that its key path stands in.
+
+    Keys that were `changed` after the text was read have no line.
+    """
+    places = dict(_places(text))
+    for path in changed:
+        places.pop(path, None)
+    return "\n".join(_with_line(line, places) for line in told.splitlines())
+
+
+def _with_line(line: str, places: dict[str, int]) -> str:
+    found = _TOLD.match(line)
+    if not found:
+        return line
+    path = found[2]
+    while path and path not in places:
+        path = path.rpartition(".")[0]
+    return f"{found[1]}line {places[path]}: {line[len(found[1]) :]}" if path else line
+
+
+def _places(text: str) -> Iterator[tuple[str, int]]:
+    """Yield every key path with the number of its line; list items are counted from 0."""
+    head, items, open_quotes = "", dict[str, int](), ""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if open_quotes:
+            open_quotes = "" if open_quotes in line else open_quotes
+            continue
+        for quotes in ('"""', "'''"):
+            if line.count(quotes) % 2:
+                open_quotes = quotes
+        header = _HEADER.match(line)
+        if header:
+            head = _unquoted(header[2])
+            if header[1] == "[[":
+                items[head] = items.get(head, -1) + 1
+                head = f"{head}.{items[head]}"
+            yield head, number
+            continue
+        entry = _ENTRY.match(line)
+        if entry:
+            key = _unquoted(entry[1])
+            yield (f"{head}.{key}" if head else key), number
+
+
+def _unquoted(key: str) -> str:
+    return ".".join(part.strip().strip("\"'") for part in key.split("."))

@@ -1,7 +1,8 @@
 // Curves over the generations: agents, load on its way, the largest load, and where loads went.
-import { quantity } from "./words.js";
+import { FONT, paintWord } from "./paint.js";
+import { PREFIXES, quantity } from "./words.js";
 
-/** The curves of a run: [word, unit, values, further values]. */
+/** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
   const largest = [], ended = [], { offset, value } = run.taken;
   for (let g = 0; g < run.generation; g++) {
@@ -13,44 +14,90 @@ export function curvesOf(run) {
   for (const ends of run.ends ?? []) ended.push(sum += ends);
   sum = 0;
   const taken = run.waits.map((load) => (sum += load));
-  const curves = [["agents", "", run.alive], ["onTheWay", "N", run.waits], ["largest", "N", largest]];
-  if (run.residual) curves.push(["residual", "", run.residual]);
-  else curves.push(["ledger", "N", taken, ended]);
+  const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
+  if (run.residual) curves.push(["residual", "", [run.residual], []]);
+  else curves.push(["ledger", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]);
   return curves;
 }
 
-/** Draw the curves in a grid of two by two, with the present generation marked. */
-export function paintCharts(canvas, curves, g, say, inks) {
+const LEFT = 40, HEAD = 20, FOOT = 18;
+const columnsOf = (canvas, count) => (count > 1 && canvas.clientWidth >= 300 ? 2 : 1);
+
+/** Draw charts in one or two columns; `limit`: curves are shown no further. */
+export function paintGrid(canvas, charts, inks, limit = Infinity) {
   const r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
   if (!w) return;
   if (canvas.width !== Math.round(w * r) || canvas.height !== Math.round(h * r)) { canvas.width = Math.round(w * r); canvas.height = Math.round(h * r); }
-  const ctx = canvas.getContext("2d");
+  const ctx = canvas.getContext("2d"), columns = columnsOf(canvas, charts.length), rows = Math.ceil(charts.length / columns);
   ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, w, h);
-  curves.forEach(([word, unit, ...lists], n) => {
-    const box = { x: (n & 1) * (w / 2 + 4), y: (n >> 1) * h / 2 + 16, w: w / 2 - 4, h: h / 2 - 22 };
-    const over = lists[0].map((_, i) => i + 1);
-    paintChart(ctx, box, { word: say(word), lists, over, now: g || null, show: (v) => quantity(v, unit) }, inks);
+  charts.forEach((chart, n) => {
+    const box = { x: (n % columns) * w / columns + LEFT, y: Math.floor(n / columns) * h / rows + HEAD, w: w / columns - LEFT - 10, h: h / rows - HEAD - FOOT };
+    const shown = chart.over.filter((at) => at <= limit).length;
+    paintChart(ctx, box, { ...chart, shown: chart.lists.map((list) => list.slice(0, shown)) }, inks);
   });
 }
 
-/** One chart: lines over the same numbers, and where the page stands on them. */
-export function paintChart(ctx, { x, y, w, h }, { word, lists, over, now, show, log = false }, inks) {
-  let top = -Infinity, low = log ? Infinity : 0;
-  for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
-  const map = log ? (v) => Math.log(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
-  const first = over[0] ?? 0, reach = (over.at(-1) ?? 1) - first || 1;
-  const X = (at) => x + 2 + (w - 4) * (at - first) / reach, Y = (v) => y + h - 1 - (h - 4) * (map(v) - from) / span;
-  ctx.font = "11px system-ui, DejaVu Sans, sans-serif"; ctx.textBaseline = "bottom";
-  ctx.textAlign = "left"; ctx.fillStyle = inks.faint; ctx.fillText(word, x, y - 1, 0.62 * w);
-  const at = now === null ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach);
-  ctx.textAlign = "right"; ctx.fillStyle = inks.ink; ctx.fillText(at >= 0 ? show(lists[0][at]) : "–", x + w, y - 1);
-  ctx.lineWidth = 1; ctx.strokeStyle = inks.line; ctx.strokeRect(x + 0.5, y + 0.5, w - 1, h);
-  lists.forEach((list, i) => {
-    ctx.strokeStyle = [inks.accent, inks.mark, inks.pull, inks.faint][i % 4]; ctx.lineWidth = 1.6; ctx.beginPath();
-    list.forEach((v, n) => ctx.lineTo(X(over[n]), Y(v)));
-    ctx.stroke();
-  });
-  if (now === null) return;
-  const line = Math.max(x, Math.min(x + w, X(now)));
-  ctx.strokeStyle = inks.ink; ctx.lineWidth = 1; ctx.beginPath(); ctx.moveTo(line, y); ctx.lineTo(line, y + h); ctx.stroke();
+/** Which part of its axis a pixel of a chart is at, from 0 to 1. */
+export function partOf(canvas, count, x) {
+  const wide = canvas.clientWidth / columnsOf(canvas, count);
+  return Math.max(0, Math.min(1, ((x % wide) - LEFT) / (wide - LEFT - 10)));
 }
+
+/** Three to five round numbers between two: 1, 2 or 5 times a power of ten apart. */
+export function ticksOf(low, high, most = 4) {
+  if (!(high > low)) return [low];
+  const rough = (high - low) / most, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((f) => f * power >= rough * (1 - 1e-9));
+  const list = [];
+  for (let n = Math.ceil(low / step - 1e-9); n * step <= high * (1 + 1e-9); n++) list.push(Number((n * step).toPrecision(12)));
+  return list;
+}
+
+/** One chart: axes with ticks and a unit, a line each, its name at its end, the present as a dot and a number. */
+export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lists, names, over, now, log = false }, inks) {
+  let top = 0, low = log ? Infinity : 0;
+  for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
+  if (log && !(low < top)) low = top / 10 || 0.1;
+  top ||= 1;
+  const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
+  const first = over[0] ?? 0, reach = (over.at(-1) ?? first + 1) - first || 1;
+  const X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
+  const [factor, prefix] = scaleOf(top, unit), short = (v) => String(Number((v / factor).toPrecision(2)));
+  ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft;
+  ctx.textAlign = "right"; ctx.textBaseline = "middle";
+  const ticks = log ? Array.from({ length: Math.floor(map(top)) - Math.ceil(from) + 1 }, (_, i) => 10 ** (Math.ceil(from) + i)) : ticksOf(low, top, 3);
+  for (const v of ticks) {
+    ctx.beginPath(); ctx.moveTo(x, Y(v)); ctx.lineTo(x + w, Y(v)); ctx.stroke();
+    ctx.fillText(log ? Number((v / factor).toPrecision(1)) : short(v), x - 5, Y(v), LEFT - 6);
+  }
+  ctx.strokeStyle = inks.soft; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x, y + h); ctx.lineTo(x + w, y + h); ctx.stroke();
+  ctx.textBaseline = "top";
+  const whole = over.every(Number.isInteger);
+  for (const at of ticksOf(first, first + reach, Math.max(2, Math.min(4, w / 45))).filter((v) => !whole || Number.isInteger(v))) {
+    ctx.textAlign = X(at) > x + w - 8 ? "right" : "center"; ctx.fillText(String(at), Math.min(X(at), x + w), y + h + 4);
+  }
+  ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillStyle = inks.soft;
+  const head = `${word}${prefix || unit ? `, ${prefix}${unit}` : ""}${log ? " (log)" : ""}`;
+  ctx.fillText(head, x - LEFT + 4, y - 6, w + LEFT - 6);
+  const colours = [inks.rule, inks.elastic, inks.miss, inks.soft];
+  shown.forEach((list, i) => {
+    ctx.strokeStyle = colours[i % 4]; ctx.lineWidth = 1.8; ctx.setLineDash(i ? [5, 3] : []); ctx.beginPath();
+    list.forEach((v, n) => ctx.lineTo(X(over[n]), Y(v)));
+    ctx.stroke(); ctx.setLineDash([]);
+  });
+  const taken = [];                            // names stand at the ends of their lines, not over each other
+  shown.forEach((list, i) => {
+    if (!names?.[i] || lists.length < 2 || !list.length) return;
+    let at = Math.max(y + 8, Math.min(y + h - 8, Y(list.at(-1)) + (i ? 10 : -8)));
+    while (taken.some((other) => Math.abs(other - at) < 13)) at += at > y + h / 2 ? -13 : 13;
+    taken.push(at);
+    paintWord(ctx, names[i], Math.min(x + w, X(over[list.length - 1])) - 3, at, colours[i % 4], inks, { align: "right" });
+  });
+  const here = now === null || now === undefined ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach);
+  if (here < 0 || shown[0]?.[here] === undefined) return;
+  const v = lists[0][here], px = X(over[here]), py = Y(v), left = px < x + w / 2;
+  ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
+  paintWord(ctx, quantity(v, unit), px + (left ? 6 : -6), Math.max(y + 7, Math.min(y + h - 8, py - 9)), inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
+}
+
+/** A factor and its prefix that make numbers up to this one short. */
+const scaleOf = (top, unit) => (unit ? PREFIXES.find(([f]) => top >= 0.99995 * f) ?? PREFIXES.at(-1) : [1, ""]);

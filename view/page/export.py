@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
+import zlib
 from collections.abc import Mapping
 from functools import cache
 from html import escape
@@ -36,6 +36,16 @@ from .own import own_data
 from .packing import pack
 from .scene_data import FORMAT, Account, history_columns, scene_data
 
+Text = str | Mapping[str, str]
+"""What a reader reads: one text, or one for each language ("en", "de", "ja")."""
+
+
+def _in(language: str | None, text: Text | None) -> str | None:
+    """Return a text in a language: in English unless there is one."""
+    if text is None or isinstance(text, str):
+        return text
+    return text.get(language or "en") or next(iter(text.values()), None)
+
 
 class Runs(Protocol):
     """A model that runs to its end and tells what came of it."""
@@ -51,10 +61,18 @@ MODULES = (
     "deformation.js",
     "words.js",
     "scene.js",
+    "controls.js",
+    "modes.js",
+    "markdown.js",
     "paint.js",
     "charts.js",
     "story.js",
     "save.js",
+    "state.js",
+    "loads.js",
+    "cell.js",
+    "worksheet.js",
+    "lesson.js",
     "panels.js",
     "page.js",
     "motion.js",
@@ -63,8 +81,8 @@ MODULES = (
 """In the order in which they are joined: each uses only those before it at its top level."""
 START = """
 const data = document.getElementById("kaju-data").textContent;
-const elasticText = document.getElementById("kaju-elastic").textContent.trim();
-await openPage(document.getElementById("kaju"), data, elasticText || null);
+const elasticText = await inflated(document.getElementById("kaju-elastic").textContent);
+await openPage(document.getElementById("kaju"), data, elasticText);
 """
 LIVE = """
 const main = document.getElementById("kaju");
@@ -73,7 +91,7 @@ const socket = new WebSocket(`ws://${location.host}/session`);
 socket.binaryType = "arraybuffer";
 const ask = (question) => socket.send(JSON.stringify(question));
 const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
-const elasticText = document.getElementById("kaju-elastic").textContent.trim() || null;
+const elasticText = await inflated(document.getElementById("kaju-elastic").textContent);
 takeWindow(main);
 socket.onopen = () => connect(main, data, ask, listen, elasticText);
 socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("gone"));
@@ -88,11 +106,12 @@ def export_page(
     of: Scene | Result | Runs | str | Path,
     path: str | Path,
     *,
-    title: str | None = None,
-    text: str = "",
+    title: Text | None = None,
+    text: Text = "",
     presets: Mapping[str, Scene | tuple[Scene, str]] | None = None,
     language: str | None = None,
     exact: bool = False,
+    lesson: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a page in which a run can be watched, touched and handed on.
 
@@ -108,15 +127,18 @@ def export_page(
         elastic rule by `ElasticModel`.
     path : path
         The file to write, ending in ``.html``.
-    title, text : str, optional
-        Headline, and what is written beside the picture: paragraphs with empty lines between
-        them, headings after ``#``, lists after ``-``.
+    title, text : str or mapping of str to str, optional
+        Headline, and what is written beside the picture, in Markdown: headings, lists, tables,
+        links, ``**bold**``, ``*emphasis*``. A mapping has a text for each language.
     presets : mapping of str to Scene or (Scene, str), optional
         Further scenes by name, each loaded by one click; the text says what to look for.
     language : {"en", "de", "ja"}, optional
         Language of the page's own words; the reader's own unless given.
     exact : bool
         Record loads as 64-bit numbers.
+    lesson : mapping, optional
+        Makes the page a lesson: its questions with answers, tolerances and hints, asked one by
+        one. README.md beside this file lists the keys.
 
     Returns
     -------
@@ -135,10 +157,8 @@ def export_page(
         raise ParameterError(f"{target}: a page is an .html file; name it {target.stem}.html")
     if language not in (None, *LANGUAGES):
         raise ParameterError(f"language: one of {', '.join(LANGUAGES)} is needed, got {language!r}")
-    shown = from_file(of)
-    html = page_html(
-        packed_page(shown, title, text, presets or {}, language, exact), title or "kaju"
-    )
+    packed = packed_page(from_file(of), title, text, presets or {}, language, exact, lesson)
+    html = page_html(packed, _in(language, title) or "kaju")
     with scratch_beside(target, ResultFileError) as scratch:
         scratch.write_text(html, encoding="utf-8")
     return target
@@ -146,11 +166,12 @@ def export_page(
 
 def packed_page(
     of: Scene | Result | Runs,
-    title: str | None = None,
-    text: str = "",
+    title: Text | None = None,
+    text: Text = "",
     presets: Mapping[str, Scene | tuple[Scene, str]] | None = None,
     language: str | None = None,
     exact: bool = False,
+    lesson: Mapping[str, Any] | None = None,
 ) -> bytes:
     """Return what the page is told, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
@@ -169,6 +190,7 @@ def packed_page(
     header: dict[str, Any] = {"format": FORMAT, "text": text, **own}
     header |= {"title": title} if title else {}
     header |= {"language": language} if language else {}
+    header |= {"lesson": dict(lesson)} if lesson else {}
     scene = shown.scene if isinstance(shown, TransferResult) else shown
     if not isinstance(shown, Scene) and not (
         isinstance(scene, Scene) and scene.lattice.kind in BUILT_IN
@@ -266,11 +288,12 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
     folder = files(__package__)
     parts = [folder.joinpath(name).read_text("utf-8") for name in modules]
     if "page.js" in modules:
-        style = folder.joinpath("page.css").read_text("utf-8")
-        parts.insert(0, f"const STYLE = {json.dumps(style, ensure_ascii=False)};")
+        style = re.sub(r"\n *", "\n", folder.joinpath("page.css").read_text("utf-8"))
+        parts.append(f"const STYLE = await inflated({_deflated(style)!r});")
     code = "\n".join(parts)
     code = re.sub(r"^import [^;]*;$\n?", "", code, flags=re.M)
-    return re.sub(r"^export (?=const|let|function|class|async)", "", code, flags=re.M)
+    code = re.sub(r"^export (?=const|let|function|class|async)", "", code, flags=re.M)
+    return re.sub(r"^\s*(//.*\n|/\*\*.*\*/\n)?\s*", "", code, flags=re.M)
 
 
 ANSWER = """
@@ -306,11 +329,16 @@ def page_html(packed: bytes, title: str, code: str | None = None, policy: str = 
         "hash": f"sha256-{base64.b64encode(digest).decode()}",
         "title": escape(title),
         "data": base64.b64encode(packed).decode(),
-        "worker": _inline(worker()),
+        "worker": _deflated(worker()),
         "code": script,
     }
     template = files(__package__).joinpath("page.html").read_text("utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: fields[match[1]], template)
+
+
+def _deflated(text: str) -> str:
+    """Return text that `inflated` of history.js reads: for what need not run at once."""
+    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
 
 
 def _inline(code: str) -> str:

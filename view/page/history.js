@@ -48,10 +48,13 @@ const ARRAYS = { int16: Int16Array, uint8: Uint8Array, uint16: Uint16Array, uint
 
 export const bytesOf = (base64) => Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));
 
+/** What `_deflated` of export.py wrote: bytes as they were. */
+const unpressed = async (bytes) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+export const inflated = async (base64) => new TextDecoder().decode(await unpressed(bytesOf(base64)));
+
 /** The header and the columns of what `packing.pack` wrote. */
 export async function unpack(bytes) {
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  const raw = new Uint8Array(await new Response(stream).arrayBuffer());
+  const raw = await unpressed(bytes);
   const length = new DataView(raw.buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(raw.subarray(4, 4 + length)));
   const columns = {};

@@ -1,10 +1,11 @@
 // Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
 // sizes). The page is the same; what is drawn is not a rule's history but frames.
 import { arrow, colourOf, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
-import { paintChart } from "./charts.js";
+import { paintGrid, partOf } from "./charts.js";
 import { quantity } from "./words.js";
-import { make } from "./panels.js";
+import { make } from "./controls.js";
 import { Page } from "./page.js";
+import { tellMarks } from "./panels.js";
 
 const FACES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [2, 3, 7, 6], [1, 2, 6, 5], [0, 3, 7, 4]];
 const LIGHT = [0.75, 1, 0.85, 0.85, 0.7, 0.7], SHOWN = 0.066;
@@ -95,7 +96,7 @@ export class MotionPage extends Page {
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
     this.times = look.deformed && this.moved ? this.magnification() : 0;
     const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));
-    const ink = (part) => (scale ? colourOf(this.value(part), scale) : plain);
+    const ink = (part) => (scale ? colourOf(this.value(part), scale, inks) : plain);
     if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
     this.drawForces(view);
     if (this.picked >= 0 && this.there(this.picked)) {
@@ -103,9 +104,9 @@ export class MotionPage extends Page {
       ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
       ctx.strokeStyle = inks.ink; ctx.lineWidth = 2; ctx.stroke();
     }
-    if (scale) paintLegend(view, scale, this.word(look.colour), (v) => quantity(v, this.unitOf(look.colour)), inks);
+    if (scale) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
-    this.parts.cap.textContent = [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") })].filter(Boolean).join(" · ");
+    this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") })].filter(Boolean).join(" · ");
     this.words();
     this.drawn = (this.drawn ?? 0) + 1;
   }
@@ -169,7 +170,7 @@ export class MotionPage extends Page {
     const fixed = new Set(held), radius = Math.max(1.5, 0.9 * width);
     for (let i = 0; i < nodes; i++) {
       const [x, y] = view.point(this.where(i));
-      ctx.fillStyle = fixed.has(i) ? inks.mark : inks.ink; ctx.beginPath();
+      ctx.fillStyle = fixed.has(i) ? inks.load : inks.ink; ctx.beginPath();
       if (fixed.has(i)) ctx.rect(x - radius - 2, y - radius - 2, 2 * radius + 4, 2 * radius + 4); else ctx.arc(x, y, radius, 0, 7);
       ctx.fill();
     }
@@ -177,7 +178,7 @@ export class MotionPage extends Page {
   drawForces(view) {
     const { ctx } = view, { inks, low, unit, forces } = this, strongest = Math.max(1e-300, ...forces.map((f) => Math.hypot(...f.force)));
     const every = Math.max(1, Math.ceil(forces.length / 60));
-    for (const [colour, width] of [[inks.paper, 6], [inks.force, 3]]) {
+    for (const [colour, width] of [[inks.paper, 6], [inks.load, 3]]) {
       ctx.strokeStyle = colour; ctx.lineWidth = width; ctx.lineCap = "round"; ctx.beginPath();
       for (let n = every >> 1; n < forces.length; n += every) {
         const { place, force } = forces[n], size = Math.hypot(...force), u = force.map((f) => f / size), length = 14 + 20 * size / strongest;
@@ -197,8 +198,8 @@ export class MotionPage extends Page {
     const { t, parts, g, run } = this, text = `${this.moment()} · ${t("moment", { g, n: run.generation })}`;
     parts.count.textContent = text;
     parts.time.max = run.generation; parts.time.value = g; parts.time.ariaValueText = text;
-    this.tellPlaying();
-    this.canvas.ariaLabel = `${this.title || "kaju"}. ${text}`;
+    this.tellPlaying(); tellMarks(this); this.lesson?.tell();
+    this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
     this.tell();
     this.drawCurves();
   }
@@ -211,22 +212,16 @@ export class MotionPage extends Page {
     parts.story.replaceChildren(make("b", { textContent: this.born ? `${t("agent")} ${picked}` : t("part", { n: picked }) }), make("dl", {}, ...rows));
   }
   drawCurves() {
-    const { parts: { charts: canvas }, curveList, inks, at, g } = this, r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
-    if (!w || !curveList.length) { canvas.hidden = !curveList.length; return; }
-    if (canvas.width !== Math.round(w * r) || canvas.height !== Math.round(h * r)) { canvas.width = Math.round(w * r); canvas.height = Math.round(h * r); }
-    const ctx = canvas.getContext("2d");
-    ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, w, h);
-    const lists = curveList.slice(0, 4), columns = lists.length > 1 ? 2 : 1, rows = Math.ceil(lists.length / columns);
-    lists.forEach(({ title, unit, at: over, lines, logarithmic }, n) => {
-      const box = { x: (n % columns) * (w / columns + 4), y: Math.floor(n / columns) * h / rows + 16, w: w / columns - 4, h: h / rows - 22 };
-      paintChart(ctx, box, { word: title, lists: Object.values(lines), over, now: at[g], show: (v) => quantity(v, unit), log: logarithmic }, inks);
-    });
+    const { parts: { charts: canvas }, curveList, inks, at, g } = this;
+    canvas.hidden = !curveList.length;
+    if (!canvas.isConnected || !curveList.length) return;
+    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, lines, logarithmic }) =>
+      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: at[g], log: logarithmic })), inks);
   }
   seekChart(x) {
     const { curveList, parts: { charts }, at } = this;
     if (!curveList.length) return;
-    const half = curveList.length > 1 ? charts.clientWidth / 2 : charts.clientWidth, { at: over } = curveList[0];
-    const wanted = over[0] + (x % half) / (half - 4) * (over.at(-1) - over[0]);
+    const { at: over } = curveList[0], wanted = over[0] + partOf(charts, Math.min(4, curveList.length), x) * (over.at(-1) - over[0]);
     this.seek(at.reduce((best, v, i) => (Math.abs(v - wanted) < Math.abs(at[best] - wanted) ? i : best), 0));
   }
   press(event) {

@@ -1,14 +1,19 @@
 // One view for all hosts: a run is drawn, whoever computed it: the twin in this page, a record in
 // the file, or Python behind a channel.
-import { certifying, entering, sharesOf, Twin } from "./rule.js";
+import { certifying, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
 import { Recorded, Sums } from "./history.js";
-import { colourOf, COLOURS, paintCells, paintForces, paintLegend, paintLoads, paintPath, paintPick, place, View } from "./paint.js";
-import { curvesOf, paintCharts } from "./charts.js";
+import { colourOf, inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
+import { curvesOf, paintGrid, partOf } from "./charts.js";
+import { icon, make } from "./controls.js";
+import { Lesson } from "./lesson.js";
+import { Loads } from "./loads.js";
+import { offered } from "./modes.js";
 import { copyOf } from "./scene.js";
+import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./story.js";
 import { general, LANGUAGES, quantity, say, verdictOf } from "./words.js";
-import { buildAside, buildFooter, buildHeader, buildTries, icon, make } from "./panels.js";
+import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, tellMarks } from "./panels.js";
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", error: "m" };
 const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
@@ -17,25 +22,38 @@ const PATIENCE = 24;              // ms of computing at a time: input must not w
 
 export class Page {
   constructor(element, header) {
-    const { kind, title = "", text = "", verdict = "", stable = true, language } = header;
+    const { kind, title = "", text = "", verdict = "", stable = true, language, lesson } = header;
+    const asked = this.asked = new URLSearchParams(location.hash.slice(1));
     Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
-      given: { verdict, stable }, parts: {}, presets: [] });
-    this.language = language ?? (navigator.languages ?? ["en"]).map((l) => l.slice(0, 2)).find((l) => l in LANGUAGES) ?? "en";
+      given: { verdict, stable }, parts: {}, presets: [], sheet: 1 });
+    const known = (list) => list.map((l) => l?.slice(0, 2)).find((l) => l in LANGUAGES);
+    this.language = known([asked.get("lang"), language, ...(navigator.languages ?? [])]) ?? "en";
     this.t = say(this.language);
-    this.look = { colour: "taken", deformed: false, magnify: 0, arrows: true, path: false, beside: false, speed: 8,
+    this.look = { mode: "body", colour: "taken", deformed: false, magnify: 0, arrows: true, path: false, beside: false, speed: 8, letters: true,
       camera: { yaw: -0.6, pitch: 0.5 }, cut: { axis: -1, at: 0, only: false } };
     this.begin(header);
-    this.host = make("div", { className: "all" });
+    this.loads = new Loads(this);
+    this.lesson = lesson ? new Lesson(this, lesson) : null;
+    if (this.lesson) this.look.speed = 1;
+    this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
     this.root = element.shadowRoot ?? element.attachShadow({ mode: "open" });
     this.root.replaceChildren(this.host);
-    this.dress(matchMedia("(prefers-color-scheme: dark)").matches);
+    this.past = new Past(this);
+    const theme = asked.get("theme");
+    this.dress(theme ? theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches);
     this.buildStage(); this.rebuild();
     new ResizeObserver(() => this.later()).observe(this.canvas);
-    this.root.addEventListener("keydown", (event) => this.key(event));
-    this.seek(this.kind === "runnable" ? Infinity : 0);
+    this.root.addEventListener("keydown", (event) => { if (!event.repeat) this.past.gesture++; this.key(event); });
+    this.root.addEventListener("pointerdown", () => { this.past.gesture++; }, true);
+    this.lesson?.begin();
+    this.seek(this.kind === "runnable" && !this.lesson ? Infinity : 0);
+    if (asked.get("s")) follow(this, asked.get("s"));
     this.draw();
     element.page = this;
   }
+  /** A text in the reader's language: one for all, or one a language. */
+  say(text) { return typeof text === "object" && text ? text[this.language] ?? text.en ?? Object.values(text)[0] : text; }
+  nameOf(preset) { return preset.word ? this.t(preset.word) : this.say(preset.name); }
   /** Take what the header brings: here a scene, and a run unless the page makes it. */
   begin({ scene, cells, run = null, presets = [], elastic = null }) {
     this.elasticText = elastic;
@@ -47,6 +65,9 @@ export class Page {
     if (shape.length === 3) this.look.cut = { axis: 1, at: load ? load.cell[1] : shape[1] >> 1, only: false };
     this.adopt(run ?? this.compute());
   }
+  get mode() { return offered(this).find((mode) => mode.name === this.look.mode); }
+  /** How far the page may show: in a lesson no further than the question has got. */
+  get limit() { return this.lesson?.limit ?? Infinity; }
   get touchable() { return this.kind === "runnable" || (this.kind === "live" && this.scene.rule.kind === "prescribed"); }
   get solid() { return this.run.lattice.dimension === 3; }
   word(key) { return this.t(key); }
@@ -86,6 +107,7 @@ export class Page {
     this.changed = true;
     this.certify();
     this.header();
+    this.past?.note();
     clearTimeout(this.rest);                   // nobody will look at the end of the old run
     if (this.kind === "live") this.channel.change(this.scene, this.cells, this.stage);
     else {
@@ -107,7 +129,18 @@ export class Page {
     const first = scene === this.start.scene;
     this.change(() => {});
     this.changed = !first;
-    if (this.kind !== "live") this.renew(generation ?? Infinity);
+    if (this.kind !== "live") this.renew(generation ?? (this.lesson ? 0 : Infinity));
+    this.rebuild();
+  }
+  /** Change how the page looks: one step back for who undoes. */
+  set(key, value) { this.look[key] = value; this.past.note(); this.later(); }
+  /** Look in another way at the body: a name from modes.js, or "body". */
+  setMode(name, quiet = false) {
+    this.mode?.close?.(this);
+    this.look.mode = name;
+    if (!this.mode) this.look.mode = "body";
+    this.mode?.open?.(this);
+    if (!quiet) this.past.note();
     this.rebuild();
   }
   setStage(stage) { this.stage = stage; this.change(() => {}); }
@@ -134,7 +167,8 @@ export class Page {
   }
   tellVerdict(text, stable) {
     const { verdict } = this.parts;
-    verdict.textContent = text; verdict.hidden = !text;
+    text = text.replace(" (accumulate = false)", "");    // an option's name is for those who program
+    verdict.textContent = text; verdict.hidden = !text || this.limit < this.run.generation;   // it would give an answer away
     verdict.classList.toggle("bad", stable === false);
     verdict.classList.toggle("open", stable === null);   // nobody knows
   }
@@ -147,13 +181,18 @@ export class Page {
     this.moved = null;
   }
   seek(g) {
+    if (g > this.limit && Number.isFinite(g)) this.announce(this.t("answerFirst"));
+    g = Math.min(g, this.limit);
     this.channel?.want(g);
     this.goTo(g);
     this.later();
   }
+  /** Whether Play goes no further from here. */
+  get ended() { return this.g >= this.limit || (this.g >= this.run.generation && this.over); }
   toggle(on = !this.playing) {
     this.playing = on;
-    if (on && this.g >= this.run.generation && this.over) this.goTo(0);
+    if (on && this.ended) this.goTo(0);
+    if (on) this.mode?.play?.(this);
     this.clock = null;
     if (on) requestAnimationFrame((now) => this.tick(now));
     this.later();
@@ -164,8 +203,7 @@ export class Page {
     const due = Math.floor((now - this.clock) * this.look.speed / 1000);
     if (due > 0) {
       this.clock += due * 1000 / this.look.speed;
-      const end = this.g >= this.run.generation && this.over;
-      if (end) this.playing = false; else this.seek(this.g + due);
+      if (this.ended) this.playing = false; else this.seek(Math.min(this.g + due, this.limit));
       this.later();
     }
     requestAnimationFrame((next) => this.tick(next));
@@ -238,10 +276,16 @@ export class Page {
   }
   draw() {
     if (!this.canvas?.clientWidth) return;
-    const { run, look, inks, t } = this, { lattice: L } = run, scale = this.scale(), values = this.values();
+    if (this.mode?.draw) this.mode.draw(this); else this.drawBody();
+    this.words();
+    this.drawn = (this.drawn ?? 0) + 1;
+  }
+  /** The body as it stands at this generation, in the whole canvas or a box of it. */
+  drawBody(box = {}, values = this.values(), scale = this.scale()) {
+    const { run, look, inks, t } = this, { lattice: L } = run;
     const moved = look.deformed && this.deformable ? this.deformed() : null, factor = moved ? this.magnification() : 0;
     const cut = L.dimension === 3 ? look.cut : null;
-    const view = this.view = new View(this.canvas, L, look.camera);
+    const view = this.view = new View(this.canvas, L, look.camera, box);
     paintCells(view, run.kinds, values, scale, inks, { moved, factor, cut });
     const shown = (k, cell) => !cut || cut.axis < 0 || cell[cut.axis] === cut.at;
     if (look.path && run.passed) paintPath(view, this.sums.passed.sum, inks, shown);
@@ -249,23 +293,25 @@ export class Page {
       const from = run.taken.offset[this.g - 1], to = run.taken.offset[this.g];
       paintLoads(view, { index: run.taken.index.subarray(from, to), value: run.taken.value.subarray(from, to) }, run.C, inks, shown);
     }
-    paintForces(view, this.scene.loads, inks);
+    if (this.lesson) paintNumbers(view, inks);
+    this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
-    paintLegend(view, scale, t(look.colour), (v) => quantity(v, UNITS[look.colour]), inks);
-    this.parts.cap.textContent = moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "";
+    if (!box.w) paintLegend(view, scale, t(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
+    this.parts.cap.textContent = this.told || (moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "");
     if (look.beside && this.parts.others.length) this.drawElastic();
-    this.words();
-    this.drawn = (this.drawn ?? 0) + 1;
   }
   words() {
     const { run, t, parts, g } = this, done = this.over;
-    parts.count.textContent = t(done ? "generation" : "running", { g, n: run.generation });
+    parts.count.textContent = this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation });
     parts.time.max = run.generation; parts.time.value = g; parts.time.ariaValueText = parts.count.textContent;
-    this.tellPlaying();
+    this.tellPlaying(); tellMarks(this);
     this.canvas.ariaLabel = t("picture", { g: parts.count.textContent, a: run.alive[g - 1] ?? 0 });
-    if (!this.playing || this.picked >= 0) tellStory(this, parts.story, make);
+    if (!this.playing || this.picked >= 0) tellStory(this, parts.story);
+    this.lesson?.tell();
+    if (!parts.charts.isConnected) return;
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
-    paintCharts(parts.charts, this.curves.list, g, t, this.inks);
+    const over = run.alive.map((_, i) => i + 1);
+    paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit);
   }
   tellPlaying() {
     const { parts, t } = this, on = Boolean(this.playing);
@@ -275,15 +321,13 @@ export class Page {
   }
   /** The cells as polygons with their colours, for files; null when they are many or deformed. */
   polygons() {
-    const { run, view } = this, { lattice: L, kinds } = run;
+    const { run, view, inks } = this, { lattice: L, kinds } = run;
     if (L.dimension === 3 || this.look.deformed || L.size > 20000) return null;
     const values = this.values(), scale = this.scale(), list = [];
     L.each((k) => {
       if (kinds[k] < 0) return;
-      const c = view.centre(L.cell(k)), round = L.hexagon ? 6 : 4, r = L.hexagon ? 0.5774 : Math.SQRT1_2;
-      const turned = L.hexagon ? 0 : Math.PI / 4;
-      const points = Array.from({ length: round }, (_, i) => view.at(c[0] + r * Math.sin(turned + i * 2 * Math.PI / round), c[1] + r * Math.cos(turned + i * 2 * Math.PI / round)));
-      list.push({ points, fill: values[k] >= 0 ? `rgb(${COLOURS[Math.round(255 * place(values[k], scale))]})` : this.inks.cell });
+      const c = colourOf(values[k], scale, inks), fill = values[k] >= 0 ? `rgb(${c & 255},${c >> 8 & 255},${c >> 16 & 255})` : inks.cell;
+      list.push({ points: view.outline(L.cell(k)), fill });
     });
     return list;
   }
@@ -298,17 +342,27 @@ export class Page {
     this.canvas.addEventListener("pointerdown", (event) => this.press(event));
     this.canvas.addEventListener("pointermove", (event) => this.move(event));
     this.canvas.addEventListener("pointerup", (event) => this.release(event));
+    this.canvas.addEventListener("pointercancel", () => { this.hold = null; this.later(); });
+    this.canvas.addEventListener("dblclick", (event) => this.loads.double(event));
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });
   }
   rebuild() {
-    const focus = this.root.activeElement?.textContent;
+    const focus = this.root.activeElement?.textContent || this.root.activeElement?.ariaLabel, { mode } = this;
     this.parts.shows = null;
     this.parts.header = buildHeader(this);
-    this.host.replaceChildren(this.parts.header, ...(this.touchable ? [buildTries(this)] : []), this.stageBox, buildFooter(this), buildAside(this));
-    this.host.lang = this.language;
+    const tries = this.touchable && !this.lesson && !mode?.alone ? [buildTries(this)] : [];
+    this.host.replaceChildren(this.parts.header, buildBar(this), ...tries, this.stageBox, buildFooter(this), buildAside(this));
+    this.host.lang = this.language; this.host.dataset.sheet = this.sheet;
     this.certify(); this.later();
-    if (focus) [...this.host.querySelectorAll("button")].find((b) => b.textContent === focus)?.focus();
+    if (focus) [...this.host.querySelectorAll("button, input, textarea")].find((b) => (b.textContent || b.ariaLabel) === focus)?.focus();
   }
+  /** What the way of looking says above the picture and beside it, anew. */
+  refresh() {
+    this.parts.bar.replaceWith(buildBar(this));
+    this.parts.cards.replaceChildren(...modeCards(this));
+    this.later();
+  }
+  raiseSheet() { this.sheet = (this.sheet + 1) % 3; this.host.dataset.sheet = this.sheet; this.later(); }
   header() {
     const fresh = this.changed ? this.t("changed") : this.t(this.kind);
     this.parts.header.querySelector(".mode").textContent = fresh;
@@ -317,81 +371,91 @@ export class Page {
   dress(dark) {
     this.dark = dark;
     this.root.host.classList.toggle("dark", dark);
-    const style = getComputedStyle(this.root.host);
-    this.inks = {};
-    for (const name of ["ink", "faint", "paper", "line", "cell", "mark", "pull", "force", "path", "accent"]) {
-      this.inks[name] = style.getPropertyValue(`--${name}`).trim() || "#888888";
-    }
-    const toggle = this.parts.header?.querySelector("button.icon");
+    this.inks = inksOf(getComputedStyle(this.root.host));
+    const toggle = this.parts.header?.querySelector("button.theme");
     if (toggle) toggle.ariaPressed = String(dark);
     if (this.root.host.whole) document.documentElement.style.background = this.inks.paper;
     this.later();
   }
-  announce(text) { this.parts.cap.textContent = text; }
+  /** Say something for a while where the picture's words stand. */
+  announce(text) {
+    this.told = text;
+    clearTimeout(this.saying);
+    this.saying = setTimeout(() => { this.told = ""; this.later(); }, 4000);
+    if (this.parts.cap) this.parts.cap.textContent = text;
+  }
 
   // -------------------------------------------------------------------------- mouse and keys
   press(event) {
     const { view, run } = this, L = run.lattice;
-    if (L.dimension === 3) { this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera }; this.canvas.setPointerCapture(event.pointerId); return; }
-    const cell = view.cellAt(event.offsetX, event.offsetY);
     this.canvas.setPointerCapture(event.pointerId);
-    const load = this.touchable && this.pen === "look" ? this.loadNear(event.offsetX, event.offsetY) : null;
-    this.hold = load ? { load } : { pen: true };
-    if (!load) this.touch(cell);
+    if (this.mode?.press?.(this, event)) return;
+    if (L.dimension === 3) { this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera }; return; }
+    const grip = this.touchable && this.pen === "look" ? this.loads.grip(event) : null;
+    this.hold = grip ?? { pen: true };
+    if (!grip) { this.loads.chosen = -1; this.touch(view.cellAt(event.offsetX, event.offsetY)); }
+    this.later();
   }
-  release({ clientX, clientY, offsetX, offsetY }) {
+  release(event) {
     const { hold } = this;
     this.hold = null;                          // who has not turned the cubes has clicked one
-    if (hold?.x !== undefined && Math.hypot(clientX - hold.x, clientY - hold.y) < 4) this.touch(this.view.cellAt?.(offsetX, offsetY));
-  }
-  loadNear(px, py) {
-    const { view } = this;
-    return this.scene.loads.find(({ cell, force }) => {
-      const size = Math.hypot(...force) || 1, [x, y] = view.at(...view.centre(cell)), gap = view.u / 2 + 18;
-      return Math.hypot(px - x + force[0] / size * gap, py - y - force[1] / size * gap) < 20;
-    });
+    if (this.mode?.release?.(this, event)) return;
+    if (hold?.grip) this.loads.put(hold);
+    if (hold?.x !== undefined && Math.hypot(event.clientX - hold.x, event.clientY - hold.y) < 4) this.touch(this.view.cellAt?.(event.offsetX, event.offsetY));
   }
   move(event) {
-    const { hold, view, run, parts } = this, L = run.lattice;
+    const { hold, view, run } = this, L = run.lattice;
+    if (this.mode?.move?.(this, event)) return;
     if (L.dimension === 3 && hold && event.buttons) {
       this.look.camera = { yaw: hold.yaw - (event.clientX - hold.x) / 150, pitch: Math.max(0.05, Math.min(1.5, hold.pitch + (event.clientY - hold.y) / 150)) };
       this.later();
       return;
     }
     const cell = view?.cellAt(event.offsetX, event.offsetY);
-    if (hold?.load && event.buttons) { if (cell) this.moveLoad(hold.load, cell); return; }
+    if (hold?.grip && event.buttons) { this.loads.drag(hold, event); this.parts.tip.hidden = true; return; }
     if (hold?.pen && event.buttons && this.pen !== "look") { this.touch(cell); return; }
-    parts.tip.hidden = !cell || event.pointerType === "touch";
-    if (!cell) return;
-    const value = this.values()[L.key(cell)];
-    parts.tip.textContent = `(${cell.join(", ")})${value >= 0 ? ` ${quantity(value, UNITS[this.look.colour])}` : ""}`;
-    parts.tip.style.left = `${Math.min(event.offsetX + 14, this.canvas.clientWidth - 130)}px`;
-    parts.tip.style.top = `${event.offsetY + 12}px`;
+    this.tip(cell, event);
   }
-  moveLoad(load, cell) {
-    const k = this.run.lattice.key(cell);
-    if (this.run.kinds[k] < 0 || cell.every((c, a) => c === load.cell[a])) return;
-    this.change(() => { Object.assign(load, { cell, sense: load.sense === "side" ? "surface" : load.sense, face: entering(this.run.lattice, this.run.kinds, k, load.force) }); });
+  /** A tip at the cursor: the cell, and a line for its value. */
+  tip(cell, event, lines = cell ? [this.values()[this.run.lattice.key(cell)]].filter((v) => v >= 0).map((v) => quantity(v, UNITS[this.look.colour])) : []) {
+    const { tip } = this.parts, { offsetX: x, offsetY: y, target: { clientWidth: w, clientHeight: h } } = event;
+    tip.hidden = !cell || event.pointerType === "touch";
+    if (tip.hidden) return;
+    tip.textContent = [`(${cell.join(", ")})`, ...lines].join("\n");
+    tip.style.left = `${x > w - 150 ? Math.max(0, x - 14 - tip.offsetWidth) : x + 14}px`;
+    tip.style.top = `${y > h - 60 ? y - 12 - tip.offsetHeight : y + 12}px`;
   }
   /** Read a cell's story, or draw it, as the pen says. */
   touch(cell) {
     if (!cell) return;
-    if (this.pen === "look" || !this.touchable) { this.picked = this.run.lattice.key(cell); this.later(); return; }
+    if (this.pen === "look" || !this.touchable) { this.pick(this.run.lattice.key(cell), true); return; }
     const at = cell[0] * this.scene.lattice.shape[1] + cell[1], kind = Number(this.pen);
     if (this.cells[at] === kind) return;
-    if (kind < 0 && this.scene.loads.some((load) => load.cell.every((c, a) => c === cell[a]))) return;   // a load needs its cell
-    this.change(() => { this.cells[at] = kind; });
+    if (kind < 0 && this.scene.loads.some((load) => load.cell.every((c, a) => c === cell[a]))) { this.announce(this.t("needsCell")); return; }
+    this.change(() => { this.cells = this.cells.slice(); this.cells[at] = kind; });
+  }
+  pick(k, open = false) {
+    this.picked = k;
+    if (open && this.look.mode === "body" && this.run.kinds[k] >= 0 && offered(this).some((mode) => mode.name === "cell")) this.setMode("cell");
+    this.later();
   }
   seekChart(x) {
-    const half = this.parts.charts.clientWidth / 2, part = (x % half) / (half - 4);
+    const part = partOf(this.parts.charts, this.curves.list.length, x);
     this.seek(Math.round(1 + part * (this.run.generation - 1)));
   }
   key(event) {
-    const target = event.composedPath()[0], typing = target.matches?.("input, select, [role=tab]");
+    const target = event.composedPath()[0], typing = target.matches?.("input, select, textarea, [role=tab]");
+    if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !target.matches?.("input[type=text], textarea")) {
+      if (event.shiftKey) this.past.redo(); else this.past.undo();
+      event.preventDefault();
+      return;
+    }
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (target === this.canvas && this.walk(event)) { event.preventDefault(); return; }
-    if (event.key === " " && !(target.matches?.("button, select, summary, input[type=checkbox], input[type=radio]"))) { this.toggle(); event.preventDefault(); return; }
+    if (event.key === "Escape" && this.mode?.alone && !typing) { this.setMode(this.lesson?.home ?? "body"); this.canvas.focus(); return; }
+    if (target === this.canvas && (this.mode?.key?.(this, event) || this.loads.key(event) || this.walk(event))) { event.preventDefault(); return; }
+    if (event.key === " " && !(target.matches?.("button, select, summary, textarea, input[type=text], input[type=checkbox], input[type=radio]"))) { this.toggle(); event.preventDefault(); return; }
     if (typing) return;
+    if (this.look.letters && this.lesson && "1234".includes(event.key)) { this.lesson.open(Number(event.key) - 1); return; }
     const jump = { ArrowLeft: this.g - 1, ArrowRight: this.g + 1, Home: 0, End: Infinity, ",": this.g - 1, ".": this.g + 1 }[event.key];
     if (jump !== undefined) { this.seek(jump); event.preventDefault(); }
   }
@@ -402,9 +466,8 @@ export class Page {
       if (this.picked >= 0) cell[way[0]] += way[1];
       if (L.contains(cell)) {
         const load = event.shiftKey && this.touchable && this.scene.loads.find((l) => L.key(l.cell) === this.picked);
-        this.picked = L.key(cell);
-        if (load) this.moveLoad(load, cell);
-        this.later();
+        if (load) this.loads.move(load, cell);
+        this.pick(L.key(cell));
       }
       return true;
     }
@@ -468,7 +531,7 @@ export class Page {
     const draw = (box, values, scale, word, unit, moving) => {
       const view = new View(box.firstChild, L, look.camera);
       paintCells(view, kinds, values, scale, inks, { moved: moving, factor, cut });
-      paintLegend(view, scale, word, (x) => quantity(x, unit), inks);
+      paintLegend(view, scale, word, t(scale.log ? "log" : "linear"), (x) => quantity(x, unit), inks);
       box.firstChild.ariaLabel = word;
     };
     const top = high || 1, word = `${t("elastic")}: ${t(stress ? "stress" : "move")}`;

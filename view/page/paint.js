@@ -1,39 +1,56 @@
 // Pictures of a body on a canvas: squares, hexagons and cubes, deformed or not, arrows, legend.
 
-const STOPS = "440154481a6c472f7d414487395b8c31688e2a788e23888e1f988b22a88435b77954c5687ad151a5db36d2e21bfde725";
-/** 256 colours from dark to bright (viridis), as [r, g, b]. */
-export const COLOURS = (() => {
-  const stops = STOPS.match(/.{6}/g).map((h) => [0, 2, 4].map((i) => parseInt(h.slice(i, i + 2), 16)));
-  return Array.from({ length: 256 }, (_, n) => {
-    const x = n / 255 * (stops.length - 1), i = Math.min(Math.floor(x), stops.length - 2);
-    return stops[i].map((c, k) => Math.round(c + (x - i) * (stops[i + 1][k] - c)));
-  });
-})();
 export const packed = (c) => (0xff000000 | c[2] << 16 | c[1] << 8 | c[0]) >>> 0;
-const PACKED = Uint32Array.from(COLOURS, packed);
 export const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
 const MOST_ARROWS = 500, ROWS = Math.sqrt(3) / 2;
+const INKS = ["ink", "soft", "paper", "panel", "line", "hair", "cell", "accent", "onaccent", "wash", "load", "rule", "elastic", "hit", "miss", "false", "awake", "good", "bad"];
+export const FONT = '12px system-ui, -apple-system, "Segoe UI", "Noto Sans CJK JP", "DejaVu Sans", sans-serif';
+const SEVEN = ["p4", "p3", "p2", "p1", "zero", "o1", "o2", "o3"];
+
+/** The colours of a theme: its inks by name, nine steps for quantities, eight for differences. */
+export function inksOf(style) {
+  const read = (name) => style.getPropertyValue(`--${name}`).trim() || "#888888";
+  const inks = Object.fromEntries(INKS.map((name) => [name, read(name)]));
+  inks.steps = Array.from({ length: 9 }, (_, n) => read(`k${n}`));
+  inks.differences = SEVEN.map(read);
+  inks.packed = Uint32Array.from(inks.steps, (hex) => packed(rgb(hex)));
+  inks.packedDifferences = Uint32Array.from(inks.differences, (hex) => packed(rgb(hex)));
+  return inks;
+}
 
 /** Where a value lies between the ends of a scale, from 0 to 1. */
 export function place(value, { low, high, log }) {
   if (log) return value <= low ? 0 : Math.min(1, Math.log(value / low) / Math.log(high / low));
   return Math.max(0, Math.min(1, (value - low) / (high - low || 1)));
 }
-export const colourOf = (value, scale) => PACKED[Math.round(255 * place(value, scale))];
+/** The colour of a value: far from the paper is more; where a scale has two signs, purple is less than nothing. */
+export function colourOf(value, scale, inks) {
+  const colours = scale.low < 0 ? inks.packedDifferences : inks.packed;
+  return colours[Math.min(colours.length - 1, Math.floor(colours.length * place(value, scale)))];
+}
 
 /** How a lattice in cells becomes pixels of a canvas. */
 export class View {
-  constructor(canvas, lattice, camera) {
+  /** `box`: {x, y, w, h} in pixels, else the whole canvas; `window`: [x, y, columns, rows] in cells. */
+  constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight } = {}) {
     const r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
     const W = Math.max(1, Math.round(w * r)), H = Math.max(1, Math.round(h * r));
     if (canvas.width !== W || canvas.height !== H) { canvas.width = W; canvas.height = H; }
     Object.assign(this, { canvas, ctx: canvas.getContext("2d"), r, w, h, W, H, lattice });
-    const [nx, ny] = lattice.shape, margin = Math.min(46, 0.08 * Math.min(w, h) + 14);
+    const [nx, ny] = lattice.shape, margin = tight ? 1 : Math.min(52, 0.07 * Math.min(w, h) + 16), foot = tight ? 0 : bw ? 20 : 40;
     if (lattice.dimension === 3) { this.turn(camera, margin); return; }
     this.width = nx + (lattice.hexagon && ny > 1 ? 0.5 : 0);
     this.height = lattice.hexagon ? (ny - 1) * ROWS + 1.1547 : ny;
-    this.u = Math.max(0.1, Math.min((w - 2 * margin) / this.width, (h - 2 * margin - 40) / this.height));
-    this.x0 = (w - this.u * this.width) / 2; this.y0 = (h - 40 + this.u * this.height) / 2;
+    const [wx, wy, ww, wh] = window ?? [0, 0, this.width, this.height], across = bw ?? w, up = bh ?? h;
+    this.u = Math.max(0.1, Math.min((across - 2 * margin) / ww, (up - 2 * margin - foot) / wh));
+    if (this.u > 8) this.u = Math.floor(this.u);             // cells of whole pixels
+    this.x0 = Math.round(x + (across - this.u * ww) / 2 - this.u * wx);
+    this.y0 = Math.round(y + (up - foot + this.u * wh) / 2 + 0.3 * margin + this.u * wy);
+  }
+  /** The corners of a cell, in pixels. */
+  outline(cell) {
+    const { hexagon } = this.lattice, c = this.centre(cell), round = hexagon ? 6 : 4, r = hexagon ? 0.5774 : Math.SQRT1_2, turned = hexagon ? 0 : Math.PI / 4;
+    return Array.from({ length: round }, (_, i) => this.at(c[0] + r * Math.sin(turned + i * 2 * Math.PI / round), c[1] + r * Math.cos(turned + i * 2 * Math.PI / round)));
   }
   turn({ yaw, pitch }, margin) {               // cubes: turned about the vertical, then tilted
     const { shape } = this.lattice, [c, s, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
@@ -115,12 +132,12 @@ export const SHEET = new Sheet();
 const PX = new Float64Array(8), PY = new Float64Array(8);
 let small = null;
 
-/** Colour every cell by its value (NaN: asleep); `moved`: {displacement, corners}, in metres. */
-export function paintCells(view, kinds, values, scale, inks, { moved = null, factor = 0, cut = null } = {}) {
+/** Colour every cell by its value (nothing and asleep look alike), or all that have one by a `tone`; `moved`: {displacement, corners}, in metres. */
+export function paintCells(view, kinds, values, scale, inks, { moved = null, factor = 0, cut = null, tone = null } = {}) {
   const { ctx, r, lattice: L } = view, asleep = packed(rgb(inks.cell));
   ctx.setTransform(r, 0, 0, r, 0, 0);
   ctx.clearRect(0, 0, view.w, view.h);
-  const colour = (k) => (values[k] >= 0 ? colourOf(values[k], scale) : asleep);
+  const awake = tone && packed(rgb(tone)), colour = (k) => (values[k] > 0 || (values[k] < 0 && scale.low < 0) ? awake ?? colourOf(values[k], scale, inks) : asleep);
   if (L.dimension === 3) { paintCubes(view, kinds, colour, cut, values, moved, factor); return; }
   if (!moved && !L.hexagon) paintSquares(view, kinds, colour, inks);
   else {
@@ -129,6 +146,37 @@ export function paintCells(view, kinds, values, scale, inks, { moved = null, fac
     ctx.putImageData(SHEET.image, 0, 0);
   }
   hatch(view, kinds, inks);
+  if (!moved && !L.hexagon) paintFront(view, values, inks);
+}
+
+/** The outline of where a value is: the palest colour differs little from a sleeping cell. */
+function paintFront({ ctx, u, lattice: L, ...view }, values, inks) {
+  if (u < 4) return;
+  const { stride: [step] } = L, has = (k) => values[k] >= 0, at = (x, y) => [view.x0 + u * x, view.y0 - u * y];
+  let some = false, all = true;
+  L.each((k) => { if (has(k)) some = true; else all = false; });
+  if (!some || all) return;
+  ctx.strokeStyle = inks.soft; ctx.lineWidth = 1.5; ctx.beginPath();
+  L.each((k) => {
+    if (!has(k)) return;
+    const [x, y] = L.cell(k), line = (a, b) => { ctx.moveTo(...at(...a)); ctx.lineTo(...at(...b)); };
+    if (!has(k - step)) line([x, y], [x, y + 1]);
+    if (!has(k + step)) line([x + 1, y], [x + 1, y + 1]);
+    if (!has(k - 1)) line([x, y], [x + 1, y]);
+    if (!has(k + 1)) line([x, y + 1], [x + 1, y + 1]);
+  });
+  ctx.stroke();
+}
+
+/** Numbers of columns and rows at the body's edge: five or so of each. */
+export function paintNumbers({ ctx, u, lattice: L, ...view }, inks) {
+  if (L.dimension !== 2 || u < 6) return;
+  const [nx, ny] = L.shape, some = (n) => Array.from({ length: n }, (_, i) => i).filter((i) => (i % 5 === 0 && i < n - 2) || i === n - 1 || n <= 10);
+  ctx.font = FONT; ctx.fillStyle = inks.soft; ctx.textBaseline = "middle"; ctx.textAlign = "right";
+  const row = L.hexagon ? ROWS : 1;
+  for (const j of some(ny)) ctx.fillText(j, view.x0 - 12, view.y0 - u * row * (j + 0.5));
+  ctx.textAlign = "center";
+  for (const i of some(nx)) ctx.fillText(i, view.x0 + u * (i + 0.5), view.y0 + 20);
 }
 
 function paintSquares(view, kinds, colour, inks) {
@@ -218,7 +266,7 @@ function edge(view, colour, light) {           // a thin darker rim, so that sin
 /** Rigid cells and held sides: hatched; rollers: dotted. */
 function hatch(view, kinds, inks) {
   const { ctx, u, lattice: L } = view, [nx, ny] = L.shape, step = L.stride[0];
-  ctx.strokeStyle = inks.faint; ctx.fillStyle = inks.faint; ctx.lineWidth = 1; ctx.beginPath();
+  ctx.strokeStyle = inks.soft; ctx.fillStyle = inks.soft; ctx.lineWidth = 1; ctx.beginPath();
   for (let x = -1; x <= nx; x++) for (let y = -1; y <= ny; y++) {
     const kind = kinds[(x + 1) * step + y + 1];
     if (kind !== -2 && kind !== -3) continue;
@@ -261,7 +309,7 @@ export function paintLoads(view, rows, C, inks, shown = () => true) {
   for (let i = 0; i < count; i++) top = Math.max(top, rows.value[i]);
   if (count > MOST_ARROWS) least = Float64Array.from(rows.value).sort()[count - MOST_ARROWS];
   ctx.lineCap = "round";
-  for (const [ink, width, pulls] of [[inks.paper, 4, null], [inks.mark, 1.8, false], [inks.pull, 1.8, true]]) {
+  for (const [ink, width, pulls] of [[inks.paper, 4, null], [inks.load, 1.8, false], [inks.elastic, 1.8, true]]) {
     ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath();
     for (let i = 0, n = 0; i < count; i++) {
       const f = rows.value[i] / top, k = Math.floor(rows.index[i] / C), channel = rows.index[i] - k * C;
@@ -286,7 +334,7 @@ export function paintPath(view, passed, inks, shown = () => true) {
     if (f > 0.004) bins[f > 0.3 ? 3 : f > 0.1 ? 2 : f > 0.03 ? 1 : 0].push(i);
   }
   ctx.lineCap = "round";
-  for (const [ink, wider] of [[inks.paper, 2], [inks.path, 0]]) bins.forEach((list, b) => {
+  for (const [ink, wider] of [[inks.paper, 2], [inks.ink, 0]]) bins.forEach((list, b) => {
     ctx.strokeStyle = ink; ctx.globalAlpha = 0.35 + 0.2 * b;
     ctx.lineWidth = [0.6, 1.2, 2.4, 4][b] * Math.min(1.5, Math.max(0.5, u / 14)) + wider;
     for (let i = 0; i < list.length; i += 60) {
@@ -303,26 +351,6 @@ export function paintPath(view, passed, inks, shown = () => true) {
   ctx.globalAlpha = 1;
 }
 
-/** The applied forces, as arrows that end at their cells. */
-export function paintForces(view, loads, inks) {
-  const { ctx, u, lattice: L } = view, strongest = Math.max(1e-300, ...loads.map((l) => Math.hypot(...l.force)));
-  const every = Math.max(1, Math.ceil(loads.length * 14 / Math.max(60, u * L.shape[0])));
-  ctx.lineCap = "round";
-  for (const [ink, width] of [[inks.paper, 6], [inks.force, 3]]) {
-    ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath();
-    for (let n = every >> 1; n < loads.length; n += every) {
-      const { cell, force } = loads[n], size = Math.hypot(...force);
-      if (!size) continue;
-      const unit = force.map((f) => f / size), length = 16 + 22 * size / strongest;
-      const [dx, dy] = unit.length === 2 ? [unit[0], -unit[1]]
-        : [0, 1].map((i) => unit.reduce((sum, x, a) => sum + x * view.axes[a][i], 0) * (i ? -1 : 1));
-      const [px, py] = view.point(view.centre(cell)), gap = u / 2;
-      arrow(ctx, px - dx * (length + gap), py - dy * (length + gap), dx * length, dy * length, 9);
-    }
-    ctx.stroke();
-  }
-}
-
 /** A frame round one cell. */
 export function paintPick(view, cell, inks) {
   const { ctx, u, lattice: { hexagon } } = view, [px, py] = view.point(view.centre(cell));
@@ -334,19 +362,33 @@ export function paintPick(view, cell, inks) {
   }
 }
 
-/** The colour bar below a picture; its label beside it, or above it where there is no room. */
-export function paintLegend(view, scale, label, show, inks) {
-  const { ctx, w, h } = view;
-  ctx.font = "12px system-ui, DejaVu Sans, sans-serif";
-  const n = Math.max(110, Math.min(260, 0.45 * w)), text = ctx.measureText(label).width + 8;
-  const beside = text + n + 24 < w, x = (w - n + (beside ? text : 0)) / 2, y = h - 34;
-  const gradient = ctx.createLinearGradient(x, 0, x + n, 0);
-  for (let i = 0; i <= 16; i++) gradient.addColorStop(i / 16, `rgb(${COLOURS[Math.round(i / 16 * 255)]})`);
-  ctx.fillStyle = gradient; ctx.fillRect(x, y, n, 10);
-  ctx.fillStyle = inks.ink; ctx.textBaseline = "top"; ctx.textAlign = "left";
-  ctx.fillText((scale.log ? "≤ " : "") + show(scale.low), x, y + 14);
-  ctx.textAlign = "right"; ctx.fillText(show(scale.high), x + n, y + 14);
-  ctx.textBaseline = "middle";
-  if (beside) ctx.fillText(label, x - 8, y + 5);
-  else { ctx.textAlign = "center"; ctx.fillText(label, w / 2, y - 9, w - 12); }
+/** Words with a halo of paper, that stand over anything. */
+export function paintWord(ctx, text, x, y, ink, inks, { font = FONT, align = "left" } = {}) {
+  ctx.font = font; ctx.textAlign = align; ctx.textBaseline = "middle"; ctx.lineJoin = "round";
+  ctx.strokeStyle = inks.paper; ctx.lineWidth = 4; ctx.strokeText(text, x, y);
+  ctx.fillStyle = ink; ctx.fillText(text, x, y);
+}
+
+/** The colour bar below a picture: its name, "linear" or "log", its ends and ticks between them. */
+export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks) {
+  const n = Math.max(140, Math.min(300, 0.5 * w)), x = Math.round((w - n) / 2), y = h - 32, { low, high, log } = scale;
+  const colours = low < 0 ? inks.differences : inks.steps;
+  ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left";
+  const room = n - ctx.measureText(kind).width - 10;
+  ctx.fillText(label, ctx.measureText(label).width > room ? Math.max(4, x - ctx.measureText(label).width + room) : x, y - 3, Math.max(room, w - 120));
+  ctx.fillStyle = inks.soft; ctx.textAlign = "right"; ctx.fillText(kind, x + n, y - 3);
+  colours.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / colours.length), y, Math.ceil(n / colours.length), 10); });
+  ctx.textBaseline = "top";
+  let free = -Infinity;
+  const word = (v, text) => {
+    const at = x + n * place(v, scale), wide = ctx.measureText(text).width / 2, middle = Math.max(x + wide, Math.min(x + n - wide, at));
+    if (middle - wide < free) return;
+    ctx.textAlign = "center"; ctx.fillText(text, middle, y + 13); ctx.fillRect(Math.round(at), y + 10, 1, 3);
+    free = middle + wide + 10;
+  };
+  const wideHigh = ctx.measureText(show(high)).width;
+  word(low, (log ? "≤ " : "") + show(low));
+  const between = log ? [0.01, 0.1].map((f) => f * high) : low < 0 ? [0] : [(low + high) / 2];
+  for (const v of between) if (x + n * place(v, scale) + 30 < x + n - wideHigh) word(v, show(v));
+  word(high, show(high));
 }

@@ -8,7 +8,7 @@ function hand(name, blob) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
   return name;
 }
-const fileName = (page, ending) => `${(page.title || "kaju").replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "kaju"}.${ending}`;
+const fileName = (page, ending) => `${(page.say(page.title) || "kaju").replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "kaju"}.${ending}`;
 
 export const saveScene = (page) => hand(fileName(page, "toml"), new Blob([tomlOf(page.scene, page.cells)], { type: "text/plain" }));
 export const saveTable = (page) => hand(fileName(page, "csv"), new Blob([csvOf(page)], { type: "text/csv" }));

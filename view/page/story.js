@@ -1,4 +1,5 @@
 // What a cell can tell: who woke it, what it took, kept, passed on, let end and got back.
+import { make } from "./controls.js";
 import { AIR, RIGID } from "./lattice.js";
 import { sharesOf } from "./rule.js";
 import { quantity } from "./words.js";
@@ -23,7 +24,7 @@ export function storyOf(page, k) {
 }
 
 /** Write the story of a cell into an element. */
-export function tellStory(page, element, make) {
+export function tellStory(page, element) {
   const { run, picked: k, t } = page, L = run.lattice;
   const paragraph = (text) => make("p", { textContent: text });
   if (k < 0) { element.replaceChildren(paragraph(t("pick"))); return; }

@@ -1,0 +1,228 @@
+// The rule in one cell: what came in, what it keeps, what leaves arrow by arrow, what came back.
+import { button, iconButton, make } from "./controls.js";
+import { AIR, RIGID } from "./lattice.js";
+import { MODES } from "./modes.js";
+import { colourOf, FONT, paintWord } from "./paint.js";
+import { storyCard } from "./panels.js";
+import { Twin } from "./rule.js";
+import { storyOf } from "./story.js";
+import { quantity } from "./words.js";
+
+const MOST_LOOKED = 3e6;                         // loads that are looked through for those of one cell
+
+/** Every load that reached a cell up to a generation: {generation, channel, each, copies, from, arm, ends}; null if too many travel. */
+export function arrivals({ scene, cells, stage }, k, until) {
+  const run = new Twin(scene, cells, stage), { lattice: L, transfer: T, kinds, C } = run, { D } = L, { accumulate, threshold } = scene.rule;
+  const list = [], near = new Set([k, ...Array.from({ length: D }, (_, arm) => L.neighbour(k, arm))]), least = accumulate ? 0 : threshold;
+  const note = (row) => {
+    const same = list.find((r) => r.generation === row.generation && r.channel === row.channel && r.from === row.from && (accumulate ? true : r.each === row.each));
+    if (!same) list.push(row); else if (accumulate) same.each += row.each * row.copies; else same.copies += row.copies;
+  };
+  let seen = 0;
+  for (let i = 0; i < run.waiting.n; i++) {
+    const { state, magnitude, copies } = run.waiting;
+    if (Math.floor(state[i] / C) === k) note({ generation: 1, channel: state[i] - k * C, each: magnitude[i], copies: copies[i], from: -1, arm: -1, ends: false });
+  }
+  for (let g = 1; g < until && !run.atRest; g++) {
+    const { n, state, magnitude, copies } = run.waiting;
+    if ((seen += n) > MOST_LOOKED) return null;
+    for (let i = 0; i < n; i++) {
+      const from = Math.floor(state[i] / C);
+      if (!near.has(from) || kinds[from] < 0) continue;
+      for (let e = 0; e < T.most; e++) {
+        const at = (kinds[from] * C + state[i] - from * C) * T.most + e, out = T.share[at] * magnitude[i], arm = T.arm[at], to = L.neighbour(from, arm);
+        if (!out) continue;
+        const back = from === k && kinds[to] < 0;
+        if (to !== k && !back) continue;
+        const channel = back ? T.turned[kinds[to]][arm][T.channel[at]] : T.channel[at];
+        note({ generation: g + 1, channel, each: accumulate ? out * copies[i] : out, copies: accumulate ? 1 : copies[i], from: back ? to : from, arm: back ? arm : L.opposite[arm], ends: !(out > least) });
+      }
+    }
+    run.step();
+  }
+  if (accumulate) for (const row of list) {    // what meets is judged together
+    const met = list.filter((r) => r.generation === row.generation && r.channel === row.channel);
+    row.ends = met.reduce((sum, r) => sum + r.each, 0) <= threshold;
+  }
+  return list.sort((a, b) => a.generation - b.generation || b.each - a.each);
+}
+
+/** What leaves of one load: {arm, channel, load, ends, kind}, and what is kept. */
+export function leaving(scene, run, k, channel, load) {
+  const { lattice: L, kinds } = run, T = run.transfer ?? new Twin(scene, [], 1).transfer, { C, most } = T, { threshold, accumulate } = scene.rule, list = [];
+  const pull = channel >= L.D, ahead = pull ? L.opposite[channel - L.D] : channel;
+  for (let e = 0; e < most; e++) {
+    const at = (kinds[k] * C + channel) * most + e, out = T.share[at] * load, arm = T.arm[at];
+    if (out) list.push({ arm, channel: T.channel[at], load: out, ends: !accumulate && !(out > threshold), kind: T.channel[at] !== channel ? "outwards" : arm === ahead ? "ahead" : "along" });
+  }
+  return { list, own: T.shares[kinds[k]].own * load, total: list.reduce((sum, e) => sum + e.load, 0) };
+}
+
+/** All that the card and the picture of the picked cell need, found once for a picture. */
+function studied(page) {
+  const { run, g, picked: k } = page, known = page.study;
+  if (known && known.run === run && known.k === k && known.g === g && known.far === run.generation) return known;
+  const rows = run.transfer ? arrivals({ scene: run.scene, cells: page.cells, stage: run.stage }, k, g) : null;
+  const taken = rows?.filter((r) => !r.ends) ?? [];
+  let at = known?.k === k ? known.at : 0;
+  if (known?.k === k && known.row) {           // the same load again, or the nearest that there is
+    const far = (r) => (r.channel === known.row.channel ? 0 : 1e3) + (r.from === known.row.from ? 0 : 10) + Math.abs(r.generation - known.row.generation) + Math.abs(Math.log(r.each / known.row.each));
+    taken.forEach((r, i) => { if (far(r) < far(taken[at] ?? r) || !taken[at]) at = i; });
+  }
+  at = Math.max(0, Math.min(at, taken.length - 1));
+  page.study = { run, k, g, far: run.generation, rows, taken, at, row: taken[at] };
+  return page.study;
+}
+
+const cellName = (L, k) => `(${L.cell(k).join(", ")})`;
+function senderOf({ run: { lattice: L, kinds, woken, spawn }, t }, { from }, k) {
+  if (from < 0) return t("outside");
+  if (kinds[from] < 0) return t(kinds[from] === AIR ? "theAir" : kinds[from] === RIGID ? "theGround" : "theRoller");
+  const arms = Array.from({ length: L.D }, (_, arm) => arm), woke = spawn[k] && arms.some((arm) => woken[k] >> arm & 1 && L.neighbour(k, arm) === from);
+  return cellName(L, from) + (woke ? `: ${t("wokeIt")}` : "");
+}
+/** Which way a channel presses, as an arrow. */
+function sign(L, channel) { const [x, y] = L.normals[channel % L.D]; return "→↗↑↖←↙↓↘"[(Math.round(Math.atan2(y, x) / (Math.PI / 4)) + 8) % 8]; }
+
+const FORMULA = { ahead: "α₂P", along: "α₃P", outwards: "(1−β)να₁P" };
+const newtons = (load) => quantity(Number(load.toPrecision(3)), "N");
+
+MODES.push({
+  name: "cell", alone: true,
+  offered: (page) => page.run.lattice?.dimension === 2 && Boolean(page.run.taken) && page.look.mode !== "guess" && (page.touchable || page.kind === "recorded" || page.kind === "live") && page.limit > 0,
+  tools(page) {
+    const { t } = page, { taken, at } = page.picked >= 0 ? studied(page) : { taken: [] };
+    const turn = (by) => { page.study = { ...page.study, at: (at + by + taken.length) % taken.length, row: taken[(at + by + taken.length) % taken.length] }; page.refresh(); };
+    const choose = taken.length > 1 ? [make("span", { className: "soft", textContent: t("loadOf", { n: at + 1, m: taken.length }) }), iconButton("back", t("formerLoad"), () => turn(-1)), iconButton("step", t("nextLoad"), () => turn(1))] : [];
+    const back = button(`‹ ${t("body")}`, () => page.setMode(page.lesson?.home ?? "body"));
+    return [back, make("b", { textContent: t("cell") }), make("span", { className: "push" }), ...choose];
+  },
+  cards: (page) => [...cellCards(page), storyCard(page)],
+  draw(page) {
+    const { canvas: { clientWidth: w, clientHeight: h } } = page, wide = w > 620, narrow = w < 420;
+    if (page.picked >= 0 && page.tooled !== studied(page)) { page.tooled = studied(page); page.refresh(); }
+    const size = wide ? Math.min(0.3 * w, h) : Math.min(0.36 * w, 0.4 * h);
+    page.drawBody({ x: 0, y: wide ? Math.max(0, (h - size) / 2 - 30) : 24, w: size, h: size });
+    if (page.picked < 0) return;
+    const x = wide ? size + 12 : narrow ? 4 : 0.1 * w, top = wide ? 8 : narrow ? 30 : 0.12 * h;
+    paintCell(page, wide ? { x, y: top, w: w - x - 12, h: h - 46 } : { x: size, y: top, w: w - size - 8, h: h - top - 16 });
+  },
+  key(page, { key }) { return key === "Enter" && page.picked >= 0; },
+  press(page, { offsetX, offsetY }) {
+    const cell = page.view.cellAt(offsetX, offsetY);
+    if (cell && page.run.kinds[page.run.lattice.key(cell)] >= 0) { page.picked = page.run.lattice.key(cell); page.later(); }
+    return true;
+  },
+});
+
+// --------------------------------------------------------------------------------- the cards
+
+function cellCards(page) {
+  const { t, run, picked: k, g } = page, L = run.lattice;
+  if (k < 0 || run.kinds[k] < 0) return [];
+  const study = studied(page), { rows, taken, row, at } = study, story = storyOf(page, k);
+  const card = (title, ...content) => make("div", { className: "card" }, make("h3", { textContent: title }), ...content);
+  if (!rows) return [card(t("cellOf", { c: cellName(L, k) }), make("p", { textContent: t(run.transfer ? "tooMany" : "ownArrows") }))];
+  if (!taken.length) {
+    const largest = rows.reduce((best, r) => (r.each > (best?.each ?? 0) ? r : best), null);
+    return [card(t("cellOf", { c: cellName(L, k) }), make("p", { textContent: t("asleep") }), ...(largest ? [make("p", { textContent: t("largestWas", { x: newtons(largest.each), w: senderOf(page, largest, k) }) })] : []))];
+  }
+  const cells = (...list) => list.map((text) => make("td", {}, text)), pickRow = (i) => { page.study = { ...study, at: i, row: taken[i] }; page.refresh(); };
+  const table = make("table", {}, make("tr", {}, ...["", t("each"), t("howMany"), t("from")].map((text) => make("th", {}, text))),
+    ...taken.map((r, i) => make("tr", { className: i === at ? "on" : "", onclick: () => pickRow(i) }, ...cells(sign(L, r.channel), newtons(r.each), String(r.copies), senderOf(page, r, k)))));
+  const { list, own, total } = leaving(run.scene, run, k, row.channel, row.each), kinds = ["ahead", "along", "outwards"];
+  const parts = kinds.flatMap((kind) => {
+    const some = list.filter((e) => e.kind === kind), [first] = some;
+    if (!first) return [];
+    const to = kind === "ahead" ? `${t("ahead")}, ${cellName(L, L.neighbour(k, first.arm))}` : t(kind);
+    return [make("tr", { className: first.ends ? "faint" : "" }, ...cells(to, FORMULA[kind], `${some.length > 1 ? `${some.length} × ` : ""}${newtons(first.load)}${first.ends ? `, ${t("ends_")}` : ""}`))];
+  });
+  const mine = Array.from({ length: L.D }, (_, arm) => L.neighbour(k, arm)).filter((n) => Array.from({ length: L.D }, (_, arm) => arm).some((arm) => run.woken[n] >> arm & 1 && L.neighbour(n, arm) === k));
+  const sum = (of) => taken.filter(of).reduce((s, r) => s + r.each * r.copies, 0);
+  const line = (word, value) => make("tr", {}, ...cells(word, newtons(value)));
+  const edge = sum((r) => r.from >= 0 && run.kinds[r.from] < 0);
+  const out = total / row.each, balance = make("p", {}, make("b", { textContent: t("inOut", { x: quantity(Number(out.toPrecision(4)), "N") }) }));
+  return [card(t("cameIn", { g, c: cellName(L, k) }), table),
+    card(t("ofThisLoad", { p: newtons(row.each) }), make("table", {}, make("tr", {}, ...cells(t("keeps"), "α₁P", newtons(own))), ...parts)),
+    card(t("cameBack"), make("table", {}, line(t("fromWoken"), sum((r) => mine.includes(r.from))), line(t("fromEdge"), edge))),
+    make("p", { className: "soft", textContent: story ? t("inAll", { a: newtons(story.total), b: newtons(story.kept ?? 0), c: newtons(story.passed ? story.passed.reduce((a, b) => a + b, 0) : 0) }) : "" }), ...(Math.abs(out - 1) > 1e-9 ? [balance] : [])];
+}
+
+// -------------------------------------------------------------------------------- the picture
+
+/** A thick arrow whose width is its load; `ghost`: an outline only, for what ends. */
+function thick(ctx, x, y, dx, dy, length, width, ink, inks, ghost) {
+  const head = Math.min(length * 0.45, Math.max(9, width * 0.7)), half = width / 2, wing = Math.max(half + 4, half * 1.25), [px, py] = [-dy, dx];
+  const at = (along, aside) => [x + dx * along + px * aside, y + dy * along + py * aside], points = [[0, half], [length - head, half], [length - head, wing], [length, 0], [length - head, -wing], [length - head, -half], [0, -half]];
+  ctx.beginPath(); points.forEach(([a, b]) => ctx.lineTo(...at(a, b))); ctx.closePath();
+  ctx.lineJoin = "round"; ctx.setLineDash(ghost ? [4, 3] : []); ctx.fillStyle = ghost ? inks.paper : ink;
+  ctx.strokeStyle = ghost ? inks.soft : inks.paper; ctx.lineWidth = ghost ? 1.4 : 2;
+  ctx.fill(); ctx.stroke(); ctx.setLineDash([]);
+}
+
+function paintCell(page, box) {
+  const { view: { ctx }, view: small, run, inks, t, picked: k } = page, { lattice: L } = run, { row } = studied(page), hex = L.hexagon;
+  const s = Math.min(box.w / 2.45, box.h / 2.45), cx = box.x + box.w / 2, cy = box.y + box.h / 2, out = (arm) => [L.normals[arm][0], -L.normals[arm][1]];
+  const outline = (x, y, r) => { ctx.beginPath(); for (let i = 0; i < (hex ? 6 : 4); i++) { const a = (i + (hex ? 0 : 0.5)) * 2 * Math.PI / (hex ? 6 : 4); ctx.lineTo(x + r * Math.sin(a), y + r * Math.cos(a)); } ctx.closePath(); };
+  const radius = s * (hex ? 0.5774 : Math.SQRT1_2), font = FONT.replace("12px", s > 130 ? "13px" : "12px"), bold = `600 ${FONT.replace("12px", s > 130 ? "15px" : "12px")}`;
+  ctx.save(); ctx.strokeStyle = inks.line; ctx.lineWidth = 1;                       // where on the body this is
+  const corner = small.outline(L.cell(k)), right = Math.max(...corner.map((p) => p[0]));
+  ctx.beginPath(); ctx.moveTo(right, corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy - 1.2 * s); ctx.moveTo(right, corner[2]?.[1] ?? corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy + 1.2 * s); ctx.stroke();
+  ctx.beginPath(); ctx.rect(cx - 1.21 * s, cy - 1.21 * s, 2.42 * s, 2.42 * s); ctx.clip();
+  const wide = 1.02;
+  for (const x of [-1, 0, 1]) for (const y of [-1, 0, 1]) if (!hex && (x || y)) {
+    const there = L.contains([L.cell(k)[0] + x, L.cell(k)[1] - y]) && run.kinds[L.key([L.cell(k)[0] + x, L.cell(k)[1] - y])] >= 0;
+    outline(cx + x * wide * s, cy + y * wide * s, radius);
+    if (there) { ctx.fillStyle = inks.cell; ctx.fill(); }
+    ctx.setLineDash(there ? [] : [3, 4]); ctx.strokeStyle = there ? inks.cell : inks.line; ctx.stroke(); ctx.setLineDash([]);
+  }
+  if (hex) for (let arm = 0; arm < L.D; arm++) { const [x, y] = out(arm); outline(cx + wide * s * x, cy + wide * s * y, radius); ctx.fillStyle = inks.cell; ctx.fill(); }
+  const label = (arm) => { const [x, y] = out(arm), n = L.neighbour(k, arm), kind = run.kinds[n], word = kind >= 0 ? cellName(L, n) : t(kind === AIR ? "air_" : kind === RIGID ? "ground" : "roller"); paintWord(ctx, word, cx + x * 0.86 * s - (y ? 0.42 * s : 0.28 * s * Math.sign(x)) , cy + y * (y < 0 ? 1.1 : 1.1) * s - (y ? 0 : 0.43 * s), inks.soft, inks, { font, align: y ? "left" : "center" }); };
+  outline(cx, cy, radius); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
+  for (let arm = 0; arm < L.D; arm++) label(arm);
+  if (!row) { paintOwn(page, cx, cy, s, radius, outline, bold); ctx.restore(); return; }
+  const { list, own } = leaving(run.scene, run, k, row.channel, row.each), P = row.each, scale = 0.2 * s / P, width = (load) => Math.max(2, load * scale * 1.3);
+  const [dx, dy] = out(row.channel % L.D), pull = row.channel >= L.D, squeeze = 0.94;   // drawn squeezed along the load
+  const colour = colourOf(own, page.scale("kept"), inks), paint = `rgb(${colour & 255},${colour >> 8 & 255},${colour >> 16 & 255})`;
+  ctx.save(); ctx.translate(cx, cy); const tilt = Math.atan2(dy, dx); ctx.rotate(tilt); ctx.scale(pull ? 1 / squeeze : squeeze, pull ? squeeze : 1.01); ctx.rotate(-tilt); ctx.translate(-cx, -cy);
+  outline(cx, cy, radius - 1); ctx.fillStyle = paint; ctx.fill(); ctx.restore();
+  // A load that came along a side stands at that side; one that came ahead stands behind.
+  const side = row.arm >= 0 && row.from >= 0 ? out(row.arm) : [-dx, -dy], behind = side[0] * dx + side[1] * dy < -0.5 || row.from < 0;
+  const start = behind ? [cx - dx * 1.08 * s, cy - dy * 1.08 * s] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
+  thick(ctx, ...start, dx, dy, (behind ? 0.62 : 0.5) * s, width(P), inks.load, inks, false);
+  const words = [], say = (text, x, y, ink, f = bold, align = "center") => words.push([text, x, y, ink, { font: f, align }]);
+  const beside = Math.abs(dy) > 0.5 ? [cx + width(P) / 2 + 12, start[1] + 0.1 * s, "left"] : [start[0] + dx * 0.3 * s, start[1] - width(P) / 2 - 26, "center"];
+  say(`P = ${newtons(P)}`, beside[0], beside[1], inks.load, bold, beside[2]);
+  say(`${t("cameFrom")} ${row.from < 0 ? t("outside") : run.kinds[row.from] >= 0 ? cellName(L, row.from) : senderOf(page, row, k)}`, beside[0], beside[1] + 18, inks.ink, font, beside[2]);
+  for (const { arm, channel, load, ends, kind } of list) {
+    const [ax, ay] = out(arm), [ex, ey] = out(channel % L.D), length = kind === "ahead" ? 0.55 * s : kind === "along" ? 0.36 * s : 0.4 * s;
+    // each stands where its load goes, and points along the load
+    const x = kind === "ahead" ? cx + ax * 0.46 * s : cx + ax * (kind === "along" ? 0.78 : 0.54) * s - (kind === "along" ? ex * 0.06 * s : dx * 0.34 * s);
+    const y = kind === "ahead" ? cy + ay * 0.46 * s : cy + ay * (kind === "along" ? 0.78 : 0.54) * s - (kind === "along" ? ey * 0.06 * s : dy * 0.34 * s);
+    thick(ctx, x, y, ex, ey, length, Math.max(ends ? 8 : 2, width(load)), inks.load, inks, ends);
+    const text = `${newtons(load)}${ends ? `: ${t("ends_")}` : ""}`, upright = Math.abs(ey) > 0.5;
+    const [wx, wy] = kind === "ahead" ? [x + ex * length * 0.6 + (upright ? width(load) / 2 + 10 : 0), y + ey * length * 0.6 + (upright ? 0 : width(load) / 2 + 14)] : kind === "along" ? [x + ex * length * (upright ? 0.5 : 0.5), y + ey * length + (upright ? ey * 14 : 18)] : [x + ex * length * 0.5, y + (Math.abs(ey) > 0.5 ? ey * length * 0.5 : 17)];
+    const align = kind === "ahead" && upright ? "left" : "center";
+    say(text, wx, wy, ends ? inks.ink : inks.load, ends ? `600 ${font}` : bold, align);
+    say(FORMULA[kind], wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
+  }
+  const light = own > 0 ? inks.paper : inks.ink;
+  say(`${t("keeps")} ${newtons(own)}`, cx, cy - 6, inks.ink); say("α₁P", cx, cy + 13, inks.ink, font);
+  words.forEach(([text, x, y, ink, options]) => paintWord(ctx, text, x, y, ink, inks, options));
+  ctx.restore();
+  if (box.y + box.h < page.canvas.clientHeight - 16) paintWord(ctx, t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }), Math.max(box.x, cx - 1.2 * s), page.canvas.clientHeight - 16, inks.soft, inks, { font: FONT });
+}
+
+/** What agents of one's own passed on so far, by arm: no formula is theirs. */
+function paintOwn(page, cx, cy, s, radius, outline, font) {
+  const { view: { ctx }, run: { lattice: L }, inks, picked, t } = page, story = storyOf(page, picked);
+  outline(cx, cy, radius); ctx.fillStyle = inks.cell; ctx.fill();
+  paintWord(ctx, story ? `${t("keeps")} ${story.kept === null ? "–" : newtons(story.kept)}` : t("asleepNow"), cx, cy, inks.ink, inks, { font, align: "center" });
+  const most = Math.max(1e-300, ...(story?.passed ?? [0]));
+  story?.passed?.forEach((load, arm) => {
+    const [x, y] = [L.normals[arm][0], -L.normals[arm][1]];
+    if (!load) return;
+    thick(ctx, cx + x * 0.46 * s, cy + y * 0.46 * s, x, y, 0.5 * s, Math.max(2, 0.26 * s * load / most), inks.load, inks, false);
+    paintWord(ctx, newtons(load), cx + x * 0.8 * s, cy + y * 0.8 * s + (y ? 0 : 26), inks.load, inks, { font, align: "center" });
+  });
+}

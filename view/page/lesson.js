@@ -1,0 +1,293 @@
+// A lesson in the page: predict, step, explain, try. Questions are asked one by one; what is typed
+// and ticked is kept on this computer; the page shows no further than the question has got.
+import { button, icon, make, numberOf, segments, tick } from "./controls.js";
+import { MODES } from "./modes.js";
+import { inline, rendered } from "./markdown.js";
+import { paintCells, paintNumbers, paintPick, View } from "./paint.js";
+import { cardsBox, chartsCard, panelsOf, rulePanel, storyCard, tabList } from "./panels.js";
+import { worksheet } from "./worksheet.js";
+
+export const STEPS = ["predict", "step", "explain", "try"];
+const MOST_LETTERS = 400, SMALL = 4;               // of an answer; so many generations have a small picture
+
+export class Lesson {
+  constructor(page, { key, minutes, age, index, questions, teacher, presets }) {
+    Object.assign(this, { page, key, minutes, age, index, notes: teacher, questions: questions ?? [], answers: {}, guesses: {}, firsts: {}, done: [], at: -1, step: "predict", teacher: false, shown: "guess", pen: 1 });
+    (presets ?? []).forEach((names, n) => { if (page.presets[n + 1]) Object.assign(page.presets[n + 1], names); });
+    this.read();
+  }
+  begin() { this.open(0, true); }
+  get place() { return `kaju:lesson:${this.key}`; }
+  read() {                                     // storage fails in private windows and in some files
+    try {
+      const kept = JSON.parse(localStorage.getItem(this.place) ?? "{}");
+      localStorage.setItem(this.place, JSON.stringify(kept));
+      Object.assign(this, { answers: kept.answers ?? {}, guesses: kept.guesses ?? {}, firsts: kept.firsts ?? {}, done: kept.done ?? [] });
+      this.keeps = true;
+    } catch { this.keeps = false; }
+  }
+  keep() {
+    const { answers, guesses, firsts, done } = this;
+    try { localStorage.setItem(this.place, JSON.stringify({ answers, guesses, firsts, done, when: new Date().toISOString() })); this.keeps = true; } catch { this.keeps = false; }
+    const { saved } = this;
+    if (saved) { saved.textContent = this.page.t(this.keeps ? "savedHere" : "notSaved"); saved.classList.toggle("bad", !this.keeps); }
+  }
+  forget() { Object.assign(this, { answers: {}, guesses: {}, firsts: {}, done: [], shown: "guess" }); this.keep(); this.page.seek(0); this.page.rebuild(); }
+
+  get question() { return this.questions[this.at]; }
+  of(step) { return this.questions.filter((q) => q.step === step); }
+  answered(q) { return q.kind === "number" ? q.fields.every((_, i) => this.answers[q.key]?.[i]?.trim()) : Boolean(this.answers[q.key]?.trim()); }
+  /** The last generation that is open: the question's, until it is answered and left. */
+  get limit() { return this.teacher || this.question?.until === undefined || (this.question.kind !== "cells" && this.answered(this.question)) ? Infinity : this.question.until; }
+  /** Which way of looking a question asks for. */
+  get home() { return this.question?.kind === "cells" ? "guess" : "body"; }
+
+  /** Open a step at its first unanswered question. */
+  open(n, quiet = false) {
+    this.step = STEPS[n];
+    const own = this.of(this.step);
+    this.go(own.length ? this.questions.indexOf(own.find((q) => !this.answered(q)) ?? own[0]) : -1, quiet);
+  }
+  go(at, quiet = false) {
+    const { page } = this;
+    this.at = at;
+    page.playing = false;
+    const { show, until } = this.question ?? {}, preset = page.presets[show?.preset];
+    if (preset && !quiet) page.load({ ...preset, generation: 0 });
+    if (show?.look) Object.assign(page.look, show.look);
+    if (show?.cell) page.picked = page.run.lattice.key(show.cell);
+    this.shown = this.question && this.guess && Object.keys(this.guess).length && this.firsts[this.question.key] ? "both" : "guess";
+    page.setMode(show?.mode ?? this.home, true);
+    const g = show?.generation ?? (quiet || until !== undefined ? 0 : page.g);
+    page.seek(Math.min(g, this.limit));
+    if (page.host) { page.root.querySelector("aside .body")?.scrollTo?.(0, 0); }
+  }
+  get next() {
+    const own = this.of(this.step), n = own.indexOf(this.question);
+    if (n >= 0 && n + 1 < own.length) return { word: "nextQuestion", go: () => this.go(this.questions.indexOf(own[n + 1])) };
+    const step = STEPS.indexOf(this.step) + 1;
+    return step < STEPS.length ? { step, word: "nextStep", go: () => this.finish(step) } : null;
+  }
+  get back() {
+    const own = this.of(this.step), n = own.indexOf(this.question), step = STEPS.indexOf(this.step) - 1;
+    if (n > 0) return () => this.go(this.questions.indexOf(own[n - 1]));
+    return step >= 0 ? () => this.open(step) : null;
+  }
+  finish(step) {
+    if (!this.done.includes(this.step)) this.done.push(this.step);
+    this.keep(); this.open(step);
+  }
+  answer(q, value, field) {
+    if (field === undefined) this.answers[q.key] = value;
+    else this.answers[q.key] = Object.assign([...(this.answers[q.key] ?? q.fields.map(() => ""))], { [field]: value });
+    this.keep();
+    this.page.later();
+  }
+
+  // ------------------------------------------------------------------------------- the guess
+  get guess() { return this.guesses[this.question?.key] ??= {}; }
+  /** Hit, missed and false at a generation: a tick counts from its own generation on. */
+  compared(g, guess = this.guess) {
+    const { run: { spawn, kinds, lattice: L } } = this.page, found = { hit: [], miss: [], false: [] };
+    L.each((k) => {
+      if (kinds[k] < 0) return;
+      const ticked = guess[k] <= g, awake = spawn[k] > 0 && spawn[k] <= g;
+      if (ticked || awake) found[ticked && awake ? "hit" : awake ? "miss" : "false"].push(k);
+    });
+    return found;
+  }
+  /** The cells in which something is guessed or happens, with two more around: [x, y, columns, rows]. */
+  window() {
+    const { run: { lattice: L }, scene } = this.page, found = this.compared(this.question?.until ?? Infinity);
+    const cells = [...found.hit, ...found.miss, ...found.false].map((k) => L.cell(k)).concat(scene.loads.map((l) => l.cell)), low = [0, 1].map((a) => Math.max(0, Math.min(...cells.map((c) => c[a])) - 2));
+    const high = [0, 1].map((a) => Math.min(L.shape[a], Math.max(...cells.map((c) => c[a])) + 3));
+    return [low[0], low[1], high[0] - low[0], high[1] - low[1]];
+  }
+  mark(cell, on) {
+    const { page, guess, pen } = this, { lattice: L, kinds } = page.run, k = cell && L.key(cell);
+    if (!cell || kinds[k] < 0 || (on && guess[k] === pen) || (!on && !(k in guess))) return;
+    if (on) guess[k] = pen; else delete guess[k];
+    this.keep(); page.past.note(); page.later();
+  }
+  show(what) {
+    this.shown = what;
+    if (what !== "guess" && this.question) this.firsts[this.question.key] ??= { ...this.guess };
+    this.keep(); this.page.rebuild();
+  }
+  /** What changes with every picture: counts, what is shut, small pictures. */
+  tell() {
+    const { page } = this, { tally } = this;
+    if (this.home !== "guess" || !tally?.isConnected) return;
+    const found = this.compared(page.g), shown = this.shown === "both";
+    for (const kind of ["hit", "miss", "false"]) tally.querySelector(`.${kind} b`).textContent = shown ? found[kind].length : "–";
+    for (const canvas of this.small ?? []) this.paintSmall(canvas);
+  }
+  paintSmall(canvas) {
+    const { page } = this, { run, inks, g } = page, at = Number(canvas.dataset.g), view = new View(canvas, run.lattice, null, { window: this.window(), tight: true });
+    canvas.parentNode.ariaPressed = String(at === g);
+    paintGuess(this, view, at, inks, this.shown === "guess" ? "guess" : at <= g ? this.shown : "guess");
+  }
+}
+
+const awakeAt = ({ run: { spawn, lattice } }, g) => Float64Array.from({ length: lattice.size }, (_, k) => (spawn[k] > 0 && spawn[k] <= g ? 1 : NaN));
+
+/** The body with a guess, with what happened, or both: marks differ in form, never in colour alone. */
+function paintGuess(lesson, view, g, inks, what) {
+  const { page } = lesson, { run } = page, { ctx, u } = view;
+  paintCells(view, run.kinds, awakeAt(page, what === "guess" ? 0 : g), { low: 0, high: 1 }, inks, { tone: inks.awake });
+  const at = (k) => view.at(...view.centre(run.lattice.cell(k))), r = Math.max(2, 0.33 * u), each = (list, paint) => list.forEach((k) => paint(...at(k), k));
+  ctx.lineCap = "round"; ctx.lineJoin = "round";
+  if (what === "guess") {
+    ctx.textAlign = "center"; ctx.textBaseline = "middle"; ctx.font = `700 ${Math.max(7, Math.min(15, 0.55 * u))}px system-ui, sans-serif`;
+    for (const [k, gen] of Object.entries(lesson.guess)) if (u > 12 || gen <= g) {
+      const [x, y] = at(Number(k));
+      ctx.fillStyle = inks.accent; ctx.beginPath(); ctx.arc(x, y, 1.1 * r, 0, 7); ctx.fill();
+      ctx.fillStyle = inks.onaccent; if (u > 9) ctx.fillText(gen, x, y + 0.5);
+    }
+    return;
+  }
+  if (what !== "both") return;
+  const found = lesson.compared(g);
+  each(found.hit, (x, y) => {
+    ctx.fillStyle = inks.hit; ctx.beginPath(); ctx.arc(x, y, r, 0, 7); ctx.fill();
+    ctx.strokeStyle = inks.onaccent; ctx.lineWidth = Math.max(1, 0.085 * u); ctx.beginPath();
+    ctx.moveTo(x - 0.5 * r, y); ctx.lineTo(x - 0.12 * r, y + 0.42 * r); ctx.lineTo(x + 0.52 * r, y - 0.42 * r); ctx.stroke();
+  });
+  ctx.strokeStyle = inks.miss; ctx.lineWidth = Math.max(1.2, 0.09 * u); ctx.setLineDash([0.55 * r, 0.4 * r]);
+  each(found.miss, (x, y) => { ctx.beginPath(); ctx.arc(x, y, 0.8 * r, 0, 7); ctx.stroke(); });
+  ctx.setLineDash([]); ctx.strokeStyle = inks.false; ctx.lineWidth = Math.max(1.2, 0.1 * u);
+  each(found.false, (x, y) => { const d = 0.58 * r; ctx.beginPath(); ctx.moveTo(x - d, y - d); ctx.lineTo(x + d, y + d); ctx.moveTo(x + d, y - d); ctx.lineTo(x - d, y + d); ctx.stroke(); });
+}
+
+MODES.push({
+  name: "guess", alone: true,
+  offered: (page) => page.lesson?.home === "guess" && page.run.lattice?.dimension === 2,
+  tools(page) {
+    const { lesson, t } = page, { until } = lesson.question;
+    const pens = lesson.shown === "guess" && until > 1 ? [make("span", { className: "soft", textContent: t("timeline") }),
+      segments(t("timeline"), lesson.pen, Array.from({ length: until }, (_, i) => [i + 1, String(i + 1)]), (pen) => { lesson.pen = pen; })] : [];
+    const change = lesson.shown === "guess" ? button(t("clearTicks"), () => { lesson.guesses[lesson.question.key] = {}; lesson.keep(); page.past.note(); page.later(); })
+      : button(t("changeGuess"), () => { lesson.shown = "guess"; page.seek(0); page.rebuild(); });
+    return [segments(t("views"), lesson.shown, [["guess", t("myGuess")], ["happened", t("whatHappened")], ["both", t("both")]], (what) => lesson.show(what)), ...pens, make("span", { className: "push" }), change];
+  },
+  play(page) { if (page.lesson.shown === "guess") page.lesson.show("both"); },
+  draw(page) {
+    const { lesson, run, inks, canvas } = page, narrow = canvas.clientWidth < 520 && run.lattice.shape[0] > 12;
+    const view = page.view = new View(canvas, run.lattice, null, narrow ? { window: lesson.window() } : {});
+    if (page.g > 0 && lesson.shown === "guess" && lesson.at >= 0) { lesson.show("both"); return; }
+    paintGuess(lesson, view, page.g, inks, lesson.shown);
+    paintNumbers(view, inks); page.loads.paint(view);
+    if (page.picked >= 0) paintPick(view, run.lattice.cell(page.picked), inks);
+    page.parts.cap.textContent = page.told || "";
+  },
+  press(page, { offsetX, offsetY }) {
+    const { lesson } = page, cell = page.view.cellAt(offsetX, offsetY);
+    page.hold = { on: lesson.guess[cell ? page.run.lattice.key(cell) : -1] !== lesson.pen };
+    if (cell) { page.picked = page.run.lattice.key(cell); page.later(); }
+    if (lesson.shown === "guess") lesson.mark(cell, page.hold.on);
+    return true;
+  },
+  move(page, event) {
+    const cell = page.view?.cellAt(event.offsetX, event.offsetY), { lesson } = page;
+    if (page.hold && event.buttons && lesson.shown === "guess") lesson.mark(cell, page.hold.on);
+    page.tip(cell, event, cell ? [stateOfCell(lesson, page.run.lattice.key(cell))] : []);
+    return true;
+  },
+  release: () => true,
+  key(page, { key }) {
+    const { lesson, picked, run: { lattice: L } } = page;
+    if (key !== "Enter" || picked < 0) return false;
+    if (lesson.shown === "guess") lesson.mark(L.cell(picked), lesson.guess[picked] !== lesson.pen);
+    page.announce(`(${L.cell(picked).join(", ")}): ${stateOfCell(lesson, picked)}`);
+    return true;
+  },
+});
+
+/** A cell in words: awake or asleep, ticked or not, and what that means. */
+export function stateOfCell(lesson, k) {
+  const { page } = lesson, { t, g, run: { spawn } } = page, tick = lesson.guess[k], ticked = tick ? t("tickedFor", { n: tick }) : t("notTicked");
+  if (lesson.shown === "guess") return ticked;
+  const awake = spawn[k] > 0 && spawn[k] <= g, word = awake ? t("awakeSince", { n: spawn[k] }) : t("asleepNow");
+  const kind = tick <= g ? (awake ? "hit" : "false") : awake ? "miss" : null;
+  return lesson.shown === "both" ? `${word}, ${ticked}${kind ? `: ${t(kind)}` : ""}` : word;
+}
+
+// --------------------------------------------------------------------------------------- side
+
+export function lessonSide(page) {
+  const { lesson, t, parts } = page, { question: q } = lesson;
+  const face = (name) => make("span", {}, make("i", {}, ...(lesson.done.includes(name) ? [icon("tick")] : [String(STEPS.indexOf(name) + 1)])), t(`step_${name}`));
+  const tabs = tabList(page, STEPS, lesson.step, face, (name) => lesson.open(STEPS.indexOf(name)));
+  tabs.classList.add("steps");
+  STEPS.forEach((name, i) => { if (lesson.done.includes(name)) tabs.children[i].classList.add("done"); });
+  const panel = make("div", { role: "tabpanel", id: `panel-${lesson.step}`, ariaLabel: t(`step_${lesson.step}`) }, ...(q ? questionCards(lesson, q) : []), ...stepCards(page));
+  const teacher = tick(t("teacher"), lesson.teacher, (on) => { lesson.teacher = on; page.rebuild(); }, { role: "switch", className: "switch" });
+  teacher.append(make("small", { textContent: t(lesson.teacher ? "answersShown" : "answersHidden") }));
+  const notes = lesson.teacher && lesson.notes ? [make("div", { className: "card answer" }, rendered(page.say(lesson.notes)))] : [];
+  const { back, next } = lesson, foot = [make("div", { className: "ends" }, ...(back ? [button(t("backOne"), back)] : []),
+    button("", () => worksheet(page), { title: t("worksheet"), ariaLabel: t("worksheet"), className: "icon" }), make("span", { className: "push" }),
+    ...(next ? [button(t(next.word, { step: next.step ? t(`step_${STEPS[next.step]}`) : "" }), next.go, { className: "main" })] : []))];
+  foot[0].querySelector(".icon").append(icon("print"), make("span", { className: "wide", textContent: t("worksheet") }));
+  return { tabs, body: [panel, ...notes, make("div", { className: "card teach" }, teacher)], foot };
+}
+
+function questionCards(lesson, q) {
+  const { page } = lesson, { t } = page, own = lesson.of(lesson.step), say = (text) => page.say(text);
+  const head = make("p", { className: "soft small" }, icon("clock"), t("questionOf", { n: own.indexOf(q) + 1, m: own.length, t: q.minutes ?? "–" }));
+  const list = [head, make("h2", { className: "question" }, ...inline(say(q.question)))];
+  if (q.note) list.push(rendered(say(q.note)));
+  if (q.kind === "cells") list.push(...guessCards(lesson, q));
+  lesson.saved = make("small", { className: `saved${lesson.keeps ? "" : " bad"}`, role: "status", textContent: t(lesson.keeps ? "savedHere" : "notSaved") });
+  if (q.kind === "number") list.push(make("div", { className: "fields" }, ...q.fields.map((field, i) => numberCard(lesson, q, field, i))), lesson.saved);
+  else list.push(...textCard(lesson, q), lesson.saved);
+  if (q.hint) list.push(make("details", { className: "card" }, make("summary", { textContent: t("hint") }), rendered(say(q.hint))));
+  if (lesson.teacher && q.answer) list.push(make("div", { className: "card answer" }, make("h3", { textContent: t("answers") }), rendered(say(q.answer))));
+  return list;
+}
+
+function textCard(lesson, q) {
+  const { page: { t } } = lesson, label = q.kind === "cells" ? t("surprise") : t("yourAnswer"), count = make("small", { className: "soft" });
+  const area = make("textarea", { rows: Math.min(6, q.lines ?? 3), maxLength: MOST_LETTERS, value: lesson.answers[q.key] ?? "", ariaLabel: label });
+  const tell = () => { count.textContent = t("letters_of", { n: area.value.length, m: MOST_LETTERS }); };
+  area.oninput = () => { lesson.answer(q, area.value); tell(); };
+  tell();
+  return [...(q.kind === "cells" ? [make("h3", { textContent: label })] : []), area, count];
+}
+
+function numberCard(lesson, q, field, i) {
+  const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", verdict = make("small", { role: "status" });
+  const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${field.unit ?? ""}`.trim() || t("yourAnswer"), autocomplete: "off" });
+  const judge = () => {
+    const text = input.value.trim(), v = numberOf(text, field.unit ?? ""), right = Math.abs(v - field.answer) <= (field.tolerance ?? 0) * (1 + 1e-9) + 1e-12 * Math.abs(field.answer);
+    verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : right ? t("asInPicture") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
+    verdict.className = right ? "right" : "soft";
+    if (right) verdict.prepend(icon("tick"));
+  };
+  input.oninput = () => lesson.answer(q, input.value, i);
+  input.onchange = judge;
+  judge();
+  return make("label", { className: "card" }, make("span", { className: "small soft", textContent: label }), make("span", { className: "typed" }, input, field.unit ?? ""), verdict);
+}
+
+function guessCards(lesson, q) {
+  const { page } = lesson, { t } = page, box = (kind, name) => make("div", { className: `card ${kind}` }, icon(name), make("b", { textContent: "–" }), make("span", { textContent: t(kind) }), make("small", { textContent: t(`${kind}Means`) }));
+  lesson.tally = make("div", { className: "tally", role: "status" }, box("hit", "tick"), box("miss", "ring"), box("false", "cross"));
+  lesson.small = q.until > SMALL ? [] : Array.from({ length: q.until }, (_, i) => make("canvas", { className: "small" }));
+  lesson.small.forEach((canvas, i) => { canvas.dataset.g = i + 1; });
+  const pictures = lesson.small.map((canvas, i) => make("button", { type: "button", onclick: () => page.seek(i + 1) }, canvas, make("small", { textContent: t("generationOnly", { g: i + 1 }) })));
+  return [lesson.tally, ...(pictures.length ? [make("div", { className: "card pictures" }, ...pictures)] : [])];
+}
+
+/** What a step brings besides its questions. */
+function stepCards(page) {
+  const { lesson, t, parts, touchable } = page, panels = panelsOf(page), fold = (word, list) => make("details", { className: "card" }, make("summary", { textContent: word }), ...list);
+  const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
+  const free = page.limit === Infinity, story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
+  if (lesson.step === "predict") return [...about, ...cards];
+  if (lesson.step === "step") return [...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true))] : []), look];
+  if (lesson.step === "explain") return [...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
+  const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
+    make("div", {}, button(page.nameOf(preset), () => page.load(preset)), ...(preset.note ? [rendered(page.say(preset.note))] : []))))] : [];
+  const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));
+  return [...tries, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
+}

@@ -1,0 +1,201 @@
+// Loads in the hand: arrows with number and unit, moved by their tails, turned by their heads,
+// added, deleted, typed.
+import { button, make, numberField } from "./controls.js";
+import { arrow, FONT, paintWord } from "./paint.js";
+import { entering } from "./rule.js";
+import { largestForce } from "./scene.js";
+import { quantity } from "./words.js";
+
+const LABELLED = 12, GRIP = 22;               // so many arrows carry numbers; half of 44 px
+
+export class Loads {
+  constructor(page) { this.page = page; this.chosen = -1; this.spots = []; }
+  get list() { return this.page.scene?.loads ?? []; }
+
+  /** Where arrows stand: their heads at the surface, as long as the root of the force; those on one cell side by side. */
+  placed(view, strongest = largestForce(this.page.scene) || 1) {
+    const seen = new Map(), { list } = this, every = Math.max(1, Math.ceil(list.length * 14 / Math.max(60, view.u * view.lattice.shape[0])));
+    return list.flatMap((load, n) => {
+      const size = Math.hypot(...load.force);
+      if (!size || (n - (every >> 1)) % every) return [];
+      const key = load.cell.join(), beside = seen.get(key) ?? 0;
+      seen.set(key, beside + 1);
+      return [{ n, load, size, ...this.ends(view, load, 18 + 26 * Math.sqrt(size / strongest), 14 * (beside + 1 >> 1) * (beside & 1 ? 1 : -1)) }];
+    });
+  }
+  ends(view, { cell, force }, length, aside = 0) {
+    const size = Math.hypot(...force) || 1, unit = force.map((f) => f / size);
+    const [dx, dy] = unit.length === 2 ? [unit[0], -unit[1]] : [0, 1].map((i) => unit.reduce((sum, x, a) => sum + x * view.axes[a][i], 0) * (i ? -1 : 1));
+    const [cx, cy] = view.point(view.centre(cell)), gap = view.u / 2 + 3, x = cx - dx * gap - dy * aside, y = cy - dy * gap + dx * aside;
+    return { dx, dy, head: [x, y], tail: [x - dx * length, y - dy * length], length };
+  }
+  paint(view) {
+    const { page: { inks, touchable, hold, mode }, list, chosen } = this, { ctx } = view;
+    const spots = this.spots = this.placed(view), stroke = (ink, width, each) => {
+      ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath();
+      for (const { tail: [x, y], dx, dy, length } of each) arrow(ctx, x, y, dx * length, dy * length, 9);
+      ctx.stroke();
+    };
+    ctx.lineCap = "round"; ctx.lineJoin = "round";
+    stroke(inks.paper, 6, spots);
+    stroke(inks.load, 3, spots);
+    if (touchable && !mode?.alone) for (const { n, tail: [x, y] } of spots) {   // a ring to hold it by
+      ctx.fillStyle = inks.paper; ctx.strokeStyle = n === chosen ? inks.accent : inks.load; ctx.lineWidth = n === chosen ? 3 : 2;
+      ctx.beginPath(); ctx.arc(x, y, 5, 0, 7); ctx.fill(); ctx.stroke();
+    }
+    if (list.length <= LABELLED) for (const { n, size, tail, dx, dy, length } of spots) this.label(view, size, tail, dx, dy, length, n);
+    if (hold?.ghost) this.paintGhost(view, hold);
+  }
+  label(view, size, [x, y], dx, dy, length, n) {
+    const { ctx, w } = view, { inks } = this.page, text = quantity(Number(size.toPrecision(4)), "N"), font = `600 ${FONT.replace("12px", "14px")}`;
+    ctx.font = font;
+    const wide = ctx.measureText(text).width, mx = x + dx * length * 0.4, my = y + dy * length * 0.4;
+    const others = this.spots.some((s) => s.n !== n && Math.abs(s.tail[1] - y) < 30 && s.tail[0] > x && s.tail[0] - x < wide + 24);
+    const lies = Math.abs(dx) > Math.abs(dy), right = !others && mx + 12 + wide < w - 4;
+    if (lies) paintWord(ctx, text, mx - wide / 2, my - 14, inks.load, inks, { font });
+    else paintWord(ctx, text, right ? mx + 11 : mx - 11, my, inks.load, inks, { font, align: right ? "left" : "right" });
+  }
+  paintGhost(view, { ghost, grip, n }) {
+    const { ctx } = view, { inks } = this.page, size = Math.hypot(...ghost.force);
+    const { tail: [x, y], dx, dy, length } = this.ends(view, ghost, 18 + 26 * Math.sqrt(size / (largestForce(this.page.scene) || 1)));
+    ctx.globalAlpha = 0.6; ctx.setLineDash([5, 4]); ctx.strokeStyle = inks.load; ctx.lineWidth = 3;
+    ctx.beginPath(); arrow(ctx, x, y, dx * length, dy * length, 9); ctx.stroke();
+    ctx.setLineDash([]); ctx.globalAlpha = 1;
+    if (grip === "head" || n >= 0) paintWord(ctx, grip === "head" ? quantity(size, "N") : `(${ghost.cell.join(", ")})`, x + 12, y - 10, inks.load, inks, { font: `600 ${FONT}` });
+  }
+
+  // ------------------------------------------------------------------------------ by the hand
+  /** What of an arrow is under the pointer: its tail or shaft, or its head, where the body is not. */
+  grip({ offsetX: x, offsetY: y, pointerType }) {
+    const reach = pointerType === "touch" ? GRIP : 14, inBody = Boolean(this.cellAt(x, y));
+    let best = null, least = Infinity;
+    for (const spot of this.spots) {
+      const along = Math.max(0, Math.min(spot.length, (x - spot.tail[0]) * spot.dx + (y - spot.tail[1]) * spot.dy));
+      const far = Math.hypot(x - spot.tail[0] - along * spot.dx, y - spot.tail[1] - along * spot.dy);
+      if (far < (inBody ? 7 : reach) && far < least) { least = far; best = { n: spot.n, spot, grip: along > 0.72 * spot.length ? "head" : "tail" }; }
+    }
+    if (best) { this.chosen = best.n; this.tell(); }
+    return best;
+  }
+  cellAt(x, y) {
+    const { page: { view, run } } = this, cell = view.cellAt(x, y);
+    return cell && run.kinds[run.lattice.key(cell)] >= 0 ? cell : null;
+  }
+  /** The cell under a pixel, or the nearest one of the body: never none. */
+  nearest(x, y) {
+    const found = this.cellAt(x, y), { view, run: { lattice: L, kinds } } = this.page;
+    if (found) return found;
+    let best = null, least = Infinity;
+    L.each((k) => {
+      if (kinds[k] < 0) return;
+      const cell = L.cell(k), [px, py] = view.at(...view.centre(cell)), far = Math.hypot(px - x, py - y);
+      if (far < least) { least = far; best = cell; }
+    });
+    return best;
+  }
+  /** While the pointer moves: a ghost shows where the arrow will be. */
+  drag(hold, { offsetX: x, offsetY: y, shiftKey }) {
+    const load = this.list[hold.n], { spot } = hold;
+    if (hold.grip === "tail") {
+      const aim = this.cellAt(x, y) ?? this.nearest(x + spot.dx * spot.length, y + spot.dy * spot.length);
+      hold.ghost = { ...load, cell: aim };
+    } else {
+      const [tx, ty] = spot.tail, step = Math.PI / 12, far = Math.hypot(x - tx, y - ty) || 1;
+      let turn = Math.atan2(ty - y, x - tx);
+      if (!shiftKey) turn = Math.round(turn / step) * step;
+      const size = Number((spot.size * (far / spot.length) ** 2).toPrecision(2));   // its length is the root of the force
+      hold.ghost = { ...load, force: forceOf(size, turn) };
+    }
+    this.page.later();
+  }
+  /** The pointer is let go: the arrow stands where its ghost was. */
+  put({ n, ghost }) {
+    if (ghost) this.edit(n, ghost); else this.page.later();
+  }
+  edit(n, { cell, force }) {
+    const load = this.list[n], { page } = this, { lattice: L, kinds } = page.run, k = L.key(cell);
+    if (kinds[k] < 0) { page.announce(page.t("needsCell")); return; }
+    page.change(() => Object.assign(load, { cell: [...cell], force: [...force], sense: load.sense === "side" ? "surface" : load.sense, face: entering(L, kinds, k, force) }));
+    this.tell();
+  }
+  move(load, cell) { this.edit(this.list.indexOf(load), { cell, force: load.force }); }
+  /** A double click in the air beside the body adds a load that presses on it there. */
+  double({ offsetX: x, offsetY: y }) {
+    const { page } = this;
+    if (!page.touchable || page.solid || page.mode?.alone || page.pen !== "look" || this.cellAt(x, y)) return;
+    this.add(this.nearest(x, y));
+  }
+  add(cell) {
+    const { page } = this, { lattice: L, kinds } = page.run, k = L.key(cell);
+    if (kinds[k] < 0) { page.announce(page.t("needsCell")); return; }
+    const size = Number((largestForce(page.scene) || largestForce(page.start.scene) || 1).toPrecision(3));
+    const order = [...L.sides.keys()].reverse(), face = order.find((arm) => kinds[L.neighbour(k, arm)] === -1) ?? -1;   // the top first
+    const force = face < 0 || L.hexagon ? forceOf(size, -Math.PI / 2, L.dimension) : L.normals[face].map((x) => -size * x + 0);
+    page.change(() => page.scene.loads.push({ cell: [...cell], force, face: entering(L, kinds, k, force), steps: 1, sense: "surface" }));
+    this.chosen = this.list.length - 1;
+    page.rebuild();
+  }
+  remove(n = this.chosen) {
+    if (!this.list[n]) return;
+    this.chosen = -1;
+    this.page.change(() => this.page.scene.loads.splice(n, 1));
+    this.page.rebuild();
+  }
+  /** Keys on the picture: L the next load, A one more here, Delete, Enter its number. */
+  key({ key }) {
+    const { page } = this, letter = page.look.letters && key.toLowerCase();
+    if (!page.touchable || page.mode?.alone) return false;
+    if (letter === "l" && this.list.length) {
+      this.chosen = (this.chosen + 1) % this.list.length;
+      page.picked = page.run.lattice.key(this.list[this.chosen].cell);
+      this.tell(); page.later();
+    } else if (letter === "a" && page.picked >= 0) this.add(page.run.lattice.cell(page.picked));
+    else if ((key === "Delete" || key === "Backspace") && this.chosen >= 0) this.remove();
+    else if (key === "Enter" && this.chosen >= 0) this.type();
+    else return false;
+    return true;
+  }
+  /** Open the field of the chosen load. */
+  type() {
+    const { page } = this;
+    if (!page.lesson && page.tab !== "draw") { page.tab = "draw"; page.rebuild(); }
+    page.root.querySelector(".load input")?.focus();
+  }
+  tell() { this.card?.replaceChildren(...fields(this)); }
+}
+
+const forceOf = (size, turn, dimension = 2) => (dimension === 3 ? [0, 0, -size]
+  : [Math.cos(turn), Math.sin(turn)].map((x) => (Math.abs(x) < 1e-12 ? 0 : Number((size * x).toPrecision(6)))));
+
+/** The chosen load in numbers. */
+function fields(loads) {
+  const { page, list, chosen } = loads, { t } = page, load = list[chosen];
+  if (!load) return [make("p", { className: "hint", textContent: t("loadHint") })];
+  const size = Math.hypot(...load.force), turn = Math.atan2(load.force[1], load.force[0]), row = (label, options, change) => {
+    const { field, error } = numberField({ ...options, label, t }, change);
+    return make("div", { className: "row" }, make("span", { textContent: label }), field, error);
+  };
+  const strength = row(t("load"), { value: size, min: 1e-12, max: 1e9, unit: "N", log: true, step: 0.1 }, (v) => loads.edit(chosen, { cell: load.cell, force: load.force.map((f) => f * v / size) }));
+  const angle = load.force.length === 2 ? [row(t("angle"), { value: turn * 180 / Math.PI, min: -180, max: 180, unit: "°", step: 1, show: (v) => `${Number(v.toFixed(1))}°` }, (v) => loads.edit(chosen, { cell: load.cell, force: forceOf(size, v * Math.PI / 180) }))] : [];
+  return [make("p", { className: "hint", textContent: t("loadAt", { n: chosen + 1, m: list.length, c: `(${load.cell.join(", ")})` }) }), strength, ...angle,
+    make("div", { className: "tools" }, button(t("deleteLoad"), () => loads.remove()))];
+}
+
+export function loadsPanel(page) {
+  const { loads, t } = page;
+  loads.card = make("div", { className: "load" }, ...fields(loads));
+  return [make("h2", { textContent: t("loads") }), loads.card, make("div", { className: "tools" }, button(t("addLoad"), () => {
+    const { lattice: L, kinds } = page.run;
+    const cell = page.picked >= 0 && kinds[page.picked] >= 0 ? L.cell(page.picked) : L.cell(topOf(L, kinds, L.shape[0] >> 2));
+    loads.add(cell);
+  }))];
+}
+/** The highest cell of the body in a column, or in any. */
+function topOf(L, kinds, column) {
+  let best = -1, high = -Infinity;
+  L.each((k) => {
+    const [x, y] = L.cell(k), rank = y - 1000 * Math.abs(x - column);
+    if (kinds[k] >= 0 && rank > high) { high = rank; best = k; }
+  });
+  return best;
+}

@@ -1,0 +1,87 @@
+// What a reader has made of a page, as plain data: undone and done again, and handed on as a link.
+import { bytesOf } from "./history.js";
+
+const MOST = 60;                               // states that can be gone back to
+
+/** The states of a page one after another. A gesture (one drag, one key) is one step back. */
+export class Past {
+  constructor(page) { this.page = page; this.list = [stateOf(page)]; this.at = 0; this.gesture = 0; this.noted = -1; }
+  /** Note the present state; within a gesture it replaces the one before. */
+  note() {
+    if (this.busy) return;
+    if (this.noted === this.gesture && this.at > 0) this.at--;
+    this.noted = this.gesture;
+    this.list.splice(this.at + 1, Infinity, stateOf(this.page));
+    if (this.list.length > MOST) this.list.shift();
+    this.at = this.list.length - 1;
+    this.tell();
+  }
+  can(turn) { return this.at + turn >= 0 && this.at + turn < this.list.length; }
+  undo() { this.go(-1); }
+  redo() { this.go(1); }
+  go(turn) {
+    if (!this.can(turn)) return;
+    this.at += turn; this.gesture++;
+    this.busy = true;
+    restore(this.page, this.list[this.at]);
+    this.busy = false;
+    this.tell();
+  }
+  tell() {
+    const { undo, redo } = this.page.parts;
+    if (undo) { undo.disabled = !this.can(-1); redo.disabled = !this.can(1); }
+  }
+}
+
+/** What is undone and linked; cells are never edited in place, so that they need no copy. */
+export function stateOf(page) {
+  const { scene, cells, stage, factor, look, lesson } = page;
+  return { scene: structuredClone(scene), cells, stage, factor, look: structuredClone({ ...look, camera: undefined, speed: undefined }), guesses: structuredClone(lesson?.guesses) };
+}
+export function restore(page, { scene, cells, stage, factor, look, guesses }) {
+  const { camera, speed, beside } = page.look, mode = page.look.mode;
+  const same = JSON.stringify([scene, stage]) === JSON.stringify([page.scene, page.stage]) && cells === page.cells;
+  Object.assign(page.look, structuredClone(look), { camera, speed });
+  if (page.lesson && guesses) page.lesson.guesses = structuredClone(guesses);
+  if (!same) {
+    Object.assign(page, { scene: structuredClone(scene), cells, stage, factor, material: "" });
+    page.change(() => {});
+  }
+  if (page.look.mode !== mode) page.setMode(page.look.mode, true);
+  if (page.solvable && beside !== page.look.beside) page.showElastic(page.look.beside);
+  page.rebuild();
+}
+
+const coded = (bytes) => btoa(Array.from(bytes, (b) => String.fromCharCode(b)).join("")).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
+
+/** The part after # that opens a page as it stands now. */
+export async function hashOf(page) {
+  const { scene, cells, stage, factor, look } = stateOf(page), { g, picked, start, language, dark } = page;
+  const own = page.touchable && cells.some((c, i) => c !== start.cells[i]) ? Array.from(cells) : undefined;
+  const told = { look, g, picked, ...(page.touchable ? { scene, stage, factor, cells: own } : {}) };
+  const text = new TextEncoder().encode(JSON.stringify(told));
+  return `#${new URLSearchParams({ lang: language, theme: dark ? "dark" : "light", s: coded(await through(text, new CompressionStream("deflate-raw"))) })}`;
+}
+export async function copyLink(page) {
+  const link = location.href.split("#")[0] + await hashOf(page);
+  try { history.replaceState(null, "", link); } catch { /* a frame of a notebook has no address of its own */ }
+  try { await navigator.clipboard.writeText(link); page.announce(page.t("linkCopied")); } catch { page.announce(page.t("linkThere")); }
+}
+/** Open what a link says; a link that cannot be read changes nothing and says so. */
+export async function follow(page, packed) {
+  try {
+    const base64 = packed.replaceAll("-", "+").replaceAll("_", "/");
+    const told = JSON.parse(new TextDecoder().decode(await through(bytesOf(base64), new DecompressionStream("deflate-raw"))));
+    const cells = told.cells ? Int8Array.from(told.cells) : page.start?.cells;
+    if (told.scene && page.touchable) {
+      Object.assign(page, { scene: told.scene, cells, stage: told.stage, factor: told.factor });
+      page.change(() => {});
+    }
+    Object.assign(page.look, told.look, { camera: page.look.camera, speed: page.look.speed });
+    page.picked = told.picked;
+    if (told.scene && page.kind === "runnable") page.renew(told.g); else page.seek(told.g);
+    page.setMode(page.look.mode ?? "body", true);
+    if (page.solvable && page.look.beside) page.showElastic(true);
+  } catch (error) { page.announce(page.t("linkBroken", { why: error.message })); }
+}

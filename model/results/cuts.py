@@ -68,6 +68,8 @@ class Cuts:
         supports hold both parts, for statics alone does not say what they share.
     load : float
         Sum of the applied forces along the axis (N).
+    sense : array, shape (n,)
+        1 where the part beyond a cut is the free one, or bears more of the load; else -1.
     """
 
     axis: str
@@ -75,10 +77,11 @@ class Cuts:
     force: Floats
     needed: Floats
     load: float
+    sense: Floats
 
     @property
     def carried(self) -> Floats:
-        """Force along the axis (N), above 0 where it acts in the sense of the load."""
+        """Force along the axis (N) handed to the held part, above 0 in the sense of the load."""
         return self._along(self.force)
 
     @property
@@ -92,7 +95,7 @@ class Cuts:
         return self.balance - self.carried
 
     def _along(self, force: Floats) -> Floats:
-        along = force[:, "xyz".index(self.axis)]
+        along = self.sense * force[:, "xyz".index(self.axis)]
         return (-along if self.load < 0.0 else along) + 0.0  # no zero has a sign
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -153,7 +156,10 @@ def cuts_of(scene: Scene, stage: int | None, axis: int, parts: Carrying) -> Cuts
     held_above, held_below = _held(scene, axis, ends, _NEAR * pitch)
     needed = np.where(held_above, np.where(held_below, np.nan, below), above)
     load = float(applied.force[:, axis].sum())
-    return Cuts("xyz"[axis], lower + 0.5 * thick, force, needed, load)
+    free, bound = ~held_above[:, axis], ~held_below[:, axis]
+    loaded = 2.0 * np.abs(beyond @ applied.force)[:, axis] >= abs(load)
+    sense = np.where(free | (~bound & loaded), 1.0, -1.0)
+    return Cuts("xyz"[axis], lower + 0.5 * thick, force, needed, load, sense)
 
 
 def _layers(scene: Scene, axis: int, parts: Carrying, pitch: float) -> Floats:

@@ -99,7 +99,18 @@ def test_weight_grows_downwards_and_hangs_from_the_top():
         expected = -rows[::-1] if side == "bottom" else rows
         np.testing.assert_allclose(cuts.force[:, 1], expected, rtol=1e-9)
         np.testing.assert_allclose(cuts.needed[:, 1], expected, rtol=1e-12)
-        np.testing.assert_allclose(cuts.carried, -cuts.force[:, 1])
+        np.testing.assert_allclose(cuts.carried, rows[::-1] if side == "bottom" else rows)
+
+
+@pytest.mark.parametrize(("side", "axis"), [("bottom", 1), ("top", 1), ("left", 0), ("right", 0)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_handed_on_counts_above_nothing_whichever_way_it_goes(side, axis, sign):
+    opposite = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}[side]
+    load = {"side": opposite, "force": [sign * 3.0 * (axis == 0), sign * 3.0 * (axis == 1)]}
+    cuts = solve(plate(sides={side: "rigid"}, loads=[load])).cuts()
+    assert cuts.axis == "xy"[axis]
+    np.testing.assert_allclose(cuts.carried, 3.0, rtol=1e-9)
+    np.testing.assert_allclose(cuts.missing, 0.0, atol=1e-9)
 
 
 def test_where_supports_hold_both_parts_nothing_is_called_missing():

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any
 
 from kaju._mesa import Cell
 
-from .placed import PlacedAgent
+from .material_agent import Amounts, PlacedAgent
 from .shares import Load
-
-
-class Clock(Protocol):
-    """What a boundary agent needs of the model it lives in."""
-
-    @property
-    def generation(self) -> int:
-        """Steps taken."""
 
 
 class BoundaryAgent(PlacedAgent):
@@ -43,22 +35,23 @@ class BoundaryAgent(PlacedAgent):
 
     name = ""
 
-    def __init__(self, model: Clock, cell: Cell) -> None:
-        super().__init__(model)
-        self.cell = cell
+    def __init__(self, model: Any, cell: Cell) -> None:
+        super().__init__(model, cell)
         self.spawn_step = model.generation + 1
-        self.taken: dict[int, float] = {}
+        self.taken: dict[int, float] = Amounts()
         self.returned = 0.0
         self.kept = 0.0
-        self.passed: dict[int, float] = {}
+        self.passed: dict[int, float] = Amounts()
 
     def answer(self, load: Load, arm: int) -> Load | None:
         """Take a load that came over `arm`, give back what is to be given back, and book it."""
+        engine = self.model.engine
         back = self.give_back(load, arm)
+        if back is not None and engine.own_boundaries:
+            back = engine.checked_return(self, load, back)
         given = 0.0 if back is None else back.total
-        home = int(self.model.lattice.opposite[arm])
-        self.taken[load.direction] = self.taken.get(load.direction, 0.0) + load.total
-        self.passed[home] = self.passed.get(home, 0.0) + given
+        self.taken[load.direction] += load.total
+        self.passed[engine.opposite[arm]] += given
         self.returned += given
         self.kept += load.total - given
         return back
@@ -100,7 +93,7 @@ class RigidBoundaryAgent(BoundaryAgent):
 
     def turn(self, load: Load, arm: int) -> Load:
         """Reverse the force and keep the sense."""
-        return load._replace(direction=int(self.model.lattice.opposite[load.direction]))
+        return load._replace(direction=self.model.engine.opposite[load.direction])
 
 
 class RollerBoundaryAgent(BoundaryAgent):

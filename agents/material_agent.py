@@ -3,47 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Protocol
+from itertools import chain
+from math import inf
+from typing import TYPE_CHECKING, Any
 
-from kaju._mesa import Cell
+import numpy as np
 
-from .placed import PlacedAgent
-from .shares import Emission, Load, Shares
+from kaju._mesa import Cell, FixedAgent
+from kaju.arrays import Floats
+
+from .shares import Emission, Emissions, Load, Sense, Shares
 
 if TYPE_CHECKING:
     from .materials import Material
 
 
-class Carrier(Protocol):
-    """What an agent needs of the model it lives in."""
+class Amounts(dict[int, float]):
+    """Newtons by number; what was never booked is 0."""
+
+    def __missing__(self, number: int) -> float:
+        return 0.0
+
+
+class PlacedAgent(FixedAgent):
+    """An agent that stands for a cell of the scene, or for one just beside the body.
+
+    `index`, `pos` and ``cell.coordinate`` are the same: column, row (and layer), counted from 0;
+    -1 is beside the first.
+    """
+
+    model: Any
+
+    def __init__(self, model: Any, cell: Cell) -> None:
+        super().__init__(model)
+        self.cell = cell
+        self.pos = cell.coordinate
 
     @property
-    def generation(self) -> int:
-        """Steps taken."""
+    def index(self) -> tuple[int, ...]:
+        """The scene's cell."""
+        at: tuple[int, ...] = self.cell.coordinate
+        return at
 
     @property
-    def threshold(self) -> float:
-        """γ (N)."""
-
-    @property
-    def accumulate(self) -> bool:
-        """Whether loads that meet are added before they are judged."""
-
-    @property
-    def cross_section(self) -> float:
-        """A (m²), over which an own share is spread."""
-
-    def form(self, index: tuple[int, ...]) -> int:
-        """Return the form of the cell with that index."""
-
-    def axis_of(self, direction: int) -> int:
-        """Return the number of the axis that a direction lies on."""
-
-    def emissions(self, agent: MaterialAgent, load: Load) -> tuple[Emission, ...]:
-        """Return what a load sends out of an agent for each newton, by its shares."""
-
-    def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
-        """Bring a load to the neighbour over an arm, where it is taken in the next step."""
+    def position(self) -> Floats:
+        """Middle of the cell (m), shape (dimension,)."""
+        return np.asarray(self.model.lattice.centres(np.array([self.index]))[0])
 
 
 class MaterialAgent(PlacedAgent):
@@ -52,7 +57,8 @@ class MaterialAgent(PlacedAgent):
     Subclass it to try agents of your own: `take` says what the agent does with a load,
     `emissions` which shares leave it, `pass_on` whom it hands how much, `shortening` how it
     yields to what it keeps. A model that is given a subclass keeps its agents as objects by
-    itself.
+    itself. Whatever a subclass hands over is looked at: what is no load, or has no neighbour
+    to go to, is refused by name.
 
     Attributes
     ----------
@@ -83,22 +89,34 @@ class MaterialAgent(PlacedAgent):
         Which of the lattice's forms the cell has; see `kaju.Lattice`.
     """
 
-    def __init__(self, model: Carrier, cell: Cell, material: Material, shares: Shares) -> None:
-        super().__init__(model)
-        self.cell = cell
+    def __init__(self, model: Any, cell: Cell, material: Material, shares: Shares) -> None:
+        super().__init__(model, cell)
         self.material = material
         self.shares = shares
         self.spawn_step = model.generation + 1
         self.woken_by: list[MaterialAgent] = []
-        self.taken: dict[int, float] = {}
-        self.pulled: dict[int, float] = {}
+        self.taken: dict[int, float] = Amounts()
+        self.pulled: dict[int, float] = Amounts()
         self.kept = 0.0
-        self.squeezed: dict[int, float] = {}
-        self.passed: dict[int, float] = {}
+        self.squeezed: dict[int, float] = Amounts()
+        self.passed: dict[int, float] = Amounts()
         self.dropped = 0.0
         self.inbox: dict[tuple[int, float], float] = {}
         self.pulls: dict[tuple[int, float], float] = {}
-        self.form = model.form(self.index)
+        self.form: int = model.form(cell.coordinate)
+        self.post: Any = model.engine
+        # Neighbours by arm, once met, and what comes from them: the inboxes of the next step.
+        self.around: list[Any] = [None] * len(self.post.opposite)
+        self.kind = self.key = -1  # of the cell, as the scene and the lattice count
+        self.beyond: Any = None  # by arm: the place there, and its kind
+        self.coming: dict[tuple[int, float], float] = {}
+        self.coming_pulls: dict[tuple[int, float], float] = {}
+        self.fresh = True  # woken in this generation: whoever hands over now has woken it
+        self._sent_by: tuple[Shares | None, Any] = (None, None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the neighbours: a copy meets its own, one would drag along all others."""
+        return self.__dict__ | {"around": [None] * len(self.around)}
 
     def __repr__(self) -> str:
         return (
@@ -107,64 +125,119 @@ class MaterialAgent(PlacedAgent):
             f"since generation {self.spawn_step}>"
         )
 
-    def receive(self, load: Load, senders: Iterable[MaterialAgent] = ()) -> None:
-        """Put a load into the inbox; equal loads are merged and counted."""
-        inbox = self.inbox if load.sense == "push" else self.pulls
-        key = (load.direction, load.magnitude)
-        inbox[key] = inbox.get(key, 0.0) + load.copies
-        if self.spawn_step == self.model.generation + 1:
-            self.woken_by += [agent for agent in senders if agent not in self.woken_by]
-
-    def waiting(self) -> list[Load]:
-        """Return the loads to take in the next step."""
-        loads = [Load(d, magnitude, copies) for (d, magnitude), copies in self.inbox.items()]
-        for (direction, magnitude), copies in self.pulls.items():
-            loads.append(Load(direction, magnitude, copies, "pull"))
-        return loads
-
     def step(self) -> None:
-        """Take every load that has arrived, and pass each on."""
+        """Take every load that has arrived, keep a share, and pass the others on."""
         if not (self.inbox or self.pulls):
             return
         loads = self.waiting()
+        self.post.note(self)
         self.inbox, self.pulls = {}, {}
+        axis_of, squeezed = self.post.axis_of, self.squeezed
         for load in loads:
             before = self.kept
             self.take(load)
-            self._squeeze(load, self.kept - before)
+            kept = self.kept - before
+            squeezed[axis_of[load[0]]] += kept if load[3] == "push" else -kept
             self.pass_on(load)
+        if not -inf < self.kept < inf:
+            raise self.post.wrong(self, "take", f"has kept {self.kept} N")
+
+    def waiting(self) -> list[Load]:
+        """Return the loads to take in the next step."""
+        new = tuple.__new__  # loads by the thousand: a third of the time of Load(...)
+        loads = [new(Load, (*key, copies, "push")) for key, copies in self.inbox.items()]
+        return loads + [Load(*key, copies, "pull") for key, copies in self.pulls.items()]
 
     def take(self, load: Load) -> None:
         """Keep the own share of a load."""
-        direction, total = load.direction, load.total
-        self.taken[direction] = self.taken.get(direction, 0.0) + total
-        if load.sense == "pull":
-            self.pulled[direction] = self.pulled.get(direction, 0.0) + total
+        direction, magnitude, copies, sense = load
+        total = magnitude * copies
+        self.taken[direction] += total
+        if sense == "pull":
+            self.pulled[direction] += total
         self.kept += self.shares.own * total
 
-    def _squeeze(self, load: Load, kept: float) -> None:
-        """Book what is kept of a load (N) along its axis."""
-        axis = self.model.axis_of(load.direction)
-        along = kept if load.sense == "push" else -kept
-        self.squeezed[axis] = self.squeezed.get(axis, 0.0) + along
+    def emissions(self, load: Load) -> tuple[Emission, ...]:
+        """Return what leaves the agent for each newton of a load."""
+        shares, sent = self._sent_by
+        if shares is not self.shares:
+            sent = self.post.emissions_of(self)
+            self._sent_by = self.shares, sent
+        emissions: tuple[Emission, ...] = sent[load[3]][load[0]]
+        return emissions
+
+    def pass_on(self, load: Load) -> None:
+        """Hand the other shares of a load to the neighbours."""
+        self.send(self.emissions(load), load)
+
+    def send(self, emissions: Iterable[Emission], load: Load) -> None:
+        """Put shares of a load into the boxes of the neighbours, unless they are too small."""
+        _, magnitude, copies, _ = load
+        post, around, passed = self.post, self.around, self.passed
+        if type(emissions) is Emissions:
+            rows: Any = emissions.rows
+        else:
+            rows = post.checked_emissions(self, emissions)
+        least = post.least
+        for arm, direction, share, sense in rows:
+            size = share * magnitude
+            if least < size < inf:  # above γ? nobody else asks it of what an agent sends
+                passed[arm] += size * copies
+                neighbour = around[arm]
+                if neighbour is None:
+                    neighbour = post.look(self, arm)
+                neighbour.put(direction, size, copies, sense, self)
+            elif 0.0 <= size <= least:
+                self.dropped += size * copies
+            else:
+                raise post.wrong(self, "pass_on", f"would hand over {size} N")
+
+    def put(
+        self,
+        direction: int,
+        magnitude: float,
+        copies: float,
+        sense: Sense,
+        sender: MaterialAgent | None,
+    ) -> None:
+        """Keep a load for the next step; equal loads are merged and counted."""
+        box = self.coming if sense == "push" else self.coming_pulls
+        key = (direction, magnitude)
+        if key in box:
+            box[key] += copies
+        else:
+            box[key] = copies
+            self.post.called[self] = None
+        if self.fresh and sender is not None and sender not in self.woken_by:
+            self.woken_by.append(sender)
+
+    def receive(self, load: Load, senders: Iterable[MaterialAgent] = ()) -> None:
+        """Put a load into the box of what is coming."""
+        for sender in senders or (None,):
+            self.put(*load, sender)
+
+    def open(self) -> float:
+        """Put what has come into the inbox; return its sum (N)."""
+        came = 0.0
+        for (_, magnitude), copies in chain(self.coming.items(), self.coming_pulls.items()):
+            came += magnitude * copies
+        self.inbox = _merged(self.inbox, self.coming)
+        self.pulls = _merged(self.pulls, self.coming_pulls)
+        self.coming, self.coming_pulls = {}, {}
+        return came
 
     def shortening(self, axis: int) -> float:
         """Return by which part of its length the cell is shortened along an axis (1)."""
         area: float = self.model.cross_section
         return self.squeezed.get(axis, 0.0) / (area * self.material.youngs_modulus)
 
-    def emissions(self, load: Load) -> tuple[Emission, ...]:
-        """Return what leaves the agent for each newton of a load."""
-        sent: tuple[Emission, ...] = self.model.emissions(self, load)
-        return sent
 
-    def pass_on(self, load: Load) -> None:
-        """Hand the other shares of a load to the neighbours, unless they are too small."""
-        model, copies = self.model, load.copies
-        least = -1.0 if model.accumulate else model.threshold
-        for arm, direction, share, sense in self.emissions(load):
-            magnitude = share * load.magnitude
-            if magnitude > least:
-                model.hand_over(self, arm, Load(direction, magnitude, copies, sense))
-            else:
-                self.dropped += magnitude * copies
+def _merged(
+    waiting: dict[tuple[int, float], float], coming: dict[tuple[int, float], float]
+) -> dict[tuple[int, float], float]:
+    """Return loads that came, together with those that an order of one's own has left waiting."""
+    if not waiting:
+        return coming
+    for key, copies in coming.items():
+        waiting[key] = waiting.get(key, 0.0) + copies
+    return waiting

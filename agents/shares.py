@@ -49,6 +49,13 @@ class Emission(NamedTuple):
     sense: Sense = "push"
 
 
+class Emissions(tuple[Emission, ...]):
+    """What a load sends out by the shares of an agent: known to be right, and quick to walk."""
+
+    def __init__(self, emissions: tuple[Emission, ...]) -> None:
+        self.rows = tuple(map(tuple, emissions))  # Python unpacks plain tuples three times as fast
+
+
 class Beside(NamedTuple):
     """A neighbour beside a load: the arm to it and its weights in the two sideways shares."""
 

@@ -15,8 +15,9 @@ import numpy as np
 from kaju._mesa import FixedAgent, Model, Network
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, TangentError
-from kaju.mesa_model import SteppedModel, Until
+from kaju.mesa_model import SteppedModel
 from kaju.model.results.archive import Archive
+from kaju.stepping import Until
 
 from .increments import IncrementalLoading
 from .linear import Method

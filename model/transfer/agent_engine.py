@@ -1,17 +1,21 @@
-"""Load transfer with agents as objects on Mesa's cell space, to be watched and subclassed."""
+"""Load transfer with agents as objects on Mesa's cell space, to be watched and subclassed.
+
+A generation has three parts. It begins with loads in the inboxes. Then agents act, in any order:
+`MaterialAgent.step` takes each load, keeps a share, and puts the others straight into the boxes
+of its neighbours, where they wait for the next generation. In the end boundaries give back what
+reached them, and the boxes are opened.
+"""
 
 from __future__ import annotations
 
-import copyreg
-import operator
-import weakref
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain, islice
+from math import inf, isfinite
+from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import networkx
 import numpy as np
 
-from kaju._mesa import Cell, HexGrid, Network, OrthogonalVonNeumannGrid
 from kaju.agents.boundary_agent import (
     BoundaryAgent,
     FreeBoundaryAgent,
@@ -20,22 +24,19 @@ from kaju.agents.boundary_agent import (
 )
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.materials import suggestion
-from kaju.agents.shares import Load, Sense
+from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares
 from kaju.arrays import Floats, Ints
-from kaju.errors import ParameterError
-from kaju.mesa_model import Order, chosen
+from kaju.errors import AgentError, ParameterError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
-from kaju.model.scene.lattice import Lattice
-from kaju.model.scene.lattices import BUILT_IN
+from kaju.stepping import Order, chosen
 
-from .stage import History, Ledger, News, Stage, Totals, collect_history
+from .cell_space import Index, space_of
+from .stage import Ledger, News, Stage, TakenRows, Totals, history_of
+from .transfer import Transfer, check_shares
 
 if TYPE_CHECKING:
-    from random import Random
-
     from .load_model import LoadModel
-    from .transfer import Transfer
 
 A = TypeVar("A", MaterialAgent, BoundaryAgent)
 
@@ -44,6 +45,15 @@ BOUNDARY_AGENTS: dict[int, type[BoundaryAgent]] = {
     RIGID: RigidBoundaryAgent,
     ROLLER: RollerBoundaryAgent,
 }
+
+MOST_EMISSIONS = 1_000
+"""An agent of one's own that sends out more for one load is taken to never end."""
+
+MOST_REMEMBERED = 10_000
+"""So many sets of emissions are kept, so that they need not be worked out for every load."""
+
+ACTS_AT_ONCE = 20_000
+"""So many acts of agents are noted as they are before they are added up in arrays."""
 
 
 def boundary_classes(own: Mapping[str, type[BoundaryAgent]]) -> dict[int, type[BoundaryAgent]]:
@@ -74,9 +84,6 @@ def boundary_classes(own: Mapping[str, type[BoundaryAgent]]) -> dict[int, type[B
 class AgentEngine:
     """One stage of load transfer at a time, with one object per agent.
 
-    The space is Mesa's grid, one cell wider than the body's array on every side, so that
-    boundary agents have a place to live in.
-
     Parameters
     ----------
     model : LoadModel
@@ -87,8 +94,6 @@ class AgentEngine:
         Class of the material agents.
     boundary_agents : dict of int to type
         Class of the boundary agents, by kind.
-    order : callable, optional
-        Who acts in a step; None: all at once.
     """
 
     def __init__(
@@ -98,203 +103,341 @@ class AgentEngine:
         transfer: Transfer,
         material_agent: type[MaterialAgent],
         boundary_agents: dict[int, type[BoundaryAgent]],
-        order: Order[MaterialAgent] | None,
     ) -> None:
-        self.model = model
-        self.scene = scene
-        self.boundary_agents = boundary_agents
-        self.order = order
-        self.transfer = transfer
+        self.model, self.scene, self.transfer = model, scene, transfer
         self.lattice = transfer.lattice
-        self.material_agent = material_agent
-        self.accumulate = transfer.rule.accumulate
-        self.threshold = transfer.rule.threshold
-        shape = tuple(count + 2 for count in self.lattice.shape)
-        self.space = _space(self.lattice, shape, model.random)
-        # Mesa enters the class of the cells there for ever, and with it a layer of the grid.
-        weakref.finalize(self.space, copyreg.dispatch_table.pop, self.space.cell_klass, None)
-        self.kinds: Ints = scene.kinds(np.indices(shape).reshape(len(shape), -1).T - 1)
-        self.kinds = self.kinds.reshape(shape)
-        self.steps = self.lattice.steps.tolist()
-        self.agents: dict[Cell, MaterialAgent] = {}
-        self.boundaries: dict[Cell, BoundaryAgent] = {}
-        self._around: dict[Cell, dict[int, Cell]] = {}
+        self.material_agent, self.boundary_agents = material_agent, boundary_agents
+        self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
+        # Loads that are added up are judged when they have met, and not before.
+        self.least = 0.0 if self.accumulate else self.threshold
+        self.own_boundaries = any(
+            agent is not BOUNDARY_AGENTS[kind] for kind, agent in boundary_agents.items()
+        )
+        self.opposite: list[int] = self.lattice.opposite.tolist()
+        self.axis_of: list[int] = self.lattice.axis_of.tolist()
+        self.senses: tuple[Sense, ...] = ("push", "pull") if transfer.rule.sense else ("push",)
+        every = range(self.lattice.directions)
+        self.known = [
+            {(arm, d, sense) for arm in arms for d in every for sense in self.senses}
+            for arms in self.lattice.arms
+        ]
+        self._sent: dict[tuple[Shares, int], dict[Sense, tuple[Emissions, ...]]] = {}
+        self.space = space_of(self.lattice, model.random)
+        self.agents: dict[Index, MaterialAgent] = {}
+        self.boundaries: dict[Index, BoundaryAgent] = {}
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
-        for agent in self.agents.values():
+        for agent in (*self.agents.values(), *self.boundaries.values()):
             agent.remove()
-        for boundary in self.boundaries.values():
-            boundary.remove()
         self.agents, self.boundaries = {}, {}
         self.generation = 0
-        self.post: list[tuple[MaterialAgent, int, Load]] = []
-        self.record: list[list[tuple[MaterialAgent, int, float]]] = []
+        self.waiting: list[MaterialAgent] = []
+        self.called: dict[MaterialAgent, None] = {}
+        self.newborn: list[MaterialAgent] = []
+        self.leaving: list[tuple[BoundaryAgent, Load, MaterialAgent, int]] = []
+        self.sums: dict[tuple[Any, ...], Sum] = {}
+        self.acts: list[tuple[int, MaterialAgent, dict[Any, float], dict[Any, float]]] = []
+        self.record: list[TakenRows] = []
         self.applied = float(magnitude.sum())
-        self.taken = self.passed = self.returned = self.dropped = 0.0
-        arriving: list[tuple[Cell, Load, MaterialAgent | None]] = []
-        applied = zip((cells + 1).tolist(), state.tolist(), magnitude.tolist(), strict=True)
-        for cell, number, size in applied:
-            pull, direction = divmod(number, self.lattice.directions)
-            load = Load(direction, size, 1.0, "pull" if pull else "push")
-            arriving.append((self.space[tuple(cell)], load, None))
-        self._arrive(arriving)
+        self.taken = self.passed = self.returned = self.dropped = self.pending = 0.0
+        kinds = self.scene.kinds(cells).tolist()
+        pull, direction = np.divmod(state, self.lattice.directions)
+        applied = (cells.tolist(), kinds, direction.tolist(), magnitude.tolist(), pull.tolist())
+        for cell, kind, along, size, pulls in zip(*applied, strict=True):
+            self._bring(tuple(cell), kind, Load(along, size, 1.0, "pull" if pulls else "push"))
+        self._open()
 
-    @property
-    def pending(self) -> float:
-        """Sum of the loads that wait to be taken (N)."""
-        total = 0.0
-        for agent in self.agents.values():
-            for waiting in (agent.inbox, agent.pulls):
-                for (_, magnitude), copies in waiting.items():
-                    total += magnitude * copies
-        return total
+    # One generation: begin, agents act, end.
 
-    def step(self) -> None:
-        """Let every agent take the loads that reached it and pass them on."""
-        acting = self._acting()
-        taken = self._arrived(acting)
-        self.taken += sum(load for _, _, load in taken)
-        self.record.append(taken)
+    def begin(self) -> None:
+        """Count a generation, and let agents that have just been woken look round."""
         self.generation += 1
-        for agent in acting:
+        self._look_round(self.newborn)
+        for agent in self.newborn:
+            agent.fresh = False
+        self.newborn = []
+        self.waiting = [agent for agent in self.agents.values() if agent.inbox or agent.pulls]
+
+    def act(self, order: Order[MaterialAgent] | None = None) -> None:
+        """Let all act for whom loads wait, or those whom an order chooses."""
+        waiting = [agent for agent in self.waiting if agent.inbox or agent.pulls]
+        for agent in waiting if order is None or not waiting else chosen(order, waiting):
             agent.step()
-        self._deliver()
+
+    def end(self) -> None:
+        """Let boundaries give back what has reached them, and open the boxes of those called."""
+        late = [agent for agent in self.waiting if agent.inbox or agent.pulls]
+        left = sum((load.total for agent in late for load in agent.waiting()), start=0.0)
+        self.taken += self.pending - left
+        self._judge_sums(at_boundary=True)
+        given = 0.0
+        for boundary, load, sender, arm in self.leaving:
+            back = boundary.answer(load, arm)
+            if back is not None:
+                given += back.total
+                self._bring(sender.index, sender.kind, back)
+        self.leaving.clear()
+        self.returned += given
+        self._open()
+        self.passed += self.pending - given
+        self.pending += left
+        if len(self.acts) > ACTS_AT_ONCE:
+            self._settle()
+
+    def _open(self) -> None:
+        """Open the boxes of those to whom loads have come."""
+        self._judge_sums(at_boundary=False)
+        called, self.called = self.called, {}
+        self.pending = sum((agent.open() for agent in called), start=0.0)
+
+    def judge(self, load: Load) -> bool:
+        """Tell whether a load that came back, or was added up, goes on; if not, it ends here.
+
+        What agents send is judged when they send it: `MaterialAgent.pass_on`.
+        """
+        above = load.magnitude > self.threshold
+        if not above:
+            self.dropped += load.total
+        return above
+
+    def _bring(self, cell: Index, kind: int, load: Load) -> None:
+        """Bring a load to a cell, from outside or back from a boundary."""
+        if self.accumulate:
+            MeetingPlace(self.sums, cell, kind).put(*load, None)
+        elif self.judge(load):
+            self._material_agent(cell, kind).put(*load, None)
+
+    def _judge_sums(self, at_boundary: bool) -> None:
+        """Let loads go on that were added up to more than the threshold."""
+        judged = [key for key in self.sums if (key[1] < 0) == at_boundary]
+        for key in judged:
+            cell, kind, direction, sense, sender, arm = key
+            added = self.sums.pop(key)
+            load = Load(direction, added.total, 1.0, sense)
+            if not self.judge(load):
+                continue
+            if at_boundary:
+                boundary = self._boundary_agent(cell, kind)
+                self.leaving.append((boundary, load, sender, arm))
+                continue
+            agent = self._material_agent(cell, kind)
+            agent.put(*load, None)
+            if agent.fresh:
+                agent.woken_by += [
+                    s for s in dict.fromkeys(added.senders) if s not in agent.woken_by
+                ]
+
+    # Neighbours.
+
+    def look(self, agent: MaterialAgent, arm: int) -> Any:
+        """Return who is over an arm, and wake it: a load is on its way."""
+        if agent.beyond is None:
+            self._look_round([agent])
+        if arm not in self.lattice.arms[agent.form]:
+            raise self.wrong(agent, "pass_on", f"has no face along direction {arm}")
+        cell, kind = agent.beyond[arm]
+        neighbour: Any
+        if self.accumulate:
+            neighbour = MeetingPlace(self.sums, cell, kind, arm)
+        elif kind < 0:
+            neighbour = Edge(self._boundary_agent(cell, kind), arm, self.leaving)
+        else:
+            neighbour = self._material_agent(cell, kind)
+        agent.around[arm] = neighbour
+        return neighbour
+
+    def _look_round(self, agents: Sequence[MaterialAgent]) -> None:
+        """Let agents see what lies over their arms, all of them in one question to the scene."""
+        if not agents:
+            return
+        cells, directions = self._places(agents), self.lattice.directions
+        beyond = [self.lattice.neighbours(cells, arm) for arm in range(directions)]
+        kinds = self.scene.kinds(np.concatenate(beyond)).reshape(directions, -1).T.tolist()
+        places = np.stack(beyond, axis=1).tolist()
+        keys = self.lattice.key(cells).tolist()
+        for agent, key, place, kind in zip(agents, keys, places, kinds, strict=True):
+            agent.key, agent.beyond = key, list(zip(map(tuple, place), kind, strict=True))
+
+    def _material_agent(self, cell: Index, kind: int) -> MaterialAgent:
+        agent = self.agents.get(cell)
+        if agent is None:
+            agent = self.material_agent(
+                self.model,
+                self.space.cell(cell),
+                self.transfer.materials[kind],
+                self.transfer.shares[kind],
+            )
+            self._check_begun(agent, cell, "around")
+            agent.kind = kind
+            self.agents[cell] = agent
+            self.newborn.append(agent)
+        return agent
+
+    def _boundary_agent(self, cell: Index, kind: int) -> BoundaryAgent:
+        agent = self.boundaries.get(cell)
+        if agent is None:
+            agent = self.boundary_agents[kind](self.model, self.space.cell(cell))
+            self._check_begun(agent, cell, "returned")
+            self.boundaries[cell] = agent
+        return agent
+
+    # What agents of one's own answer is looked at.
+
+    def wrong(self, agent: MaterialAgent | BoundaryAgent, hook: str, what: str) -> AgentError:
+        """Return the error of an answer that is none."""
+        return AgentError(
+            f"{hook}: {type(agent).__name__} at cell {agent.index} in generation "
+            f"{self.generation} {what}"
+        )
+
+    def _check_begun(self, agent: MaterialAgent | BoundaryAgent, cell: Index, last: str) -> None:
+        if not hasattr(agent, last):
+            raise AgentError(
+                f"__init__: {type(agent).__name__} at cell {cell} in generation {self.generation} "
+                "must call super().__init__ with all that it is given"
+            )
+
+    def emissions_of(self, agent: MaterialAgent) -> dict[Sense, tuple[Emissions, ...]]:
+        """Return what an agent sends out for each newton by its shares: by sense and direction."""
+        shares, form = agent.shares, agent.form
+        if not isinstance(shares, Shares):
+            raise self.wrong(agent, "shares", f"must have kaju.Shares, has {shares!r:.60}")
+        sent = self._sent.get((shares, form))
+        if sent is None:
+            problem = check_shares(shares, self.transfer.rule.sense)
+            if problem:
+                raise self.wrong(agent, "shares", problem)
+            if len(self._sent) > MOST_REMEMBERED:
+                self._sent.clear()
+            every = range(self.lattice.directions)
+            sent = self._sent[shares, form] = {
+                sense: tuple(
+                    Emissions(self.transfer.emissions(shares, d, sense, form)) for d in every
+                )
+                for sense in self.senses
+            }
+        return sent
+
+    def checked_emissions(self, agent: MaterialAgent, sent: Any) -> list[Any]:
+        """Return the emissions of an agent of one's own; refuse what is none."""
+        known, checked = self.known[agent.form], []
+        try:
+            rows = iter(sent)
+        except TypeError:
+            raise self.wrong(agent, "emissions", f"returned {sent!r:.60}{_EMISSION}") from None
+        for row in islice(rows, MOST_EMISSIONS + 1):
+            try:
+                arm, direction, share, sense = row
+                fits = (arm, direction, sense) in known and _is_amount(share)
+            except (TypeError, ValueError):
+                raise self.wrong(agent, "emissions", f"returned {row!r:.60}{_EMISSION}") from None
+            if not fits:
+                raise self.wrong(agent, "emissions", f"returned {row!r:.120}{self._told(agent)}")
+            checked.append(row)
+        if len(checked) > MOST_EMISSIONS:
+            raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")
+        return checked
+
+    def _told(self, agent: MaterialAgent | None) -> str:
+        """Return what emissions and loads of this body can be."""
+        arms = "" if agent is None else f"an arm of {self.lattice.arms[agent.form]}, "
+        senses = " or ".join(map(repr, self.senses))
+        return (
+            f"; it has {arms}a direction from 0 to {self.lattice.directions - 1}, an amount that "
+            f"is finite and not negative, and the sense {senses}"
+        )
+
+    def checked_load(
+        self, agent: MaterialAgent | BoundaryAgent, hook: str, load: Any, arm: int
+    ) -> Load:
+        """Return a load of an agent of one's own; refuse what is none."""
+        form = agent.form if isinstance(agent, MaterialAgent) else None
+        try:
+            direction, magnitude, copies, sense = load
+            arms = range(self.lattice.directions) if form is None else self.lattice.arms[form]
+            fits = (
+                arm in arms
+                and direction in range(self.lattice.directions)
+                and sense in self.senses
+                and _is_amount(magnitude)
+                and _is_amount(copies)
+            )
+        except (TypeError, ValueError):
+            fits = False
+        if not fits:
+            over = f" over arm {arm!r}" if form is not None else ""
+            told = self._told(agent if isinstance(agent, MaterialAgent) else None)
+            raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{told}")
+        return Load(int(direction), float(magnitude), float(copies), sense)
+
+    def hand_over(self, sender: MaterialAgent, arm: int, load: Any) -> None:
+        """Hand over a load of an agent's own making, unless it is too small."""
+        checked = self.checked_load(sender, "hand_over", load, arm)
+        sender.send([Emission(arm, checked.direction, 1.0, checked.sense)], checked)
+
+    def checked_return(self, boundary: BoundaryAgent, load: Load, back: Any) -> Load:
+        """Return what a boundary of one's own gives back; refuse what is no load, or too much."""
+        checked = self.checked_load(boundary, "give_back", back, 0)
+        if checked.total > load.total * (1.0 + 1e-12):
+            raise self.wrong(
+                boundary,
+                "give_back",
+                f"gives back {checked.total:g} N of {load.total:g} N; what pushes on its own is a "
+                "load of the scene",
+            )
+        return checked
+
+    # What has happened.
+
+    def note(self, agent: MaterialAgent) -> None:
+        """Note what an agent takes now."""
+        self.acts.append((self.generation, agent, agent.inbox, agent.pulls))
+
+    def _settle(self) -> None:
+        """Add up what was taken by generation, place and state."""
+        acts, self.acts = self.acts, []
+        if not acts:
+            return
+        boxes = [box for act in acts for box in act[2:]]
+        count = np.fromiter(map(len, boxes), np.int64, len(boxes))
+        rows = int(count.sum())
+        copies = np.fromiter(chain.from_iterable(box.values() for box in boxes), float, rows)
+        keys = np.fromiter(chain.from_iterable(chain.from_iterable(boxes)), float, 2 * rows)
+        direction, magnitude = keys.reshape(-1, 2).T
+        generation = np.array([act[0] for act in acts], dtype=np.int64)
+        place = np.array([act[1].key for act in acts], dtype=np.int64)
+        order = np.lexsort((place, generation))
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        act, pull = np.divmod(np.repeat(np.arange(len(boxes)), count), 2)
+        states = 2 * self.lattice.directions
+        code = rank[act] * states + direction.astype(np.int64) + self.lattice.directions * pull
+        by_size = np.lexsort((magnitude, code))
+        code = code[by_size]
+        new = np.diff(code, prepend=-1) != 0
+        # Added one after another, from the smallest on: the sums of a plain loop.
+        load = np.asarray(np.bincount(np.cumsum(new) - 1, (magnitude * copies)[by_size]), float)
+        acted, state = np.divmod(code[new], states)
+        acted = order[acted]
+        self.record.append(TakenRows(generation[acted], place[acted], state, load))
 
     @property
     def awake(self) -> int:
         """Number of material agents."""
         return len(self.agents)
 
-    def _acting(self) -> list[MaterialAgent]:
-        """Return who acts in this step: all agents, unless an order chooses."""
-        everybody = list(self.agents.values())
-        if self.order is None:
-            return everybody
-        waiting = [agent for agent in everybody if agent.inbox or agent.pulls]
-        return chosen(self.order, waiting)
-
-    def _arrived(self, acting: list[MaterialAgent]) -> list[tuple[MaterialAgent, int, float]]:
-        """Return what these agents will take, added up by agent and state, ordered by place."""
-        sums: dict[tuple[MaterialAgent, int], float] = {}
-        pulls = self.lattice.directions
-        awake = [agent for agent in acting if agent.inbox or agent.pulls]
-        for agent in sorted(awake, key=lambda agent: agent.cell.coordinate):
-            for first, waiting in ((0, agent.inbox), (pulls, agent.pulls)):
-                for direction, magnitude in sorted(waiting):
-                    load = magnitude * waiting[direction, magnitude]
-                    key = (agent, first + direction)
-                    sums[key] = sums.get(key, 0.0) + load
-        return [(agent, state, load) for (agent, state), load in sums.items()]
-
-    def neighbour(self, cell: Cell, arm: int) -> Cell:
-        """Return the cell over an arm."""
-        around = self._around.get(cell)
-        if around is None:
-            around = self._around[cell] = self._neighbours(cell)
-        reached = around.get(arm)
-        if reached is None:
-            raise ParameterError(
-                f"arm: cell {tuple(count - 1 for count in cell.coordinate)} has no face along "
-                f"direction {arm}; lattice.way(direction, agent.form) tells what lies ahead"
-            )
-        return reached
-
-    def _neighbours(self, cell: Cell) -> dict[int, Cell]:
-        """Return the cells over all arms of a cell of the body."""
-        at, form = cell.coordinate, 0
-        if self.lattice.forms > 1:  # the rim shifts the space by one cell against the scene
-            form = self.model.form(tuple(count - 1 for count in at))
-        steps = self.steps[form]
-        return {
-            arm: self.space[tuple(map(operator.add, at, steps[arm]))]
-            for arm in self.lattice.arms[form]
-        }
-
-    def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
-        """Keep a load until all agents have stepped."""
-        sender.passed[arm] = sender.passed.get(arm, 0.0) + load.total
-        self.post.append((sender, arm, load))
-
-    def _deliver(self) -> None:
-        """Bring the handed loads to the neighbours, or back from a boundary to the sender."""
-        arriving: list[tuple[Cell, Load, MaterialAgent | None]] = []
-        leaving: list[tuple[MaterialAgent, int, Load]] = []
-        for sender, arm, load in self.post:
-            target = self.neighbour(sender.cell, arm)
-            if self.kinds[target.coordinate] >= 0:
-                arriving.append((target, load, sender))
-            else:
-                leaving.append((sender, arm, load))
-        self.post = []
-        for sender, arm, load in self._add_up(leaving) if self.accumulate else leaving:
-            boundary = self._boundary_agent(self.neighbour(sender.cell, arm))
-            back = boundary.answer(load, arm)
-            given = 0.0 if back is None else back.total
-            if back is not None:
-                arriving.append((sender.cell, back, None))
-            self.returned += given
-            self.passed -= given
-        self.passed += self._arrive(arriving)
-
-    def _add_up(
-        self, leaving: list[tuple[MaterialAgent, int, Load]]
-    ) -> Iterable[tuple[MaterialAgent, int, Load]]:
-        """Add the loads in one state that one agent hands to one boundary."""
-        sums: dict[tuple[MaterialAgent, int, int, Sense], float] = {}
-        for sender, arm, load in leaving:
-            key = (sender, arm, load.direction, load.sense)
-            sums[key] = sums.get(key, 0.0) + load.total
-        for (sender, arm, direction, sense), total in sums.items():
-            if total > self.threshold:
-                yield sender, arm, Load(direction, total, 1.0, sense)
-            else:
-                self.dropped += total
-
-    def _arrive(self, arriving: list[tuple[Cell, Load, MaterialAgent | None]]) -> float:
-        """Judge the loads that meet in a cell, and wake agents for those above the threshold."""
-        meeting: dict[tuple[Cell, int, Sense, float], list[tuple[Load, MaterialAgent | None]]] = {}
-        for cell, load, sender in arriving:
-            alike = 0.0 if self.accumulate else load.magnitude
-            key = (cell, load.direction, load.sense, alike)
-            meeting.setdefault(key, []).append((load, sender))
-        accepted = 0.0
-        for (cell, direction, sense, magnitude), met in meeting.items():
-            total = sum(load.total for load, _ in met)
-            load = Load(direction, magnitude, sum(load.copies for load, _ in met), sense)
-            if self.accumulate:
-                load = Load(direction, total, 1.0, sense)
-            if load.magnitude > self.threshold:
-                senders = [sender for _, sender in met if sender is not None]
-                self._material_agent(cell).receive(load, senders)
-                accepted += total
-            else:
-                self.dropped += total
-        return accepted
-
-    def _material_agent(self, cell: Cell) -> MaterialAgent:
-        if cell not in self.agents:
-            number = self.kinds[cell.coordinate]
-            material, shares = self.transfer.materials[number], self.transfer.shares[number]
-            self.agents[cell] = self.material_agent(self.model, cell, material, shares)
-        return self.agents[cell]
-
-    def _boundary_agent(self, cell: Cell) -> BoundaryAgent:
-        if cell not in self.boundaries:
-            kind = self.boundary_agents[int(self.kinds[cell.coordinate])]
-            self.boundaries[cell] = kind(self.model, cell)
-        return self.boundaries[cell]
-
     def since(self, generation: int, agents: int) -> News:
         """Return what came after a generation, and after so many agents."""
-        parts = enumerate(self.record[generation:], start=generation + 1)
-        rows = [(g, *row) for g, part in parts for row in part]
+        self._settle()
+        taken = TakenRows.joined(self.record)
         born = list(self.agents.values())[agents:]
+        late = taken.generation > generation
         return News(
-            np.array([g for g, _, _, _ in rows], dtype=np.int64),
-            self.lattice.key(self._places([agent for _, agent, _, _ in rows])),
-            np.array([state for _, _, state, _ in rows], dtype=np.int64),
-            np.array([load for _, _, _, load in rows]),
+            taken.generation[late],
+            taken.key[late],
+            taken.state[late],
+            taken.load[late],
             self.lattice.key(self._places(born)),
             np.array([agent.spawn_step for agent in born], dtype=np.int64),
             np.array([self._arms_to_wakers(agent) for agent in born], dtype=np.int64),
@@ -302,14 +445,16 @@ class AgentEngine:
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
-        agents = self._ordered(self.agents.values())
+        return self._totals(self._ordered(self.agents.values()))
+
+    def _totals(self, agents: list[MaterialAgent]) -> Totals:
         cells, axes = self._places(agents), len(self.lattice.axes)
         kept = _table([agent.squeezed for agent in agents], axes)
         if self.material_agent.shortening is MaterialAgent.shortening:  # asked of all at once
             modulus = np.array([agent.material.youngs_modulus for agent in agents])
             shortened = kept / (self.transfer.cross_section * modulus[:, None])
         else:
-            laws = [[agent.shortening(axis) for axis in range(axes)] for agent in agents]
+            laws = [[self._shortening(agent, axis) for axis in range(axes)] for agent in agents]
             shortened = np.array(laws).reshape(-1, axes)
         widening = np.array([agent.shares.widening for agent in agents])
         return Totals(
@@ -322,16 +467,34 @@ class AgentEngine:
             dropped=np.array([agent.dropped for agent in agents]),
         )
 
-    def stage(self, factor: float, outcome: str) -> Stage:
-        """Return what the stage has left behind so far."""
+    def _shortening(self, agent: MaterialAgent, axis: int) -> float:
+        short = agent.shortening(axis)
+        if not (isinstance(short, Real) and isfinite(short)):
+            raise self.wrong(agent, "shortening", f"must answer a finite number, got {short!r:.60}")
+        return float(short)
+
+    def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
+        """Return what the stage has left behind so far; its ledger tells how it ended."""
+        self._settle()
         agents = self._ordered(self.agents.values())
         boundaries = self._ordered(self.boundaries.values())
         boundary_cells, directions = self._places(boundaries), self.lattice.directions
-        taken, totals = _table([agent.taken for agent in agents], directions), self.totals()
+        taken, totals = _table([agent.taken for agent in agents], directions), self._totals(agents)
+        ledger = Ledger(
+            applied=self.applied,
+            taken=float(taken.sum()),
+            kept=sum((agent.kept for agent in agents), start=0.0),
+            emitted=float(totals.passed.sum() + totals.dropped.sum()),
+            passed=self.passed,
+            returned=self.returned,
+            dropped=self.dropped + float(totals.dropped.sum()),
+            pending=self.pending,
+            absorbed=sum((boundary.kept for boundary in boundaries), start=0.0),
+        )
         return Stage(
             **totals._asdict(),
             factor=factor,
-            outcome=outcome,
+            outcome=outcome(ledger),
             generations=self.generation,
             spawn_step=np.array([agent.spawn_step for agent in agents], dtype=np.int64),
             woken_by=np.array([self._arms_to_wakers(a) for a in agents], dtype=np.int64),
@@ -342,68 +505,88 @@ class AgentEngine:
             boundary_spawn_step=np.array([b.spawn_step for b in boundaries], dtype=np.int64),
             returned=np.array([boundary.returned for boundary in boundaries]),
             arrived=_table([boundary.taken for boundary in boundaries], directions),
-            history=self._history(agents),
-            ledger=Ledger(
-                applied=self.applied,
-                taken=float(taken.sum()),
-                kept=sum((agent.kept for agent in agents), start=0.0),
-                emitted=float(totals.passed.sum() + totals.dropped.sum()),
-                passed=self.passed,
-                returned=self.returned,
-                dropped=self.dropped + float(totals.dropped.sum()),
-                pending=self.pending,
-                absorbed=sum((boundary.kept for boundary in boundaries), start=0.0),
-            ),
+            history=history_of(self.record, self.lattice.key(totals.cells), directions),
+            ledger=ledger,
         )
 
     def _ordered(self, agents: Iterable[A]) -> list[A]:
         """Sort agents by spawn step and place."""
-        return sorted(agents, key=lambda agent: (agent.spawn_step, *agent.cell.coordinate))
+        return sorted(agents, key=lambda agent: (agent.spawn_step, agent.cell.coordinate))
 
     def _places(self, agents: Sequence[MaterialAgent] | Sequence[BoundaryAgent]) -> Ints:
-        """Return the cells of agents, without the rim."""
         cells = np.array([agent.cell.coordinate for agent in agents], dtype=np.int64)
-        return cells.reshape(-1, self.lattice.dimension) - 1
-
-    def _history(self, agents: list[MaterialAgent]) -> History:
-        number = {agent: row for row, agent in enumerate(agents)}
-        record = [
-            (
-                np.array([number[agent] for agent, _, _ in rows], dtype=np.int64),
-                np.array([state for _, state, _ in rows], dtype=np.int64),
-                np.array([load for _, _, load in rows]),
-            )
-            for rows in self.record
-        ]
-        return collect_history(record, self.lattice.directions)
+        return cells.reshape(-1, self.lattice.dimension)
 
     def _arms_to_wakers(self, agent: MaterialAgent) -> int:
-        wakers = {waker.cell for waker in agent.woken_by}
+        if not agent.woken_by:
+            return 0
+        if agent.beyond is None:
+            self._look_round([agent])
+        wakers = {waker.cell.coordinate for waker in agent.woken_by}
         arms = self.lattice.arms[agent.form]
-        return sum(1 << arm for arm in arms if self.neighbour(agent.cell, arm) in wakers)
+        return sum([1 << arm for arm in arms if agent.beyond[arm][0] in wakers])
 
 
-def _space(lattice: Lattice, shape: tuple[int, ...], random: Random) -> Any:
-    """Return Mesa's space of the array and a rim of one cell, joined as the lattice is."""
-    if lattice.kind in BUILT_IN:
-        grid = HexGrid if lattice.kind == "hexagon" else OrthogonalVonNeumannGrid
-        return grid(shape, torus=False, random=random)
-    graph = networkx.Graph()
-    cells = np.indices(shape).reshape(len(shape), -1).T
-    graph.add_nodes_from(map(tuple, cells.tolist()))
-    for arm in range(lattice.directions):
-        reached = lattice.neighbours(cells - 1, arm) + 1
-        joined = np.all((reached >= 0) & (reached < shape), axis=1)
-        joined &= np.any(reached != cells, axis=1)
-        ends = (map(tuple, column[joined].tolist()) for column in (cells, reached))
-        graph.add_edges_from(zip(*ends, strict=True))
-    return Network(graph, random=random)
+class Sum:
+    """Loads that are added up, and who sent them."""
+
+    __slots__ = ("senders", "total")
+
+    def __init__(self) -> None:
+        self.total = 0.0
+        self.senders: list[MaterialAgent] = []
+
+
+class MeetingPlace:
+    """Stands for a neighbour while the loads that meet there are added up.
+
+    In a cell of the body all loads of a state meet, at a boundary those of one sender and arm.
+    """
+
+    __slots__ = ("arm", "cell", "kind", "sums")
+
+    def __init__(
+        self, sums: dict[tuple[Any, ...], Sum], cell: Index, kind: int, arm: int = -1
+    ) -> None:
+        self.sums, self.cell, self.kind, self.arm = sums, cell, kind, arm
+
+    def put(
+        self, direction: int, magnitude: float, copies: float, sense: Sense, sender: Any
+    ) -> None:
+        """Add a load."""
+        from_one = (sender, self.arm) if self.kind < 0 else (None, -1)
+        key = (self.cell, self.kind, direction, sense, *from_one)
+        added = self.sums.setdefault(key, Sum())
+        added.total += magnitude * copies
+        if sender is not None:
+            added.senders.append(sender)
+
+
+class Edge:
+    """Where an agent meets a boundary: loads wait there until all agents have acted."""
+
+    __slots__ = ("arm", "boundary", "leaving")
+
+    def __init__(self, boundary: BoundaryAgent, arm: int, leaving: list[Any]) -> None:
+        self.boundary, self.arm, self.leaving = boundary, arm, leaving
+
+    def put(
+        self, direction: int, magnitude: float, copies: float, sense: Sense, sender: Any
+    ) -> None:
+        """Let a load wait."""
+        load = Load(direction, magnitude, copies, sense)
+        self.leaving.append((self.boundary, load, sender, self.arm))
+
+
+_EMISSION = ", which is no Emission: (arm, direction, share, sense)"
+
+
+def _is_amount(value: Any) -> bool:
+    """Tell whether a value is a number that is finite and not negative."""
+    return isinstance(value, Real) and 0.0 <= float(value) < inf
 
 
 def _table(amounts: list[dict[int, float]], columns: int) -> Floats:
     """Return dictionaries as the rows of a table."""
-    table = np.zeros((len(amounts), columns))
-    for row, amount in enumerate(amounts):
-        for column, load in amount.items():
-            table[row, column] = load
-    return table
+    rows = [[amount.get(column, 0.0) for column in range(columns)] for amount in amounts]
+    return np.array(rows, dtype=np.float64).reshape(-1, columns)

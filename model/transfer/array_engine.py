@@ -6,16 +6,17 @@ products of a few shares, so a row carries the number of its magnitude in a tabl
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.agents.shares import Load
 from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import AgentError
 from kaju.model.scene import Scene
 
-from .stage import Ledger, News, Stage, Totals, collect_boundary, collect_history
+from .stage import Ledger, News, Stage, TakenRows, Totals, collect_boundary, history_of
 
 if TYPE_CHECKING:
     from .transfer import Transfer
@@ -187,7 +188,7 @@ class ArrayEngine:
 
     def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
-        self.generation = 0
+        self.generation, self.acted = 0, True
         self.agents = AgentTable(self.scene, self.transfer.states)
         self.record: list[tuple[Ints, Ints, Floats]] = []
         self.boundary: list[BoundaryRows] = []
@@ -213,14 +214,29 @@ class ArrayEngine:
         """Sum of the loads that wait to be taken (N)."""
         return float(self.load.sum())
 
-    def step(self) -> None:
-        """Let every agent take the loads that reached it and pass them on."""
+    def begin(self) -> None:
+        """Count a generation."""
         self.generation += 1
+        self.acted = False
+
+    def act(self, order: object = None) -> None:
+        """Let every agent take the loads that reached it and pass them on."""
+        if self.acted:
+            return
+        self.acted = True
         agent = self.agents.find(self.waiting.place)
         self._take(agent)
         returned = self.returned
         self._arrive(self._hand_over(self._emit(agent)))
         self.passed += self.pending - (self.returned - returned)
+
+    def end(self) -> None:
+        """Refuse a generation in which nobody acted."""
+        if not self.acted:
+            raise AgentError(
+                "step: on arrays a step of your own must call super().step(), which lets agents "
+                "act; to let them act yourself take engine='agents'"
+            )
 
     def _take(self, agent: Ints) -> None:
         """Add up what each agent takes in each state; the rows are sorted by both."""
@@ -359,29 +375,22 @@ class ArrayEngine:
 
     def since(self, generation: int, agents: int) -> News:
         """Return what came after a generation, and after so many agents."""
-        table, none = self.agents, np.empty(0, dtype=np.int64)
-        parts = self.record[generation:]
-        when = [np.full(len(part[0]), g) for g, part in enumerate(parts, start=generation + 1)]
+        table, taken = self.agents, TakenRows.joined(self._taken(generation))
         return News(
-            np.concatenate([none, *when]),
-            table.key[np.concatenate([none, *(agent for agent, _, _ in parts)])],
-            np.concatenate([none, *(state for _, state, _ in parts)]),
-            np.concatenate([np.empty(0), *(load for _, _, load in parts)]),
+            taken.generation,
+            taken.key,
+            taken.state,
+            taken.load,
             table.key[agents:],
             table.spawn_step[agents:],
             table.woken_by[agents:],
         )
 
-    def waiting_for(self, agent: int) -> list[Load]:
-        """Return the loads that an agent takes in the next step."""
-        here = np.flatnonzero(self.waiting.place == self.agents.key[agent])
-        rows = self.waiting.where(here)
-        pull, direction = np.divmod(rows.state.astype(np.int64), self.lattice.directions)
-        columns = (direction, self.values[rows.magnitude], rows.copies, pull)
-        return [
-            Load(d, magnitude, copies, "pull" if pulls else "push")
-            for d, magnitude, copies, pulls in zip(*(c.tolist() for c in columns), strict=True)
-        ]
+    def _taken(self, generation: int = 0) -> Iterator[TakenRows]:
+        """Return what was taken after a generation."""
+        parts = enumerate(self.record[generation:], start=generation + 1)
+        for number, (agent, state, load) in parts:
+            yield TakenRows(np.full(len(agent), number), self.agents.key[agent], state, load)
 
     def at_boundary(self) -> tuple[Floats, Floats]:
         """Return what boundary agents took by direction, and gave back by arm (N)."""
@@ -406,7 +415,7 @@ class ArrayEngine:
         cells, material = table.cells, table.material
         return Totals(cells, material, kept, shortened, widened, table.passed, table.dropped)
 
-    def stage(self, factor: float, outcome: str) -> Stage:
+    def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
         """Return what the stage has left behind so far."""
         table, kinds = self.agents, self.scene.kinds
         boundary_key, boundary_step, returned = collect_boundary(
@@ -431,7 +440,7 @@ class ArrayEngine:
         )
         return Stage(
             factor=factor,
-            outcome=outcome,
+            outcome=outcome(ledger),
             generations=self.generation,
             **self.totals()._asdict(),
             spawn_step=table.spawn_step,
@@ -443,7 +452,7 @@ class ArrayEngine:
             boundary_spawn_step=boundary_step,
             returned=returned,
             arrived=self.at_boundary()[0],
-            history=collect_history(self.record, self.lattice.directions),
+            history=history_of(self._taken(), table.key, self.lattice.directions),
             ledger=ledger,
         )
 

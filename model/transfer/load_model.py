@@ -3,45 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from time import perf_counter
 from typing import Any, Literal
 
 import numpy as np
 
-from kaju.agents.awake_cells import AwakeBoundary, AwakeCell
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.rules import Emission, ShareRule, Shares
-from kaju.agents.shares import Load, Sense
-from kaju.errors import StabilityError
-from kaju.mesa_model import Order, SteppedModel, Until, takes_objects
+from kaju.agents.rules import ShareRule
+from kaju.agents.shares import Load
+from kaju.errors import ParameterError
+from kaju.mesa_model import SteppedModel
 from kaju.model.scene import Scene
-from kaju.model.scene.lattice import Lattice
-from kaju.progress import progress_line
+from kaju.stepping import Order, takes_objects
 
 from .agent_engine import AgentEngine, boundary_classes
 from .array_engine import ArrayEngine
-from .stability import Certificate, certify, not_known
-from .stage import News, Stage, Totals
-from .transfer import BOUNDARY_NAMES, Transfer, states_of
-from .transfer_result import TransferResult
+from .load_transfer import LoadTransfer
 
 EngineName = Literal["auto", "agents", "arrays"]
 
 MOST_CELLS_FOR_AGENTS = 10_000
 """Up to this many cells every agent is an object when the engine is chosen by itself."""
 
-MOST_REMEMBERED = 10_000
-"""So many sets of emissions are kept, so that they need not be worked out for every load."""
 
-MOST_GROWTH = 1e12
-"""A run whose waiting loads exceed the applied ones by this factor is stopped."""
-
-MOST_GROWTH_UNKNOWN = 1e3
-"""The same for agents of one's own, of which no certificate says that their loads end."""
-
-
-class LoadModel(SteppedModel):
+class LoadModel(LoadTransfer, SteppedModel):
     """Load transfer, one generation a step.
 
     In each step every agent takes the loads that reached it in the step before and passes
@@ -86,10 +71,10 @@ class LoadModel(SteppedModel):
     certificate : Certificate
         What is known about the stability before the run; of agents of your own, nothing.
     agents : mesa AgentSet
-        The agents that are awake. Where they are rows of arrays, objects that show the rows
-        are made when this is read.
+        The agents that are awake; refused where they are rows of arrays.
     space : mesa.discrete_space grid or None
-        Where the agents live; None where they are rows of arrays.
+        Where the agents live; its coordinates are the scene's, and its cells are made when
+        somebody asks for them. None where agents are rows of arrays.
     datacollector : mesa.DataCollector
         After every step: stage, generation, number of material agents, loads taken so far
         in the stage, given back by boundaries, and waiting (N).
@@ -118,62 +103,46 @@ class LoadModel(SteppedModel):
         rule: ShareRule | None = None,
         seed: int | None = None,
     ) -> None:
-        super().__init__(rng, seed)
-        self.scene = scene
-        self.transfer = Transfer(scene, rule)
-        self.certificate: Certificate = certify(scene, self.transfer)
+        SteppedModel.__init__(self, rng, seed)
         self._own: dict[str, Any] = {
             "material_agent": material_agent,
             "boundary_agents": boundary_agents,
             "order": order,
             "rule": rule,
         }
-        own = {"material": material_agent} if material_agent is not MaterialAgent else {}
-        own |= dict(boundary_agents or {})
-        self.allow_unstable = allow_unstable
-        if own:
-            self.certificate = not_known([agent.__name__ for agent in own.values()])
-        elif not (self.certificate.stable or allow_unstable):
-            raise StabilityError(
-                f"{self.certificate.verdict}; to watch it grow all the same, "
-                "set allow_unstable=True"
-            )
-        self.max_generations = max_generations
-        self._axis_of: list[int] = scene.lattice.axis_of.tolist()
-        self._sent: dict[tuple[Shares, int, Sense, int], tuple[Emission, ...]] = {}
-        self._rows: list[AwakeCell | AwakeBoundary] = []
-        self._cells: list[AwakeCell] = []
-        self.engine = self._choose_engine(engine, material_agent, boundary_agents or {}, order)
-        self.reset()
-
-    def _choose_engine(
-        self,
-        engine: str,
-        material_agent: type[MaterialAgent],
-        boundary_agents: Mapping[str, type[BoundaryAgent]],
-        order: Order[MaterialAgent] | None,
-    ) -> AgentEngine | ArrayEngine:
-        small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
-        own: Any = next(iter(boundary_agents.values()), order) or MaterialAgent
+        own: dict[str, type] = dict(boundary_agents or {})
         if material_agent is not MaterialAgent:
-            own = material_agent
-        classes = boundary_classes(boundary_agents)
-        if takes_objects(engine, own, MaterialAgent, small):
-            return AgentEngine(self, self.scene, self.transfer, material_agent, classes, order)
-        return ArrayEngine(self.scene, self.transfer)
+            own["material"] = material_agent
+        names = [getattr(agent, "__name__", repr(agent)) for agent in own.values()]
+        self._describe(scene, allow_unstable, max_generations, rule, names)
+        self.order = order
+        classes = boundary_classes(boundary_agents or {})
+        acts_its_own_way: Any = next(iter(own.values()), order) or MaterialAgent
+        small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
+        self.engine: AgentEngine | ArrayEngine
+        if takes_objects(engine, acts_its_own_way, MaterialAgent, small):
+            self.engine = AgentEngine(self, scene, self.transfer, material_agent, classes)
+        else:
+            self.engine = ArrayEngine(scene, self.transfer)
+        self.reset()
 
     def reset(self) -> None:
         """Go back to the first stage, before any load was taken, and to the first seed."""
         self._start_again()
-        self.finished: list[Stage] = []
-        self.seconds = 0.0
-        self._begin_stage(1)
+        self._begin()
+
+    def step(self) -> None:
+        """Let all agents act for which loads wait, or those whom the order chooses.
+
+        Each takes its loads, keeps a share and passes the others on. Boundaries give back, and
+        loads arrive, when this has ended.
+        """
+        self.engine.act(self.order)
 
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and those that no file can hold."""
-        objects = isinstance(self.engine, AgentEngine)
         options = {
-            "engine": "agents" if objects else "arrays",
+            "engine": "agents" if isinstance(self.engine, AgentEngine) else "arrays",
             "allow_unstable": self.allow_unstable,
             "max_generations": self.max_generations,
         }
@@ -189,89 +158,38 @@ class LoadModel(SteppedModel):
             "material_agents": engine.awake,
             "load_taken": engine.taken,
             "load_returned": engine.returned,
-            "load_waiting": self.pending,
+            "load_waiting": engine.pending,
         }
 
-    def _begin_stage(self, stage: int) -> None:
-        self.stage = stage
-        self._stage_is_over = False
-        for agent in self._rows:
-            agent.remove()
-        self._rows, self._cells = [], []
-        self._looked: tuple[int, Stage] | None = None
-        self.engine.start(*states_of(self.scene, stage, self.transfer.rule.sense))
-        self.pending = self.engine.pending
+    def _objects(self) -> AgentEngine:
+        """Return the engine of agents as objects; say what to do if they are rows of arrays."""
+        if not isinstance(self.engine, AgentEngine):
+            raise ParameterError(
+                "engine: agents are rows of arrays here, not objects; take "
+                "LoadModel(scene, engine='agents'), or look at result().to_dataframe()"
+            )
+        return self.engine
 
     @property
     def space(self) -> Any:
-        """Mesa's grid, one cell wider than the scene's on every side; None with arrays."""
+        """Mesa's space of the scene's cells; None with arrays."""
         return self.engine.space if isinstance(self.engine, AgentEngine) else None
 
     @property
     def agents(self) -> Any:
         """The agents that are awake, as a Mesa AgentSet in the order in which they woke."""
-        self._show_rows()
+        self._objects()
         return super().agents
 
     @property
     def agents_by_type(self) -> Any:
         """The agents that are awake, a Mesa AgentSet for each class."""
-        self._show_rows()
+        self._objects()
         return super().agents_by_type
 
     def agent_at(self, index: tuple[int, ...]) -> MaterialAgent | None:
         """Return the material agent of a cell of the scene, None if it sleeps."""
-        cell = np.array([index], dtype=np.int64)
-        if not self.lattice.contains(cell)[0]:
-            return None
-        if isinstance(self.engine, AgentEngine):
-            place = self.engine.space[tuple(count + 1 for count in index)]
-            return self.engine.agents.get(place)
-        table, key = self.engine.agents, self.lattice.key(cell)
-        if table.missing(key)[0]:
-            return None
-        self._show_rows()
-        return self._cells[int(table.find(key)[0])]
-
-    @property
-    def looked_at(self) -> Stage:
-        """The current stage as it is now; worked out once a step."""
-        if self._looked is None or self._looked[0] != self.generation:
-            self._looked = (self.generation, self.engine.stage(self._factor, ""))
-        return self._looked[1]
-
-    def _show_rows(self) -> None:
-        """Make objects for the rows of arrays that have none yet."""
-        if isinstance(self.engine, AgentEngine):
-            return
-        stage = self.looked_at
-        edges = len(self._rows) - len(self._cells)
-        new_cells = [AwakeCell(self, row) for row in range(len(self._cells), len(stage.cells))]
-        new_edges = [AwakeBoundary(self, row) for row in range(edges, len(stage.boundary_cells))]
-        self._cells += new_cells
-        self._rows += [*new_cells, *new_edges]
-
-    def wakers(self, row: int) -> list[tuple[int, ...]]:
-        """Return the cells whose loads woke the agent of a row."""
-        stage = self.looked_at
-        cell, bits = stage.cells[row : row + 1], int(stage.woken_by[row])
-        arms = [arm for arm in range(self.lattice.directions) if bits >> arm & 1]
-        return [tuple(self.lattice.neighbours(cell, arm)[0].tolist()) for arm in arms]
-
-    @staticmethod
-    def boundary_name(kind: int) -> str:
-        """Return the name of a kind of boundary."""
-        return BOUNDARY_NAMES[kind]
-
-    @property
-    def lattice(self) -> Lattice:
-        """The scene's lattice."""
-        return self.scene.lattice
-
-    @property
-    def generation(self) -> int:
-        """Steps taken in the current stage."""
-        return self.engine.generation
+        return self._objects().agents.get(tuple(index))
 
     @property
     def threshold(self) -> float:
@@ -295,115 +213,25 @@ class LoadModel(SteppedModel):
 
     def axis_of(self, direction: int) -> int:
         """Return the number of the axis that a direction lies on."""
-        return self._axis_of[direction]
+        return int(self.lattice.axis_of[direction])
 
     def heading(self, load: Load) -> int:
         """Return where a load travels: a push along its force, a pull against it."""
         return self.transfer.heading(load.direction, load.sense)
 
-    def emissions(self, agent: MaterialAgent, load: Load) -> tuple[Emission, ...]:
-        """Return what a load sends out of an agent for each newton, by its shares."""
-        key = (agent.shares, load.direction, load.sense, agent.form)
-        sent = self._sent.get(key)
-        if sent is None:
-            if len(self._sent) > MOST_REMEMBERED:
-                self._sent.clear()
-            sent = self._sent[key] = self.transfer.emissions(*key)
-        return sent
-
     def hand_over(self, sender: MaterialAgent, arm: int, load: Load) -> None:
-        """Bring a load to the neighbour over an arm, where it is taken in the next step."""
-        assert isinstance(self.engine, AgentEngine)
-        self.engine.hand_over(sender, arm, load)
+        """Bring a load to the neighbour over an arm, where it is taken in the next step.
 
-    def step(self) -> None:
-        """Let one generation of loads be taken; a new stage begins when one is at rest."""
-        began = perf_counter()
-        if self._stage_is_over:
-            self.finished.append(self.engine.stage(self._factor, self.outcome))
-            self._begin_stage(self.stage + 1)
-        if not self.at_rest:
-            self.engine.step()
-        self.pending = self.engine.pending
-        self._stage_is_over = self.outcome != ""
-        more = self.pending == 0.0 and self.stage < self.scene.stages
-        self.running = more or not self._stage_is_over
-        self.seconds += perf_counter() - began
-
-    @property
-    def _factor(self) -> float:
-        return self.stage / self.scene.stages
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether no load waits to be taken in the current stage."""
-        return self.engine.pending == 0.0
-
-    @property
-    def outcome(self) -> str:
-        """How the current stage ended, in words; empty while loads travel."""
-        generation, pending = self.engine.generation, self.pending
-        if pending == 0.0:
-            if generation == 0:
-                return f"no load exceeds the threshold of {self.threshold:g} N: nothing happens"
-            return f"at rest after {generation} generations"
-        watched = not (self.certificate.known or self.allow_unstable)
-        if pending > (MOST_GROWTH_UNKNOWN if watched else MOST_GROWTH) * self.engine.applied:
-            return (
-                f"stopped after {generation} generations: the loads have grown to "
-                f"{pending / self.engine.applied:.0e} times the applied ones"
-            ) + ("; to watch them grow further, set allow_unstable=True" if watched else "")
-        if generation >= self.max_generations:
-            return f"stopped after max_generations = {generation} with loads on their way"
-        return ""
-
-    def since(self, generation: int, agents: int = 0) -> News:
-        """Return what has happened in the current stage after a generation.
-
-        Parameters
-        ----------
-        generation : int
-            0 for all of it.
-        agents : int
-            How many agents are known already; those that spawned later are told.
+        Raises
+        ------
+        AgentError
+            If there is no such arm, or it is no load: finite and not negative, of a known
+            direction and sense.
         """
-        return self.engine.since(generation, agents)
-
-    @property
-    def totals(self) -> Totals:
-        """What each agent of the current stage has done by now, in the order of `Stage`."""
-        return self.engine.totals()
+        self._objects().hand_over(sender, arm, load)
 
     def watch(self, port: int = 8000, *, browser: bool = True) -> None:
         """Show agents like these at work in a browser; see `kaju.watch`."""
         import kaju
 
         kaju.watch(self, port, browser=browser)
-
-    def run(self, progress: bool | None = None, until: Until | None = None) -> TransferResult:
-        """Step until the last stage is at rest, and return the result.
-
-        Parameters
-        ----------
-        until : callable, optional
-            A function of the model; the run pauses as soon as it is true, and can go on.
-        progress : bool, optional
-            Show a progress line; None: on a terminal, when the run takes over two seconds.
-        """
-        with progress_line(progress) as report:
-            return self._run(
-                until,
-                self.result,
-                lambda: report(
-                    f"stage {self.stage} of {self.scene.stages}, generation {self.generation}, "
-                    f"{self.pending:.3g} N on the way"
-                ),
-            )
-
-    def result(self) -> TransferResult:
-        """Return what has been computed so far."""
-        outcome = self.outcome or f"interrupted after {self.generation} generations"
-        stages = (*self.finished, self.engine.stage(self._factor, outcome))
-        return TransferResult(
-            scene=self.scene, stages=stages, certificate=self.certificate, seconds=self.seconds
-        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -204,17 +205,26 @@ def collect_boundary(handed: list[tuple[Ints, Floats]]) -> tuple[Ints, Ints, Flo
     return key[order], step[first][order], returned[order]
 
 
-def collect_history(record: list[tuple[Ints, Ints, Floats]], directions: int) -> History:
-    """Gather the loads taken, from (agent, state, load) of each generation."""
-    nothing = np.empty(0, dtype=np.int64)
-    generation = [np.full(len(agent), g) for g, (agent, _, _) in enumerate(record, start=1)]
-    pull, direction = np.divmod(
-        np.concatenate([nothing, *(state for _, state, _ in record)]), directions
-    )
-    return History(
-        np.concatenate([nothing, *generation]),
-        np.concatenate([nothing, *(agent for agent, _, _ in record)]),
-        direction,
-        np.concatenate([np.empty(0), *(load for _, _, load in record)]),
-        pull > 0,
-    )
+class TakenRows(NamedTuple):
+    """Loads taken: generation, cell (`Lattice.key`), state, and their sum (N)."""
+
+    generation: Ints
+    key: Ints
+    state: Ints
+    load: Floats
+
+    @classmethod
+    def joined(cls, parts: Iterable[TakenRows]) -> TakenRows:
+        """Put parts one after another."""
+        none = np.empty(0, dtype=np.int64)
+        columns = zip(cls(none, none, none, np.empty(0)), *parts, strict=True)
+        return cls(*(np.concatenate(column) for column in columns))
+
+
+def history_of(record: Iterable[TakenRows], key: Ints, directions: int) -> History:
+    """Return the loads taken as a history of agents, whose cells are `key`."""
+    taken = TakenRows.joined(record)
+    order = np.argsort(key)
+    agent = order[np.searchsorted(key, taken.key, sorter=order)]
+    pull, direction = np.divmod(taken.state, directions)
+    return History(taken.generation, agent, direction, taken.load, pull > 0)

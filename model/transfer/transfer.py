@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from math import inf, isfinite
+from numbers import Real
 
 import numpy as np
 
@@ -159,15 +160,20 @@ def _answer(rule: ShareRule, material: Material, dimension: int) -> Shares:
         raise ParameterError(
             f"rule: shares of {material.name!r} must be kaju.Shares, got {shares!r}"
         )
-    for name in ("own", "forward", "backward", "friction", "poisson"):
-        share = getattr(shares, name)
-        least = -inf if name == "poisson" and rule.sense else 0.0
-        if not (isfinite(share) and share >= least):
-            raise ParameterError(
-                f"rule: share {name!r} of {material.name!r} must be a number from 0 upwards, "
-                f"got {share}"
-            )
+    problem = check_shares(shares, rule.sense)
+    if problem:
+        raise ParameterError(f"rule: {material.name!r} {problem}")
     return shares
+
+
+def check_shares(shares: Shares, sense: bool) -> str:
+    """Say what is wrong with shares; nothing if all is well."""
+    for name in ("own", "forward", "backward", "friction", "poisson", "widening"):
+        share = getattr(shares, name)
+        least = -inf if name == "widening" or (name == "poisson" and sense) else 0.0
+        if not (isinstance(share, Real) and isfinite(share) and float(share) >= least):
+            return f"has the share {name!r} = {share!r}, which must be a number from 0 upwards"
+    return ""
 
 
 def states_of(scene: Scene, stage: int, sense: bool) -> tuple[Cells, Ints, Floats]:

@@ -21,6 +21,7 @@ from mesa import DataCollector, Model  # noqa: E402
 from mesa.agent import AgentSet  # noqa: E402
 from mesa.discrete_space import (  # noqa: E402
     Cell,
+    DiscreteSpace,
     HexGrid,
     Network,
     OrthogonalVonNeumannGrid,
@@ -57,6 +58,7 @@ __all__ = [
     "AgentSet",
     "Cell",
     "DataCollector",
+    "DiscreteSpace",
     "FixedAgent",
     "HexGrid",
     "Model",

@@ -16,6 +16,10 @@ class ParameterError(KajuError, ValueError):
     """An argument is outside its rule (a negative size, a share above 1, a NaN)."""
 
 
+class AgentError(ParameterError):
+    """An agent or boundary of one's own has answered what is no answer."""
+
+
 class SceneError(KajuError, ValueError):
     """A scene breaks a rule: an unknown key, a load outside the body, an empty body."""
 

@@ -9,11 +9,11 @@ classes of one's own are given again.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from copy import deepcopy
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self
 
 from numpy.typing import NDArray
 
@@ -21,62 +21,11 @@ from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
 from kaju.model.scene import Scene
-from kaju.stopping import keeping, stopped
+from kaju.stepping import Answer, Until, step_to_end
 
 if TYPE_CHECKING:
     from kaju.model.elastic.settling.elastic_model import ElasticModel
     from kaju.model.transfer.load_model import LoadModel
-
-
-A = TypeVar("A")
-
-Order = Callable[[list[A]], Iterable[A]]
-"""Of the agents for which loads wait, those that act in this step, one after another."""
-
-
-def chosen(order: Order[A], waiting: list[A]) -> list[A]:
-    """Return whom an order of one's own lets act, each once.
-
-    Raises
-    ------
-    ParameterError
-        If it chooses nobody, or others than it was given.
-    """
-    acting = list(dict.fromkeys(order(list(waiting))))
-    if not acting or not set(acting) <= set(waiting):
-        raise ParameterError(
-            f"order: must choose at least one of the {len(waiting)} agents that it is given, "
-            f"and no others; it chose {len(acting)}"
-        )
-    return acting
-
-
-def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
-    """Tell whether agents are to be objects.
-
-    Parameters
-    ----------
-    engine : {"auto", "agents", "arrays"}
-        What was asked for.
-    agent, usual : type
-        Class of the agents, and the one that arrays know.
-    small : bool
-        Whether "auto" can afford objects.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such engine, or arrays are to run agents of one's own.
-    """
-    own_class = agent is not usual
-    if engine not in ("auto", "agents", "arrays"):
-        raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
-    if engine == "arrays" and own_class:
-        raise ParameterError(
-            f"engine: 'arrays' knows no {getattr(agent, '__name__', agent)}; "
-            "agents of your own are objects, so take 'auto' or 'agents'"
-        )
-    return engine == "agents" or (engine == "auto" and (small or own_class))
 
 
 _SUBJECT = "subject."
@@ -160,11 +109,6 @@ def _check_own(target: Path, wanted: dict[str, str], given: Mapping[str, Any]) -
             )
 
 
-Answer = TypeVar("Answer")
-Until = Callable[[Any], bool]
-"""A question about the model, asked before every step: whether to stop."""
-
-
 class SteppedModel(Model):
     """A Mesa model that can be run to its end, stopped on the way, and started again.
 
@@ -189,6 +133,7 @@ class SteppedModel(Model):
     """
 
     step: Callable[[], None]
+    running: bool
     _collector: DataCollector | None
     _noted: list[tuple[int, dict[str, float]]]
     _own_collector: bool
@@ -196,11 +141,29 @@ class SteppedModel(Model):
     def __init__(self, rng: Any = None, seed: int | None = None) -> None:
         if rng is not None and seed is not None:
             raise ParameterError("seed: is another word for rng; give one of them")
+        # Mesa counts the steps of whatever `step` is now: the model's own, or a subclass's.
+        self._own_step = self.step
+        self.step = self._one_step
+        self.steps_taken = 0
         super().__init__(rng=rng if seed is None else seed)
         self.first_draws = deepcopy(self.rng.bit_generator.state), self.random.getstate()
-        # Mesa counts every call of step; at the end there is nothing to count.
-        self._counted_step: Callable[[], None] = self.step
-        self.step = self._step_while_running
+
+    def begin_step(self) -> None:
+        """Do what has to be done before anybody acts, whatever `step` a subclass has."""
+
+    def end_step(self) -> None:
+        """Do what has to be done when everybody has acted."""
+
+    def _one_step(self) -> None:
+        """Take one step, unless the model is at its end: then there is nothing to count."""
+        if self.running:
+            self.steps_taken += 1
+            self.steps = self.steps_taken  # as Mesa 3 counts them, and Mesa 4 does not
+            self.begin_step()
+            self._own_step()
+            self.end_step()
+            self._note()
+        self.steps = self.steps_taken
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step."""
@@ -224,12 +187,6 @@ class SteppedModel(Model):
     def datacollector(self, collector: DataCollector) -> None:
         self._collector, self._noted, self._own_collector = collector, [], True
 
-    def _step_while_running(self) -> None:
-        if not self.running:
-            return
-        self._counted_step()
-        self._note()
-
     def _note(self) -> None:
         if self._own_collector:
             self.datacollector.collect(self)
@@ -239,7 +196,7 @@ class SteppedModel(Model):
 
     def _start_again(self) -> None:
         """Go back to no steps, the first random numbers and no data."""
-        self.steps = 0
+        self.steps = self.steps_taken = 0
         self.running = True
         state, drawn = self.first_draws
         self.rng.bit_generator.state = deepcopy(state)
@@ -320,23 +277,8 @@ class SteppedModel(Model):
         result: Callable[[], Answer],
         after: Callable[[], None] | None = None,
     ) -> Answer:
-        """Step until the end, or until a question is answered with yes; return what there is.
-
-        `after` is called after every step.
-        """
-        if not (until is None or callable(until)):
-            raise ParameterError(f"until: a function of the model is needed, got {until!r}")
-
-        def steps() -> Answer:
-            while self.running and not (until is not None and until(self)):
-                self.step()
-                if after is not None:
-                    after()
-                if stopped():
-                    break
-            return result()
-
-        return keeping(steps)
+        """Step to the end; see `step_to_end`."""
+        return step_to_end(self, until, result, after)
 
 
 class _Figure:

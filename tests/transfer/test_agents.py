@@ -27,7 +27,7 @@ STRAIGHT = PrescribedRule(alpha=(0.5, 0.5, 0.0), beta=1.0, threshold=0.3)
 
 def agent_at(model, column, row=0):
     assert isinstance(model.engine, AgentEngine)
-    return next(agent for agent in model.agents if agent.cell.coordinate == (column + 1, row + 1))
+    return next(agent for agent in model.agents if agent.index == (column, row))
 
 
 def test_a_row_step_by_step():

@@ -18,6 +18,7 @@ from kaju import (
     Scene,
     SpawningModel,
 )
+from kaju.errors import ParameterError
 from kaju.model.network import triangular
 
 ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
@@ -32,44 +33,25 @@ def plate(steps=1, rule=None, cells=20, sense=False):
     )
 
 
-def told(agent):
-    numbers = {
-        f"{name} {key}": value
-        for name in ("taken", "passed")
-        for key, value in getattr(agent, name).items()
-    }
-    return numbers | {"kept": agent.kept, "since": agent.spawn_step}
+def test_rows_of_arrays_are_no_agents_and_say_so():
+    model = LoadModel(plate(), engine="arrays")
+    model.run()
+    for ask in (
+        lambda: model.agents,
+        lambda: model.agents_by_type,
+        lambda: model.agent_at((10, 19)),
+    ):
+        with pytest.raises(ParameterError, match="engine='agents'"):
+            ask()
 
 
-@pytest.mark.parametrize("sense", [False, True])
-def test_agents_of_arrays_tell_what_objects_tell(sense):
-    models = [LoadModel(plate(sense=sense), engine=engine) for engine in ("agents", "arrays")]
-    for _ in range(9):
-        for model in models:
-            model.step()
-        objects, rows = ({agent.index: agent for agent in model.agents} for model in models)
-        assert objects.keys() == rows.keys()
-        for index, agent in objects.items():
-            row = rows[index]
-            assert told(row) == pytest.approx(told(agent), rel=1e-12)
-            np.testing.assert_array_equal(row.position, agent.position)
-    for index in [(10, 19), (9, 18)]:
-        agent, row = objects[index], rows[index]
-        assert (row.material, row.shares) == (agent.material, agent.shares)
-        assert row.squeezed == pytest.approx(agent.squeezed)
-        assert row.inbox == pytest.approx(agent.inbox)
-        assert row.pulls == pytest.approx(agent.pulls)
-        assert {a.index for a in row.woken_by} == {a.index for a in agent.woken_by}
-        assert row is models[1].agent_at(index)
-    assert models[1].agent_at((0, 0)) is models[0].agent_at((0, 0)) is None
-
-
-@ENGINES
-def test_an_agent_knows_its_place_in_the_scene(engine):
-    model = LoadModel(plate(), engine=engine)
+def test_an_agent_knows_its_place_in_the_scene():
+    model = LoadModel(plate())
     model.step()
     first = model.agents[0]
-    assert first.index == (10, 19)
+    assert first.index == first.pos == first.cell.coordinate == (10, 19)
+    assert model.agent_at((10, 19)) is first
+    assert model.agent_at((0, 0)) is model.agent_at((99, 99)) is None
     np.testing.assert_allclose(first.position, [0.105, 0.195])
     assert " at (10, 19): steel, took 2 N, kept 1 N, since generation 1>" in repr(first)
     model.run()
@@ -152,18 +134,15 @@ def test_the_sister_models_are_alike(number):
 
 
 def test_runs_leave_nothing_behind():
-    """Mesa keeps the models of its own agents, and the class of every grid's cells, for ever."""
+    """Mesa 3.3 keeps the models of its own agents for ever."""
     left = []
     for make in (lambda: LoadModel(plate()), *sisters()):
         model = make()
         model.run()
         left.append(weakref.ref(model))
-        if isinstance(model, LoadModel):
-            left.append(weakref.ref(model.space.cell_klass))
     del model
     gc.collect()
-    gc.collect()  # the class goes after its grid
-    assert [ref() for ref in left] == [None] * 5
+    assert [ref() for ref in left] == [None] * 4
 
 
 def test_importing_leaves_multiprocessing_as_it_was():

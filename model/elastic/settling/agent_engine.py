@@ -10,8 +10,8 @@ import numpy as np
 from kaju._mesa import Cell, FixedAgent, Network
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
-from kaju.mesa_model import Order, chosen
 from kaju.model.scene.kinds import AIR
+from kaju.stepping import Order, chosen
 
 from .array_engine import replay, seat
 from .state import Floats, Integers, PushState

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import ParameterError, StabilityError
-from kaju.mesa_model import Order, SteppedModel, Until, takes_objects
+from kaju.mesa_model import SteppedModel
+from kaju.stepping import Order, Until, takes_objects
 
 from .agent_engine import AgentPushEngine
 from .array_engine import ArrayPushEngine

@@ -14,7 +14,7 @@ from .state import Floats, Integers, PushState
 
 if TYPE_CHECKING:
     from kaju.agents.face_agent import FaceAgent
-    from kaju.mesa_model import Order
+    from kaju.stepping import Order
 
     from .agent_engine import AgentPushEngine
 

@@ -1,0 +1,307 @@
+"""Agents of kaju against the same rule written by hand: a plain Mesa model, and plain NumPy rows.
+
+    python benchmarks/agents.py            # all cases, some two minutes
+    python benchmarks/agents.py 20 100     # squares of so many cells a side only
+
+Processor time, constructing and result included, the smallest of several runs that take turns in
+one process. Both answers of a case must have as many agents and take the same load.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+from collections.abc import Callable
+from time import process_time
+from typing import Any
+
+import mesa
+import numpy as np
+from mesa.discrete_space import CellAgent, OrthogonalVonNeumannGrid
+from numpy.typing import NDArray
+
+from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Answer = tuple[int, float]
+"""Agents that woke, and the load they took (N)."""
+
+GAMMA = 1e-6
+OWN, AHEAD, BESIDE, OUTWARDS = 0.5, 0.5, 0.25, 0.5 * 0.3 * 0.5
+STEPS = ((-1, 0), (1, 0), (0, -1), (0, 1))
+OPPOSITE, ACROSS = (1, 0, 3, 2), ((2, 3), (2, 3), (0, 1), (0, 1))
+DOWN = 2
+
+
+# The same rule as a plain Mesa model.
+
+
+class PlainCell(CellAgent):
+    """Takes loads, keeps half, and sends the rest to its neighbours."""
+
+    def __init__(self, model: PlainModel, cell: Any) -> None:
+        super().__init__(model)
+        self.cell = cell
+        self.inbox: dict[tuple[int, float], int] = {}
+        self.taken = [0.0, 0.0, 0.0, 0.0]
+        self.kept = 0.0
+
+    def step(self) -> None:
+        """Pass on what has arrived."""
+        inbox, self.inbox = self.inbox, {}
+        send = self.model.send
+        for (direction, size), copies in inbox.items():
+            self.taken[direction] += size * copies
+            self.kept += OWN * size * copies
+            send(self, direction, direction, AHEAD * size, copies)
+            for side in ACROSS[direction]:
+                send(self, side, direction, BESIDE * size, copies)
+                send(self, side, side, OUTWARDS * size, copies)
+
+
+class PlainWall(mesa.Agent):
+    """Gives back what reaches it: reversed below the plate, as it is elsewhere."""
+
+    def __init__(self, model: PlainModel, rigid: bool) -> None:
+        super().__init__(model)
+        self.rigid, self.inbox, self.returned = rigid, [], 0.0
+
+    def step(self) -> None:
+        """Give everything back."""
+        inbox, self.inbox = self.inbox, []
+        for cell, direction, size, copies in inbox:
+            self.returned += size * copies
+            self.model.arrive(cell, OPPOSITE[direction] if self.rigid else direction, size, copies)
+
+
+class PlainModel(mesa.Model):
+    """A square plate of agents."""
+
+    def __init__(self, cells: int, loads: list[tuple[tuple[int, int], int, float]]) -> None:
+        super().__init__(rng=0)
+        self.cells = cells
+        self.grid = OrthogonalVonNeumannGrid((cells, cells), torus=False, random=self.random)
+        self.awake: dict[tuple[int, int], PlainCell] = {}
+        self.walls: dict[tuple[int, int], PlainWall] = {}
+        self.waiting: dict[tuple[int, int], dict[tuple[int, float], int]] = {}
+        self.busy: dict[PlainWall, None] = {}
+        for cell, direction, size in loads:
+            self.arrive(cell, direction, size, 1)
+
+    def arrive(self, cell: tuple[int, int], direction: int, size: float, copies: int) -> None:
+        """Put a load above γ where the cell's agent finds it in the next step."""
+        if size > GAMMA:
+            box = self.waiting.setdefault(cell, {})
+            key = (direction, round(size, 12))
+            box[key] = box.get(key, 0) + copies
+
+    def send(self, agent: PlainCell, arm: int, direction: int, size: float, copies: int) -> None:
+        """Bring a load to the neighbour over an arm."""
+        if size <= GAMMA:
+            return
+        (x, y), (dx, dy) = agent.cell.coordinate, STEPS[arm]
+        there = (x + dx, y + dy)
+        if 0 <= there[0] < self.cells and 0 <= there[1] < self.cells:
+            self.arrive(there, direction, size, copies)
+            return
+        wall = self.walls.get(there)
+        if wall is None:
+            wall = self.walls[there] = PlainWall(self, rigid=there[1] < 0)
+        wall.inbox.append(((x, y), direction, size, copies))
+        self.busy[wall] = None
+
+    def step(self) -> None:
+        """Let all act for whom loads wait."""
+        waiting, self.waiting = self.waiting, {}
+        walls, self.busy = self.busy, {}
+        for cell, inbox in waiting.items():
+            agent = self.awake.get(cell)
+            if agent is None:
+                agent = self.awake[cell] = PlainCell(self, self.grid[cell])
+            agent.inbox = inbox
+            agent.step()
+        for wall in walls:
+            wall.step()
+
+    def run(self, generations: int) -> Answer:
+        """Step to the end."""
+        while (self.waiting or self.busy) and generations > 0:
+            self.step()
+            generations -= 1
+        return len(self.awake), sum(sum(agent.taken) for agent in self.awake.values())
+
+
+# The same rule as rows of NumPy arrays.
+
+
+def plain_rows(
+    cells: int, loads: list[tuple[tuple[int, int], int, float]], generations: int
+) -> Answer:
+    """Run a square plate; a row is a cell, a direction, a size and so many copies."""
+    dx, dy = np.array(STEPS).T
+    opposite, across = np.array(OPPOSITE), np.array(ACROSS)
+    cell = np.array([x * cells + y for (x, y), _, _ in loads])
+    direction = np.array([d for _, d, _ in loads])
+    size, copies = np.array([s for _, _, s in loads]), np.ones(len(loads))
+    taken, woken = np.zeros((4, cells * cells)), np.zeros(cells * cells, dtype=bool)
+    nothing = np.zeros(0, dtype=np.int64)
+    late: tuple[Any, ...] = (nothing, nothing, np.zeros(0), np.zeros(0))
+    while (len(size) or len(late[0])) and generations > 0:
+        generations -= 1
+        sizes, number = np.unique(np.round(size, 12), return_inverse=True)
+        code = (cell * 4 + direction) * max(len(sizes), 1) + number
+        different, which = np.unique(code, return_inverse=True)
+        copies = np.bincount(which, copies, minlength=len(different))
+        where, number = np.divmod(different, max(len(sizes), 1))
+        cell, direction = np.divmod(where, 4)
+        size = sizes[number] if len(sizes) else size
+        woken[cell] = True
+        np.add.at(taken, (direction, cell), size * copies)
+        one, other = across[direction].T
+        arm = np.concatenate([direction, one, one, other, other])
+        along = np.concatenate([direction, direction, one, direction, other])
+        passed = (AHEAD, BESIDE, OUTWARDS, BESIDE, OUTWARDS)
+        sent = np.concatenate([share * size for share in passed])
+        sender, count = np.tile(cell, 5), np.tile(copies, 5)
+        loud = sent > GAMMA
+        arm, along, sent, sender, count = (c[loud] for c in (arm, along, sent, sender, count))
+        x, y = sender // cells + dx[arm], sender % cells + dy[arm]
+        inside = (x >= 0) & (x < cells) & (y >= 0) & (y < cells)
+        out, back = ~inside, late
+        turned = np.where(y[out] < 0, opposite[along[out]], along[out])
+        late = (sender[out], turned, sent[out], count[out])
+        cell = np.concatenate([(x * cells + y)[inside], back[0]])
+        direction = np.concatenate([along[inside], back[1]])
+        size = np.concatenate([sent[inside], back[2]])
+        copies = np.concatenate([count[inside], back[3]])
+    return int(woken.sum()), float(taken.sum())
+
+
+# The cases.
+
+
+class Own(MaterialAgent):
+    """Does what all do, in methods of its own."""
+
+    def take(self, load: Any) -> None:
+        """Count the loads."""
+        super().take(load)
+        self.loads = getattr(self, "loads", 0) + 1
+
+    def emissions(self, load: Any) -> Any:
+        """Send what all send."""
+        return super().emissions(load)
+
+
+def square(cells: int, part: float = 0.1, force: float = 2.0) -> tuple[Scene, list[Any]]:
+    """Return a plate pressed on a part of its top, and the loads for the plain programs."""
+    first, count = int(cells * (1.0 - part) / 2.0), max(1, round(cells * part))
+    pressed = range(first, first + count)
+    each = force / count
+    scene = Scene(
+        body={"cell_size": 0.01, "cells": [cells, cells], "material": _POISSON},
+        materials={_POISSON: {"youngs_modulus": 2.1e11, "poissons_ratio": 0.3}},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [x, cells - 1], "force": [0.0, -each]} for x in pressed],
+        rule=PrescribedRule(threshold=GAMMA),
+    )
+    return scene, [((x, cells - 1), DOWN, each) for x in pressed]
+
+
+_POISSON = "metal"
+
+
+def of_kaju(scene: Scene, generations: int, **how: Any) -> Answer:
+    """Run kaju."""
+    result = LoadModel(scene, max_generations=generations, **how).run(progress=False)
+    return len(result.last.cells), result.last.ledger.taken
+
+
+def in_turn(ours: Callable[[], Answer], theirs: Callable[[], Answer], runs: int) -> list[float]:
+    """Return the smallest processor times (s) of both, which take turns."""
+    best = [np.inf, np.inf]
+    answers: list[Any] = [None, None]
+    for _ in range(runs):
+        for which, program in enumerate((ours, theirs)):
+            began = process_time()
+            answers[which] = program()
+            best[which] = min(best[which], process_time() - began)
+    (agents, taken), (others, also) = answers
+    assert agents == others, f"{agents} agents beside {others}"
+    assert abs(taken - also) <= 1e-6 * also, f"{taken} N beside {also} N"
+    return best
+
+
+def told(case: str, times: list[float]) -> None:
+    """Print a ratio."""
+    ours, theirs = times
+    print(f"{case:44} {ours:9.4f} s {theirs:9.4f} s {ours / theirs:6.2f} x", flush=True)
+
+
+def squares(sizes: list[int]) -> None:
+    """Compare plates."""
+    for cells in sizes:
+        scene, loads = square(cells)
+        runs, end = (15 if cells <= 100 else 5 if cells <= 300 else 3), 10_000
+        by_hand = lambda: PlainModel(cells, loads).run(end)  # noqa: B023, E731
+        rows = lambda: plain_rows(cells, loads, end)  # noqa: B023, E731
+        objects = lambda **own: of_kaju(scene, end, engine="agents", **own)  # noqa: B023, E731
+        arrays = lambda: of_kaju(scene, end, engine="arrays")  # noqa: B023, E731
+        told(f"{cells}², objects / plain Mesa", in_turn(objects, by_hand, min(runs, 7)))
+        if cells == 100:
+            own = lambda: objects(material_agent=Own)  # noqa: B023, E731
+            told(f"{cells}², own take and emissions / plain Mesa", in_turn(own, by_hand, 7))
+        told(f"{cells}², arrays / plain NumPy", in_turn(arrays, rows, runs))
+
+
+def large() -> None:
+    """Measure bodies that are full of agents, and lattices that the plain programs do not know."""
+    scene, loads = square(1000, part=1.0, force=2000.0)
+    ours = lambda: of_kaju(scene, 5, engine="arrays", allow_unstable=True)  # noqa: E731
+    told(
+        "1000², pressed along its top, 5 generations",
+        in_turn(ours, lambda: plain_rows(1000, loads, 5), 3),
+    )
+    body = {"cell_size": 0.01, "material": "steel"}
+    rule = PrescribedRule(threshold=1e-3)
+    cubes = Scene(
+        body=body | {"cells": [30, 30, 30], "lattice": "cube"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [15, 15, 29], "force": [0.0, 0.0, -2.0]}],
+        rule=rule,
+    )
+    hexagons = Scene(
+        body=body | {"cells": [100, 100], "lattice": "hexagon"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [50, 99], "force": [0.0, -2.0]}],
+        rule=rule,
+    )
+    awake = Scene(
+        body=body | {"cells": [100_000, 10]},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.0, 0.0], [1000.0, 0.1]]}, "force": [0.0, -1e6]}],
+        rule=PrescribedRule(threshold=1e-3),
+    )
+    for case, body_of_agents, end, how in (
+        ("30³ cubes, objects", cubes, 10_000, "agents"),
+        ("100² hexagons, objects", hexagons, 10_000, "agents"),
+        ("10⁶ agents awake, arrays, 10 generations", awake, 10, "arrays"),
+    ):
+        best, agents = np.inf, 0
+        for _ in range(3 if body_of_agents is not awake else 1):
+            began = process_time()
+            agents, _ = of_kaju(body_of_agents, end, engine=how, allow_unstable=True)
+            best = min(best, process_time() - began)
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        print(
+            f"{case:44} {best:9.4f} s, {agents} agents, at most {memory:.2f} GB so far", flush=True
+        )
+
+
+if __name__ == "__main__":
+    chosen = [int(word) for word in sys.argv[1:] if word.isdigit()]
+    if chosen or "large" not in sys.argv:
+        squares(chosen or [20, 100, 300, 1000])
+    if not chosen or "large" in sys.argv:
+        large()

@@ -1,0 +1,239 @@
+"""Load transfer, stage by stage and generation by generation, without Mesa."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any
+
+from kaju.agents.rules import ShareRule
+from kaju.errors import StabilityError
+from kaju.model.scene import Scene
+from kaju.model.scene.lattice import Lattice
+from kaju.progress import progress_line
+from kaju.stepping import Until, step_to_end
+
+from .array_engine import ArrayEngine
+from .stability import Certificate, certify, not_known
+from .stage import Ledger, News, Stage, Totals
+from .transfer import Transfer, states_of
+from .transfer_result import TransferResult
+
+MOST_GROWTH = 1e12
+"""A run whose waiting loads exceed the applied ones by this factor is stopped."""
+
+MOST_GROWTH_UNKNOWN = 1e3
+"""The same for agents of one's own, of which no certificate says that their loads end."""
+
+MOST_IMBALANCE = 1e-9
+"""At rest is only what accounts for all loads but this share of them."""
+
+
+class LoadTransfer:
+    """Load transfer on arrays; `LoadModel` is the same as a Mesa model, with agents as objects.
+
+    Parameters
+    ----------
+    scene : Scene
+        Body, supports, loads and a prescribed rule.
+    allow_unstable, max_generations, rule
+        As of `LoadModel`.
+
+    Raises
+    ------
+    StabilityError, SceneError, ParameterError
+        As of `LoadModel`.
+    """
+
+    engine: Any
+    running: bool
+
+    def __init__(
+        self,
+        scene: Scene,
+        allow_unstable: bool = False,
+        max_generations: int = 10_000,
+        *,
+        rule: ShareRule | None = None,
+    ) -> None:
+        self._describe(scene, allow_unstable, max_generations, rule, [])
+        self.engine = ArrayEngine(scene, self.transfer)
+        self.running = True
+        self._begin()
+
+    def _describe(
+        self,
+        scene: Scene,
+        allow_unstable: bool,
+        max_generations: int,
+        rule: ShareRule | None,
+        own: list[str],
+    ) -> None:
+        """Certify what is asked; of agents of one's own, by name, nothing is known."""
+        self.scene, self.allow_unstable = scene, allow_unstable
+        self.max_generations = max_generations
+        self.transfer = Transfer(scene, rule)
+        self.certificate: Certificate = not_known(own) if own else certify(scene, self.transfer)
+        if not (own or self.certificate.stable or allow_unstable):
+            raise StabilityError(
+                f"{self.certificate.verdict}; to watch it grow all the same, "
+                "set allow_unstable=True"
+            )
+
+    def _begin(self) -> None:
+        self.finished: list[Stage] = []
+        self.seconds = 0.0
+        self._begin_stage(1)
+
+    def _begin_stage(self, stage: int) -> None:
+        self.stage = stage
+        self._stage_is_over = False
+        self.engine.start(*states_of(self.scene, stage, self.transfer.rule.sense))
+
+    def begin_step(self) -> None:
+        """Begin a generation; a new stage begins when one is at rest."""
+        self._began = perf_counter()
+        if self._stage_is_over:
+            self.finished.append(self.engine.stage(self._factor, self._told))
+            self._begin_stage(self.stage + 1)
+        if not self.at_rest:
+            self.engine.begin()
+
+    def step(self) -> None:
+        """Let one generation of loads be taken."""
+        self.begin_step()
+        self.engine.act()
+        self.end_step()
+
+    def end_step(self) -> None:
+        """End a generation: boundaries have given back, and loads wait to be taken."""
+        self.engine.end()
+        self._stage_is_over = self._is_over
+        more = self.at_rest and self.stage < self.scene.stages
+        self.running = more or not self._stage_is_over
+        self.seconds += perf_counter() - self._began
+
+    @property
+    def lattice(self) -> Lattice:
+        """The scene's lattice."""
+        return self.scene.lattice
+
+    @property
+    def generation(self) -> int:
+        """Steps taken in the current stage."""
+        generation: int = self.engine.generation
+        return generation
+
+    @property
+    def pending(self) -> float:
+        """Sum of the loads that wait to be taken (N)."""
+        pending: float = self.engine.pending
+        return pending
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no load waits to be taken in the current stage."""
+        return self.pending == 0.0
+
+    @property
+    def _factor(self) -> float:
+        return self.stage / self.scene.stages
+
+    @property
+    def _most(self) -> float:
+        """The largest sum of waiting loads (N) with which the run goes on."""
+        watched = not (self.certificate.known or self.allow_unstable)
+        applied: float = self.engine.applied
+        return (MOST_GROWTH_UNKNOWN if watched else MOST_GROWTH) * applied
+
+    @property
+    def _is_over(self) -> bool:
+        return (
+            self.at_rest
+            or not self.pending <= self._most
+            or self.generation >= self.max_generations
+        )
+
+    def _told(self, ledger: Ledger) -> str:
+        """Return how the current stage ended, in words; empty while loads travel."""
+        generation, pending, applied = self.generation, self.pending, self.engine.applied
+        if pending == 0.0:
+            if not ledger.imbalance <= MOST_IMBALANCE:
+                return (
+                    f"ended after {generation} generations with a ledger that does not balance: "
+                    f"{ledger.imbalance:.1e} of all loads are not accounted for"
+                )
+            if generation == 0:
+                gamma = self.transfer.rule.threshold
+                return f"no load exceeds the threshold of {gamma:g} N: nothing happens"
+            return f"at rest after {generation} generations"
+        if not pending <= self._most:
+            further = (
+                ""
+                if self.certificate.known or self.allow_unstable
+                else ("; to watch them grow further, set allow_unstable=True")
+            )
+            return (
+                f"stopped after {generation} generations: the loads have grown to "
+                f"{pending / applied:.0e} times the applied ones{further}"
+            )
+        if generation >= self.max_generations:
+            return f"stopped after max_generations = {generation} with loads on their way"
+        return ""
+
+    @property
+    def outcome(self) -> str:
+        """How the current stage ended, in words; empty while loads travel."""
+        return self.engine.stage(self._factor, self._told).outcome if self._is_over else ""
+
+    def since(self, generation: int, agents: int = 0) -> News:
+        """Return what has happened in the current stage after a generation.
+
+        Parameters
+        ----------
+        generation : int
+            0 for all of it.
+        agents : int
+            How many agents are known already; those that spawned later are told.
+        """
+        news: News = self.engine.since(generation, agents)
+        return news
+
+    @property
+    def totals(self) -> Totals:
+        """What each agent of the current stage has done by now, in the order of `Stage`."""
+        totals: Totals = self.engine.totals()
+        return totals
+
+    def run(self, progress: bool | None = None, until: Until | None = None) -> TransferResult:
+        """Step until the last stage is at rest, and return the result.
+
+        Parameters
+        ----------
+        until : callable, optional
+            A function of the model; the run pauses as soon as it is true, and can go on.
+        progress : bool, optional
+            Show a progress line; None: on a terminal, when the run takes over two seconds.
+        """
+        with progress_line(progress) as report:
+            return step_to_end(
+                self,
+                until,
+                self.result,
+                lambda: report(
+                    f"stage {self.stage} of {self.scene.stages}, generation {self.generation}, "
+                    f"{self.pending:.3g} N on the way"
+                ),
+            )
+
+    def result(self) -> TransferResult:
+        """Return what has been computed so far."""
+
+        def told(ledger: Ledger) -> str:
+            return self._told(ledger) or f"interrupted after {self.generation} generations"
+
+        return TransferResult(
+            scene=self.scene,
+            stages=(*self.finished, self.engine.stage(self._factor, told)),
+            certificate=self.certificate,
+            seconds=self.seconds,
+        )

@@ -1,0 +1,103 @@
+"""What models that step have in common, with Mesa or without: who acts, and when to stop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import islice
+from typing import Any, Protocol, TypeVar
+
+from kaju.errors import ParameterError
+from kaju.stopping import keeping, stopped
+
+A = TypeVar("A")
+Answer = TypeVar("Answer")
+
+Order = Callable[[list[A]], Iterable[A]]
+"""Of the agents for which loads wait, those that act in this step, one after another."""
+Until = Callable[[Any], bool]
+"""A question about the model, asked before every step: whether to stop."""
+
+
+class Steps(Protocol):
+    """A model that steps."""
+
+    running: bool
+
+    def step(self) -> None:
+        """Take one step."""
+
+
+def chosen(order: Order[A], waiting: list[A]) -> list[A]:
+    """Return whom an order of one's own lets act, each once.
+
+    Raises
+    ------
+    ParameterError
+        If it chooses nobody, or others than it was given, or does not end.
+    """
+    answer = order(list(waiting))
+    try:
+        named = list(islice(answer, 10 * len(waiting) + 10))
+        acting = list(dict.fromkeys(named))
+        right = bool(acting) and set(acting) <= set(waiting) and len(named) < 10 * len(waiting) + 10
+    except TypeError:
+        acting, right = [], False
+    if not right:
+        raise ParameterError(
+            f"order: must choose at least one of the {len(waiting)} agents that it is given, "
+            f"and no others; it chose {len(acting)} ({answer!r:.60})"
+        )
+    return acting
+
+
+def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
+    """Tell whether agents are to be objects.
+
+    Parameters
+    ----------
+    engine : {"auto", "agents", "arrays"}
+        What was asked for.
+    agent, usual : type
+        Class of the agents, and the one that arrays know.
+    small : bool
+        Whether "auto" can afford objects.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such engine, or arrays are to run agents of one's own.
+    """
+    own_class = agent is not usual
+    if engine not in ("auto", "agents", "arrays"):
+        raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
+    if engine == "arrays" and own_class:
+        raise ParameterError(
+            f"engine: 'arrays' knows no {getattr(agent, '__name__', agent)}; "
+            "agents of your own are objects, so take 'auto' or 'agents'"
+        )
+    return engine == "agents" or (engine == "auto" and (small or own_class))
+
+
+def step_to_end(
+    model: Steps,
+    until: Until | None,
+    result: Callable[[], Answer],
+    after: Callable[[], None] | None = None,
+) -> Answer:
+    """Step until the end, or until a question is answered with yes; return what there is.
+
+    `after` is called after every step.
+    """
+    if not (until is None or callable(until)):
+        raise ParameterError(f"until: a function of the model is needed, got {until!r}")
+
+    def steps() -> Answer:
+        while model.running and not (until is not None and until(model)):
+            model.step()
+            if after is not None:
+                after()
+            if stopped():
+                break
+        return result()
+
+    return keeping(steps)

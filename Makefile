@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-plain test-slow check format pictures bench bench-quick pages clean
+.PHONY: demo test test-plain test-slow check format pictures bench bench-quick pages docs clean
 
 demo: $(VENV)/.kaju
 	$(BIN)/kaju demo --out demo --force
@@ -82,6 +82,17 @@ bench-quick: $(VENV)/.test
 
 pages: $(VENV)/.test
 	$(BIN)/python docs/make_pages.py
+
+# The site, in site/: texts, lessons with their pages, tutorials that ran, and the public names.
+docs: $(VENV)/.docs
+	$(BIN)/python docs/make_pages.py docs/pages
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+	rm -rf site && cp -r docs/_build/html site && cp -r docs/pages site/pages
+	$(BIN)/python docs/check_site.py site
+
+$(VENV)/.docs: $(VENV)/.test
+	$(INSTALL) '.[test,docs]'
+	touch $@
 
 clean:
 	rm -rf $(VENV) demo build dist *.egg-info src/*.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,81 @@
+"""What the site is made of: lists that are whole, links that lead somewhere, one version."""
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import kaju
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+pytestmark = pytest.mark.skipif(not DOCS.is_dir(), reason="the documents are not here")
+
+
+def script(path):
+    spec = importlib.util.spec_from_file_location(f"site_{path.stem}", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_command_and_option_is_listed_as_its_help_says():
+    assert (DOCS / "commands.md").read_text() == script(DOCS / "list_commands.py").commands(), (
+        "python docs/list_commands.py"
+    )
+
+
+def test_every_public_name_is_in_the_reference():
+    listed = re.findall(r"^   (\w+)$", (DOCS / "reference.md").read_text(), re.M)
+    assert sorted(listed) == sorted(set(kaju.__all__) - {"__version__"})
+
+
+def test_every_lesson_is_in_the_list_and_in_the_menu():
+    text = (DOCS / "teach.md").read_text()
+    for path in (DOCS / "lessons").glob("*.md"):
+        assert f"(lessons/{path.name})" in text
+        assert f"\nlessons/{path.stem}\n" in text
+
+
+def test_every_text_is_in_a_menu():
+    menus = "".join(path.read_text() for path in DOCS.glob("*.md"))
+    texts = {path.relative_to(DOCS).with_suffix("").as_posix() for path in DOCS.glob("*.md")}
+    texts |= {f"tutorials/{path.stem}" for path in (DOCS / "tutorials").glob("*.md")}
+    assert not {text for text in texts - {"index"} if f"\n{text}\n" not in menus}
+
+
+@pytest.mark.parametrize(
+    ("body", "fault"),
+    [
+        ('<a href="other.html#there">x</a>', ""),
+        ('<a href="https://example.org/">x</a>', ""),
+        ('<a href="missing.html">x</a>', "leads nowhere"),
+        ('<a href="other.html#gone">x</a>', "names no anchor"),
+        ('<iframe src="pages/none.html"></iframe>', "leads nowhere"),
+        ('<script src="https://example.org/x.js"></script>', "from outside"),
+    ],
+)
+def test_links_of_the_built_site_are_checked(tmp_path, body, fault):
+    (tmp_path / "other.html").write_text('<h1 id="there">x</h1>')
+    (tmp_path / "index.html").write_text(body)
+    found = script(DOCS / "check_site.py").faults_of(tmp_path)
+    assert len(found) == bool(fault)
+    assert all(fault in line for line in found)
+
+
+def test_the_version_is_told_once():
+    assert f"version: {kaju.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_a_release_has_the_changelogs_section(tmp_path, monkeypatch):
+    release = script(ROOT / "tools" / "release.py")
+    (tmp_path / "CHANGELOG.md").write_text(
+        "# C\n\n## Unreleased\n\n## 0.2.0 (2026)\n\n- new\n\n## 0.1\n"
+    )
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    assert release.notes_of("0.2.0") == "- new"
+    with pytest.raises(SystemExit, match=r"no section 0\.3\.0"):
+        release.notes_of("0.3.0")

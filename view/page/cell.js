@@ -85,7 +85,7 @@ function senderOf({ run: { lattice: L, kinds, woken, spawn }, t }, { from }, k) 
 function sign(L, channel) { const [x, y] = L.normals[channel % L.D]; return "→↗↑↖←↙↓↘"[(Math.round(Math.atan2(y, x) / (Math.PI / 4)) + 8) % 8]; }
 
 const FORMULA = { ahead: "α₂P", along: "α₃P", outwards: "(1−β)να₁P" };
-const newtons = (load) => quantity(Number(load.toPrecision(3)), "N");
+const newtons = (load) => quantity(Number((load * (1 + 1e-9)).toPrecision(3)), "N");   // halves go up
 
 MODES.push({
   name: "cell", alone: true,
@@ -99,13 +99,11 @@ MODES.push({
   },
   cards: (page) => [...cellCards(page), storyCard(page)],
   draw(page) {
-    const { canvas: { clientWidth: w, clientHeight: h } } = page, wide = w > 620, narrow = w < 420;
+    const { canvas: { clientWidth: w, clientHeight: h } } = page, wide = w > 520;   // a phone has room for the cell alone
     if (page.picked >= 0 && page.tooled !== studied(page)) { page.tooled = studied(page); page.refresh(); }
-    const size = wide ? Math.min(0.3 * w, h) : Math.min(0.36 * w, 0.4 * h);
-    page.drawBody({ x: 0, y: wide ? Math.max(0, (h - size) / 2 - 30) : 24, w: size, h: size });
-    if (page.picked < 0) return;
-    const x = wide ? size + 12 : narrow ? 4 : 0.1 * w, top = wide ? 8 : narrow ? 30 : 0.12 * h;
-    paintCell(page, wide ? { x, y: top, w: w - x - 12, h: h - 46 } : { x: size, y: top, w: w - size - 8, h: h - top - 16 });
+    const size = Math.min(0.32 * w, h), x = wide ? size + 12 : 4;
+    page.drawBody({ x: wide ? 0 : -2 * w, y: Math.max(0, (h - size) / 2 - 30), w: size, h: size });
+    if (page.picked >= 0) paintCell(page, { x, y: 6, w: w - x - 8, h: h - (wide ? 64 : 12) });
   },
   key(page, { key }) { return key === "Enter" && page.picked >= 0; },
   press(page, { offsetX, offsetY }) {
@@ -125,7 +123,7 @@ function cellCards(page) {
   if (!rows) return [card(t("cellOf", { c: cellName(L, k) }), make("p", { textContent: t(run.transfer ? "tooMany" : "ownArrows") }))];
   if (!taken.length) {
     const largest = rows.reduce((best, r) => (r.each > (best?.each ?? 0) ? r : best), null);
-    return [card(t("cellOf", { c: cellName(L, k) }), make("p", { textContent: t("asleep") }), ...(largest ? [make("p", { textContent: t("largestWas", { x: newtons(largest.each), w: senderOf(page, largest, k) }) })] : []))];
+    return largest ? [card(t("cellOf", { c: cellName(L, k) }), make("p", { textContent: t("largestWas", { x: newtons(largest.each), w: senderOf(page, largest, k) }) }))] : [];
   }
   const cells = (...list) => list.map((text) => make("td", {}, text)), pickRow = (i) => { page.study = { ...study, at: i, row: taken[i] }; page.refresh(); };
   const table = make("table", {}, make("tr", {}, ...["", t("each"), t("howMany"), t("from")].map((text) => make("th", {}, text))),
@@ -165,8 +163,8 @@ function paintCell(page, box) {
   const s = Math.min(box.w / 2.45, box.h / 2.45), cx = box.x + box.w / 2, cy = box.y + box.h / 2, out = (arm) => [L.normals[arm][0], -L.normals[arm][1]];
   const outline = (x, y, r) => { ctx.beginPath(); for (let i = 0; i < (hex ? 6 : 4); i++) { const a = (i + (hex ? 0 : 0.5)) * 2 * Math.PI / (hex ? 6 : 4); ctx.lineTo(x + r * Math.sin(a), y + r * Math.cos(a)); } ctx.closePath(); };
   const radius = s * (hex ? 0.5774 : Math.SQRT1_2), font = FONT.replace("12px", s > 130 ? "13px" : "12px"), bold = `600 ${FONT.replace("12px", s > 130 ? "15px" : "12px")}`;
-  ctx.save(); ctx.strokeStyle = inks.line; ctx.lineWidth = 1;                       // where on the body this is
   const corner = small.outline(L.cell(k)), right = Math.max(...corner.map((p) => p[0]));
+  ctx.save(); ctx.strokeStyle = right > 0 ? inks.line : inks.paper; ctx.lineWidth = 1;                       // where on the body this is
   ctx.beginPath(); ctx.moveTo(right, corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy - 1.2 * s); ctx.moveTo(right, corner[2]?.[1] ?? corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy + 1.2 * s); ctx.stroke();
   ctx.beginPath(); ctx.rect(cx - 1.21 * s, cy - 1.21 * s, 2.42 * s, 2.42 * s); ctx.clip();
   const wide = 1.02;
@@ -177,7 +175,11 @@ function paintCell(page, box) {
     ctx.setLineDash(there ? [] : [3, 4]); ctx.strokeStyle = there ? inks.cell : inks.line; ctx.stroke(); ctx.setLineDash([]);
   }
   if (hex) for (let arm = 0; arm < L.D; arm++) { const [x, y] = out(arm); outline(cx + wide * s * x, cy + wide * s * y, radius); ctx.fillStyle = inks.cell; ctx.fill(); }
-  const label = (arm) => { const [x, y] = out(arm), n = L.neighbour(k, arm), kind = run.kinds[n], word = kind >= 0 ? cellName(L, n) : t(kind === AIR ? "air_" : kind === RIGID ? "ground" : "roller"); paintWord(ctx, word, cx + x * 0.86 * s - (y ? 0.42 * s : 0.28 * s * Math.sign(x)) , cy + y * (y < 0 ? 1.1 : 1.1) * s - (y ? 0 : 0.43 * s), inks.soft, inks, { font, align: y ? "left" : "center" }); };
+  const label = (arm) => {                     // in the far corner of the neighbour, out of the arrows' way
+    const [x, y] = out(arm), n = L.neighbour(k, arm), kind = run.kinds[n], word = kind >= 0 ? cellName(L, n) : t(kind === AIR ? "air_" : kind === RIGID ? "ground" : "roller");
+    const flat = Math.abs(y) < 0.5;
+    paintWord(ctx, word, cx + (flat ? 1.17 * Math.sign(x) : hex ? 1.17 * x : -0.46) * s, cy + (flat ? -0.44 : 1.13 * y) * s, inks.soft, inks, { font, align: flat && x > 0 ? "right" : "left" });
+  };
   outline(cx, cy, radius); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
   for (let arm = 0; arm < L.D; arm++) label(arm);
   if (!row) { paintOwn(page, cx, cy, s, radius, outline, bold); ctx.restore(); return; }
@@ -191,9 +193,9 @@ function paintCell(page, box) {
   const start = behind ? [cx - dx * 1.08 * s, cy - dy * 1.08 * s] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
   thick(ctx, ...start, dx, dy, (behind ? 0.62 : 0.5) * s, width(P), inks.load, inks, false);
   const words = [], say = (text, x, y, ink, f = bold, align = "center") => words.push([text, x, y, ink, { font: f, align }]);
-  const beside = Math.abs(dy) > 0.5 ? [cx + width(P) / 2 + 12, start[1] + 0.1 * s, "left"] : [start[0] + dx * 0.3 * s, start[1] - width(P) / 2 - 26, "center"];
+  const beside = Math.abs(dy) > 0.5 ? [start[0] + width(P) / 2 + 12, start[1] + (dy > 0 ? 0.1 : -0.2) * s, "left"] : [start[0] + dx * 0.3 * s, start[1] - width(P) / 2 - 26, "center"];
   say(`P = ${newtons(P)}`, beside[0], beside[1], inks.load, bold, beside[2]);
-  say(`${t("cameFrom")} ${row.from < 0 ? t("outside") : run.kinds[row.from] >= 0 ? cellName(L, row.from) : senderOf(page, row, k)}`, beside[0], beside[1] + 18, inks.ink, font, beside[2]);
+  if (s > 120) say(`${t("cameFrom")} ${row.from < 0 ? t("outside") : run.kinds[row.from] >= 0 ? cellName(L, row.from) : senderOf(page, row, k)}`, beside[0], beside[1] + 18, inks.ink, font, beside[2]);
   for (const { arm, channel, load, ends, kind } of list) {
     const [ax, ay] = out(arm), [ex, ey] = out(channel % L.D), length = kind === "ahead" ? 0.55 * s : kind === "along" ? 0.36 * s : 0.4 * s;
     // each stands where its load goes, and points along the load
@@ -201,16 +203,16 @@ function paintCell(page, box) {
     const y = kind === "ahead" ? cy + ay * 0.46 * s : cy + ay * (kind === "along" ? 0.78 : 0.54) * s - (kind === "along" ? ey * 0.06 * s : dy * 0.34 * s);
     thick(ctx, x, y, ex, ey, length, Math.max(ends ? 8 : 2, width(load)), inks.load, inks, ends);
     const text = `${newtons(load)}${ends ? `: ${t("ends_")}` : ""}`, upright = Math.abs(ey) > 0.5;
-    const [wx, wy] = kind === "ahead" ? [x + ex * length * 0.6 + (upright ? width(load) / 2 + 10 : 0), y + ey * length * 0.6 + (upright ? 0 : width(load) / 2 + 14)] : kind === "along" ? [x + ex * length * (upright ? 0.5 : 0.5), y + ey * length + (upright ? ey * 14 : 18)] : [x + ex * length * 0.5, y + (Math.abs(ey) > 0.5 ? ey * length * 0.5 : 17)];
-    const align = kind === "ahead" && upright ? "left" : "center";
+    const [wx, wy] = kind === "ahead" ? [x + ex * length * 0.6 + (upright ? width(load) / 2 + 10 : 0), y + ey * length * 0.6 + (upright ? 0 : width(load) / 2 + 14)] : kind === "along" ? [x + ex * length * (upright ? 0.5 : 0.5), y + ey * length + (upright ? ey * 14 : 18)] : upright ? [x - 12, y + ey * length * 0.5] : [x + ex * length * 0.5, y + 17];
+    const align = !upright || kind === "along" ? "center" : kind === "ahead" ? "left" : "right";
     say(text, wx, wy, ends ? inks.ink : inks.load, ends ? `600 ${font}` : bold, align);
-    say(FORMULA[kind], wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
+    if (s > 120) say(FORMULA[kind], wx, wy + (kind === "along" && ey < -0.5 ? -17 : 17), inks.soft, font, align);
   }
-  const light = own > 0 ? inks.paper : inks.ink;
-  say(`${t("keeps")} ${newtons(own)}`, cx, cy - 6, inks.ink); say("α₁P", cx, cy + 13, inks.ink, font);
+  const middle = cy + (behind ? 0 : 0.3 * s);
+  say(`${t("keeps")} ${newtons(own)}`, cx, middle - 6, inks.ink); say("α₁P", cx, middle + 13, inks.ink, font);
   words.forEach(([text, x, y, ink, options]) => paintWord(ctx, text, x, y, ink, inks, options));
   ctx.restore();
-  if (box.y + box.h < page.canvas.clientHeight - 16) paintWord(ctx, t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }), Math.max(box.x, cx - 1.2 * s), page.canvas.clientHeight - 16, inks.soft, inks, { font: FONT });
+  if (s > 120) t("cellKey", { g: quantity(run.scene.rule.threshold, "N") }).split(" · ").forEach((line, n) => paintWord(ctx, line, cx - 1.2 * s, cy + 1.21 * s + 12 + 17 * n, inks.soft, inks));
 }
 
 /** What agents of one's own passed on so far, by arm: no formula is theirs. */

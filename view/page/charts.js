@@ -72,7 +72,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   ctx.strokeStyle = inks.soft; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x, y + h); ctx.lineTo(x + w, y + h); ctx.stroke();
   ctx.textBaseline = "top";
   const whole = over.every(Number.isInteger);
-  for (const at of ticksOf(first, first + reach, Math.max(2, Math.min(4, w / 45))).filter((v) => !whole || Number.isInteger(v))) {
+  for (const at of ticksOf(first, first + reach, Math.max(2, Math.min(5, w / 30))).filter((v) => !whole || Number.isInteger(v))) {
     ctx.textAlign = X(at) > x + w - 8 ? "right" : "center"; ctx.fillText(String(at), Math.min(X(at), x + w), y + h + 4);
   }
   ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillStyle = inks.soft;
@@ -84,7 +84,9 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
     list.forEach((v, n) => ctx.lineTo(X(over[n]), Y(v)));
     ctx.stroke(); ctx.setLineDash([]);
   });
-  const taken = [];                            // names stand at the ends of their lines, not over each other
+  const here = now === null || now === undefined ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach), seen = here >= 0 && shown[0]?.[here] !== undefined;
+  const px = seen ? X(over[here]) : 0, py = seen ? Y(lists[0][here]) : 0, left = px < x + w / 2, level = Math.max(y + 7, Math.min(y + h - 8, py - 9));
+  const taken = seen && !left ? [level] : [];  // names stand at the ends of their lines, not over each other
   shown.forEach((list, i) => {
     if (!names?.[i] || lists.length < 2 || !list.length) return;
     let at = Math.max(y + 8, Math.min(y + h - 8, Y(list.at(-1)) + (i ? 10 : -8)));
@@ -92,11 +94,9 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
     taken.push(at);
     paintWord(ctx, names[i], Math.min(x + w, X(over[list.length - 1])) - 3, at, colours[i % 4], inks, { align: "right" });
   });
-  const here = now === null || now === undefined ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach);
-  if (here < 0 || shown[0]?.[here] === undefined) return;
-  const v = lists[0][here], px = X(over[here]), py = Y(v), left = px < x + w / 2;
+  if (!seen) return;
   ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
-  paintWord(ctx, quantity(v, unit), px + (left ? 6 : -6), Math.max(y + 7, Math.min(y + h - 8, py - 9)), inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
+  paintWord(ctx, quantity(lists[0][here], unit), px + (left ? 6 : -6), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
 }
 
 /** A factor and its prefix that make numbers up to this one short. */

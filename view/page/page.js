@@ -12,6 +12,7 @@ import { offered } from "./modes.js";
 import { copyOf } from "./scene.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./story.js";
+import { laySheet } from "./worksheet.js";
 import { general, LANGUAGES, quantity, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, tellMarks } from "./panels.js";
 
@@ -46,6 +47,7 @@ export class Page {
     this.root.addEventListener("keydown", (event) => { if (!event.repeat) this.past.gesture++; this.key(event); });
     this.root.addEventListener("pointerdown", () => { this.past.gesture++; }, true);
     this.lesson?.begin();
+    addEventListener("beforeprint", () => laySheet(this));
     this.seek(this.kind === "runnable" && !this.lesson ? Infinity : 0);
     if (asked.get("s")) follow(this, asked.get("s"));
     this.draw();
@@ -289,7 +291,7 @@ export class Page {
     paintCells(view, run.kinds, values, scale, inks, { moved, factor, cut });
     const shown = (k, cell) => !cut || cut.axis < 0 || cell[cut.axis] === cut.at;
     if (look.path && run.passed) paintPath(view, this.sums.passed.sum, inks, shown);
-    if (look.arrows && this.g > 0) {
+    if (look.arrows && this.g > 0 && !box.w) {
       const from = run.taken.offset[this.g - 1], to = run.taken.offset[this.g];
       paintLoads(view, { index: run.taken.index.subarray(from, to), value: run.taken.value.subarray(from, to) }, run.C, inks, shown);
     }

@@ -37,7 +37,7 @@ export class View {
     const W = Math.max(1, Math.round(w * r)), H = Math.max(1, Math.round(h * r));
     if (canvas.width !== W || canvas.height !== H) { canvas.width = W; canvas.height = H; }
     Object.assign(this, { canvas, ctx: canvas.getContext("2d"), r, w, h, W, H, lattice });
-    const [nx, ny] = lattice.shape, margin = tight ? 1 : Math.min(52, 0.07 * Math.min(w, h) + 16), foot = tight ? 0 : bw ? 20 : 40;
+    const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 30 : Math.min(52, 0.07 * Math.min(w, h) + 16), foot = tight ? 0 : bw ? 20 : 40;
     if (lattice.dimension === 3) { this.turn(camera, margin); return; }
     this.width = nx + (lattice.hexagon && ny > 1 ? 0.5 : 0);
     this.height = lattice.hexagon ? (ny - 1) * ROWS + 1.1547 : ny;
@@ -174,9 +174,9 @@ export function paintNumbers({ ctx, u, lattice: L, ...view }, inks) {
   const [nx, ny] = L.shape, some = (n) => Array.from({ length: n }, (_, i) => i).filter((i) => (i % 5 === 0 && i < n - 2) || i === n - 1 || n <= 10);
   ctx.font = FONT; ctx.fillStyle = inks.soft; ctx.textBaseline = "middle"; ctx.textAlign = "right";
   const row = L.hexagon ? ROWS : 1;
-  for (const j of some(ny)) ctx.fillText(j, view.x0 - 12, view.y0 - u * row * (j + 0.5));
+  for (const j of some(ny)) ctx.fillText(j, Math.max(18, view.x0 - 12), view.y0 - u * row * (j + 0.5));
   ctx.textAlign = "center";
-  for (const i of some(nx)) ctx.fillText(i, view.x0 + u * (i + 0.5), view.y0 + 20);
+  for (const i of some(nx)) ctx.fillText(i, view.x0 + u * (i + 0.5), Math.min(view.h - 8, view.y0 + 20));
 }
 
 function paintSquares(view, kinds, colour, inks) {
@@ -378,7 +378,7 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks) {
   ctx.fillText(label, ctx.measureText(label).width > room ? Math.max(4, x - ctx.measureText(label).width + room) : x, y - 3, Math.max(room, w - 120));
   ctx.fillStyle = inks.soft; ctx.textAlign = "right"; ctx.fillText(kind, x + n, y - 3);
   colours.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / colours.length), y, Math.ceil(n / colours.length), 10); });
-  ctx.textBaseline = "top";
+  ctx.textBaseline = "top"; ctx.fillStyle = inks.soft;
   let free = -Infinity;
   const word = (v, text) => {
     const at = x + n * place(v, scale), wide = ctx.measureText(text).width / 2, middle = Math.max(x + wide, Math.min(x + n - wide, at));

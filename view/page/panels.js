@@ -74,11 +74,11 @@ export function buildFooter(page) {
 
 /** The numbers under the timeline: every generation while they are few, then round ones. */
 export function tellMarks(page) {
-  const { parts: { marks }, run: { generation: n }, limit } = page, open = Math.min(n, limit), key = `${n} ${open}`;
+  const { parts: { marks }, run: { generation: n }, limit } = page, open = Math.min(n, limit), room = Math.floor(marks.clientWidth / 28), key = `${n} ${open} ${room}`;
   if (page.marked === key && marks.childElementCount) return;
   page.marked = key;
-  const every = n <= 10 ? 1 : n <= 20 ? 2 : [5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e <= 8) ?? 2000, list = [];
-  for (let g = 0; g <= n; g += every) list.push(make("span", { textContent: g, style: `left: ${100 * g / (n || 1)}%`, className: g > open ? "shut" : "" }));
+  const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, list = [];
+  if (room > 1) for (let g = 0; g <= n; g += every) list.push(make("span", { textContent: g, style: `left: ${100 * g / (n || 1)}%`, className: g > open ? "shut" : "" }));
   if (open < n) list.push(make("i", { style: `left: ${100 * open / n}%` }));
   marks.replaceChildren(...list);
 }

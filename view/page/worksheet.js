@@ -33,7 +33,7 @@ function paperOf(page) {
 function loadWords({ scene }) {
   return scene?.loads?.length ? [...scene.loads.slice(0, 3).map((l) => quantity(Math.hypot(...l.force), "N")), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
-const solution = (page, q) => [...(q.fields ?? []).map((f) => make("p", { textContent: `${page.say(f.label) ?? ""} ${f.answer} ${f.unit ?? ""}${f.tolerance ? ` (± ${f.tolerance})` : ""}` })), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
+const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${f.answer} ${f.unit ?? ""}${f.tolerance ? ` (± ${f.tolerance})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
@@ -44,14 +44,14 @@ function answerOf(page, q) {
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};
   page.run.lattice.each((k) => { if (first && page.run.spawn[k] > 0 && page.run.spawn[k] <= q.until) spawned[k] = page.run.spawn[k]; });
-  return [make("div", { className: "grids" }, grid(page, t("myGuess"), first ?? guess, q.until), grid(page, t("whatHappened"), spawned, q.until)), ...(text ?? lines(2))];
+  return [make("div", { className: "grids" }, grid(page, t("myGuess"), first ?? guess, { ...guess, ...spawned }), grid(page, t("whatHappened"), spawned, { ...guess, ...spawned })), ...(text ?? lines(2))];
 }
 
 /** The part of the body round the loads, with a number in every cell that has one. */
-function grid(page, title, numbers, until) {
-  const { run: { lattice: L, kinds }, scene } = page, u = 15, at = scene.loads.map((l) => l.cell).concat(Object.keys(numbers).map((k) => L.cell(Number(k))));
+function grid(page, title, numbers, all) {
+  const { run: { lattice: L, kinds }, scene } = page, u = 15, at = scene.loads.map((l) => l.cell).concat(Object.keys(all).map((k) => L.cell(Number(k))));
   const range = (a, more) => [Math.max(0, Math.min(...at.map((c) => c[a])) - more), Math.min(L.shape[a] - 1, Math.max(...at.map((c) => c[a])) + more)];
-  const [x0, x1] = L.shape[0] <= 20 ? [0, L.shape[0] - 1] : range(0, 9), [y0, y1] = range(1, Math.max(4, 2 * until - 1)), w = (x1 - x0 + 1) * u, h = (y1 - y0 + 1) * u;
+  const [x0, x1] = L.shape[0] <= 20 ? [0, L.shape[0] - 1] : range(0, 9), [y0, y1] = range(1, 4), w = (x1 - x0 + 1) * u, h = (y1 - y0 + 1) * u;
   const svg = draw("svg", { viewBox: `-24 -34 ${w + 28} ${h + 56}`, width: w + 28, height: h + 56, role: "img", "aria-label": title });
   const word = (x, y, text, anchor = "middle", size = 10) => svg.append(draw("text", { x, y, "text-anchor": anchor, "font-size": size }, text));
   for (let x = x0; x <= x1; x++) for (let y = y0; y <= y1; y++) {
@@ -79,7 +79,7 @@ function ruleBox(page) {
   svg.append(draw("rect", { x: 100, y: 50, width: 80, height: 72, fill: "#d5dade", stroke: "#000" }), draw("rect", { x: 100, y: 46, width: 80, height: 80, fill: "none", stroke: "#000", "stroke-dasharray": "3 3" }));
   shaft("M140 4V42M135 34L140 42L145 34"); word(152, 18, `P ${t("comesIn")}`);
   shaft("M140 126V156M135 148L140 156L145 148"); word(152, 150, `${t("ahead")} α₂P`);
-  shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, `${t("along")} α₃P`, "end");
+  shaft("M82 66V104M77 96L82 104L87 96"); word(72, 92, "α₃P", "end");
   shaft("M198 66V104M193 96L198 104L203 96"); word(210, 92, "α₃P");
   shaft("M98 56H56M64 51L56 56L64 61", true); word(4, 42, "(1−β)να₁P"); shaft("M182 56H224M216 51L224 56L216 61", true); word(196, 42, "(1−β)να₁P");
   word(140, 84, t("keeps"), "middle"); word(140, 102, "α₁P", "middle");

@@ -20,7 +20,7 @@ def node(tmp_path_factory):
     if program is None:
         pytest.skip("node is not installed (apt-get install nodejs)")
     folder = tmp_path_factory.mktemp("modules")
-    for module in [*PAGE.glob("*.js"), PAGE / "package.json"]:
+    for module in [*PAGE.glob("*.js"), *PAGE.glob("*.json")]:
         shutil.copy(module, folder)
 
     def run(script, data=None):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 import re
 import zlib
 from collections.abc import Mapping
@@ -287,6 +288,9 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
     """Return modules as the text of one: their imports and exports are taken out."""
     folder = files(__package__)
     parts = [folder.joinpath(name).read_text("utf-8") for name in modules]
+    if "words.js" in modules:
+        words = json.dumps(json.loads(folder.joinpath("words.json").read_text("utf-8")))
+        parts.append(f"const WORDS = JSON.parse(await inflated({_deflated(words)!r}));")
     if "page.js" in modules:
         style = re.sub(r"\n *", "\n", folder.joinpath("page.css").read_text("utf-8"))
         parts.append(f"const STYLE = await inflated({_deflated(style)!r});")

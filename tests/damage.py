@@ -22,8 +22,8 @@ from kaju.errors import KajuError
 from kaju.model.network import triangular
 from kaju.model.rheology.state import CreepState
 from kaju.model.scale.pieces import Piece, PiecedResult
-from kaju.model.study.parts import load_sweep
 from kaju.model.study.reference import Reference
+from kaju.model.study.sweep_store import load_sweep
 
 SECONDS = 20
 HISTORY = kaju.History.step()
@@ -164,11 +164,7 @@ def samples(folder):
     kaju.sweep(
         plate(), {"loads.0.force": [[0.0, -1.0], [0.0, -2.0]]}, out=folder / "sweep", workers=1
     )
-    made["sweep"] = folder / "sweep" / "table.parquet", lambda path: load_sweep(path.parent)
-    made["what a sweep was"] = (
-        folder / "sweep" / "sweep.json",
-        lambda path: load_sweep(path.parent),
-    )
+    made["sweep"] = folder / "sweep" / "sweep.sqlite", lambda path: load_sweep(path.parent)
     pieces = in_pieces(folder)
     for file in sorted(pieces.iterdir()):
         made[f"pieces, {file.name}"] = file, lambda path: read(path.parent)

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, ResultError
-from kaju.model.study.job import ERROR
-from kaju.model.study.sensitivity import about_sweep
+from kaju.model.study.sweep_job import ERROR
 
 from .style import FAINT, FORCE, INK, LINE, SEQUENTIAL, caption, figure_of, new_axes, new_figure
 
@@ -43,7 +42,7 @@ def plot_effects(table: pandas.DataFrame, measure: str) -> Figure:
     ResultError
         If the table is of no sweep, or the measure no number of any run.
     """
-    keys, good = list(about_sweep(table)["varied"]), _worked(table, measure)
+    keys, good = _varied(table), _worked(table, measure)
     figure = new_figure((max(4.6, 2.9 * len(keys)), 3.6))
     panels = figure.subplots(1, len(keys), sharey=True, squeeze=False)[0]
     value = good[measure].to_numpy(dtype=np.float64)
@@ -94,7 +93,7 @@ def plot_sweep_map(
     ResultError
         If the table is of no sweep, or the measure no number of any run.
     """
-    keys = list(about_sweep(table)["varied"])
+    keys = _varied(table)
     x, y = x or keys[0], y or next((key for key in keys if key != (x or keys[0])), "")
     if {x, y} - set(keys) or x == y:
         raise ParameterError(f"x, y: two of the varied quantities ({', '.join(keys)}) are needed")
@@ -125,6 +124,13 @@ def plot_sweep_map(
         notes.append("line: radius 1; where it is larger, loads that are added up grow")
     caption(ax, f"{measure} over {x} and {y}", notes)
     return figure_of(ax)
+
+
+def _varied(table: pandas.DataFrame) -> list[str]:
+    about = table.attrs.get("sweep")
+    if about is None:
+        raise ResultError("table: is not of a sweep; take what kaju.sweep or load_sweep returned")
+    return list(about["varied"])
 
 
 def _worked(table: pandas.DataFrame, measure: str) -> pandas.DataFrame:

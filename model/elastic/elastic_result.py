@@ -688,9 +688,9 @@ class ElasticResult(BodyResult):
             stage,
             holder.of_archive(archive, scene, stage),
             archive.value("seconds", float),
-            about.get("tolerance") and archive.value("tolerance", float),
-            about.get("resolution") and archive.value("resolution", int),
-            asked_again(about.get("tolerance_at")),
+            archive.value("tolerance", float | None) if "tolerance" in about else None,
+            archive.value("resolution", int | None) if "resolution" in about else None,
+            asked_again(archive.value("tolerance_at", Any) if "tolerance_at" in about else None),
         )
 
 

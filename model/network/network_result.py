@@ -330,4 +330,9 @@ def network_from(archive: Archive) -> SpringNetwork:
 def sizes_of_network(network: SpringNetwork) -> dict[str, int]:
     """Return the sizes that a network gives to the arrays of its results."""
     nodes, dimension = network.positions.shape
-    return {"nodes": nodes, "dimension": dimension, "springs": len(network.springs)}
+    return {
+        "nodes": nodes,
+        "dimension": dimension,
+        "springs": len(network.springs),
+        "stages": len(network.forces),
+    }

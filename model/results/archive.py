@@ -52,11 +52,14 @@ class Column(NamedTuple):
     shape : str
         The sizes along its axes, each a number or a name; arrays that use a name agree.
     low, high : float or str, optional
-        The smallest and the largest value; a name is the size that whole numbers stay below.
+        The smallest and the largest value; a name is the size that whole numbers stay below, and
+        that floating-point numbers reach at most.
     finite : bool
         Whether floating-point numbers must be finite.
     optional : bool
         Whether it may be missing: earlier versions did not write it, or not every result has it.
+    order : {"", "rising", "never falling"}
+        Of the values one after another; such an array has one at least.
     """
 
     kind: Kind
@@ -65,14 +68,17 @@ class Column(NamedTuple):
     high: float | str | None = None
     finite: bool = True
     optional: bool = False
+    order: Literal["", "rising", "never falling"] = ""
 
     def told(self) -> str:
         """Return the same in words."""
         words = [f"({', '.join(self.shape.split())}) {_NAMES[self.kind]}"]
         words += [f"from {self.low:g}"] if self.low is not None else []
         if self.high is not None:
-            words += [f"below {self.high}" if isinstance(self.high, str) else f"to {self.high:g}"]
+            upper = f"to {self.high}" if self.kind == "f" else f"below {self.high}"
+            words += [upper if isinstance(self.high, str) else f"to {self.high:g}"]
         words += ["" if self.finite else "or NaN", "if there is one" if self.optional else ""]
+        words += [self.order]
         return " ".join(word for word in words if word)
 
 
@@ -160,13 +166,21 @@ class Archive:
             if column.optional and prefix + name not in self.arrays:
                 continue
             axes = column.shape.split()
-            high = known[column.high] - 1 if isinstance(column.high, str) else column.high
+            whole = column.kind == "i"  # sizes are told of whole numbers below them
+            high = known[column.high] - whole if isinstance(column.high, str) else column.high
             shape = tuple(int(axis) if axis.isdigit() else known.get(axis) for axis in axes)
             found[name] = self.array(
                 prefix + name, column.kind, shape, low=column.low, high=high, finite=column.finite
             )
+            if column.order:
+                self._in_order(prefix + name, found[name], column.order)
             known |= dict(zip(axes, found[name].shape, strict=True))
         return found
+
+    def _in_order(self, name: str, values: NDArray[Any], order: str) -> None:
+        step = np.diff(values)
+        if not len(values) or not np.all(step > 0 if order == "rising" else step >= 0):
+            raise self._wrong(name, f"hold {order} numbers, one or more", "does not")
 
     def part(self, prefix: str) -> dict[str, NDArray[Any]]:
         """Return the arrays whose names begin so, by the rest of their names."""
@@ -183,8 +197,11 @@ class Archive:
         """
         if name not in self.about:
             raise ResultFileError(f"{self.path}: {name!r} is missing")
+        text = json.dumps(self.about[name])
+        if "NaN" in text and _has_nan(self.about[name]):
+            raise self._wrong(name, "hold numbers", "holds one that is none (NaN)")
         try:
-            return TypeAdapter(form).validate_json(json.dumps(self.about[name]), strict=True)
+            return TypeAdapter(form).validate_json(text, strict=True)
         except ValidationError as error:
             first = error.errors()[0]
             inside = ".".join(map(str, (name, *first["loc"])))
@@ -203,6 +220,12 @@ class Archive:
             f"{self.path}: {name!r} must {rule}, and {found}: the file is damaged, or no result "
             "of kaju's; compute it again"
         )
+
+
+def _has_nan(value: Any) -> bool:
+    if isinstance(value, (dict, list)):
+        return any(map(_has_nan, value.values() if isinstance(value, dict) else value))
+    return isinstance(value, float) and value != value
 
 
 def _plain(kind: type) -> dict[str, Any]:

@@ -79,15 +79,14 @@ NETWORK = {
     "displacements": Column("f", "stages nodes dimension"),
 }
 RECORDS = {
-    "stage": Column("f", "records"),
+    "stage": Column("f", "records", 0.0, "stages", order="rising"),
     "displacement": Column("f", "records nodes dimension"),
     "tension": Column("f", "records springs"),
     "residual": Column("f", "records"),
     "corrections": Column("i", "records", 0),
 }
-COURSE = {
-    name: Column("f", "times")
-    for name in ("times", "factors", "work", "stored", "dissipated", "numerical")
+COURSE = {"times": Column("f", "times", 0.0, order="never falling")} | {
+    name: Column("f", "times") for name in ("factors", "work", "stored", "dissipated", "numerical")
 }
 ELEMENT_IN_TIME = {"displacement": Column("f", "times"), "force": Column("f", "times")}
 NETWORK_IN_TIME = {

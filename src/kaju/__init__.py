@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from kaju.model.study.fitting import fit_rule as fit_rule
     from kaju.model.study.reference import Reference as Reference
     from kaju.model.study.solving import solve as solve
-    from kaju.model.study.sweeping import sweep as sweep
+    from kaju.model.study.sweep import sweep as sweep
     from kaju.model.transfer.load_model import LoadModel as LoadModel
     from kaju.model.transfer.stability import stability as stability
     from kaju.model.transfer.transfer_result import TransferResult as TransferResult
@@ -82,7 +82,7 @@ _NAMES = {
     "model.study.fitting": "fit_rule",
     "model.study.reference": "Reference",
     "model.study.solving": "solve",
-    "model.study.sweeping": "sweep",
+    "model.study.sweep": "sweep",
     "model.transfer.load_model": "LoadModel",
     "model.transfer.stability": "stability",
     "model.transfer.transfer_result": "TransferResult",

@@ -54,7 +54,7 @@ def sweep(
     pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw them.")] = True,
 ) -> None:
     """Run a scene at many points. The same command again goes on where it was interrupted."""
-    from kaju.model.study.sweeping import sweep as run_all
+    from kaju.model.study.sweep import sweep as run_all
 
     folder = out or Path(f"{scene.stem}-sweep")
     try:
@@ -88,7 +88,7 @@ def sweep(
 
 
 def _verb(name: str) -> Any:
-    from kaju.model.study.job import by_its_kind
+    from kaju.model.study.sweep_job import by_its_kind
 
     if name == "auto":
         return by_its_kind

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from kaju.model.validation import (
+from . import (
     CONVERGING_PROBLEMS,
     EXACT_PROBLEMS,
     LCorner,
@@ -18,7 +18,7 @@ from kaju.model.validation import (
     ValidationProblem,
     convergence,
 )
-from kaju.model.validation.eigenfields import DECAY, EXPONENT
+from .eigenfields import DECAY, EXPONENT
 
 HEAD = "| problem | compared | order | error | cells | source |\n|---|---|---|---|---|---|"
 

@@ -43,8 +43,9 @@ def test_a_sweep_from_the_command(plate, tmp_path):
     table = pandas.read_parquet(out / "table.parquet")
     assert table["load_taken"].round(6).tolist() == [12.879375, 21.104766]
     assert sorted(path.name for path in out.iterdir()) == [
+        ".lock.sqlite",
         "effects.png",
-        "sweep.json",
+        "sweep.sqlite",
         "table.parquet",
     ]
     assert kaju(*command).output == done.output  # nothing is computed again

@@ -6,9 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import kaju
+from kaju.model.network import triangular
+
 pytest.importorskip("pyarrow")
+
+PLATE = Path(__file__).parents[2] / "examples" / "plate.toml"
 
 
 @pytest.mark.parametrize(
@@ -29,3 +35,41 @@ def test_damaged_files_are_refused_by_name(tmp_path, seed, count):
     assert ends["refused"] + ends["read"] == count
     assert ends["refused"] > 0.5 * count
     assert ends["MB"] < 1000
+
+
+@pytest.mark.parametrize(
+    "change", [lambda s: s[::-1], lambda s: 0 * s, lambda s: -s, lambda s: s[:0]]
+)
+def test_stages_out_of_order_are_refused_by_name(tmp_path, change):
+    path = kaju.solve(triangular(3, force=0.1)).save(tmp_path / "n.npz")
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    np.savez(path, **{**arrays, "stage": change(arrays["stage"])})
+    with pytest.raises(kaju.KajuError, match="'stage' must"):
+        kaju.load_result(path)
+
+
+def test_answers_in_time_that_hold_no_time_are_refused_by_name(tmp_path):
+    element = kaju.ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7)
+    path = kaju.creep(element, kaju.History.step(), 1.0, times=[0.5, 1.0]).save(tmp_path / "c.npz")
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    of_times = {k for k, v in arrays.items() if v.ndim and len(v) == len(arrays["course.times"])}
+    for change in (lambda v: v[:0], lambda v: v[::-1]):
+        np.savez(path, **{k: change(v) if k in of_times else v for k, v in arrays.items()})
+        with pytest.raises(kaju.KajuError, match=r"course\.times"):
+            kaju.load_result(path)
+
+
+@pytest.mark.parametrize("value", [{}, float("nan"), "a", [1.0]])
+def test_values_of_another_kind_are_refused_by_name(tmp_path, value):
+    path = kaju.solve(kaju.load_scene(PLATE), tolerance=0.5, strategy="spawning").save(
+        tmp_path / "e.npz"
+    )
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    about = json.loads(arrays["json"].tobytes()) | {"tolerance": value}
+    arrays["json"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+    np.savez(path, **arrays)
+    with pytest.raises(kaju.KajuError, match="'tolerance' must"):
+        kaju.load_result(path)

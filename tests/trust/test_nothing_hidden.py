@@ -21,7 +21,7 @@ FROM_ELSEWHERE = {
 }  # fmt: skip
 KNOWN = {
     # Jobs between the processes of one user's own sweep.
-    ("model/study/crew.py", "pickle"),
+    ("model/study/sweep.py", "joblib"),
     # `kaju watch`, which listens on this computer alone.
     ("view/page/server.py", "socket"),
 }

@@ -1,33 +1,45 @@
-"""The verb: run a scene at many points, on many processes, and go on after an interruption."""
+"""The verb: run a scene at many points, on many processes, and go on after an interruption.
+
+joblib hands the runs out, in batches sized by what runs have taken so far. A run that kills its
+process takes joblib's other processes with it: the runs that were on their way are then computed
+one at a time, so that the one that kills is known by it.
+"""
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager
-from functools import partial
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, as_completed
+from contextlib import closing, contextmanager
+from functools import cache, partial
+from multiprocessing import current_process
 from pathlib import Path
+from threading import Thread
+from time import sleep
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 
 from kaju import __version__
-from kaju.errors import ParameterError, SceneError
+from kaju.arrays import Ints
+from kaju.errors import ParameterError, SceneError, WorkerError
 from kaju.model.scene import Scene, load_scene
 
-from .crew import Borrowed, Crew, Own, rows_of
-from .job import Job, Measure, by_its_kind
-from .parts import InFolder, InMemory, folder_of, identity_of
-from .points import Method, Points, Vary, plain, points_of
+from .sweep_job import ERROR, RUN, Measure, Row, SweepJob, begun, by_its_kind
+from .sweep_points import Method, SweepPoints, Vary, plain, points_of
+from .sweep_store import identity_of, store_of, write_table
 
 if TYPE_CHECKING:
     import pandas
 
 _TRIED = 8
 """So many points are tried for their scene before anything starts."""
+DEATHS = 2
+"""So often a run may kill the process that computes nothing else, before it is given up."""
 
 
 def sweep(
@@ -64,7 +76,7 @@ def sweep(
     method : {"grid", "list", "sobol", "lhs", "saltelli"} or sequence of mappings
         "grid": every combination of the values. "list": the values go together one by one.
         "sobol", "lhs": samples of the distributions (lists are drawn from evenly). "saltelli":
-        samples from which `kaju.model.study.sensitivity` makes Sobol indices. Or the points
+        samples from which SALib makes Sobol indices (see docs/sweeps.md). Or the points
         themselves, with an empty `vary`.
     run : callable
         What is done with every subject: a function such as `kaju.solve`, `kaju.stability` or
@@ -73,13 +85,14 @@ def sweep(
         and networks solved. A function that takes `rng` is given a seed of its own at every
         point.
     executor : concurrent.futures.Executor, optional
-        Who computes: also ``client.get_executor()`` of Dask, loky's and mpi4py's. None:
-        processes that are started for the sweep and end with it, however it ends.
+        Goes in 0.4; take a back end of joblib instead: inside
+        ``with joblib.parallel_config(backend="dask")`` a cluster of Dask computes.
     workers : int, optional
-        How many runs are computed at a time; as many as there are processors unless given.
+        How many runs are computed at a time; as many as there are processors unless given. 1
+        computes in this process.
     out : path, optional
-        A folder: rows are kept there as they are finished, in Parquet files. The same call
-        again computes only what is missing.
+        A folder: rows are kept there as they are finished, in a SQLite database, and in the end
+        as ``table.parquet``. The same call again computes only what is missing.
     seed : int
         From which all random numbers are made.
     progress : bool, optional
@@ -101,32 +114,36 @@ def sweep(
         If the folder holds another sweep, or cannot be written.
     WorkerError
         If nobody is left to compute; what was finished is kept in `out`.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> table = kaju.sweep(lambda x: x**2, {"x": [1, 2, 3]}, workers=1)
+    >>> table["value"].tolist()
+    [1, 4, 9]
     """
     if isinstance(subject, (str, Path)):
         subject = load_scene(subject)
     points = points_of(vary, method, samples, _whole("seed", seed, 0))
-    job = Job(subject, run, _checked(measure), seed)
+    job = SweepJob(subject, run, _checked(measure), seed)
     _try_scenes(job, points)
-    crew_size = _whole("workers", workers or _processors(), 1)
-    about = _described(job, points, samples)
-    with ExitStack() as stack:
-        rows: InMemory | InFolder = InMemory()
-        if out is not None:
-            rows = stack.enter_context(folder_of(Path(out), about))
+    workers = _whole("workers", workers or _processors(), 1)
+    if executor is not None:
+        warn(
+            "sweep(executor=) goes in kaju 0.4; use joblib.parallel_config(backend=...)",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+    with store_of(Path(out) if out is not None else None, _described(job, points, samples)) as rows:
         missing = rows.missing(len(points))
-        if len(missing):
-            # Processes are forked before the bar starts a thread of its own.
-            crew = stack.enter_context(_crew(executor, job, min(crew_size, len(missing))))
-            came = rows_of(crew, points, missing)
-            first = next(came)
-            rows.add(first)
-            done = len(points) - len(missing) + len(first)
-            with _bar(len(points), done, progress) as advance:
-                for batch in came:
-                    rows.add(batch)
-                    advance(len(batch))
+        came = _rows_of(job, points, missing, min(workers, len(missing)), executor)
+        with closing(came), _bar(len(points), len(points) - len(missing), progress) as advance:
+            for row in came:
+                rows.add(row)
+                advance()
         table = rows.table()
-    table.attrs["sweep"] = about
+    if out is not None and len(missing):
+        write_table(table, Path(out))
     return table
 
 
@@ -154,7 +171,7 @@ def _processors() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
-def _try_scenes(job: Job, points: Points) -> None:
+def _try_scenes(job: SweepJob, points: SweepPoints) -> None:
     """Refuse a sweep of which no point makes a scene: a key is misspelt rather than 2000 runs."""
     if not isinstance(job.subject, Scene):
         return
@@ -172,7 +189,7 @@ def _try_scenes(job: Job, points: Points) -> None:
     raise SceneError(f"no point that was tried makes a scene; the first: {first}") from first
 
 
-def _described(job: Job, points: Points, samples: int | None) -> dict[str, Any]:
+def _described(job: SweepJob, points: SweepPoints, samples: int | None) -> dict[str, Any]:
     """Return what is asked, and by what it is known again."""
     about = {
         "subject": str(job.subject) if isinstance(job.subject, Scene) else _named(job.subject),
@@ -188,7 +205,7 @@ def _described(job: Job, points: Points, samples: int | None) -> dict[str, Any]:
     return about | {"kaju_version": __version__, "identity": identity}
 
 
-def _identifying(job: Job, points: Points, about: dict[str, Any]) -> Iterator[bytes]:
+def _identifying(job: SweepJob, points: SweepPoints, about: dict[str, Any]) -> Iterator[bytes]:
     yield json.dumps(about, default=str).encode()
     if isinstance(job.subject, Scene):
         text, arrays = job.subject.to_archive()
@@ -219,35 +236,119 @@ def _named(what: Any) -> str:
     return f"{module}.{getattr(what, '__qualname__', type(what).__qualname__)}"
 
 
-@contextmanager
-def _crew(executor: Executor | None, job: Job, workers: int) -> Iterator[Crew]:
+def _rows_of(
+    job: SweepJob, points: SweepPoints, runs: Ints, workers: int, executor: Executor | None
+) -> Generator[Row, None, None]:
+    """Yield the rows of runs as they are finished."""
     if executor is not None:
-        yield Borrowed(executor, job, workers)
+        yield from _rows_by(executor, job, points, runs, workers)
         return
-    own = Own(job, workers)
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    groups = [list(map(int, runs))] if len(runs) else []
+    deaths: dict[int, int] = {}
+    while groups:
+        group = groups.pop()
+        on_their_way: dict[int, bool] = {}
+        try:
+            for row in _parallel(job, points, group, workers, on_their_way):
+                del on_their_way[row[RUN]]
+                yield row
+        except TerminatedWorkerError:
+            started, rest = list(on_their_way), group[group.index(max(on_their_way)) + 1 :]
+            groups += [rest] if rest else []
+            if len(group) == 1:
+                deaths[group[0]] = deaths.get(group[0], 0) + 1
+            if deaths.get(started[0], 0) == DEATHS:
+                why = "WorkerError: the process that computed it died, twice"
+                yield begun(started[0], points[started[0]]) | {ERROR: why}
+            else:
+                groups += [[run] for run in started]
+        except Exception as error:  # not of a run: those are in their rows
+            raise WorkerError(
+                f"sweep: the workers failed with {type(error).__name__}: {error}; the rows that "
+                "were finished are kept in out=, and the same sweep goes on from there"
+            ) from error
+
+
+def _parallel(
+    job: SweepJob, points: SweepPoints, runs: list[int], workers: int, started: dict[int, bool]
+) -> Iterable[Row]:
+    """Let joblib compute some runs; `started` holds those that have been handed out."""
+    from joblib import Parallel, delayed
+
+    home = os.getpid()
+
+    def handed_out() -> Iterator[Any]:
+        for run in runs:
+            started[run] = True
+            yield delayed(run_row)(job, run, points[run], home)
+
+    # A single run that may kill its process must not have this one.
+    count = max(workers, 2) if len(runs) == 1 and workers > 1 else workers
+    parallel = Parallel(n_jobs=count, return_as="generator_unordered", mmap_mode=None)
+    rows: Iterable[Row] = parallel(handed_out())
+    return rows
+
+
+def _rows_by(
+    executor: Executor, job: SweepJob, points: SweepPoints, runs: Ints, workers: int
+) -> Iterator[Row]:
+    """Yield the rows of runs that an executor of somebody else's computes."""
+    pieces = np.array_split(runs, min(len(runs), 16 * workers))
     try:
-        yield own
-    finally:
-        own.close()
+        futures = [
+            executor.submit(_rows_at, job, [(int(run), points[int(run)]) for run in piece])
+            for piece in pieces
+        ]
+        for future in as_completed(futures):
+            yield from future.result()
+    except Exception as error:
+        raise WorkerError(
+            f"executor: failed with {type(error).__name__}: {error}; the rows that were "
+            "finished are kept in out=, and the same sweep goes on from there"
+        ) from error
+
+
+def run_row(job: SweepJob, run: int, point: Mapping[str, Any], home: int) -> Row:
+    """Return the row of one run, in whatever process; `home` is the sweep's own."""
+    if "Loky" in type(current_process()).__name__:
+        _settle_in(home)
+    return job.row(run, point)
+
+
+def _rows_at(job: SweepJob, batch: list[tuple[int, Mapping[str, Any]]]) -> list[Row]:
+    return [job.row(run, point) for run, point in batch]
+
+
+@cache
+def _settle_in(home: int) -> None:
+    """Let a worker end with the process that started it, and look for garbage in new things only.
+
+    Short runs of many agents leave garbage, which Python looks for in all that a process has
+    loaded: a fifth of a run of 7 ms.
+    """
+    gc.freeze()
+    Thread(target=_end_with, args=(home,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        sleep(0.2)
+    os._exit(1)
 
 
 @contextmanager
-def _bar(total: int, done: int, shown: bool | None) -> Iterator[Callable[[int], None]]:
+def _bar(total: int, done: int, shown: bool | None) -> Iterator[Callable[[], None]]:
     """Show how many runs are finished, how many a second, and the time that is left."""
     if not (sys.stderr.isatty() if shown is None else shown):
-        yield lambda count: None
+        yield lambda: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
     from rich.progress import TimeRemainingColumn as TimeLeft
 
-    rate = TextColumn("{task.fields[rate]}")
-    columns = (TextColumn("sweep"), BarColumn(), MofNCompleteColumn(), rate, TimeLeft())
+    columns = (TextColumn("sweep"), BarColumn(), MofNCompleteColumn(), TimeLeft())
     with Progress(*columns, console=Console(stderr=True)) as progress:
-        task = progress.add_task("sweep", total=total, completed=done, rate="")
-
-        def advance(count: int) -> None:
-            speed = progress.tasks[0].speed
-            progress.update(task, advance=count, rate=f"{speed:.3g} runs/s" if speed else "")
-
-        yield advance
+        task = progress.add_task("sweep", total=total, completed=done)
+        yield lambda: progress.advance(task)

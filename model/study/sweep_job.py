@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from inspect import signature
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 from kaju.progress import without_progress
 
-from .points import key_path, plain
+from .sweep_points import key_path, plain
 
 Row = dict[str, Any]
 Measure = str | Callable[[Any], Any] | Sequence[str] | Mapping[str, Callable[[Any], Any]] | None
@@ -27,7 +27,7 @@ _NOT_REPEATABLE = ("seconds", "kaju_version")
 
 
 @dataclass(frozen=True)
-class Job:
+class SweepJob:
     """What is done at every point.
 
     Attributes
@@ -46,11 +46,6 @@ class Job:
     run: Callable[..., Any]
     measure: Measure
     seed: int
-
-    def prepare(self) -> None:
-        """Import what the runs need, so that processes that are forked have it already."""
-        if self.run is by_its_kind and isinstance(self.subject, Scene):
-            pass
 
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""
@@ -111,13 +106,6 @@ def by_its_kind(subject: Any, rng: int | None = None) -> Any:
     from kaju.model.study.solving import solve
 
     return solve(subject) if isinstance(subject, (Scene, SpringNetwork)) else subject
-
-
-def run_batch(job: Job, batch: Sequence[tuple[int, Mapping[str, Any]]]) -> tuple[float, list[Row]]:
-    """Return the time (s) that some runs took, and their rows."""
-    began = perf_counter()
-    rows = [job.row(number, point) for number, point in batch]
-    return perf_counter() - began, rows
 
 
 def _answer(run: Callable[..., Any], subject: Any, options: Mapping[str, Any], seed: int) -> Any:
@@ -216,6 +204,4 @@ def _cell(value: Any) -> Any:
     """Return a varied value as a cell of a table holds it: lists and tables as text."""
     if _is_figure(value):
         return value
-    import json
-
     return json.dumps(value, default=str)

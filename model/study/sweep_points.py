@@ -28,7 +28,7 @@ SAMPLED = ("sobol", "lhs", "saltelli")
 
 
 @dataclass(frozen=True)
-class Points:
+class SweepPoints:
     """The points of a sweep, by column.
 
     Attributes
@@ -49,25 +49,8 @@ class Points:
         return {key: plain(column[number]) for key, column in self.columns.items()}
 
 
-def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> Points:
-    """Return the points that a sweep asks for.
-
-    Parameters
-    ----------
-    vary : mapping of str to sequence or distribution
-        Values, or a distribution with an inverse (`ppf`), of every quantity.
-    method : {"grid", "list", "sobol", "lhs", "saltelli"} or sequence of mappings
-        How points are chosen from them; or the points themselves.
-    samples : int, optional
-        Number of points (for "saltelli": of base points).
-    seed : int
-        Of the sampling.
-
-    Raises
-    ------
-    ParameterError
-        If these do not go together.
-    """
+def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> SweepPoints:
+    """Return the points that `sweep` is asked for."""
     if not isinstance(method, str):
         return _given(vary, method)
     if method not in (GRID, LISTED, *SAMPLED):
@@ -92,17 +75,17 @@ def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> Poi
             raise ParameterError(
                 f"vary: the values of a list go together one by one; got {lengths}"
             )
-        return Points(values, LISTED)
+        return SweepPoints(values, LISTED)
     shape = tuple(map(len, values.values()))
     places = np.unravel_index(np.arange(math.prod(shape)), shape)
     columns = {
         key: [column[place] for place in along]
         for (key, column), along in zip(values.items(), places, strict=True)
     }
-    return Points(columns, GRID)
+    return SweepPoints(columns, GRID)
 
 
-def _given(vary: Vary, points: Sequence[Mapping[str, Any]]) -> Points:
+def _given(vary: Vary, points: Sequence[Mapping[str, Any]]) -> SweepPoints:
     if vary:
         raise ParameterError("vary: points that are given say themselves what they vary; pass {}")
     if not points or not all(isinstance(point, Mapping) and point for point in points):
@@ -114,7 +97,7 @@ def _given(vary: Vary, points: Sequence[Mapping[str, Any]]) -> Points:
                 f"method: point {number} varies {sorted(point)}, point 0 varies {sorted(keys)}; "
                 "all must vary the same"
             )
-    return Points({key: [point[key] for point in points] for key in keys}, LISTED)
+    return SweepPoints({key: [point[key] for point in points] for key in keys}, LISTED)
 
 
 def _values(key: str, given: Any) -> Sequence[Any]:
@@ -132,7 +115,7 @@ def _values(key: str, given: Any) -> Sequence[Any]:
     return list(given)
 
 
-def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> Points:
+def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPoints:
     if samples is None or isinstance(samples, bool) or int(samples) != samples or samples < 1:
         raise ParameterError(
             f"samples: {method} needs the number of points, 1 or more; got {samples!r}"
@@ -153,12 +136,17 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> Points:
         else:
             values = _values(key, given)
             columns[key] = [values[int(place)] for place in column * len(values)]
-    return Points(columns, method)
+    return SweepPoints(columns, method)
 
 
 def _unit_cube(dimension: int, method: str, samples: int, seed: int) -> Floats:
     if method == "saltelli":
-        sobol = salib("sample.sobol")
+        try:
+            from SALib.sample import sobol
+        except ImportError as error:
+            raise MissingExtraError(
+                "Saltelli's points need SALib: pip install 'kaju[sweep]'"
+            ) from error
         cube = {"num_vars": dimension, "bounds": [[0.0, 1.0]] * dimension}
         cube["names"] = [str(number) for number in range(dimension)]
         unit = sobol.sample(cube, samples, calc_second_order=False, seed=seed)
@@ -168,24 +156,6 @@ def _unit_cube(dimension: int, method: str, samples: int, seed: int) -> Floats:
         engine = qmc.Sobol if method == "sobol" else qmc.LatinHypercube
         unit = engine(dimension, seed=seed).random(samples)
     return np.clip(np.asarray(unit, dtype=np.float64), 0.0, np.nextafter(1.0, 0.0))
-
-
-def salib(module: str) -> Any:
-    """Return a module of SALib.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
-    from importlib import import_module
-
-    try:
-        return import_module(f"SALib.{module}")
-    except ImportError as error:
-        raise MissingExtraError(
-            "sensitivities and Saltelli's points need SALib: pip install 'kaju[sweep]'"
-        ) from error
 
 
 def plain(value: Any) -> Any:

@@ -1,0 +1,220 @@
+"""Where the rows of a sweep are kept: a SQLite database, in memory or in a folder.
+
+Every row is a transaction, so the database holds all finished rows whenever a sweep is killed.
+A run has one row: whatever is computed twice counts once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zlib import crc32
+
+import numpy as np
+
+from kaju.arrays import Ints
+from kaju.errors import MissingExtraError, ResultFileError
+from kaju.files import scratch_beside
+
+from .sweep_job import ERROR, RUN, Row
+
+if TYPE_CHECKING:
+    import pandas
+
+STORE, TABLE, _LOCK = "sweep.sqlite", "table.parquet", ".lock.sqlite"
+PATIENCE = 10.0
+"""Seconds to wait for another sweep of the same folder to end."""
+
+
+class SweepStore:
+    """The rows of one sweep.
+
+    Parameters
+    ----------
+    database : sqlite3.Connection
+        Of a store that `store_of` has begun, or that some sweep has left.
+    """
+
+    def __init__(self, database: sqlite3.Connection) -> None:
+        self._database = database
+
+    def missing(self, count: int) -> Ints:
+        """Return the runs, of `count`, that have no row."""
+        there = [run for (run,) in self._database.execute("SELECT run FROM rows")]
+        return np.setdiff1d(np.arange(count), there)
+
+    def add(self, row: Row) -> None:
+        """Keep a row."""
+        text = json.dumps(row)
+        values = (row[RUN], text, crc32(text.encode()))
+        self._database.execute("INSERT OR IGNORE INTO rows VALUES (?, ?, ?)", values)
+
+    def about(self) -> dict[str, Any]:
+        """Return what the sweep is."""
+        ((text,),) = self._database.execute("SELECT text FROM about")
+        about = json.loads(text)
+        if not isinstance(about, dict) or "identity" not in about:
+            raise ValueError("it does not describe a sweep")
+        return about
+
+    def table(self) -> pandas.DataFrame:
+        """Return all rows in the order of their runs, errors last, and what the sweep is."""
+        import pandas
+
+        rows = []
+        for run, text, check in self._database.execute("SELECT * FROM rows ORDER BY run"):
+            row = json.loads(text)
+            if check != crc32(text.encode()) or row[RUN] != run:
+                raise ValueError(f"the row of run {run} is damaged")
+            rows.append(row)
+        table = pandas.DataFrame.from_records(rows, columns=None if rows else [RUN, ERROR])
+        table = table[[*(name for name in table if name != ERROR), ERROR]]
+        for name in table:
+            if table[name].dtype == object and len({type(v) for v in table[name].dropna()}) > 1:
+                table[name] = table[name].map(lambda v: v if v != v else str(v))
+        table.attrs["sweep"] = self.about()
+        return table
+
+
+@contextmanager
+def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
+    """Yield a store for the rows of one sweep, which no other sweep writes to meanwhile.
+
+    Parameters
+    ----------
+    out : Path or None
+        A new or empty folder, or the one in which the same sweep was begun; None: in memory.
+    about : dict
+        What the sweep is; its "identity" tells it from others.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyarrow, which writes the table, is missing.
+    ResultFileError
+        If the folder holds something else, is being written to, or cannot be written.
+    """
+    if out is None:
+        with closing(sqlite3.connect(":memory:", isolation_level=None)) as database:
+            _begin(database, about)
+            yield SweepStore(database)
+        return
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError as error:
+        raise MissingExtraError(
+            "a sweep's folder needs pyarrow: pip install 'kaju[sweep]'; "
+            "without out= the table is returned all the same"
+        ) from error
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        strangers = [path.name for path in out.iterdir()]
+    except OSError as error:
+        raise ResultFileError(f"{out}: cannot be written: {error.strerror}") from error
+    if strangers and not {STORE, _LOCK} & set(strangers):
+        raise ResultFileError(f"{out}: is not empty ({strangers[0]}); take another folder")
+    with _alone(out), _opened(out) as database:
+        with _reading(out):
+            _begin(database, about)
+            identity = SweepStore(database).about()["identity"]
+        if identity != about["identity"]:
+            raise ResultFileError(
+                f"{out}: holds another sweep (other points, scene, seed or measures); "
+                "take another folder, or delete this one"
+            )
+        yield SweepStore(database)
+
+
+def write_table(table: pandas.DataFrame, out: Path) -> None:
+    """Write the table of a finished sweep beside its store, for everybody to read."""
+    with scratch_beside(out / TABLE, ResultFileError) as scratch:
+        bare = table.copy(deep=False)
+        bare.attrs = {}
+        bare.to_parquet(scratch, index=False)
+
+
+def load_sweep(folder: str | Path) -> pandas.DataFrame:
+    """Return the rows that a sweep has written so far, whether it has ended or not.
+
+    Parameters
+    ----------
+    folder : path
+        What `out` of the sweep was.
+
+    Returns
+    -------
+    DataFrame
+        As `sweep` returns it.
+
+    Raises
+    ------
+    ResultFileError
+        If there is no sweep, or it cannot be read.
+    """
+    place = Path(folder)
+    if not (place / STORE).exists():
+        raise ResultFileError(f"{place}: is no folder of a sweep: it has no {STORE}")
+    with _opened(place) as database, _reading(place):
+        return SweepStore(database).table()
+
+
+def identity_of(parts: Iterable[bytes]) -> str:
+    """Return a digest by which a sweep is known again."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()
+
+
+def _begin(database: sqlite3.Connection, about: dict[str, Any]) -> None:
+    """Make the tables of a new store; leave those that are there."""
+    with database:  # one transaction
+        database.execute("BEGIN IMMEDIATE")
+        if not database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+            database.execute("CREATE TABLE about (text)")
+            database.execute("CREATE TABLE rows (run INTEGER PRIMARY KEY, text, crc)")
+            database.execute("INSERT INTO about VALUES (?)", (json.dumps(about, default=str),))
+
+
+@contextmanager
+def _opened(folder: Path) -> Iterator[sqlite3.Connection]:
+    with closing(sqlite3.connect(folder / STORE, isolation_level=None)) as database:
+        with _reading(folder):
+            # Appends to a journal: a row costs no wait for the disk, and nobody who reads blocks.
+            database.execute("PRAGMA journal_mode=WAL")
+            database.execute("PRAGMA synchronous=NORMAL")
+        yield database
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except (sqlite3.Error, ValueError, KeyError, TypeError) as error:
+        raise ResultFileError(
+            f"{folder / STORE}: cannot be read ({error}); delete it, and its runs are computed "
+            "again"
+        ) from error
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Hold the lock of a folder, which the system takes away with the process."""
+    try:
+        lock = sqlite3.connect(out / _LOCK, timeout=PATIENCE, isolation_level=None)
+        lock.execute("BEGIN EXCLUSIVE")
+    except sqlite3.OperationalError as error:
+        if "locked" not in str(error):
+            raise ResultFileError(f"{out}: cannot be written: {error}") from error
+        raise ResultFileError(
+            f"{out}: another sweep is writing to this folder; wait for it to end"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.close()

@@ -40,9 +40,9 @@ export function arrivals({ scene, cells, stage }, k, until) {
     }
     run.step();
   }
-  if (accumulate) for (const row of list) {    // what meets is judged together
-    const met = list.filter((r) => r.generation === row.generation && r.channel === row.channel);
-    row.ends = met.reduce((sum, r) => sum + r.each, 0) <= threshold;
+  if (accumulate) {                            // what meets is judged together: at a boundary, then in the cell
+    const came = list.filter((r) => !(r.ends = r.from >= 0 && kinds[r.from] < 0 && r.each <= threshold));
+    for (const row of came) row.ends = came.reduce((sum, r) => (r.generation === row.generation && r.channel === row.channel ? sum + r.each : sum), 0) <= threshold;
   }
   return list.sort((a, b) => a.generation - b.generation || b.each - a.each);
 }

@@ -349,14 +349,15 @@ export class Page {
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });
   }
   rebuild() {
-    const focus = this.root.activeElement?.textContent || this.root.activeElement?.ariaLabel, { mode } = this;
+    const at = this.root.activeElement, focus = at?.textContent || at?.ariaLabel, { mode } = this;
     this.parts.shows = null;
     this.parts.header = buildHeader(this);
     const tries = this.touchable && !this.lesson && !mode?.alone ? [buildTries(this)] : [];
     this.host.replaceChildren(this.parts.header, buildBar(this), ...tries, this.stageBox, buildFooter(this), buildAside(this));
     this.host.lang = this.language; this.host.dataset.sheet = this.sheet;
     this.certify(); this.later();
-    if (focus) [...this.host.querySelectorAll("button, input, textarea")].find((b) => (b.textContent || b.ariaLabel) === focus)?.focus();
+    if (at === this.canvas) at.focus();        // it was out of the page for a moment
+    else if (focus) [...this.host.querySelectorAll("button, input, textarea")].find((b) => (b.textContent || b.ariaLabel) === focus)?.focus();
   }
   /** What the way of looking says above the picture and beside it, anew. */
   refresh() {

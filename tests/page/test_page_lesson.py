@@ -1,0 +1,394 @@
+"""A lesson in the page: asked before it is shown, kept, judged, printed; the rule in one cell."""
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju import LoadModel, Scene
+
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+}
+GUESS = {1: [(10, 19)], 2: [(9, 18), (10, 18), (11, 18)], 3: [(x, 17) for x in range(8, 13)]}
+LESSON = {
+    "key": "tested",
+    "minutes": 45,
+    "teacher": "Let them *guess* first.",
+    "presets": [{"name": {"en": "Finer", "de": "Feiner", "ja": "細かく"}, "note": "A **tenth**."}],
+    "questions": [
+        {
+            "key": "wake",
+            "step": "predict",
+            "kind": "cells",
+            "minutes": 10,
+            "until": 3,
+            "question": {"en": "Who wakes?", "de": "Wer erwacht?", "ja": "誰が目覚める？"},
+            "answer": "Nine cells.",
+        },
+        {
+            "key": "shares",
+            "step": "step",
+            "kind": "number",
+            "minutes": 10,
+            "question": "What does the loaded cell keep?",
+            "fields": [
+                {"label": "keeps", "unit": "N", "answer": 1.0, "tolerance": 0.01, "look": "its top"}
+            ],
+            "show": {"mode": "cell", "cell": [10, 19], "generation": 1},
+        },
+        {"key": "why", "step": "explain", "kind": "text", "question": "Why?", "lines": 4},
+        {"key": "sentence", "step": "try", "kind": "text", "question": "One sentence.", "lines": 4},
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def lesson(tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "lesson.html"
+    title = {"en": "A load's way", "de": "Der Weg einer Last", "ja": "荷重の道"}
+    finer = Scene(**PLATE, rule={"kind": "prescribed", "threshold": 0.001})
+    return kaju.export_page(
+        Scene(**PLATE),
+        path,
+        title=title,
+        text="## What is it?\n\nA plate with *one* load and **two** words.\n\n- one\n- two",
+        presets={"Finer": (finer, "A **tenth**.")},
+        lesson=LESSON,
+    )
+
+
+def tick_guess(page):
+    for generation, cells in GUESS.items():
+        page.tab.locator(".bar").get_by_role("button", name=str(generation), exact=True).click()
+        for cell in cells:
+            page.click(cell)
+
+
+def test_a_lesson_opens_at_rest_and_hides_what_answers_it(opened, lesson):
+    page = opened(lesson)
+    assert page.js("page.g") == 0
+    assert page.tab.locator(".count").inner_text() == "Generation 0"
+    assert page.tab.locator(".verdict").count() == 0
+    page.tab.keyboard.press("End")
+    assert page.js("page.g") == 3
+    assert page.js("(page.seek(7), page.g)") == 3
+    page.tab.get_by_role("switch", name="Teacher").check()
+    assert page.tab.get_by_text("Nine cells.").is_visible()
+    assert page.js("(page.seek(Infinity), page.g)") == 8
+    assert page.messages == []
+
+
+def test_a_guess_is_laid_over_what_happens_and_kept(opened, lesson):
+    """Of nine cells that wake by generation 3, five were ticked; four ticks sleep."""
+    page = opened(lesson)
+    tick_guess(page)
+    page.click((8, 17))  # a second click takes a tick back
+    assert page.js("Object.keys(page.lesson.guess).length") == 8
+    page.tab.keyboard.press("Control+z")
+    assert page.js("Object.keys(page.lesson.guess).length") == 9
+    page.js("page.look.speed = 30")
+    page.tab.get_by_role("button", name="Play").click()
+    page.until("page.g === 3 && !page.playing")
+    counts = page.tab.locator(".tally b").all_inner_texts
+    assert counts() == ["5", "4", "4"]
+    page.tab.get_by_role("button", name="Generation 2").click()
+    page.until("page.g === 2 && page.drawn")
+    page.js("page.draw()")
+    assert counts() == ["2", "2", "2"]
+    page.tab.get_by_role("textbox").fill("It goes sideways first")
+    page.tab.reload()
+    page.until("page?.drawn > 0")
+    assert page.tab.get_by_role("textbox").input_value() == "It goes sideways first"
+    assert page.js("Object.values(page.lesson.guess).length") == 9
+    assert page.tab.get_by_text("Saved on this computer").is_visible()
+
+
+def test_a_guess_by_keyboard_says_what_became_of_it(opened, lesson):
+    page = opened(lesson)
+    page.tab.locator("canvas").first.focus()
+    for key in ("ArrowDown", "Enter", "ArrowDown", "Enter"):  # the loaded cell, and the one below
+        page.tab.keyboard.press(key)
+    page.js("(page.seek(3), page.draw())")
+    page.until("page.lesson.shown === 'both'")
+    page.tab.keyboard.press("Enter")
+    said = page.tab.locator(".cap").first.inner_text()
+    assert said == "(10, 18): awake since generation 2, ticked for generation 1: hit"
+
+
+def test_numbers_are_judged_by_the_tolerance_and_words_are_not(opened, lesson):
+    page = opened(lesson)
+    page.tab.get_by_role("tab", name="Step").click()
+    field = page.tab.get_by_role("textbox", name="keeps N")
+    for typed, told in {
+        "0,995 N": "as in the picture",
+        "1005 mN": "as in the picture",
+        "0.98": "look again at its top",
+        "much": "a number is needed",
+    }.items():
+        field.fill(typed)
+        field.press("Tab")
+        assert page.tab.locator(".fields [role=status]").inner_text() == told
+    page.tab.get_by_role("tab", name="Explain").click()
+    page.tab.get_by_role("textbox").fill("Because.")
+    assert page.tab.get_by_text("as in the picture").count() == 0
+
+
+@pytest.mark.parametrize("teacher", [False, True])
+def test_the_worksheet_is_paper_with_what_was_typed(opened, lesson, teacher):
+    page = opened(lesson)
+    tick_guess(page)
+    page.tab.get_by_role("textbox").fill("Mine")
+    if teacher:
+        page.tab.get_by_role("switch", name="Teacher").check()
+    paper = page.tab.pdf(format="A4", margin=dict.fromkeys(("top", "left", "right"), "14mm"))
+    assert paper.count(b"/Type /Page\n") == 1 + teacher
+    sheet = page.js("page.root.querySelector('.sheet').textContent")
+    for part in ("Name", "A load's way", "Mine", "P comes in", "Who wakes?", "One sentence."):
+        assert part in sheet
+    assert ("Nine cells." in sheet) is teacher
+    numbers = "[...page.root.querySelectorAll('.sheet figure:first-child rect')]"
+    assert page.js(f"{numbers}.filter((r) => r.getAttribute('fill') !== '#fff').length") == 9
+
+
+def test_a_browser_that_keeps_nothing_says_so(chromium, lesson):
+    context = chromium.new_context(offline=True, locale="en-GB")
+    context.add_init_script(
+        "Object.defineProperty(window, 'localStorage', { get() { throw new Error('shut'); } })"
+    )
+    tab = context.new_page()
+    tab.goto(lesson.as_uri())
+    tab.get_by_text("This browser does not save. Print before you close.").wait_for()
+    context.close()
+
+
+def test_markdown_is_rendered_and_every_language_told(opened, lesson):
+    for language, word in {"en-GB": "Who wakes?", "de-DE": "Wer erwacht?", "ja-JP": "誰が"}.items():
+        page = opened(lesson, language=language)
+        assert word in page.tab.locator("h2.question").inner_text()
+        page.tab.locator("summary").last.click()
+        for step in range(4):
+            page.js(f"page.lesson.open({step})")
+            assert "*" not in page.js("page.root.querySelector('aside').innerText")
+        assert page.messages == []
+
+
+def test_the_address_says_language_theme_and_room(opened, lesson, chromium):
+    context = chromium.new_context(offline=True, locale="en-GB")
+    tab = context.new_page()
+    tab.goto(f"{lesson.as_uri()}#theme=dark&lang=de&compact")
+    tab.get_by_role("button", name="Abspielen").wait_for()
+    assert tab.evaluate("document.getElementById('kaju').classList.contains('dark')")
+    assert not tab.get_by_role("banner").is_visible()
+    context.close()
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_lessons_are_open_to_everybody(opened, lesson, dark):
+    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+    page = opened(lesson, dark=dark)
+    tick_guess(page)
+    for step in range(4):
+        page.js(f"page.lesson.open({step})")
+        page.js("page.draw()")
+        found = axe.run(page.tab)["violations"]
+        assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
+
+
+WINDOWS = [(390, 844), (768, 1024), (1100, 700), (1280, 800), (1920, 1080)]
+BESIDE = """[...page.root.querySelectorAll(
+  'button, select, label, h1, h2, summary, .verdict, td, .card, .count, .bar > *')]
+  .filter((e) => e.clientWidth && !e.closest('.tries') && getComputedStyle(e).overflow !== 'hidden'
+    && (e.scrollWidth > e.clientWidth + 1
+      || e.getBoundingClientRect().right > innerWidth + 1)).map((e) => e.outerHTML.slice(0, 90))"""
+
+
+@pytest.mark.parametrize("language", ["en-GB", "de-DE", "ja-JP"])
+def test_nothing_is_cut_in_any_window(opened, lesson, language):
+    page = opened(lesson, language=language)
+    for width, height in WINDOWS:
+        page.tab.set_viewport_size({"width": width, "height": height})
+        for step in range(4):
+            page.js(f"page.lesson.open({step})")
+            page.js("page.draw()")
+            assert page.js("document.documentElement.scrollWidth") <= width
+            assert page.js(BESIDE) == [], (width, step)
+            assert page.js("page.canvas.clientHeight") >= 150
+            assert page.js("page.root.querySelector('.body').clientHeight") >= 90
+
+
+# ------------------------------------------------------------------------- the rule in one cell
+
+ARRIVALS = """
+import { arrivals, leaving } from "./cell.js";
+import { Twin } from "./rule.js";
+tell(data.map(({ scene, cells, keys }) => {
+  const run = new Twin(scene, Int8Array.from(cells)).run();
+  return keys.map((k) => ({ rows: arrivals({ scene, cells: Int8Array.from(cells) }, k, 1e9),
+    out: leaving(scene, run, k, 2, 1).list }));
+}));
+"""
+
+
+@pytest.mark.parametrize("accumulate", [False, True])
+def test_what_came_in_is_what_the_agent_took(node, accumulate):
+    """By sender and direction, boundaries and applied loads included: the sums of Python's run."""
+    from kaju.view.page.scene_data import scene_data
+
+    wall = PLATE | {"sides": {"bottom": "rigid", "right": "rigid"}}
+    wall["loads"] = [{"cell": [17, 19], "force": [0.4, -2.0]}]
+    rule = {"kind": "prescribed", "threshold": 0.004, "accumulate": accumulate}
+    rule |= {"alpha": [0.5, 0.4, 0.2]} if accumulate else {}
+    scene = Scene(**wall, rule=rule)
+    last = LoadModel(scene).run().last
+    data, columns = scene_data(scene)
+    keys = scene.lattice.key(last.cells)
+    chosen = np.arange(0, len(keys), 7)
+    told = node(
+        ARRIVALS,
+        [
+            {
+                "scene": data,
+                "cells": columns["cells"].ravel().tolist(),
+                "keys": keys[chosen].tolist(),
+            }
+        ],
+    )[0]
+    for number, agent in zip(chosen, told, strict=True):
+        taken = np.zeros(4)
+        for row in agent["rows"]:
+            if not row["ends"]:
+                taken[row["channel"]] += row["each"] * row["copies"]
+        np.testing.assert_allclose(taken, last.taken[number], rtol=1e-9, atol=1e-12)
+
+
+def test_an_arrow_stands_where_its_load_goes_and_points_along_the_load(node):
+    """Of 1 N downwards: ahead below, along beside and down, outwards beside and away."""
+    from kaju.view.page.scene_data import scene_data
+
+    scene = Scene(**PLATE)
+    data, columns = scene_data(scene)
+    key = int(scene.lattice.key(np.array([[10, 10]]))[0])
+    cells = columns["cells"].ravel().tolist()
+    out = node(ARRIVALS, [{"scene": data, "cells": cells, "keys": [key]}])[0][0]["out"]
+    left, right, down = 0, 1, 2
+    expected = {
+        (down, down): (0.5, "ahead"),
+        (left, down): (0.25, "along"),
+        (right, down): (0.25, "along"),
+        (left, left): (0.075, "outwards"),
+        (right, right): (0.075, "outwards"),
+    }
+    told = {(e["arm"], e["channel"]): (pytest.approx(e["load"]), e["kind"]) for e in out}
+    assert told == expected
+        (e["arm"], e["channel"]): (pytest.approx(e["load"]), e["kind"]) for e in out
+    } == expected
+    assert not any(e["ends"] for e in out)
+
+
+def test_a_click_opens_the_cell_and_a_slider_moves_its_arrows(opened, tmp_path):
+    page = opened(kaju.export_page(Scene(**PLATE), tmp_path / "plate.html"))
+    page.click((10, 18))
+    page.js("page.seek(4)")
+    page.js("page.draw()")
+    rows = page.tab.locator(".cards table").first.locator("tr").all_inner_texts()
+    assert rows[1].split("\t") == ["↓", "1 N", "1", "(10, 19): woke it"]
+    assert "from neighbours it woke\t325 mN" in page.tab.locator(".cards").inner_text()
+    assert "1 N in, 1.15 N out" in page.tab.locator(".cards").inner_text()
+    field = page.tab.get_by_role("textbox", name="α₂ passed ahead")
+    field.fill("0,4")
+    field.press("Enter")
+    page.until("!page.due && page.drawn")
+    page.js("page.draw()")
+    assert "α₂P\t320 mN" in page.tab.locator(".cards").inner_text()  # 0.8 N come in, 0.32 go ahead
+    page.tab.keyboard.press("Escape")
+    page.tab.locator("canvas").first.focus()
+    page.tab.keyboard.press("Escape")
+    assert page.js("page.look.mode") == "body"
+
+
+# -------------------------------------------------------------------------------- direct loads
+
+
+def test_loads_are_moved_turned_added_deleted_and_everything_undone(opened, tmp_path):
+    page = opened(kaju.export_page(Scene(**PLATE), tmp_path / "plate.html"))
+    mouse, box = page.tab.mouse, page.tab.locator("canvas").first.bounding_box()
+
+    def loads():
+        return page.js("page.scene.loads.map((l) => [l.cell, l.force])")
+
+    def drag(part, dx, dy):
+        x, y = page.js(f"page.loads.spots[0].{part}")
+        mouse.move(box["x"] + x, box["y"] + y - 4)
+        mouse.down()
+        mouse.move(box["x"] + x + dx, box["y"] + y + dy, steps=3)
+        mouse.up()
+        page.js("page.draw()")
+
+    unit = page.js("page.view.u")
+    drag("tail", -4 * unit, -60)  # far above the surface: nothing is ignored
+    assert loads() == [[[6, 19], [0, -2]]]
+    x, y = page.js("page.loads.spots[0].head")
+    tail = page.js("page.loads.spots[0].tail")
+    drag("head", y - tail[1], 0)  # a right angle of as long legs: half a right angle
+    [[cell, force]] = loads()
+    assert cell == [6, 19]
+    assert force[0] == pytest.approx(-force[1])
+    assert np.hypot(*force) == pytest.approx(4.0, rel=0.15)  # twice its length squared
+    x, y = page.js("page.view.at(15.5, 21.2)")
+    mouse.dblclick(box["x"] + x, box["y"] + y)
+    assert [load[0] for load in loads()] == [[6, 19], [15, 19]]
+    page.tab.locator("canvas").first.focus()
+    page.tab.keyboard.press("Delete")
+    assert [load[0] for load in loads()] == [[6, 19]]
+    for _ in range(4):
+        page.tab.keyboard.press("Control+z")
+    assert loads() == [[[10, 19], [0, -2]]]
+    assert page.js("(page.until, page.run.agents)") == 34
+    page.tab.keyboard.press("Control+Shift+z")
+    assert loads() == [[[6, 19], [0, -2]]]
+    assert page.messages == []
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("12 mN", "N", 0.012),
+        ("0.012", "N", 0.012),
+        ("0,012", "N", 0.012),
+        ("−3", "", -3),
+        ("0.0625 N", "mN", 62.5),
+        ("9 mm", "cm", 0.9),
+        ("206 GPa", "Pa", 2.06e11),
+        ("12 mm", "N", None),
+        ("twelve", "N", None),
+        ("", "N", None),
+    ],
+)
+def test_numbers_are_read_as_readers_write_them(node, text, unit, value):
+    script = 'import { numberOf } from "./controls.js"; tell(numberOf(data.text, data.unit));'
+    read = node(script, {"text": text, "unit": unit})
+    assert read == (None if value is None else pytest.approx(value, rel=1e-12))
+
+
+def test_a_link_opens_the_page_as_it_stood(opened, tmp_path):
+    path = kaju.export_page(Scene(**PLATE), tmp_path / "plate.html")
+    page = opened(path)
+    field = page.tab.get_by_role("textbox", name="γ threshold")
+    field.fill("1 mN")
+    field.press("Enter")
+    field.fill("1 kN")
+    field.press("Enter")
+    assert page.tab.get_by_role("alert").inner_text() == "Between 10 µN and 10 N."
+    field.press("Escape")
+    page.until("!page.due && page.run.atRest")
+    page.js("page.seek(5)")
+    page.tab.get_by_role("button", name="Copy link").click()
+    page.until("location.hash.includes('s=')")
+    link = page.tab.url
+    page.tab.goto("about:blank")
+    page.tab.goto(link)
+    page.until("page?.g === 5 && page.run.atRest")
+    assert page.js("[page.scene.rule.threshold, page.run.agents]") == [0.001, 85]
+    assert page.js("page.scene.loads[0].force") == [0, -2]

@@ -282,8 +282,6 @@ def test_an_arrow_stands_where_its_load_goes_and_points_along_the_load(node):
     }
     told = {(e["arm"], e["channel"]): (pytest.approx(e["load"]), e["kind"]) for e in out}
     assert told == expected
-        (e["arm"], e["channel"]): (pytest.approx(e["load"]), e["kind"]) for e in out
-    } == expected
     assert not any(e["ends"] for e in out)
 
 

@@ -144,11 +144,9 @@ class BalancedStress:
                 for side in range(2 * boxes.dimension)
             ]
         )
-        scale = max(
-            float(np.abs(boxes.sigma).max(initial=0.0)),
-            *(float(np.abs(tau).max(initial=0.0)) for tau in boxes.shear.values()),
-        )
+        scale = boxes.largest
         self._pressed = _pressed(boxes)
+        self._springs = _springs(boxes) + self._pressed
         gap = np.where(boxes.uneven, 0.0, self._gaps(normal))
         gap = gap / scale if scale > 0.0 else gap
         odd = gap > WRONG
@@ -156,7 +154,8 @@ class BalancedStress:
             self.ragged = Ragged.none(boxes.dimension)
         else:
             uneven = boxes.uneven | odd
-            self.ragged = ragged_tractions(boxes, normal, self._pressed, uneven, WRONG * scale)
+            given = normal, self._pressed, self._springs
+            self.ragged = ragged_tractions(boxes, *given, uneven, WRONG * scale)
         gap[self.ragged.box] = self.ragged.left / (scale or 1.0)
         self.normal = normal
         self.left = float(gap.max(initial=0.0))
@@ -176,6 +175,10 @@ class BalancedStress:
             free = np.flatnonzero((other < 0) & (boxes.kind[side] == AIR))
             off = np.abs(own[free] - self._pressed[side, free])
             gap[free] = np.maximum(gap[free], off)
+        for bed in boxes.beds:
+            # Couples of loads along the surface find nothing in the bed that bears them.
+            off = np.abs(normal[bed.side, bed.box] - self._springs[bed.side, bed.box])
+            gap[bed.box] = np.maximum(gap[bed.box], off)
         return gap
 
     def traction(self, side: int, box: Index) -> Floats:
@@ -195,14 +198,19 @@ class BalancedStress:
             found[:, at >= 0] = self.ragged.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
         return found
 
-    def normal_square(self, side: int, box: Index) -> Floats:
-        """Return the mean square of the normal traction on a side of boxes."""
-        square = self.normal[side, box] ** 2
+    def borne(self, side: int, box: Index) -> Floats:
+        """Return the stress that a bed bears on sides of boxes, their loads not among it.
+
+        Shape (n, parts, d): by part of the side its mean and slopes, as of `Ragged`.
+        """
+        d, pressed = self.boxes.dimension, self._pressed[side, box, None]
+        modes = np.zeros((len(box), 1 << (d - 1), d))
+        modes[..., 0] = self.normal[side, box, None]
         if len(self.ragged.box):
             at = self.ragged.at(box)
-            modes = self.ragged.traction[at[at >= 0], side, :, side // 2] ** 2
-            square[at >= 0] = (modes[..., 0] + modes[..., 1:].sum(axis=-1) / 12.0).mean(axis=1)
-        return np.asarray(square)
+            modes[at >= 0] = self.ragged.traction[at[at >= 0], side, :, side // 2]
+        modes[..., 0] -= pressed
+        return modes
 
     @cached_property
     def energies(self) -> Floats:
@@ -255,6 +263,14 @@ def polynomials(sigma: Floats, shear: dict[Pair, Floats], body: Floats) -> Polyn
     for (axis, _), difference in rise.items():
         low[axis] += 0.5 * difference[0]
     return Polynomials(low, rise, shear, body)
+
+
+def _springs(boxes: Boxes) -> Floats:
+    """Return the normal stress of the springs of beds on sides, shape (2·dimension, boxes)."""
+    found = np.zeros(boxes.beside.shape)
+    for side, box, stiffness in boxes.beds:
+        found[side, box] = (1.0 - 2.0 * (side % 2)) * stiffness * boxes.moved[side, box]
+    return found
 
 
 def _pressed(boxes: Boxes) -> Floats:

@@ -155,6 +155,8 @@ class Boxes:
     unsettled : float
         Relative error in the energy norm that this is, at most.
     others : Others, optional
+    of : float
+        Largest stress of the answers of which this one is the difference: rounding is by it.
     """
 
     size: Floats
@@ -174,6 +176,13 @@ class Boxes:
     rest: Floats | None = None
     unsettled: float = 0.0
     others: Others | None = None
+    of: float = 0.0
+
+    @property
+    def largest(self) -> float:
+        """The largest stress."""
+        stresses = (self.sigma, *self.shear.values())
+        return max(self.of, *(float(np.abs(s).max(initial=0.0)) for s in stresses))
 
     @property
     def dimension(self) -> int:

@@ -24,7 +24,7 @@ import numpy as np
 from kaju.model.scene.kinds import ROLLER
 
 from .balanced import BALANCED, BalancedStress
-from .boxes import Boxes, Index, Law
+from .boxes import Boxes, Index, Law, corner_ends
 from .compatible import CompatibleField
 from .problem import Floats
 from .volume_field import LOCKING, VolumeField
@@ -127,14 +127,15 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     What an iteration has left balances loads that differ a little from the true ones; the
     lower bound is that of the true ones all the same.
     """
+    boxes = stress.boxes
     bed, wall_work = _at_supports(stress)
     complementary = float(stress.energies.sum()) + bed
-    if stress.boxes.others:
-        complementary += stress.boxes.others.complementary
-    rest = stress.boxes.unsettled * sqrt(2.0 * complementary)
-    moved = any(held.value.any() for held in stress.boxes.held)
+    if boxes.others:
+        complementary += boxes.others.complementary
+    rest = boxes.unsettled * sqrt(2.0 * complementary)
+    moved = any(held.value.any() for held in boxes.held)
     fields: list[CompatibleField | VolumeField] = [plain]
-    if _locks(stress.boxes):
+    if _locks(boxes):
         fields.append(VolumeField(plain))
     for v in fields:
         v.settle(complementary - wall_work)
@@ -144,8 +145,13 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
     gap = complementary - wall_work - balanced + whole
-    radius = 0.5 * sqrt(max(2.0 * gap, 0.0)) + rest
-    if moved:
+    distance = sqrt(max(2.0 * gap, 0.0))
+    radius = 0.5 * distance + rest
+    if moved and not (boxes.loads.force.any() or boxes.body.any()):
+        # Without forces the energy is the least potential energy.
+        lower, upper = max(whole - 0.5 * (distance + rest) ** 2, 0.0), whole
+        smallest = sqrt(2.0 * lower)
+    elif moved:
         # ‖(σ + Cε(v))/2‖, the product of the two being the work of loads and walls.
         both = complementary + whole + balanced + wall_work
         middle = sqrt(max(0.5 * both, 0.0))
@@ -242,17 +248,20 @@ class MiddleStress:
 
 
 def _work_on_beds(stress: BalancedStress, field: CompatibleField) -> float:
-    """Return the work of the tractions on beds: linear on the halves of sides, as is the field."""
+    """Return the work of what beds bear, linear on the halves of sides, on a displacement."""
     boxes, d, total = stress.boxes, stress.boxes.dimension, 0.0
-    points = [0.5 * half + 0.25 * (1.0 + sign / sqrt(3.0)) for half in (0, 1) for sign in (-1, 1)]
+    points = [0.25 + sign / sqrt(48.0) for sign in (-1, 1)]
     for side, box, _ in boxes.beds:
         axis, upper = divmod(side, 2)
-        for place in product(points, repeat=d - 1):
-            inside = np.tile(np.insert(place, axis, upper), (len(box), 1))
-            normal = stress.at(box, inside)[:, axis, axis]
-            moved = field.displacement_at(box, inside)[:, axis]
-            each = normal * moved * boxes.size[box] ** (d - 1) / len(points) ** (d - 1)
-            total += (2.0 * upper - 1.0) * float(each.sum())
+        for half, modes in zip(
+            corner_ends(d - 1), stress.borne(side, box).swapaxes(0, 1), strict=True
+        ):
+            for place in product(points, repeat=d - 1):
+                inside = np.insert(0.5 * half + place, axis, upper)
+                moved = field.displacement_at(box, np.tile(inside, (len(box), 1)))[:, axis]
+                borne = modes @ np.array([1.0, *(2.0 * np.array(place) - 0.5)])
+                work = float(np.vdot(borne * moved, boxes.size[box] ** (d - 1)))
+                total += (2.0 * upper - 1.0) * work / 4.0 ** (d - 1)
     return total
 
 
@@ -273,7 +282,9 @@ def _at_supports(stress: BalancedStress) -> tuple[float, float]:
     boxes, power = stress.boxes, stress.boxes.dimension - 1
     bed = work = 0.0
     for side, box, stiffness in boxes.beds:
-        square = stress.normal_square(side, box) * boxes.size[box] ** power
+        modes = stress.borne(side, box) ** 2
+        square = (modes[..., 0] + modes[..., 1:].sum(axis=-1) / 12.0).mean(axis=1)
+        square *= boxes.size[box] ** power
         bed += float((0.5 * square / stiffness).sum())
     for held in boxes.held:
         # A side that slides is moved across itself alone.

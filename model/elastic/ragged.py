@@ -30,7 +30,7 @@ from .problem import Floats
 
 HOLD = 1e-6
 """Share of its stiffness that keeps a box of a group without a wall from floating."""
-FACTORED, MOST_STEPS = {2: 100_000, 3: 5_000}, 2_000
+FACTORED, MOST_STEPS = {2: 100_000, 3: 12_000}, 2_000
 """Up to how many unknowns leftovers are passed on by factors; beyond, iterations at most."""
 ROUNDING = 1e-12
 """Share of the leftovers that rounding leaves over."""
@@ -74,7 +74,7 @@ class Ragged:
 
 
 def ragged_tractions(
-    boxes: Boxes, normal: Floats, pressed: Floats, uneven: Flags, small: float
+    boxes: Boxes, normal: Floats, pressed: Floats, springs: Floats, uneven: Flags, small: float
 ) -> Ragged:
     """Return tractions of uneven boxes, and of those that help to balance them.
 
@@ -85,6 +85,8 @@ def ragged_tractions(
         Normal tractions of all boxes by their own middles.
     pressed : array, shape (2·d, boxes)
         Normal stress of the loads on bare sides.
+    springs : array, shape (2·d, boxes)
+        Normal stress on sides on beds, by how far these have given way.
     uneven : bool array, shape (boxes,)
     small : float
         A stress that may be left over.
@@ -98,7 +100,7 @@ def ragged_tractions(
     uneven = uneven.copy()
     uneven[hanging.box] = True
     for _ in range(WIDER):
-        found = _taken(boxes, normal, pressed, np.flatnonzero(uneven))
+        found = _taken(boxes, normal, pressed, springs, np.flatnonzero(uneven))
         off = _imbalance(boxes, found)
         group, left = np.arange(len(off)), np.abs(off).max(axis=1, initial=0.0)
         ended = True
@@ -165,7 +167,7 @@ def _dragged(boxes: Boxes) -> Floats:
     return dragged
 
 
-def _taken(boxes: Boxes, normal: Floats, pressed: Floats, box: Index) -> Ragged:
+def _taken(boxes: Boxes, normal: Floats, pressed: Floats, springs: Floats, box: Index) -> Ragged:
     """Return the tractions that boxes have by their middles and corners, and by who is beside."""
     d, hanging = boxes.dimension, boxes.hanging
     dragged = _dragged(boxes)
@@ -189,6 +191,14 @@ def _taken(boxes: Boxes, normal: Floats, pressed: Floats, box: Index) -> Ragged:
                 first, last = _through(found, whole, boxes, side, axis, at)
                 low, high = low + sign * first, high - sign * last
         mine[2 * axis], mine[2 * axis + 1] = low, high
+    for bed in boxes.beds:
+        # What box and bed say of the traction between them, the softer one counting more.
+        at_bed = found.at(bed.box)
+        here = at_bed >= 0
+        at_bed, own = at_bed[here], bed.box[here]
+        share = boxes.law.stretch[own] / boxes.size[own]
+        share = share / (share + bed.stiffness[here])
+        mine[bed.side, at_bed] += share * (springs[bed.side, own] - mine[bed.side, at_bed])
     everyone = normal.copy()
     everyone[:, box] = mine
     ragged = np.zeros(len(boxes.size), dtype=np.bool_)
@@ -342,8 +352,11 @@ def _pass_on(
         rest = left - take @ flat
         if not ended or np.abs(rest).max() <= enough * np.abs(left).max():
             break
-        moved, ended = moved_by(rest)
+        moved, came = moved_by(rest)
+        if not came and flat.any():
+            break  # what an iteration makes of rounding is no improvement
         flat += weight @ (take.T @ moved)
+        ended = came
     passed = flat.reshape(-1, kinds)
     for joint in (first, second):
         there = np.flatnonzero(joint.box >= 0)
@@ -381,8 +394,11 @@ def _solver(
 
 
 def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, Floats, Flags]:
-    """Return sides with helping boxes on both sides, or a wall; their stiffness; who slides."""
+    """Return sides with helping boxes on both sides, a wall or a bed; stiffness; who slides."""
     stretch, hanging = boxes.law.stretch, boxes.hanging
+    bedding = np.full((2 * boxes.dimension, len(boxes.size)), np.inf)
+    for bed in boxes.beds:
+        bedding[bed.side, bed.box] = bed.stiffness * boxes.size[bed.box]
     own = np.flatnonzero(helps)
     mine: list[Index] = []
 
@@ -398,8 +414,8 @@ def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, 
         if side % 2:
             here = alike & (at >= 0)
             mine.append(_joint_rows(own[here], side, at[here], side ^ 1, -1, 0))
-        wall = (other < 0) & np.isin(kind, (RIGID, ROLLER))
-        slides = (kind[wall] == ROLLER).astype(np.int64)
+        wall = (other < 0) & (np.isin(kind, (RIGID, ROLLER)) | np.isfinite(bedding[side, box]))
+        slides = (kind[wall] != RIGID).astype(np.int64)
         mine.append(_joint_rows(own[wall], side, np.full(len(slides), -1), side ^ 1, -1, slides))
     large = helper(hanging.box)
     for part, small in enumerate(hanging.fine.T):
@@ -410,6 +426,7 @@ def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, 
     box, side, second, across, part, loose = np.concatenate(mine, axis=1)
     beyond = np.where(second >= 0, second, box)
     stiff = np.minimum(stretch[found.box[box]], stretch[found.box[beyond]])
+    stiff = 1.0 / (1.0 / stiff + 1.0 / np.where(second < 0, bedding[side, found.box[box]], np.inf))
     first = _Joint(box, side, np.full_like(part, -1))
     return first, _Joint(second, across, part), stiff, loose.astype(np.bool_)
 

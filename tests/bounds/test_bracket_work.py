@@ -45,7 +45,9 @@ def work_of(stress, field, v):
     boxes, mesh, d = stress.boxes, stress.boxes.mesh, stress.boxes.dimension
     everyone = np.arange(len(boxes.size))
     normal = np.zeros(boxes.beside.shape)
-    found = ragged_tractions(boxes, stress.normal, normal, np.ones(len(everyone), bool), np.inf)
+    found = ragged_tractions(
+        boxes, stress.normal, normal, normal, np.ones(len(everyone), bool), np.inf
+    )
     traction = found.traction
     for side, value in enumerate(stress.normal):
         traction[:, side, :, side // 2, 0] = value[:, None]

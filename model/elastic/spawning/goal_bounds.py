@@ -102,6 +102,7 @@ def _sum(first: Boxes, second: Boxes, share: float) -> Boxes:
         held=held,
         mesh=first.mesh._replace(start=start),
         moved=first.moved + share * second.moved,
+        of=max(first.largest, abs(share) * second.largest),
     )
 
 

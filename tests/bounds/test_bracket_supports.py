@@ -1,0 +1,153 @@
+"""Bounds of bodies on beds, under couples, and between sides that move."""
+
+import numpy as np
+import pytest
+
+from kaju import Deflection, Scene, Stress, solve
+
+ELASTIC = {"youngs_modulus": 1e9, "poissons_ratio": 0.3}
+STIFF = {"youngs_modulus": 1e10, "poissons_ratio": 0.2}
+
+
+def plate(sides, loads, codes=None, **more):
+    codes = np.zeros((6, 4), dtype=int) if codes is None else codes
+    legend = {0: "a", 1: "b", 2: "air"}
+    used = {int(k): legend[int(k)] for k in np.unique(codes)}
+    materials = {"a": ELASTIC, "b": STIFF}
+    return Scene.from_array(
+        codes,
+        legend=used,
+        cell_size=0.01,
+        materials={name: materials[name] for name in used.values() if name != "air"},
+        sides=sides,
+        loads=loads,
+        **more,
+    )
+
+
+BED, SOFT, HARD = ({"stiffness": k} for k in (1e11, 1e8, 1e13))
+
+
+@pytest.mark.parametrize("bed", [SOFT, BED, HARD], ids=["soft", "bed", "hard"])
+@pytest.mark.parametrize(
+    "load",
+    [
+        {"side": "bottom", "force": [-1e3, 0.0]},
+        {"side": "bottom", "force": [0.0, -1e3]},
+        {"cell": [2, 0], "side": "right", "force": [0.0, -1e3]},
+        {"cell": [0, 0], "force": [-1e3, -0.9e3]},
+    ],
+    ids=["along", "onto", "beside", "within"],
+)
+def test_whatever_loads_a_bed_is_proved(bed, load):
+    result = solve(plate({"bottom": bed, "left": "roller"}, [load]), tolerance=0.2)
+    assert result.tolerance_kept == "proved"
+    finer = solve(plate({"bottom": bed, "left": "roller"}, [load]), tolerance=0.1)
+    lower, upper = result.energy_bounds[0] * (1 - 1e-9), result.energy_bounds[1] * (1 + 1e-9)
+    assert lower <= finer.energy_bounds[1]
+    assert finer.energy_bounds[0] <= upper
+
+
+@pytest.mark.parametrize("strategy", ["uniform", "spawning"])
+def test_a_load_straight_onto_a_bed_is_borne_by_the_bed_alone(strategy):
+    loads = [{"side": "bottom", "force": [0.0, -600.0]}]
+    result = solve(
+        plate({"bottom": SOFT, "left": "roller"}, loads), strategy=strategy, tolerance=0.1
+    )
+    exact = 600.0**2 / (2.0 * 1e8 * 0.06 * 1.0)
+    assert result.energy_bounds == pytest.approx((exact, exact), rel=1e-6)
+
+
+@pytest.mark.parametrize("length", [2, 4])
+def test_torsion_of_a_bar_is_proved(length):
+    scene = Scene(
+        body={"size": [float(length), 1.0, 1.0], "cells": [2 * length, 2, 2], "material": "m"},
+        materials={"m": ELASTIC},
+        sides={"left": "rigid"},
+        loads=[{"side": "right", "couple": [1.0, 0.0, 0.0]}],
+    )
+    assert solve(scene, tolerance=0.2).tolerance_kept == "proved"
+
+
+def test_what_an_iteration_leaves_is_passed_on_as_by_factors(monkeypatch):
+    from kaju.model.elastic import ragged
+
+    scene = Scene(
+        body={"size": [2.0, 1.0, 1.0], "cells": [4, 2, 2], "material": "m"},
+        materials={"m": ELASTIC},
+        sides={"left": "rigid"},
+        loads=[{"side": "right", "couple": [1.0, 0.0, 0.0]}],
+    )
+    bounds = [solve(scene, strategy="uniform").error_bound]
+    monkeypatch.setattr(ragged, "FACTORED", {2: 0, 3: 0})
+    bounds.append(solve(scene, strategy="uniform").error_bound)
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-5)
+
+
+def test_goals_of_a_slender_bar_are_proved():
+    scene = Scene(
+        body={"size": [100.0, 1.0], "cells": [100, 1], "material": "m"},
+        materials={"m": {"youngs_modulus": 1e9, "poissons_ratio": 0.0}},
+        sides={"left": "rigid"},
+        loads=[{"side": "right", "force": [0.0, -1.0]}],
+    )
+    goal = solve(scene, tolerance=0.2, tolerance_at=Deflection("right", "y")).goals[0]
+    timoshenko = -(4.0 * 100.0**3 + 1.2 * 100.0 * 2.0) / 1e9
+    assert abs(goal.value - timoshenko) <= goal.error_bound
+    assert goal.relative_bound <= 0.2
+
+
+def moved(loads=(), hole=True):
+    codes = np.zeros((8, 6), dtype=int)
+    if hole:
+        codes[3:5, 2:4] = 2
+    sides = {"bottom": "rigid", "top": {"displacement": [0.0, -1e-5]}}
+    return plate(sides, list(loads), codes)
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.05])
+def test_sides_that_move_alone_have_bounds_of_second_order(tolerance):
+    result = solve(moved(), tolerance=tolerance)
+    lower, upper = result.energy_bounds
+    assert result.tolerance_kept == "proved"
+    assert upper / lower - 1.0 < 4.5 * result.error_bound**2
+    finer = solve(moved(), tolerance=0.5 * tolerance).energy_bounds
+    assert lower <= finer[1]
+    assert finer[0] <= upper
+
+
+def test_forces_beside_sides_that_move_have_wider_bounds_that_hold():
+    force = {"cell": [1, 5], "side": "left", "force": [500.0, 0.0]}
+    lower, upper = solve(moved([force]), tolerance=0.1).energy_bounds
+    finer = solve(moved([force]), tolerance=0.03).energy_bounds
+    assert lower <= finer[0] <= finer[1] <= upper
+
+
+def test_one_quantity_has_one_value():
+    place = {"box": [[0.02, 0.01], [0.04, 0.02]]}
+    asked = (Deflection("top", "y"), Stress(place, "yy"))
+    loads = [{"side": "top", "force": [0.0, -1e3]}]
+    result = solve(plate({"bottom": "rigid"}, loads), tolerance=0.2, tolerance_at=asked)
+    for quantity, goal in zip(asked, result.goals, strict=True):
+        assert result.value_of(quantity) == goal.value
+    assert result.value_of(Deflection("top", "x")) != result.goals[0].value
+
+
+@pytest.mark.parametrize("sides", [{"top": {"displacement": ["free", -1e-5]}}, {}])
+def test_where_bounds_contradict_the_estimate_they_speak(sides):
+    codes = np.add.outer(np.arange(3), np.arange(3)) % 2
+    materials = {"a": ELASTIC, "b": {"youngs_modulus": 1e14, "poissons_ratio": 0.3}}
+    scene = Scene.from_array(
+        codes,
+        legend={0: "a", 1: "b"},
+        cell_size=0.01,
+        materials=materials,
+        sides={"bottom": "rigid"} | sides,
+        loads=[] if sides else [{"side": "top", "force": [0.0, -1e3]}],
+    )
+    result = solve(scene, strategy="uniform", resolution=2, tolerance=0.2)
+    lower, upper = result.energy_bounds
+    assert lower <= result.strain_energy <= upper
+    assert result.tolerance_kept == "missed"
+    assert result.found.error < 0.5 * result.error_bound
+    assert result.error_estimate == result.error_bound

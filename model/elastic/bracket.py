@@ -37,6 +37,7 @@ MOST_PROVED = {2: 500_000, 3: 100_000}
 """Of more boxes bounds are worked out only when they are asked for."""
 CROSSED = 1e-6
 """Share by which rounding may cross the bounds of an exact answer."""
+EATEN = "rounding has eaten the bounds: the lower one lies above the upper"
 MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
 EXACT = 1e-6
@@ -145,6 +146,8 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
     gap = complementary - wall_work - balanced + whole
+    if gap < -CROSSED * (complementary + whole):
+        return EATEN
     distance = sqrt(max(2.0 * gap, 0.0))
     radius = 0.5 * distance + rest
     if moved and not (boxes.loads.force.any() or boxes.body.any()):
@@ -161,7 +164,7 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
         lower, upper = work - whole, (sqrt(complementary) + sqrt(0.5) * rest) ** 2
         smallest = sqrt(2.0 * max(lower, 0.0))
     if lower > (1.0 + CROSSED) * upper:
-        return "rounding has eaten the bounds: the lower one lies above the upper"
+        return EATEN
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
     potential = wall_work - complementary, whole - work
     return Bracket(lower, upper, error, potential, smallest, partial(_middle, stress, v))
@@ -292,6 +295,14 @@ def _at_supports(stress: BalancedStress) -> tuple[float, float]:
         if held.kind == ROLLER:
             acts[np.arange(boxes.dimension) != held.side // 2] = 0.0
         work += (2.0 * (held.side % 2) - 1.0) * float(np.vdot(acts.T, held.value))
+        # A load on the side itself is the wall's at once, and none of what it feels of the body.
+        own = boxes.loads.side == held.side
+        at = np.searchsorted(held.box, boxes.loads.box[own]) % max(len(held.box), 1)
+        there = held.box[at] == boxes.loads.box[own]
+        force = boxes.loads.force[own][there]
+        if held.kind == ROLLER:
+            force = np.where(np.arange(boxes.dimension) == held.side // 2, force, 0.0)
+        work -= float(np.vdot(force, held.value[at[there]]))
     return bed, work
 
 

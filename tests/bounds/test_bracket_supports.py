@@ -123,6 +123,16 @@ def test_forces_beside_sides_that_move_have_wider_bounds_that_hold():
     assert lower <= finer[0] <= finer[1] <= upper
 
 
+def test_a_load_onto_a_side_that_moves_is_the_wall_s_alone():
+    loads = [{"cell": [2, 5], "side": "top", "force": [0.0, -700.0]}]
+    plain, pressed = (solve(moved(on), strategy="uniform") for on in ([], loads))
+    off = [b.error * b.norm for b in (plain.found.bracket, pressed.found.bracket)]
+    assert off[1] == pytest.approx(off[0], rel=1e-6)
+    assert pressed.found.energy == pytest.approx(plain.found.energy, rel=1e-9)
+    lower, upper = pressed.energy_bounds
+    assert lower < plain.energy_bounds[0] < plain.energy_bounds[1] < upper
+
+
 def test_one_quantity_has_one_value():
     place = {"box": [[0.02, 0.01], [0.04, 0.02]]}
     asked = (Deflection("top", "y"), Stress(place, "yy"))

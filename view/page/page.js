@@ -310,7 +310,9 @@ export class Page {
     this.canvas.ariaLabel = t("picture", { g: parts.count.textContent, a: run.alive[g - 1] ?? 0 });
     if (!this.playing || this.picked >= 0) tellStory(this, parts.story);
     this.lesson?.tell();
-    if (!parts.charts.isConnected) return;
+    const at = performance.now();
+    if (!parts.charts.isConnected || (this.playing && at - this.charted < 100)) return;   // curves need not keep up with frames
+    this.charted = at;
     if (this.curves?.length !== run.generation) this.curves = { length: run.generation, list: curvesOf(run) };
     const over = run.alive.map((_, i) => i + 1);
     paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit);

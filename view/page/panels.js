@@ -74,8 +74,9 @@ export function buildFooter(page) {
 
 /** The numbers under the timeline: every generation while they are few, then round ones. */
 export function tellMarks(page) {
-  const { parts: { marks }, run: { generation: n }, limit } = page, open = Math.min(n, limit), room = Math.floor(marks.clientWidth / 28), key = `${n} ${open} ${room}`;
+  const { parts: { marks }, run: { generation: n }, limit } = page, open = Math.min(n, limit), key = `${n} ${open} ${page.view?.w}`;
   if (page.marked === key && marks.childElementCount) return;
+  const room = Math.floor(marks.clientWidth / 28);
   page.marked = key;
   const every = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((e) => n / e < room) ?? 2000, list = [];
   if (room > 1) for (let g = 0; g <= n; g += every) list.push(make("span", { textContent: g, style: `left: ${100 * g / (n || 1)}%`, className: g > open ? "shut" : "" }));

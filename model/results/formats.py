@@ -88,6 +88,7 @@ RECORDS = {
 COURSE = {"times": Column("f", "times", 0.0, order="never falling")} | {
     name: Column("f", "times") for name in ("factors", "work", "stored", "dissipated", "numerical")
 }
+COURSE["at_jumps"] = Column("f", "times", optional=True)
 ELEMENT_IN_TIME = {"displacement": Column("f", "times"), "force": Column("f", "times")}
 NETWORK_IN_TIME = {
     "displacement": Column("f", "times nodes dimension"),
@@ -110,6 +111,7 @@ CREEP_STATE = {
     "numerical": Column("f", ""),
     "steps": Column("i", "", 0),
     "rejected": Column("i", "", 0),
+    "at_jumps": Column("f", "", optional=True),
 }
 REFERENCE = {
     "points": Column("f", "points dimension"),

@@ -8,7 +8,7 @@ One call for all of them::
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import isfinite
 from time import perf_counter
 from typing import Any, Literal, overload
@@ -29,7 +29,7 @@ from kaju.stopping import NOTE, keeping, stopped
 
 from .body import CreepingAgents, Elements, TransferCreepResult
 from .elastic import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
-from .march import Drive, Log, Pace, march
+from .march import Drive, Log, Pace, stops
 from .network import CreepingNetwork, NetworkCreepResult
 from .state import CreepResult, CreepState
 
@@ -126,23 +126,85 @@ def creep(  # type: ignore[misc]
     TangentError
         If the network buckles or is a mechanism.
     """
+    task = TimeTask(
+        subject,
+        history,
+        duration,
+        step=step,
+        tolerance=tolerance,
+        times=times,
+        scheme=scheme,
+        rheology=rheology,
+        drive=drive,
+        mass=mass,
+        resume=resume,
+        most_steps=most_steps,
+    )
+
+    def run() -> AnyCourse:
+        log, state = Log(), task.first
+        for state in task.stops(task.first):
+            log.note(task.system, state)
+        return task.course(log, state, perf_counter() - began)
+
     began = perf_counter()
-    history = _history_of(subject, history)
-    asked = _asked_times(history, duration, times, resume)
-    pace = _pace(step, tolerance, most_steps)
-    method = schemes.scheme(scheme)
-    drives = _drives(history, drive)
-    system = _system(subject, rheology, drive, mass)
-    state = resume or CreepState(system.start())
-    _check_fits(state, system)
-    if isinstance(system, CreepingNetwork):
-        system.begin(state.fields, float(drives.displacements.at(state.time)))
-
-    def run() -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
-        log, end = march(system, method, drives, state, asked, pace)
-        return _result(system, history, log, end, perf_counter() - began)
-
     return keeping(run)
+
+
+AnyCourse = CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult
+JUMPS_SAID_FROM = 0.01
+"""Share of the work that is set free at jumps from which on a note says so."""
+
+
+class TimeTask:
+    """What creeps, under which history, and how time is stepped: see `creep`.
+
+    Attributes
+    ----------
+    system : System
+        What is marched.
+    history : History
+        What drives it.
+    asked : (k,) floats
+        Times at which the result is wanted (s).
+    first : CreepState
+        Where it starts.
+    """
+
+    def __init__(
+        self,
+        subject: ThreeElement | SpringNetwork | Scene,
+        history: History | None = None,
+        duration: float | None = None,
+        *,
+        step: float | None = None,
+        tolerance: float = 1e-3,
+        times: ArrayLike | None = None,
+        scheme: Literal["sdirk2", "backward_euler"] = "sdirk2",
+        rheology: ThreeElement | Sequence[ThreeElement] | None = None,
+        drive: Drives = "both",
+        mass: ArrayLike | None = None,
+        resume: CreepState | None = None,
+        most_steps: int = 100_000,
+    ) -> None:
+        self.history = _history_of(subject, history)
+        self.asked = _asked_times(self.history, duration, times, resume)
+        self._pace = _pace(step, tolerance, most_steps)
+        self._method = schemes.scheme(scheme)
+        self._drives = _drives(self.history, drive)
+        self.system = _system(subject, rheology, drive, mass)
+        self.first = resume or CreepState(self.system.start())
+        _check_fits(self.first, self.system)
+
+    def stops(self, state: CreepState) -> Iterator[CreepState]:
+        """Yield the states at the times asked for, from a state on."""
+        if isinstance(self.system, CreepingNetwork):
+            self.system.begin(state.fields, float(self._drives.displacements.at(state.time)))
+        yield from stops(self.system, self._method, self._drives, state, self.asked, self._pace)
+
+    def course(self, log: Log, state: CreepState, seconds: float) -> AnyCourse:
+        """Put together what was seen."""
+        return _result(self.system, self.history, log, state, seconds)
 
 
 def _history_of(subject: ThreeElement | SpringNetwork | Scene, history: History | None) -> History:
@@ -199,7 +261,7 @@ def _result(
 ) -> CreepResult | NetworkCreepResult | TransferCreepResult | ElasticCreepResult:
     """Put together what was seen."""
     records = [np.stack(parts) for parts in zip(*log.records, strict=True)]
-    work, stored, dissipated, numerical = np.array(log.energies).T
+    work, stored, dissipated, numerical, at_jumps = np.array(log.energies).T
     course: dict[str, Any] = {
         "times": np.array(log.times),
         "factors": history.at(log.times),
@@ -207,9 +269,10 @@ def _result(
         "stored": stored - system.stored(system.start()),
         "dissipated": dissipated,
         "numerical": numerical,
+        "at_jumps": at_jumps,
         "state": state,
         "seconds": seconds,
-        "notes": (NOTE,) if stopped() else (),
+        "notes": _notes(float(np.abs(work).max()), float(at_jumps[-1])),
     }
     if isinstance(system, CreepingAgents):
         return TransferCreepResult(**course, static=system.static, growth=records[0])
@@ -227,6 +290,17 @@ def _result(
         )
     records = [record[:, 0] for record in records]
     return CreepResult(**course, displacement=records[0], force=records[1])
+
+
+def _notes(work: float, at_jumps: float) -> tuple[str, ...]:
+    notes = [NOTE] if stopped() else []
+    if at_jumps > JUMPS_SAID_FROM * work:
+        notes.append(
+            f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does twice "
+            "the work that springs store, and no damper beside them takes up the rest; a ramp, "
+            "History().ramp(1.0, duration), leaves it out"
+        )
+    return tuple(notes)
 
 
 def _asked_times(

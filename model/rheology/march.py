@@ -15,6 +15,7 @@ them, so the sum of the estimates, which is reported, stands above the error at 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import ceil, inf, isfinite
@@ -88,6 +89,10 @@ class Drive(NamedTuple):
     forces: History
     displacements: History
 
+    def jumps_at(self, time: float) -> bool:
+        """Tell whether one of them jumps at a time."""
+        return any(float(h.at(time)) != float(h.after(time)) for h in self)
+
     def between(self, start: float, end: float) -> Floats:
         """Return both factors just after `start` and at `end`, shape (2, 2)."""
         return np.array([[float(h.after(start)), float(h.at(end))] for h in self])
@@ -99,14 +104,15 @@ class Log:
 
     times: list[float] = field(default_factory=list)
     records: list[tuple[Floats, ...]] = field(default_factory=list)
-    energies: list[tuple[float, float, float, float]] = field(default_factory=list)
+    energies: list[tuple[float, float, float, float, float]] = field(default_factory=list)
 
     def note(self, system: Creeping, state: CreepState) -> None:
         """Write down where the body is."""
         self.times.append(state.time)
         self.records.append(tuple(np.array(part) for part in system.record(state.fields)))
         stored = system.stored(state.fields)
-        self.energies.append((state.work, stored, state.dissipated, state.numerical))
+        booked = (state.work, stored, state.dissipated, state.numerical, state.at_jumps)
+        self.energies.append(booked)
 
 
 @dataclass(frozen=True)
@@ -128,12 +134,22 @@ def march(
     ConvergenceError
         If the tolerance cannot be kept, or takes more than `most_steps` steps.
     """
+    log = Log()
+    for state in stops(system, method, drive, state, asked, pace):
+        log.note(system, state)
+    return log, state
+
+
+def stops(
+    system: Creeping, method: Scheme, drive: Drive, state: CreepState, asked: Floats, pace: Pace
+) -> Iterator[CreepState]:
+    """Yield the state at each of the times `asked`, and where a run is stopped; see `march`."""
     corners = np.union1d(drive.forces.times, drive.displacements.times)
     nodes = np.union1d(asked, corners)
     nodes = nodes[(nodes > state.time) & (nodes <= asked[-1])]
-    log, wanted = Log(), set(asked.tolist())
+    wanted = set(asked.tolist())
     if state.time in wanted:
-        log.note(system, state)
+        yield state
     for node in nodes.tolist():
         if node - state.time <= _SAME_MOMENT * node:
             state = replace(state, time=node)
@@ -146,11 +162,11 @@ def march(
             state = _keep_tolerance(system, method, drive, state, node, corner, pace)
         else:
             state = _go_evenly(system, method, drive, state, node, pace.step)
-        if node in wanted or stopped():
-            log.note(system, state)
-        if stopped():
+        ended = stopped()
+        if node in wanted or ended:
+            yield state
+        if ended:
             break
-    return log, state
 
 
 def take_step(
@@ -186,7 +202,8 @@ def _go_evenly(
     for start, end in pairwise(marks):
         factors = drive.between(start, end)
         fields, booked = take_step(system, method, state.fields, length, factors)
-        state = state.moved(end, fields, booked, _scale(system, state, fields))
+        scale, jump = _scale(system, state, fields), drive.jumps_at(start)
+        state = state.moved(end, fields, booked, scale, jump=jump)
         if stopped():
             break
     return state
@@ -248,7 +265,8 @@ def _doubled(
             fields, booked = take_step(
                 system, method, tried.fields, half, drive.between(start, stop)
             )
-            tried = tried.moved(stop, fields, booked, _scale(system, tried, fields))
+            scale, jump = _scale(system, tried, fields), drive.jumps_at(start)
+            tried = tried.moved(stop, fields, booked, scale, jump=jump)
     except (ConvergenceError, TangentError) as trouble:
         return state, inf, trouble  # a shorter step may find what a long one does not
     apart = np.abs(system.gauge(whole) - system.gauge(tried.fields))

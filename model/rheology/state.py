@@ -41,8 +41,10 @@ class CreepState:
     error_estimate : float
         Sum of the estimated errors of all steps, in units of the stretch.
     work, dissipated, numerical : float
-        Work done from outside, energy that went into the dampers, and the scheme's own part
-        (J), since time 0.
+        Work done from outside, energy that went into the dampers, and what neither springs nor
+        dampers have (J), since time 0.
+    at_jumps : float
+        What of the last was set free in the steps that take up a jump (J).
     steps, rejected : int
         Steps made, and steps that were made again because they missed the tolerance.
     """
@@ -57,11 +59,21 @@ class CreepState:
     numerical: float = 0.0
     steps: int = 0
     rejected: int = 0
+    at_jumps: float = 0.0
 
     def moved(
-        self, time: float, fields: tuple[Floats, ...], booked: Floats, scale: float
+        self,
+        time: float,
+        fields: tuple[Floats, ...],
+        booked: Floats,
+        scale: float,
+        *,
+        jump: bool = False,
     ) -> CreepState:
-        """Return the state one step later; `booked` is work, dissipation, scheme's own."""
+        """Return the state one step later; `booked` is work, dissipation, and what is neither.
+
+        A step that begins with a jump of the load books the last as set free there.
+        """
         work, dissipated, numerical = (float(energy) for energy in booked)
         return replace(
             self,
@@ -71,6 +83,7 @@ class CreepState:
             work=self.work + work,
             dissipated=self.dissipated + dissipated,
             numerical=self.numerical + numerical,
+            at_jumps=self.at_jumps + (numerical if jump else 0.0),
             steps=self.steps + 1,
         )
 
@@ -104,9 +117,13 @@ class Course(Result):
         Times asked for (s) and the factor of the history there (at a jump, before it).
     work, stored, dissipated, numerical : (k,) floats
         Since time 0 (J): work from outside; energy that springs (and moving masses) can give
-        back; energy that went into the dampers, never falling; and what the time stepping
-        itself makes of energy, which vanishes with the step. ``work = stored + dissipated +
-        numerical`` but for rounding.
+        back; energy that went into the dampers, never falling; and what is neither. ``work =
+        stored + dissipated + numerical`` but for rounding.
+    at_jumps : (k,) floats
+        What of `numerical` (J) was set free where the load jumps. A load that is put on at once
+        does twice the work that a spring can store; what no damper beside the spring takes up of
+        it is set in motion in nature, and here has no place to go. A ramp leaves it out. The rest
+        of `numerical` is the time stepping's own, and vanishes with the step.
     state : CreepState
         Where the run stands at the last of the times; give it to `creep` as ``resume``. Also
         has the number of steps and the sum of the estimated errors.
@@ -125,6 +142,7 @@ class Course(Result):
     stored: Floats
     dissipated: Floats
     numerical: Floats
+    at_jumps: Floats
     state: CreepState
     seconds: float = 0.0
     notes: tuple[str, ...] = ()
@@ -153,7 +171,8 @@ class Course(Result):
             "work from outside": self.work,
             "stored": self.stored,
             "turned to heat": self.dissipated,
-            "time stepping": self.numerical,
+            "set free at jumps": self.at_jumps,
+            "time stepping": self.numerical - self.at_jumps,
         }
         return [
             Curves("Displacement", *time, {"displacement": self.largest_displacement()}, "m"),
@@ -183,7 +202,8 @@ class Course(Result):
             "work_J": float(self.work[-1]),
             "stored_J": float(self.stored[-1]),
             "dissipated_J": float(self.dissipated[-1]),
-            "numerical_J": float(self.numerical[-1]),
+            "set_free_at_jumps_J": float(self.at_jumps[-1]),
+            "numerical_J": float(self.numerical[-1] - self.at_jumps[-1]),
             "error_estimate": self.state.error_estimate,
             "seconds": self.seconds,
             "kaju_version": __version__,
@@ -209,6 +229,9 @@ class Course(Result):
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
         course = archive.columns(COURSE, {}, "course.")
+        if "at_jumps" not in course:  # written before it was told apart
+            course["at_jumps"] = np.zeros_like(course["times"])
+            archive.value("state", dict[str, Any]).setdefault("at_jumps", 0.0)
         count = len(archive.part("state."))
         fields = tuple(archive.array(f"state.{i}", "f", None) for i in range(count))
         state = CreepState(fields, **archive.record("state", CreepState))

@@ -194,6 +194,14 @@ class SteppedModel(Model):
             # Mesa copies every figure deeply, which would cost as much as a small step.
             self._noted.append((self.steps, self.figures()))
 
+    def _forget(self, count: int) -> None:
+        """Take the data of the last steps back."""
+        collected = self.datacollector  # with what was noted since it was last read
+        for values in collected.model_vars.values():
+            del values[-count:]
+        if hasattr(collected, "_collection_steps"):  # Mesa from 3.4 on
+            del collected._collection_steps[-count:]
+
     def _start_again(self) -> None:
         """Go back to no steps, the first random numbers and no data."""
         self.steps = self.steps_taken = 0

@@ -1,0 +1,235 @@
+"""Time as a Mesa model: every step goes on to the next of the times asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from time import perf_counter
+from typing import Any, Literal
+
+from numpy.typing import ArrayLike
+
+from kaju.errors import ParameterError, ResultError
+from kaju.mesa_model import SteppedModel, Until
+from kaju.model.network import SpringNetwork
+from kaju.model.network.network_result import network_archive, network_from
+from kaju.model.results.archive import Archive
+from kaju.model.rheology.element import ThreeElement
+from kaju.model.rheology.load_history import History
+from kaju.model.scene import Scene
+from kaju.model.scene.description import history_from
+
+from .creeping import AnyCourse, Drives, TimeTask
+from .march import Log
+from .state import CreepState
+
+
+class CreepModel(SteppedModel):
+    """What creeps as a Mesa model: it steps in time, is watched, saved, and stepped back.
+
+    Every step goes on to the next of the times asked for; on the way there, as many time steps
+    are made as the tolerance needs. The numbers are those of `creep`.
+
+    Parameters
+    ----------
+    subject : Scene, SpringNetwork or ThreeElement
+        What creeps.
+    history : History, optional
+        What drives it; of a scene, its own unless given.
+    duration : float, optional
+        How long (s); by default as long as the history.
+    times : array_like, optional
+        Where steps end (s), rising; by default 100 even steps, and the corners of the history.
+    step, tolerance, scheme, rheology, drive, mass, most_steps
+        As for `creep`.
+    rng, seed : int, optional
+        Seed of the model's random numbers; creep draws none.
+
+    Attributes
+    ----------
+    moment : float
+        The time reached (s).
+    running : bool
+        Whether a time is left.
+    datacollector : mesa.DataCollector
+        After every step: time (s), factor of the history, largest displacement (m), and the
+        energies (J): work from outside, stored in springs, dissipated in dampers, set free at
+        jumps of the load, and what the time stepping itself makes of energy.
+
+    Raises
+    ------
+    ParameterError
+        If an argument is outside its rule.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> dough = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=20.0)
+    >>> model = kaju.CreepModel(dough, kaju.History.step().hold(10.0), times=[0, 1, 5, 10])
+    >>> model.run(2).displacement.round(3)
+    array([0.   , 0.482])
+    >>> model.step()
+    >>> model.moment
+    5.0
+    >>> model.back()
+    >>> model.moment
+    1.0
+    """
+
+    def __init__(
+        self,
+        subject: Scene | SpringNetwork | ThreeElement,
+        history: History | Mapping[str, Any] | None = None,
+        duration: float | None = None,
+        *,
+        times: ArrayLike | None = None,
+        step: float | None = None,
+        tolerance: float = 1e-3,
+        scheme: Literal["sdirk2", "backward_euler"] = "sdirk2",
+        rheology: ThreeElement | Sequence[ThreeElement] | None = None,
+        drive: Drives = "both",
+        mass: ArrayLike | None = None,
+        most_steps: int = 100_000,
+        rng: Any = None,
+        seed: int | None = None,
+    ) -> None:
+        super().__init__(rng, seed)
+        if not isinstance(subject, (Scene, SpringNetwork, ThreeElement)):
+            raise ParameterError(
+                f"subject: a Scene, a SpringNetwork or a ThreeElement is needed, got {subject!r:.80}"
+            )
+        self.subject = subject
+        self._options = {
+            "duration": duration,
+            "step": step,
+            "tolerance": tolerance,
+            "scheme": scheme,
+            "drive": drive,
+            "most_steps": most_steps,
+        }
+        driven = history_from(history) if isinstance(history, Mapping) else history
+        self._rheology = rheology
+        given: dict[str, Any] = {"times": times, "mass": mass, "rheology": rheology}
+        self.task = TimeTask(subject, driven, **self._options, **given)
+        self._mass = mass
+        self.reset()
+
+    @property
+    def scene(self) -> Scene | None:
+        """The scene that creeps, if it is one."""
+        return self.subject if isinstance(self.subject, Scene) else None
+
+    @property
+    def network(self) -> SpringNetwork | None:
+        """The spring network that creeps, if it is one."""
+        return self.subject if isinstance(self.subject, SpringNetwork) else None
+
+    def reset(self) -> None:
+        """Go back to the start."""
+        self._start_again()
+        self.seconds = 0.0
+        self._log = Log()
+        self._states = [self.task.first]
+        self._stops = self.task.stops(self.task.first)
+        if self.task.asked[0] == self.task.first.time:
+            self._log.note(self.task.system, next(self._stops))
+
+    def step(self) -> None:
+        """Go on to the next of the times asked for."""
+        began = perf_counter()
+        state = next(self._stops)
+        self._log.note(self.task.system, state)
+        self._states.append(state)
+        self.running = state.time < self.task.asked[-1]
+        self.seconds += perf_counter() - began
+
+    def back(self, count: int = 1) -> None:
+        """Take back so many steps, and their data.
+
+        Raises
+        ------
+        ParameterError
+            If fewer were made.
+        """
+        if not 1 <= count < len(self._states):
+            raise ParameterError(
+                f"count: 1 to {len(self._states) - 1} steps can be taken back, got {count}"
+            )
+        del self._states[-count:], self._log.times[-count:]
+        del self._log.records[-count:], self._log.energies[-count:]
+        self._stops = self.task.stops(self._states[-1])
+        if self._log.times and self.task.asked[0] <= self.moment:
+            next(self._stops)  # where it stands already
+        self.steps -= count
+        self.running = True
+        self._forget(count)
+
+    @property
+    def state(self) -> CreepState:
+        """Where it stands, to be given to `creep` as ``resume``."""
+        return self._states[-1]
+
+    @property
+    def moment(self) -> float:
+        """The time reached (s)."""
+        return self.state.time
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step: time (s), length (m), energies (J)."""
+        now = self._course(Log(*([kept[-1]] for kept in vars(self._log).values())))
+        return {
+            "time": self.moment,
+            "factor": float(now.factors[-1]),
+            "largest_displacement": float(now.largest_displacement()[-1]),
+            "work": float(now.work[-1]),
+            "stored": float(now.stored[-1]),
+            "dissipated": float(now.dissipated[-1]),
+            "set_free_at_jumps": float(now.at_jumps[-1]),
+            "numerical": float(now.numerical[-1] - now.at_jumps[-1]),
+        }
+
+    def run(self, until: Until | int | None = None) -> AnyCourse:
+        """Step to the last of the times, or until a question is answered with yes."""
+        return self._run(until, self.result)
+
+    def result(self) -> AnyCourse:
+        """Return what has been seen so far.
+
+        Raises
+        ------
+        ResultError
+            Before the first step, unless the start is among the times asked for.
+        """
+        if not self._log.times:
+            raise ResultError("result: no time has passed yet; take a step first")
+        return self._course(self._log)
+
+    def _course(self, log: Log) -> AnyCourse:
+        return self.task.course(log, self.state, self.seconds)
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        history = self.task.history
+        told = {"times": list(history.times), "factors": list(history.factors)}
+        options = self._options | {"history": told, "times": self.task.asked.tolist()}
+        if self._mass is not None:
+            options["mass"] = self._mass if isinstance(self._mass, float) else list(self._mass)  # type: ignore[call-overload]
+        return options, {"rheology": self._rheology}
+
+    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return what creeps as arrays and plain values."""
+        if isinstance(self.subject, Scene):
+            text, arrays = self.subject.to_archive()
+            return arrays, {"scene": text}
+        if isinstance(self.subject, SpringNetwork):
+            return network_archive(self.subject)
+        return {}, {"element": asdict(self.subject)}
+
+    @staticmethod
+    def checkpoint_subject(archive: Archive) -> Any:
+        """Return what `checkpoint_parts` took apart."""
+        if "element" in archive.about:
+            return ThreeElement(**archive.value("element", dict[str, float]))
+        if "scene" in archive.about:
+            return Scene.from_archive(archive.value("scene", str), archive.arrays)
+        return network_from(archive)

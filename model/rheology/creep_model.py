@@ -7,10 +7,12 @@ from dataclasses import asdict
 from time import perf_counter
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from kaju.errors import ParameterError, ResultError
-from kaju.mesa_model import SteppedModel, Until
+from kaju.mesa_model import SteppedModel
+from kaju.stepping import Until
 from kaju.model.network import SpringNetwork
 from kaju.model.network.network_result import network_archive, network_from
 from kaju.model.results.archive import Archive
@@ -160,7 +162,8 @@ class CreepModel(SteppedModel):
         self._stops = self.task.stops(self._states[-1])
         if self._log.times and self.task.asked[0] <= self.moment:
             next(self._stops)  # where it stands already
-        self.steps -= count
+        self.steps_taken -= count
+        self.steps = self.steps_taken
         self.running = True
         self._forget(count)
 
@@ -188,7 +191,7 @@ class CreepModel(SteppedModel):
             "numerical": float(now.numerical[-1] - now.at_jumps[-1]),
         }
 
-    def run(self, until: Until | int | None = None) -> AnyCourse:
+    def run(self, until: Until | None = None) -> AnyCourse:
         """Step to the last of the times, or until a question is answered with yes."""
         return self._run(until, self.result)
 
@@ -213,7 +216,7 @@ class CreepModel(SteppedModel):
         told = {"times": list(history.times), "factors": list(history.factors)}
         options = self._options | {"history": told, "times": self.task.asked.tolist()}
         if self._mass is not None:
-            options["mass"] = self._mass if isinstance(self._mass, float) else list(self._mass)  # type: ignore[call-overload]
+            options["mass"] = np.asarray(self._mass).tolist()
         return options, {"rheology": self._rheology}
 
     def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:

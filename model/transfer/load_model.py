@@ -9,15 +9,17 @@ import numpy as np
 
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
+from kaju.agents.parameter import declared
 from kaju.agents.rules import ShareRule
 from kaju.agents.shares import Load
 from kaju.errors import ParameterError
 from kaju.mesa_model import SteppedModel
-from kaju.model.scene import Scene
+from kaju.model.scene import Scene, scene_needed
 from kaju.stepping import Order, takes_objects
 
 from .agent_engine import AgentEngine, boundary_classes
 from .array_engine import ArrayEngine
+from .keywords import keywords_into, own_classes
 from .load_transfer import LoadTransfer
 
 EngineName = Literal["auto", "agents", "arrays"]
@@ -59,6 +61,9 @@ class LoadModel(LoadTransfer, SteppedModel):
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
     seed : int, optional
         Another word for `rng`.
+    **numbers
+        Numbers of the scene's rule to replace, such as ``threshold=0.001``, and values of the
+        parameters that your agents declare; see `kaju.Parameter`.
 
     Attributes
     ----------
@@ -70,6 +75,8 @@ class LoadModel(LoadTransfer, SteppedModel):
         False when the last stage has come to rest or was stopped.
     certificate : Certificate
         What is known about the stability before the run; of agents of your own, nothing.
+    parameters : dict
+        Values of the parameters that your agents declare, by name.
     agents : mesa AgentSet
         The agents that are awake; refused where they are rows of arrays.
     space : mesa.discrete_space grid or None
@@ -102,8 +109,12 @@ class LoadModel(LoadTransfer, SteppedModel):
         order: Order[MaterialAgent] | None = None,
         rule: ShareRule | None = None,
         seed: int | None = None,
+        **numbers: Any,
     ) -> None:
         SteppedModel.__init__(self, rng, seed)
+        scene_needed(scene)
+        classes = own_classes(material_agent, boundary_agents)
+        scene, self.parameters = keywords_into(scene, classes, numbers, LoadModel, rule is not None)
         self._own: dict[str, Any] = {
             "material_agent": material_agent,
             "boundary_agents": boundary_agents,
@@ -116,12 +127,12 @@ class LoadModel(LoadTransfer, SteppedModel):
         names = [getattr(agent, "__name__", repr(agent)) for agent in own.values()]
         self._describe(scene, allow_unstable, max_generations, rule, names)
         self.order = order
-        classes = boundary_classes(boundary_agents or {})
+        boundaries = boundary_classes(boundary_agents or {})
         acts_its_own_way: Any = next(iter(own.values()), order) or MaterialAgent
         small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
         self.engine: AgentEngine | ArrayEngine
         if takes_objects(engine, acts_its_own_way, MaterialAgent, small):
-            self.engine = AgentEngine(self, scene, self.transfer, material_agent, classes)
+            self.engine = AgentEngine(self, scene, self.transfer, material_agent, boundaries)
         else:
             self.engine = ArrayEngine(scene, self.transfer)
         self.reset()
@@ -145,6 +156,7 @@ class LoadModel(LoadTransfer, SteppedModel):
             "engine": "agents" if isinstance(self.engine, AgentEngine) else "arrays",
             "allow_unstable": self.allow_unstable,
             "max_generations": self.max_generations,
+            **self.parameters,
         }
         usual = self._own["material_agent"] is MaterialAgent
         return options, self._own | ({"material_agent": None} if usual else {})
@@ -159,7 +171,16 @@ class LoadModel(LoadTransfer, SteppedModel):
             "load_taken": engine.taken,
             "load_returned": engine.returned,
             "load_waiting": engine.pending,
+            **self.parameters,
         }
+
+    @staticmethod
+    def sliders(*agents: type[MaterialAgent | BoundaryAgent]) -> dict[str, dict[str, Any]]:
+        """Return a slider for each parameter that classes of agents declare, by name.
+
+        Mesa's SolaraViz takes them among its `model_params`.
+        """
+        return {name: parameter.slider() for name, parameter in declared(agents).items()}
 
     def _objects(self) -> AgentEngine:
         """Return the engine of agents as objects; say what to do if they are rows of arrays."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from time import perf_counter
+from types import MappingProxyType
 from typing import Any
+from warnings import warn
 
 from kaju.agents.rules import ShareRule
 from kaju.errors import StabilityError
@@ -46,6 +49,7 @@ class LoadTransfer:
 
     engine: Any
     running: bool
+    parameters: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(
         self,
@@ -204,16 +208,20 @@ class LoadTransfer:
         totals: Totals = self.engine.totals()
         return totals
 
-    def run(self, progress: bool | None = None, until: Until | None = None) -> TransferResult:
+    def run(self, until: Until | None = None, progress: bool | None = None) -> TransferResult:
         """Step until the last stage is at rest, and return the result.
 
         Parameters
         ----------
-        until : callable, optional
-            A function of the model; the run pauses as soon as it is true, and can go on.
+        until : callable or int, optional
+            A function of the model; the run pauses as soon as it is true, and can go on. A whole
+            number: so many steps, or fewer if the last stage is at rest before.
         progress : bool, optional
             Show a progress line; None: on a terminal, when the run takes over two seconds.
         """
+        if isinstance(until, bool):  # until 0.1 this came first
+            warn("run: progress is a keyword, run(progress=...)", DeprecationWarning, stacklevel=2)
+            until, progress = None, until
         with progress_line(progress) as report:
             return step_to_end(
                 self,
@@ -236,4 +244,5 @@ class LoadTransfer:
             stages=(*self.finished, self.engine.stage(self._factor, told)),
             certificate=self.certificate,
             seconds=self.seconds,
+            parameters=dict(self.parameters),
         )

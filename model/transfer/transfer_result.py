@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -85,6 +86,8 @@ class TransferResult(BodyResult):
         What was known about the stability before the run.
     seconds : float
         Time that the run took (s).
+    parameters : dict
+        Values of the parameters that agents of one's own declare, by name.
     """
 
     kind: ClassVar[str] = "load transfer"
@@ -94,6 +97,7 @@ class TransferResult(BodyResult):
     stages: tuple[Stage, ...]
     certificate: Certificate
     seconds: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def pictures(self) -> tuple[str, ...]:
@@ -160,7 +164,7 @@ class TransferResult(BodyResult):
             raise ResultError(
                 f"stage: this result has the stages 1 to {len(self.stages)}, got {stage}"
             )
-        return TransferResult(self.scene, self.stages[:stage], self.certificate, self.seconds)
+        return replace(self, stages=self.stages[:stage])
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -274,6 +278,7 @@ class TransferResult(BodyResult):
         size = np.linalg.norm(self.displacement, axis=1)
         return {
             "rule": "prescribed",
+            **({"parameters": dict(self.parameters)} if self.parameters else {}),
             "generations": stage.generations,
             "material_agents": len(stage.cells),
             "boundary_agents": len(stage.boundary_cells),
@@ -333,7 +338,8 @@ class TransferResult(BodyResult):
                     "ledger": asdict(stage.ledger),
                 }
             )
-        return arrays, {"stages": described, "certificate": asdict(self.certificate)}
+        about = {"stages": described, "certificate": asdict(self.certificate)}
+        return arrays, about | {"parameters": dict(self.parameters)}
 
     @classmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> TransferResult:
@@ -350,8 +356,14 @@ class TransferResult(BodyResult):
             stages.append(Stage(**told, **columns, history=history))
         if not 1 <= len(stages) <= scene.stages:
             raise ResultError(f"it has {len(stages)} stages, the scene {scene.stages}")
-        certificate = archive.value("certificate", Certificate)
-        return cls(scene, tuple(stages), certificate, archive.value("seconds", float))
+        archive.about.setdefault("parameters", {})  # written before there were any
+        return cls(
+            scene,
+            tuple(stages),
+            archive.value("certificate", Certificate),
+            archive.value("seconds", float),
+            archive.value("parameters", dict[str, bool | int | float]),
+        )
 
 
 class StageRecord(TypedDict):

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from kaju.agents.material_agent import MaterialAgent as MaterialAgent
     from kaju.agents.materials import Material as Material
     from kaju.agents.materials import material as material
+    from kaju.agents.parameter import Parameter as Parameter
     from kaju.agents.rules import Coefficients as Coefficients
     from kaju.agents.rules import PrescribedRule as PrescribedRule
     from kaju.agents.shares import Shares as Shares
@@ -64,6 +65,7 @@ _NAMES = {
     "agents.face_agent": "FaceAgent",
     "agents.material_agent": "MaterialAgent",
     "agents.materials": "Material material",
+    "agents.parameter": "Parameter",
     "agents.rules": "Coefficients PrescribedRule",
     "agents.shares": "Shares",
     "errors": "KajuError",

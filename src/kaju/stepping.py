@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from itertools import islice
+from numbers import Integral
 from typing import Any, Protocol, TypeVar
 
 from kaju.errors import ParameterError
@@ -14,8 +15,8 @@ Answer = TypeVar("Answer")
 
 Order = Callable[[list[A]], Iterable[A]]
 """Of the agents for which loads wait, those that act in this step, one after another."""
-Until = Callable[[Any], bool]
-"""A question about the model, asked before every step: whether to stop."""
+Until = Callable[[Any], bool] | int
+"""A question about the model, asked before every step: whether to stop. Or a number of steps."""
 
 
 class Steps(Protocol):
@@ -86,14 +87,20 @@ def step_to_end(
 ) -> Answer:
     """Step until the end, or until a question is answered with yes; return what there is.
 
-    `after` is called after every step.
+    A whole number is a number of steps. `after` is called after every step.
     """
-    if not (until is None or callable(until)):
-        raise ParameterError(f"until: a function of the model is needed, got {until!r}")
+    whole = isinstance(until, Integral) and not isinstance(until, bool) and until > 0
+    if not (until is None or callable(until) or whole):
+        raise ParameterError(
+            f"until: a function of the model, or a number of steps, is needed, got {until!r}"
+        )
+    left = until if isinstance(until, Integral) else None
 
     def steps() -> Answer:
-        while model.running and not (until is not None and until(model)):
+        nonlocal left
+        while model.running and left != 0 and not (callable(until) and until(model)):
             model.step()
+            left = None if left is None else left - 1
             if after is not None:
                 after()
             if stopped():

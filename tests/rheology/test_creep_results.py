@@ -85,7 +85,8 @@ def test_it_is_drawn_and_filmed(course, tmp_path):
 
 def test_the_energies_of_the_summary_balance(course):
     told = course.summary()
-    kept = told["stored_J"] + told["dissipated_J"] + told["numerical_J"]
+    parts = ("stored", "dissipated", "set_free_at_jumps", "numerical")
+    kept = sum(told[f"{part}_J"] for part in parts)
     assert kept == pytest.approx(told["work_J"], rel=1e-6)
 
 

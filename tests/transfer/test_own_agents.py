@@ -108,7 +108,7 @@ def test_a_boundary_that_absorbs(accumulate):
 def test_wrong_boundaries_are_named():
     with pytest.raises(ParameterError, match=r"no boundary 'fre'.*free"):
         LoadModel(column(), boundary_agents={"fre": Felt})
-    with pytest.raises(ParameterError, match="needs a subclass of FreeBoundaryAgent"):
+    with pytest.raises(ParameterError, match="a subclass of BoundaryAgent is needed"):
         LoadModel(column(), boundary_agents={"free": MaterialAgent})
 
 

@@ -1,0 +1,147 @@
+"""Numbers that a class of agents declares: keywords of the model, columns, sliders."""
+
+from __future__ import annotations
+
+from math import isfinite
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any, Self, overload
+
+from kaju.errors import ParameterError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+class Parameter:
+    """A number of a class of agents, the same for all of them, that a model can be given.
+
+    Declared on the class, it is a keyword of `LoadModel`, a column of its data, a line in the
+    summary of its results, and a slider. Agents read it as an attribute.
+
+    Parameters
+    ----------
+    default : int, float or bool
+        Its value unless the model is given another. A whole number stays whole.
+    low, high : int or float, optional
+        The least and the largest value; only a bool needs none.
+    text : str
+        What it means, with its unit: the label of the slider.
+
+    Raises
+    ------
+    ParameterError
+        If the bounds are missing or do not enclose the default.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> class Tired(kaju.MaterialAgent):
+    ...     wear = kaju.Parameter(0.05, 0.0, 1.0, "softening by each load")
+    ...     def shortening(self, axis):
+    ...         return (1.0 + self.wear) * super().shortening(axis)
+    >>> kaju.LoadModel.sliders(Tired)["wear"]["max"]
+    1.0
+    """
+
+    def __init__(
+        self,
+        default: float,
+        low: float | None = None,
+        high: float | None = None,
+        text: str = "",
+    ) -> None:
+        self.name = "parameter"
+        self.default, self.low, self.high, self.text = default, low, high, text
+        if isinstance(default, bool):
+            return
+        if low is None or high is None:
+            raise ParameterError(
+                f"low, high: a Parameter needs both bounds, as in Parameter({default!r}, 0, 10, "
+                f'"what it means"), got {low!r} and {high!r}'
+            )
+        self.checked(default)
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, agent: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, agent: object, owner: type) -> Any: ...
+    def __get__(self, agent: Any, owner: type) -> Any:
+        return self if agent is None else agent.model.parameters[self.name]
+
+    def __set__(self, agent: object, value: object) -> None:
+        raise ParameterError(
+            f"{self.name}: is a Parameter, one number for all agents, and cannot be set on one of "
+            f"them; give it to the model, LoadModel(scene, {self.name}=...), or call what an agent "
+            "keeps of its own by another name"
+        )
+
+    @property
+    def whole(self) -> bool:
+        """Whether only whole numbers will do."""
+        return all(isinstance(value, Integral) for value in (self.default, self.low, self.high))
+
+    def checked(self, value: Any) -> Any:
+        """Return a value that the rule allows.
+
+        Raises
+        ------
+        ParameterError
+            If it is no number, not whole, or outside the bounds.
+        """
+        if isinstance(self.default, bool):
+            if not isinstance(value, bool):
+                raise ParameterError(f"{self.name}: must be True or False, got {value!r}")
+            return value
+        assert self.low is not None
+        assert self.high is not None
+        kind = "whole number" if self.whole else "number"
+        number = isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+        fits = number and (not self.whole or value == int(value)) and self.low <= value <= self.high
+        if not fits:
+            raise ParameterError(
+                f"{self.name}: must be a {kind} from {self.low} to {self.high}"
+                f"{f' ({self.text})' if self.text else ''}, got {value!r}"
+            )
+        return int(value) if self.whole else float(value)
+
+    def slider(self) -> dict[str, Any]:
+        """Return what Mesa's SolaraViz takes for it among its `model_params`."""
+        label = self.text or self.name
+        if isinstance(self.default, bool):
+            return {"type": "Checkbox", "value": self.default, "label": label}
+        assert self.low is not None
+        assert self.high is not None
+        kind, step = ("SliderInt", 1) if self.whole else ("SliderFloat", self._step)
+        ends = {"min": self.low, "max": self.high, "step": step}
+        return {"type": kind, "value": self.default, "label": label, **ends}
+
+    @property
+    def _step(self) -> float:
+        assert self.low is not None
+        assert self.high is not None
+        return (self.high - self.low) / 100.0 or 1.0
+
+
+def declared(classes: Iterable[type]) -> dict[str, Parameter]:
+    """Return the parameters that classes of agents and their bases declare, by name.
+
+    Raises
+    ------
+    ParameterError
+        If two classes declare different ones under one name.
+    """
+    found: dict[str, Parameter] = {}
+    for agent in classes:
+        for name in dir(agent):
+            parameter = getattr(agent, name, None)
+            if not isinstance(parameter, Parameter):
+                continue
+            if found.setdefault(name, parameter) is not parameter:
+                raise ParameterError(
+                    f"{name}: two classes of agents declare a parameter of this name; rename one, "
+                    "or declare it once on a common base"
+                )
+    return found

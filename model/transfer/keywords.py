@@ -1,0 +1,136 @@
+"""What `LoadModel` is given besides a scene: numbers of the rule, parameters, own classes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from inspect import Parameter as Argument
+from inspect import signature
+from typing import Any
+
+from kaju.agents.boundary_agent import BoundaryAgent
+from kaju.agents.material_agent import MaterialAgent
+from kaju.agents.materials import suggestion
+from kaju.agents.parameter import declared
+from kaju.errors import ParameterError
+from kaju.model.scene import Scene
+from kaju.model.scene.description import TABLES, Rule
+
+
+AGENTS_START = ("model", "cell", "material", "shares")
+BOUNDARIES_START = ("model", "cell")
+"""What a model makes its agents of."""
+
+
+def own_classes(
+    material_agent: object, boundary_agents: Mapping[str, object] | None
+) -> tuple[type, ...]:
+    """Return the classes of agents of one's own.
+
+    Raises
+    ------
+    ParameterError
+        If one is no class for its task, or cannot be made of what a model makes it of.
+    """
+    _check_class("material_agent", material_agent, MaterialAgent, AGENTS_START)
+    if not isinstance(boundary_agents, Mapping | None):
+        raise ParameterError(
+            'boundary_agents: must be a mapping such as {"rigid": MyWall}, got '
+            f"{boundary_agents!r:.80}"
+        )
+    for name, agent in (boundary_agents or {}).items():
+        _check_class(f"boundary_agents[{name!r}]", agent, BoundaryAgent, BOUNDARIES_START)
+    return tuple(dict.fromkeys([material_agent, *(boundary_agents or {}).values()]))  # type: ignore[list-item]
+
+
+def keywords_into(
+    scene: Scene, classes: Iterable[type], given: Mapping[str, Any], model: type, own_rule: bool
+) -> tuple[Scene, dict[str, Any]]:
+    """Return the scene with numbers of its rule replaced, and the agents' parameters.
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose rule some keywords belong to.
+    classes : iterable of type
+        Own classes of agents, to whom the others belong.
+    given : mapping
+        Keywords by name.
+    model : type
+        Whose own arguments no parameter may be called by.
+    own_rule : bool
+        Whether another rule stands in for the scene's.
+
+    Raises
+    ------
+    ParameterError
+        If a keyword belongs to nobody, to two, or is out of its range.
+    """
+    parameters = declared(classes)
+    rule = {field.name for field in fields(scene.rule)}
+    own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]
+    for name in parameters.keys() & (rule | own):
+        whose = "the rule" if name in rule else model.__name__
+        raise ParameterError(
+            f"{name}: {whose} has a number of this name already; call the parameter otherwise"
+        )
+    for name in given.keys() - parameters.keys() - rule:
+        known = sorted({*parameters, *rule, *own} - {"self", "kind", "numbers"})
+        raise ParameterError(
+            f"{name}: {model.__name__} has no such argument{suggestion(name, known)}; there is "
+            f"{', '.join(known)}"
+        )
+    values = {
+        name: each.checked(given.get(name, each.default)) for name, each in parameters.items()
+    }
+    changed = {name: value for name, value in given.items() if name in rule}
+    if changed and own_rule:
+        raise ParameterError(
+            f"{next(iter(changed))}: is a number of the scene's rule, and rule= brings another; "
+            "give one of them"
+        )
+    if changed:
+        scene = scene.replace(rule=_changed(scene.rule, changed))
+    return scene, values
+
+
+def _changed(rule: Rule, numbers: dict[str, Any]) -> Rule:
+    """Return a rule with numbers replaced that are checked as those of a scene's file."""
+    given = {name: value for name, value in numbers.items() if name != "materials"}
+    told = TABLES[rule.kind](**given)
+    checked = {name: getattr(told, name) for name in given}
+    if "materials" in numbers:
+        checked["materials"] = numbers["materials"]
+    return replace(rule, **checked)
+
+
+def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:
+    """Refuse what is no class of agents, or one that a model cannot make.
+
+    Parameters
+    ----------
+    name : str
+        What the class was given as.
+    agent, base : type
+        The class, and the one that it must come from.
+    start : tuple of str
+        What a model makes an agent of.
+    """
+    if not (isinstance(agent, type) and issubclass(agent, base)):
+        raise ParameterError(
+            f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write "
+            f"`class Mine({base.__name__})` and give the class itself"
+        )
+    every = list(signature(agent).parameters.values())
+    rest = any(argument.kind is Argument.VAR_POSITIONAL for argument in every)
+    places = [a for a in every if a.kind in (a.POSITIONAL_ONLY, a.POSITIONAL_OR_KEYWORD)]
+    needed = sum(a.default is Argument.empty for a in places)
+    alone = [
+        a.name for a in every if a.kind is Argument.KEYWORD_ONLY and a.default is Argument.empty
+    ]
+    if alone or needed > len(start) or not (rest or len(places) >= len(start)):
+        raise ParameterError(
+            f"{name}: {agent.__name__}.__init__ takes ({', '.join(map(str, every))}), but a model "
+            f"makes its agents of ({', '.join(start)}); take *start and call "
+            "super().__init__(*start) first"
+        )

@@ -1,0 +1,190 @@
+"""Numbers given to a model by keyword: those of the rule, and those that agents declare."""
+
+import pytest
+
+from kaju import (
+    LoadModel,
+    MaterialAgent,
+    Parameter,
+    PrescribedRule,
+    RigidBoundaryAgent,
+    Scene,
+    load_result,
+)
+from kaju.errors import KajuError, ParameterError
+
+
+class Hardening(MaterialAgent):
+    """Becomes stiffer for every load that it has taken, up to so many loads."""
+
+    loads = Parameter(3, 1, 10, "loads before it hardens")
+    softly = Parameter(False, text="whether it hardens softly")
+
+    def shortening(self, axis):
+        return super().shortening(axis) / self.loads
+
+
+class Felt(RigidBoundaryAgent):
+    part = Parameter(0.3, 0.0, 1.0, "what it gives back of each newton")
+
+    def give_back(self, load, arm):
+        back = self.turn(load, arm)
+        return back._replace(magnitude=self.part * back.magnitude)
+
+
+def pressed(**more):
+    return Scene(
+        body={"cell_size": 0.01, "cells": [5, 4], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
+        **more,
+    )
+
+
+def hardening(**numbers):
+    return LoadModel(pressed(), material_agent=Hardening, threshold=0.01, **numbers)
+
+
+def test_numbers_of_the_rule_are_keywords():
+    rule = PrescribedRule(alpha=(0.5, 0.4, 0.2), beta=0.25, threshold=0.02, sense=True)
+    asked = LoadModel(pressed(), alpha=(0.5, 0.4, 0.2), beta=0.25, threshold=0.02, sense=True)
+    assert asked.scene == pressed(rule=rule)
+    assert asked.run().summary()["load_taken"] == pytest.approx(
+        LoadModel(pressed(rule=rule)).run().summary()["load_taken"], rel=1e-15
+    )
+
+
+def test_a_declared_number_acts_and_is_told(tmp_path):
+    three, six = hardening().run(), hardening(loads=6).run()
+    assert three.displacement == pytest.approx(2.0 * six.displacement, rel=1e-12)
+    assert six.summary()["parameters"] == {"loads": 6, "softly": False}
+    assert load_result(six.save(tmp_path / "six.npz")).parameters == six.parameters
+
+
+def test_a_declared_number_is_a_column():
+    model = hardening(loads=4)
+    model.run()
+    frame = model.datacollector.get_model_vars_dataframe()
+    assert set(frame["loads"]) == {4}
+    assert len(frame) == model.steps
+
+
+def test_a_declared_number_is_a_slider():
+    assert LoadModel.sliders(Hardening, Felt) == {
+        "loads": {
+            "type": "SliderInt",
+            "value": 3,
+            "label": "loads before it hardens",
+            "min": 1,
+            "max": 10,
+            "step": 1,
+        },
+        "softly": {"type": "Checkbox", "value": False, "label": "whether it hardens softly"},
+        "part": {
+            "type": "SliderFloat",
+            "value": 0.3,
+            "label": "what it gives back of each newton",
+            "min": 0.0,
+            "max": 1.0,
+            "step": 0.01,
+        },
+    }
+
+
+def test_it_goes_along_into_checkpoints_and_copies(tmp_path):
+    model = hardening(loads=7)
+    model.run(2)
+    path = model.save_checkpoint(tmp_path / "half")
+    again = LoadModel.load_checkpoint(path, material_agent=Hardening)
+    assert (again.steps, again.parameters) == (2, model.parameters)
+    assert model.again(pressed()).parameters["loads"] == 7
+
+
+def test_boundaries_declare_too():
+    def absorbed(part):
+        model = LoadModel(pressed(), boundary_agents={"rigid": Felt}, part=part, threshold=0.01)
+        return model.run().last.ledger.absorbed
+
+    assert absorbed(1.0) == pytest.approx(0.0, abs=1e-12)
+    assert absorbed(0.0) > absorbed(0.5) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("numbers", "told"),
+    [
+        ({"thresold": 1.0}, "thresold: .*did you mean 'threshold'"),
+        ({"loads": 11}, "loads: .*from 1 to 10"),
+        ({"loads": 2.5}, "loads: .*whole number"),
+        ({"loads": True}, "loads: .*whole number"),
+        ({"softly": 1}, "softly: .*True or False"),
+        ({"alpha": 0.5}, "alpha: must be a list"),
+        ({"threshold": "much"}, "threshold: must be a number"),
+        ({"threshold": float("nan")}, "threshold"),
+        ({"beta": 2.0}, "beta: must lie between 0 and 1"),
+    ],
+)
+def test_wrong_numbers_are_named(numbers, told):
+    with pytest.raises(KajuError, match=told):
+        LoadModel(pressed(), material_agent=Hardening, **numbers)
+
+
+def test_a_number_belongs_to_one_alone():
+    class Second(MaterialAgent):
+        threshold = Parameter(1.0, 0.0, 2.0)
+
+    with pytest.raises(ParameterError, match="threshold: the rule has a number of this name"):
+        LoadModel(pressed(), material_agent=Second)
+
+    class Third(RigidBoundaryAgent):
+        loads = Parameter(3, 1, 10)
+
+    with pytest.raises(ParameterError, match="loads: two classes"):
+        LoadModel(pressed(), material_agent=Hardening, boundary_agents={"rigid": Third})
+    with pytest.raises(ParameterError, match="threshold: is a number of the scene's rule"):
+        LoadModel(pressed(), rule=PrescribedRule(), threshold=0.1)
+
+
+def test_it_is_the_same_for_all_agents():
+    class Careless(Hardening):
+        def take(self, load):
+            super().take(load)
+            self.loads = 2
+
+    with pytest.raises(ParameterError, match="loads: is a Parameter"):
+        LoadModel(pressed(), material_agent=Careless).run()
+    with pytest.raises(ParameterError, match="low, high"):
+        Parameter(3)
+    with pytest.raises(ParameterError, match="must be a whole number from 1 to 2"):
+        Parameter(3, 1, 2)
+
+
+def test_classes_that_cannot_be_agents_are_named():
+    class Short(MaterialAgent):
+        def __init__(self, model):
+            super().__init__(model)
+
+    class Open(MaterialAgent):
+        def __init__(self, *start):
+            super().__init__(*start)
+
+    for wrong in (3, Short, RigidBoundaryAgent, MaterialAgent.step):
+        with pytest.raises(ParameterError, match="material_agent: "):
+            LoadModel(pressed(), material_agent=wrong)
+    with pytest.raises(ParameterError, match="boundary_agents: must be a mapping"):
+        LoadModel(pressed(), boundary_agents=Felt)
+    with pytest.raises(ParameterError, match=r"boundary_agents\['rigid'\]: "):
+        LoadModel(pressed(), boundary_agents={"rigid": MaterialAgent})
+    assert LoadModel(pressed(), material_agent=Open).run().last.generations > 0
+
+
+def test_a_number_of_steps_runs_so_many():
+    model = LoadModel(pressed(), threshold=0.001)
+    model.run(3)
+    assert model.steps == 3
+    whole = model.run()
+    assert whole.last.generations == model.steps > 3
+    for wrong in (0, -1, 2.5, "end"):
+        with pytest.raises(ParameterError, match="until: a function of the model, or a number"):
+            LoadModel(pressed()).run(wrong)
+    with pytest.warns(DeprecationWarning, match="progress is a keyword"):
+        LoadModel(pressed()).run(False)

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from kaju.errors import ParameterError, ResultError
 from kaju.mesa_model import SteppedModel
-from kaju.stepping import Until
 from kaju.model.network import SpringNetwork
 from kaju.model.network.network_result import network_archive, network_from
 from kaju.model.results.archive import Archive
@@ -20,6 +19,7 @@ from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
 from kaju.model.scene.description import history_from
+from kaju.stepping import Until
 
 from .creeping import AnyCourse, Drives, TimeTask
 from .march import Log
@@ -98,10 +98,11 @@ class CreepModel(SteppedModel):
         super().__init__(rng, seed)
         if not isinstance(subject, (Scene, SpringNetwork, ThreeElement)):
             raise ParameterError(
-                f"subject: a Scene, a SpringNetwork or a ThreeElement is needed, got {subject!r:.80}"
+                "subject: a Scene, a SpringNetwork or a ThreeElement is needed, "
+                f"got {subject!r:.80}"
             )
         self.subject = subject
-        self._options = {
+        self._options: dict[str, Any] = {
             "duration": duration,
             "step": step,
             "tolerance": tolerance,

@@ -296,9 +296,9 @@ def _notes(work: float, at_jumps: float) -> tuple[str, ...]:
     notes = [NOTE] if stopped() else []
     if at_jumps > JUMPS_SAID_FROM * work:
         notes.append(
-            f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does twice "
-            "the work that springs store, and no damper beside them takes up the rest; a ramp, "
-            "History().ramp(1.0, duration), leaves it out"
+            f"{at_jumps:.3g} J were set free where the load jumps: a load put on at once does "
+            "twice the work that springs store, and no damper beside them takes up the rest; a "
+            "ramp, History().ramp(1.0, duration), leaves it out"
         )
     return tuple(notes)
 

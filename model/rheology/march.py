@@ -124,26 +124,18 @@ class Pace:
     most_steps: int
 
 
-def march(
+def stops(
     system: Creeping, method: Scheme, drive: Drive, state: CreepState, asked: Floats, pace: Pace
-) -> tuple[Log, CreepState]:
-    """March from `state` over the corners of the drive to the last of the times `asked`.
+) -> Iterator[CreepState]:
+    """March over the corners of the drive; yield the state at each of the times `asked`.
+
+    A run that is stopped yields where it is.
 
     Raises
     ------
     ConvergenceError
         If the tolerance cannot be kept, or takes more than `most_steps` steps.
     """
-    log = Log()
-    for state in stops(system, method, drive, state, asked, pace):
-        log.note(system, state)
-    return log, state
-
-
-def stops(
-    system: Creeping, method: Scheme, drive: Drive, state: CreepState, asked: Floats, pace: Pace
-) -> Iterator[CreepState]:
-    """Yield the state at each of the times `asked`, and where a run is stopped; see `march`."""
     corners = np.union1d(drive.forces.times, drive.displacements.times)
     nodes = np.union1d(asked, corners)
     nodes = nodes[(nodes > state.time) & (nodes <= asked[-1])]

@@ -16,7 +16,6 @@ from kaju.errors import ParameterError
 from kaju.model.scene import Scene
 from kaju.model.scene.description import TABLES, Rule
 
-
 AGENTS_START = ("model", "cell", "material", "shares")
 BOUNDARIES_START = ("model", "cell")
 """What a model makes its agents of."""

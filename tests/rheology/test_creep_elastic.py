@@ -11,7 +11,7 @@ from kaju.model.rheology import schemes as steps
 from kaju.model.rheology.elastic import CreepingBody
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
-from kaju.model.rheology.march import Drive, Pace, march
+from kaju.model.rheology.march import Drive, Log, Pace, stops
 from kaju.model.rheology.state import CreepState
 
 SOFT = ThreeElement(K_f=1e5, D_f=3e5, D_d=2e6)
@@ -40,15 +40,17 @@ def body(kinds, materials, sides=None, plane="stress"):
 
 
 def run(system, history=BITE, times=TIMES, step=0.05, scheme="sdirk2", tolerance=1e-3):
-    """Return displacements (k, faces) and energies (k, 4)."""
-    log, _ = march(
+    """Return displacements (k, faces) and energies (k, 5)."""
+    log = Log()
+    for state in stops(
         system,
         steps.scheme(scheme),
         Drive(history, history),
         CreepState(system.start()),
         np.asarray(times),
         Pace(step, tolerance, 10_000),
-    )
+    ):
+        log.note(system, state)
     unit = system.problem.scales.displacement
     return unit * np.stack([record[0] for record in log.records]), np.array(log.energies)
 

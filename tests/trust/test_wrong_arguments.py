@@ -33,7 +33,7 @@ def test_other_things_that_are_no_scene_or_result(tmp_path):
         kaju.export_page(3, tmp_path / "x.html")
     with pytest.raises(ParameterError, match="history: a History is needed, got 'step'"):
         creep(block(), "step")
-    with pytest.raises(ParameterError, match="until: a function of the model, or .*, got 0.5"):
+    with pytest.raises(ParameterError, match=r"until: a function of the model, or .*, got 0.5"):
         LoadModel(block()).run(until=0.5)
     with pytest.raises(ResultError, match="points: must be numbers"):
         solve(block()).displacement_at("middle")

@@ -215,7 +215,8 @@ _POISSON = "metal"
 def of_kaju(scene: Scene, generations: int, **how: Any) -> Answer:
     """Run kaju."""
     result = LoadModel(scene, max_generations=generations, **how).run(progress=False)
-    return len(result.last.cells), result.last.ledger.taken
+    acted = result.last.spawn_step <= result.last.generations
+    return int(acted.sum()), result.last.ledger.taken
 
 
 def in_turn(ours: Callable[[], Answer], theirs: Callable[[], Answer], runs: int) -> list[float]:
@@ -280,7 +281,7 @@ def large() -> None:
     awake = Scene(
         body=body | {"cells": [100_000, 10]},
         sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[0.0, 0.0], [1000.0, 0.1]]}, "force": [0.0, -1e6]}],
+        loads=[{"side": "top", "force": [0.0, -1e5]}],
         rule=PrescribedRule(threshold=1e-3),
     )
     for case, body_of_agents, end, how in (

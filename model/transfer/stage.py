@@ -183,8 +183,8 @@ class Stage:
     ledger: Ledger
 
 
-def collect_boundary(handed: list[tuple[Ints, Floats]]) -> tuple[Ints, Ints, Floats]:
-    """Gather what boundary agents gave back, from (cell keys, loads) of each generation.
+def collect_boundary(handed: list[tuple[int, Ints, Floats]]) -> tuple[Ints, Ints, Floats]:
+    """Gather what boundary agents gave back, from (generation, cell keys, loads).
 
     Returns
     -------
@@ -194,10 +194,10 @@ def collect_boundary(handed: list[tuple[Ints, Floats]]) -> tuple[Ints, Ints, Flo
     if not handed:
         nothing = np.empty(0, dtype=np.int64)
         return nothing, nothing, np.empty(0)
-    every = np.concatenate([key for key, _ in handed])
+    every = np.concatenate([key for _, key, _ in handed])
     # A load handed over in generation g (counted from 1) is taken again in g + 1.
-    step = np.concatenate([np.full(len(key), g + 2) for g, (key, _) in enumerate(handed)])
-    load = np.concatenate([amount for _, amount in handed])
+    step = np.concatenate([np.full(len(key), g + 1) for g, key, _ in handed])
+    load = np.concatenate([amount for _, _, amount in handed])
     key, first, number = np.unique(every, return_index=True, return_inverse=True)
     returned: Floats = np.zeros(len(key))
     np.add.at(returned, number, load)

@@ -137,7 +137,7 @@ def demo(
     A second film shows a plate so low that the load reaches the ground, which answers.
     """
     from kaju.model.scene import Scene
-    from kaju.model.transfer.load_model import LoadModel
+    from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
     scene = Scene.from_toml(worked_plate())
@@ -146,7 +146,7 @@ def demo(
         from kaju.view import animate
 
         console.say(animate(result, folder / "spawning.gif"))
-        low = LoadModel(scene.with_overrides(LOW)).run()
+        low = LoadTransfer(scene.with_overrides(LOW)).run()
         console.say(animate(low, folder / "ground.gif"))
 
 
@@ -261,9 +261,15 @@ def into_folder(
 
 def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
     """Let agents act."""
-    from kaju.mesa_model import agent_model
+    result: Result
+    if scene.rule.kind == "elastic":
+        from kaju.model.elastic.settling.elastic_model import ElasticModel
 
-    result = agent_model(scene, allow_unstable=allow_unstable).run()
+        result = ElasticModel(scene, allow_unstable=allow_unstable).run()
+    else:  # on arrays, which wait for no import of Mesa
+        from kaju.model.transfer.load_transfer import LoadTransfer
+
+        result = LoadTransfer(scene, allow_unstable).run()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
     return result
 

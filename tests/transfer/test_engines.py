@@ -10,6 +10,7 @@ from strategies import scenes
 
 from kaju import KajuError, LoadModel, MaterialAgent, Scene, stability
 from kaju.errors import ParameterError, StabilityError
+from kaju.model.transfer import array_engine
 from kaju.model.transfer.agent_engine import AgentEngine
 from kaju.model.transfer.array_engine import ArrayEngine
 from kaju.model.transfer.stage import Ledger
@@ -105,3 +106,38 @@ def test_a_wrong_engine_is_refused():
         LoadModel(Scene(**PLATE), engine="gpu")
     with pytest.raises(ParameterError, match="knows no Quiet"):
         LoadModel(Scene(**PLATE), engine="arrays", material_agent=Quiet)
+
+
+@pytest.mark.parametrize("accumulate", [False, True])
+def test_pieces_and_bisection_change_nothing(monkeypatch, accumulate):
+    rule = {"threshold": 1e-3, "accumulate": accumulate, "alpha": [0.5, 0.4, 0.15]}
+    scene = Scene(**{**PLATE, "rule": rule, "loads": [{"side": "top", "force": [0.3, -2.0]}]})
+    usual = LoadModel(scene, engine="arrays").run().last
+    monkeypatch.setattr(array_engine, "PIECE", 3)
+    monkeypatch.setattr(array_engine, "MOST_INDEXED", 0)
+    pieces = LoadModel(scene, engine="arrays").run().last
+    for field in fields(usual):
+        one, other = getattr(usual, field.name), getattr(pieces, field.name)
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, other, err_msg=field.name)
+    np.testing.assert_array_equal(usual.history.load, pieces.history.load)
+    assert pieces.ledger.imbalance < 1e-12
+
+
+@pytest.mark.parametrize("accumulate", [False, True])
+def test_cells_whose_numbers_no_integer_holds_are_named_anew(accumulate):
+    """A corner of a body of 4·10¹⁸ cells does what the same corner of a small one does."""
+    rule = {"threshold": 0.02, "accumulate": accumulate, "alpha": [0.5, 0.4, 0.15]}
+
+    def corner(cells):
+        scene = Scene(
+            body={"cell_size": 0.01, "cells": cells, "material": "steel"},
+            sides={"bottom": "rigid", "left": "rigid"},
+            loads=[{"cell": [2, 1], "force": [0.5, -2.0]}],
+            rule=rule,
+        )
+        return LoadModel(scene, engine="arrays").run().last
+
+    small, giant = corner([40, 40]), corner([10**9, 4 * 10**9])
+    assert small.cells.max() < 39
+    assert_same(small, giant)

@@ -152,3 +152,15 @@ def test_importing_leaves_multiprocessing_as_it_was():
         "assert m.get_start_method(allow_none=True) == before, m.get_start_method()"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_run_on_arrays_imports_no_mesa():
+    code = (
+        "import sys; from kaju import Scene; from kaju.model.transfer.load_transfer import *;"
+        "scene = Scene(body={'cell_size': 1e-2, 'cells': [5, 5], 'material': 'steel'},"
+        " sides={'bottom': 'rigid'}, loads=[{'cell': [2, 4], 'force': [0, -2]}]);"
+        "LoadTransfer(scene).run().summary();"
+        "late = {'mesa', 'pandas', 'scipy', 'networkx', 'numba'} & set(sys.modules);"
+        "assert not late, late"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

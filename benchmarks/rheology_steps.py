@@ -17,8 +17,8 @@ import numpy as np
 
 import kaju
 from kaju.agents.materials import Material
-from kaju.model.elastic.engine import solve_problem
 from kaju.model.elastic.grid import problem_of_scene
+from kaju.model.elastic.solver import solve_problem
 from kaju.model.network.lattices import triangular
 from kaju.model.rheology import schemes as steps
 from kaju.model.rheology.elastic import CreepingBody

@@ -5,8 +5,8 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from kaju.errors import SupportError
-from kaju.model.elastic.engine import solve_problem
 from kaju.model.elastic.problem import SIDES, CellLoads, problem_of, rim_layer
+from kaju.model.elastic.solver import solve_problem
 from kaju.model.elastic.supports import check_supports, slender_cell
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 

@@ -15,11 +15,11 @@ from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 
 from . import fields
-from .engine import Solution, settled
 from .grid import problem_of_scene
 from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
 from .reactions import INSIDE, reactions
+from .solver import Solution, settled
 from .staggered import Strains
 
 if TYPE_CHECKING:

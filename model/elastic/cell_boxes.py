@@ -39,15 +39,15 @@ from .boxes import (
 from .compatible import Modes
 from .moduli import REENTRANT_WEIGHT
 from .problem import ElasticProblem, FaceFields, Floats
-from .staggered import Pair, axis_pairs
+from .staggered import Pair, axis_pairs, strains, stresses
 from .volume_field import LOCKING
 
 PAD = 1
 """Cells around the rim; one more after it."""
 KINDS = 5
 """Kinds of cells that are no material: they count from the end of a table."""
-FEW = 5_000
-"""So few cells are told one by one."""
+FEW = {2: 50_000, 3: 5_000}
+"""So few cells are told one by one, without compiled loops."""
 ROUND_EDGES, ROUND_CORNERS = 2, 1
 """Cells round re-entrant edges, and round corners that are to sink, that are told as well."""
 UNBALANCED = 0.1
@@ -110,15 +110,24 @@ class Cells:
         self._loads, self._within = self._applied(grid, stage)
         self.near = self._where_something_happens()
         self.shear = np.zeros((len(axis_pairs(d)), len(self.kinds)))
+        self.sigma, self.start = np.zeros_like(self.faces), np.zeros_like(self.faces)
+        stretch, lateral, _ = self.law
+        self._few, touched = len(self.body) <= FEW[d], self._corners_of(self.kinds >= 0)
+        if self._few:
+            normal, shear = stresses(problem, strains(u))
+            wholes = (*self.sigma, *self.shear)
+            for whole, values in zip(wholes, (*normal, *shear.values()), strict=True):
+                self._inside(whole.reshape(self.shape), values)[...] = values
+            kernels.corner_means_of_few(
+                np.flatnonzero(touched), self.kinds, stretch, self.faces, self.steps, self.start
+            )
+            return
         for tau, (a, b) in zip(self.shear, axis_pairs(d), strict=True):
             kernels.shear_stress(
                 self.kinds, problem.moduli.shear, REENTRANT_WEIGHT,
                 self.faces[a], self.faces[b], self.steps[a], self.steps[b], tau,
             )  # fmt: skip
-        self.sigma, self.start = np.zeros_like(self.faces), np.zeros_like(self.faces)
-        stretch, lateral, _ = self.law
         kernels.normal_stress(self.kinds, stretch, lateral, self.faces, self.steps, self.sigma)
-        touched = self._corners_of(self.kinds >= 0)
         alike = touched.copy()
         for step in self.ahead[1:]:
             alike[step:] &= self.kinds[step:] == self.kinds[:-step]
@@ -147,7 +156,7 @@ class Cells:
         moduli, kinds = self.problem.moduli, self.kinds
         used = np.bincount(kinds[self.body], minlength=len(moduli.shear)) > 0
         locks = self.dimension == 2 and np.any((moduli.lateral > LOCKING * moduli.stretch) & used)
-        if len(self.body) <= FEW or locks:
+        if self._few or locks:
             return self.boxes(self.body)
         body, near = kinds >= 0, self.near
         plain = body & ~near

@@ -13,8 +13,8 @@ from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
 
 from .problem import CellLoads, ElasticProblem, Side, problem_of, rim_layer
+from .solver import same_body
 from .supports import check_supports, slender_cell
-from .system import same_body
 
 Origin = tuple[int, ...]
 

@@ -10,6 +10,7 @@ preconditioner.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
@@ -17,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.factors import factors_of
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 from . import sweeps
-from .fallback import factorise
 from .krylov import best_of, dot
 from .moduli import REENTRANT_WEIGHT, Moduli
 from .problem import ElasticProblem, FaceFields, rim_layer
@@ -54,6 +55,8 @@ long to be compiled."""
 ALIKE = 4
 """Of a full box only so many cells along every axis but the last are described: two at each end,
 since a face feels one cell beyond its own. All others are like the inner of them."""
+ALMOST = 0.1
+"""A guess is taken that leaves less than this share of what the parents' answer does."""
 GUARD = 1e-11
 """Share of its own stiffness by which every face of the smallest level is held: ghosts may follow
 from each other, which leaves a load in balance but not their places."""
@@ -176,7 +179,8 @@ class Hierarchy:
     def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
         """Start from the coarsest answer and improve it level by level.
 
-        On the finest level from the best combination of the parents' answer and the guess.
+        On the finest level from the best combination of the parents' answer and the guess, if
+        that is far better.
 
         Returns
         -------
@@ -195,8 +199,10 @@ class Hierarchy:
             if at == 0:
                 energy = -0.5 * float(dot(load, x) + dot(left, x))
                 if guess is not None:
-                    x, force = best_of(load, x, load - left, guess, self.apply(guess))
-                    left = load - force
+                    both, force = best_of(load, x, load - left, guess, self.apply(guess))
+                    rest = load - force
+                    if dot(rest, rest) < ALMOST**2 * dot(left, left):
+                        x, left = both, rest
             self._cycle(at, left, more)
             x += more
         return x, energy
@@ -283,7 +289,7 @@ class _Direct:
                 columns.append(column)
                 values.append(1.0 / inverse[here] if sign == 2 else value)
         places = np.concatenate(rows), np.concatenate(columns)
-        solve: Callable[[Vector], Vector] = factorise(
+        solve: Callable[[Vector], Vector] = factors_of(
             compact(*places, np.concatenate(values), (len(self._there),) * 2)
         ).solve
         return solve
@@ -428,8 +434,7 @@ def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
     is beyond a rigid one is its mirror image.
     """
     d, cells = problem.dimension, problem.shape
-    ends = [problem.kinds[rim_layer(d, side)].flat[0] for side in range(2 * d)]
-    outside = np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
+    outside = outside_of(problem)
     rim = _described(problem.kinds, cells)
     spring = tuple(_described(values, cells) for values in problem.spring)
     levels: list[Level] = []
@@ -443,6 +448,28 @@ def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
         rim = np.ascontiguousarray(rim[..., _every_second(rim.shape[-1])])
         moduli = Moduli(*(2.0 ** (d - 2) * values for values in moduli))
         spring = tuple(2.0 ** (d - 1) * v[..., _every_second(v.shape[-1])] for v in spring)
+
+
+def outside_of(problem: ElasticProblem) -> NDArray[np.float64]:
+    """Return for every side the weights of the first two faces, from which those beyond follow."""
+    sides = range(2 * problem.dimension)
+    ends = [problem.kinds[rim_layer(problem.dimension, side)].flat[0] for side in sides]
+    return np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
+
+
+def of_parents(problem: ElasticProblem) -> ElasticProblem:
+    """Return a full box on cells twice as large."""
+    d = problem.dimension
+
+    def halved(values: NDArray[Any]) -> NDArray[Any]:
+        return np.ascontiguousarray(values[np.ix_(*[_every_second(n) for n in values.shape])])
+
+    return replace(
+        problem,
+        kinds=halved(problem.kinds),
+        moduli=Moduli(*(2.0 ** (d - 2) * values for values in problem.moduli)),
+        spring=tuple(2.0 ** (d - 1) * halved(values) for values in problem.spring),
+    )
 
 
 def _described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:

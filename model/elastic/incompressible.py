@@ -28,6 +28,16 @@ STIFF = 1.0
 """Materials with λ/μ above this get a pressure; the others stay as they are."""
 
 
+def without_pressure(moduli: Moduli) -> Moduli:
+    """Return the moduli of what a pressure of its own leaves to the displacement."""
+    pressed = moduli.lateral > STIFF * moduli.shear
+    return Moduli(
+        np.where(pressed, moduli.stretch - moduli.lateral, moduli.stretch),
+        np.where(pressed, 0.0, moduli.lateral),
+        moduli.shear,
+    )
+
+
 class MixedForm:
     """Displacements and pressures of a nearly incompressible body."""
 
@@ -43,12 +53,7 @@ class MixedForm:
         lateral, shear = moduli.lateral[kinds][cells], moduli.shear[kinds][cells]
         self._compliance = 1.0 / lateral
         self._pressure = 1.0 / (1.0 / lateral + 0.5 / shear)
-        without = Moduli(
-            np.where(pressed, moduli.stretch - moduli.lateral, moduli.stretch),
-            np.where(pressed, 0.0, moduli.lateral),
-            moduli.shear,
-        )
-        self.block = Hierarchy(problem, without)
+        self.block = Hierarchy(problem, without_pressure(moduli))
         place = np.flatnonzero(self.block.moving)
         self._size = self.block.moving.size
         self.divergence = sp.csr_array(

@@ -5,11 +5,17 @@
 
 from __future__ import annotations
 
+from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kaju.compiling import njit
+
+Floats = NDArray[np.float64]
+FEW = 50_000
+"""The forces on so few boxes take no compiled loop."""
 
 
 def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any) -> None:
@@ -23,8 +29,46 @@ def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any)
         Moduli, times the edge in three dimensions.
     v, out : arrays, shape (nodes, d)
     """
-    loop = _pull_plane if element.shape[0] == 4 else _pull_solid  # compiled if it is needed
-    loop(element, stretch, lateral, shear, v, out)
+    if element.shape[1] > FEW:
+        loop = _pull_plane if element.shape[0] == 4 else _pull_solid
+        loop(element, stretch, lateral, shear, v, out)
+        return
+    d = v.shape[1]
+    moved = v[element].transpose(1, 0, 2).reshape(element.shape[1], -1)
+    force = sum(
+        modulus[:, None] * (moved @ form)
+        for modulus, form in zip((stretch, lateral, shear), element_stiffness(d), strict=True)
+    )
+    for a in range(d):
+        out[:, a] += np.bincount(element.T.ravel(), force[:, a::d].ravel(), len(out))
+
+
+@lru_cache(maxsize=2)
+def element_stiffness(dimension: int) -> tuple[Floats, Floats, Floats]:
+    """Return the forces at corners by their displacements, of moduli C₁₁, C₁₂ and μ of one."""
+    mass, stiff = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0, np.array([[1.0, -1.0], [-1.0, 1.0]])
+    slope = np.array([[-0.5, -0.5], [0.5, 0.5]])
+    axes = range(dimension)
+
+    def product(a: int, b: int) -> Floats:
+        """Return the integral of ∂N/∂x_a times ∂N/∂x_b."""
+        line = [
+            (stiff if a == b else slope if c == a else slope.T) if c in (a, b) else mass
+            for c in axes
+        ]
+        return reduce(np.kron, line)
+
+    count = 1 << dimension
+    forms = np.zeros((3, count, dimension, count, dimension))
+    for a in axes:
+        forms[0, :, a, :, a] = product(a, a)
+        for b in axes:
+            if a != b:
+                forms[1, :, a, :, b] = product(a, b)
+                forms[2, :, a, :, a] += product(b, b)
+                forms[2, :, a, :, b] += product(b, a)
+    one, two, three = forms.reshape(3, count * dimension, count * dimension)
+    return one, two, three
 
 
 @njit(cache=True, fastmath=True)
@@ -98,46 +142,33 @@ def _pull_solid(element, stretch, lateral, shear, v, out):  # type: ignore[no-un
                 out[element[w, n], a] += force[w, a]
 
 
-@njit(cache=True)
-def spread(element, value, out):  # type: ignore[no-untyped-def]
+def spread(element: Any, value: Any, out: Any) -> None:
     """Add a value of every box to all nodes at its corners."""
-    for n in range(element.shape[1]):
-        for w in range(element.shape[0]):
-            out[element[w, n]] += value[n]
+    for node in element:
+        out += np.bincount(node, value, len(out))
 
 
-@njit(cache=True, fastmath=True)
-def work_on_sides(corner, pressure, area, v):  # type: ignore[no-untyped-def]
+def work_on_sides(corner: Any, pressure: Any, area: Any, v: Any) -> float:
     """Return the work of pressures, shape (2·d, boxes), along the normals of boxes' sides."""
-    d, count = v.shape[1], corner.shape[0]
-    total = 0.0
-    for side in range(2 * d):
-        axis, upper = side // 2, side % 2
-        for n in range(corner.shape[1]):
-            if pressure[side, n] != 0.0:
-                moved = 0.0
-                for w in range(count):
-                    if (w >> (d - 1 - axis)) & 1 == upper:
-                        moved += v[corner[w, n], axis]
-                total += (2.0 * upper - 1.0) * pressure[side, n] * area[n] * moved
-    return total / (count // 2)
+    d, total = v.shape[1], 0.0
+    ends = np.arange(len(corner))
+    for side, force in enumerate(pressure):
+        axis, upper = divmod(side, 2)
+        some = np.flatnonzero(force)
+        on = (ends >> (d - 1 - axis)) & 1 == upper
+        moved = v[corner[on][:, some], axis].sum(axis=0)
+        total += (2 * upper - 1) * float(np.sum(force[some] * area[some] * moved))
+    return total / (len(corner) // 2)
 
 
-@njit(cache=True, fastmath=True)
-def sink(v, left, way, pull, weight, step):  # type: ignore[no-untyped-def]
+def sink(v: Any, left: Any, way: Any, pull: Any, weight: Any, step: float) -> float:
     """Go along a way, and return the weighted square of the forces that are left."""
-    total = 0.0
-    for i in range(len(v)):
-        for a in range(v.shape[1]):
-            v[i, a] += step * way[i, a]
-            left[i, a] -= step * pull[i, a]
-            total += weight[i, a] * left[i, a] * left[i, a]
-    return total
+    v += step * way
+    left -= step * pull
+    return float(np.einsum("ia,ia,ia->", weight, left, left))
 
 
-@njit(cache=True, fastmath=True)
-def turn(way, left, weight, share):  # type: ignore[no-untyped-def]
+def turn(way: Any, left: Any, weight: Any, share: float) -> None:
     """Make the weighted forces that are left, and a share of the last way, the new one."""
-    for i in range(len(way)):
-        for a in range(way.shape[1]):
-            way[i, a] = weight[i, a] * left[i, a] + share * way[i, a]
+    way *= share
+    way += weight * left

@@ -7,39 +7,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import daxpy, dscal
 
-from kaju.compiling import njit
 from kaju.stopping import stopped
 
 Vector = NDArray[np.float64]
 Operator = Callable[[Vector], Vector]
 
 
-@njit(cache=True, fastmath=True)
-def dot(a, b):  # type: ignore[no-untyped-def]
-    """Return a·b, always summed in the same order."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
-
-
-@njit(cache=True, fastmath=True)
-def _descend(x, r, p, q, length):  # type: ignore[no-untyped-def]
-    """Go along p and return the square of the residual that is left."""
-    total = 0.0
-    for i in range(len(x)):
-        x[i] += length * p[i]
-        r[i] -= length * q[i]
-        total += r[i] * r[i]
-    return total
-
-
-@njit(cache=True, fastmath=True)
-def _turn(p, z, share):  # type: ignore[no-untyped-def]
-    """Make z + share·p the new direction."""
-    for i in range(len(p)):
-        p[i] = z[i] + share * p[i]
+def dot(a: Vector, b: Vector) -> float:
+    """Return a·b, summed in the same order on any number of processors."""
+    return float(np.einsum("i,i->", a, b))
 
 
 def best_of(
@@ -141,11 +119,13 @@ def conjugate_gradients(
         if p is None:
             p = z.copy()
         else:
-            _turn(p, z, product / previous)
+            daxpy(z, dscal(product / previous, p))
         previous = product
         q = apply(p)
         length = product / float(dot(p, q))
-        square = float(_descend(x, r, p, q, length))
+        daxpy(p, x, a=length)
+        daxpy(q, r, a=-length)
+        square = float(dot(r, r))
     return run
 
 

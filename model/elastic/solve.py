@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from math import isfinite
 from time import perf_counter
 
@@ -12,8 +11,9 @@ from kaju.stopping import NOTE, stopped
 
 from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
-from .engine import Answered, Solution, solve_problem
 from .grid import Grid, grid_of
+from .problem import FaceFields
+from .solver import Solution, solve_problem
 
 SMALLEST_TOLERANCE = 1e-13
 
@@ -26,7 +26,7 @@ def solve(
     stage: int | None = None,
     previous: ElasticResult | None = None,
 ) -> ElasticResult:
-    """Solve a scene as linear elasticity by multigrid.
+    """Solve a scene as linear elasticity, on equal cells.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ def solve(
     stage : int, optional
         Stage of loading; by default the last.
     previous : ElasticResult, optional
-        The answer to a scene on as many cells, of which something was changed. Where only
-        loads changed the body's matrices serve again; loads in proportion need no iteration.
+        The answer to a scene on as many cells, of which something was changed: where many
+        cells are iterated they start from it.
 
     Returns
     -------
@@ -62,8 +62,8 @@ def solve(
     """
     start = perf_counter()
     _check(tolerance, resolution)
-    grid, answered = _grid(scene, stage, resolution, previous)
-    solution = solve_problem(grid.problem, tolerance, answered)
+    grid, before = _grid(scene, stage, resolution, previous)
+    solution = solve_problem(grid.problem, tolerance, before)
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
     found = CellAgents(grid.scene, stage, grid.problem, grid.origin, solution)
     result = ElasticResult(
@@ -77,8 +77,8 @@ def solve(
 
 def _grid(
     scene: Scene, stage: int | None, resolution: int | None, previous: ElasticResult | None
-) -> tuple[Grid, Answered | None]:
-    """Return the grid, and the previous answer if it is of as many cells in the same place."""
+) -> tuple[Grid, FaceFields | None]:
+    """Return the grid, and how it moved before if that is of as many cells in the same place."""
     if previous is None:
         return grid_of(scene, stage, resolution or 1), None
     found = previous.found
@@ -90,7 +90,8 @@ def _grid(
     grid = grid_of(scene, stage, resolution or previous.subdivision, found.problem)
     if found.origin != grid.origin or found.problem.kinds.shape != grid.problem.kinds.shape:
         return grid, None
-    return grid, Answered(found.problem, found.solution)
+    unit = found.scales.displacement / grid.problem.scales.displacement
+    return grid, tuple(unit * values for values in found.solution.displacement)
 
 
 def _check(tolerance: float | None, resolution: int | None) -> None:
@@ -108,10 +109,9 @@ def _check(tolerance: float | None, resolution: int | None) -> None:
 
 def _remedy(solution: Solution, tolerance: float | None) -> str:
     asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
-    package = "" if find_spec("pyamg") else "install pyamg (pip install 'kaju[amg]'), "
     return (
         f"solve: after {solution.iterations} iterations of {solution.method} the relative residual "
-        f"is {solution.residuals[-1]:.2g}, short of {asked}; {package}take a larger tolerance, or "
+        f"is {solution.residuals[-1]:.2g}, short of {asked}; take a larger tolerance, or "
         "a smaller contrast of materials and supports. The error's `best` holds the result so far, "
         "its `residuals` the history"
     )

@@ -34,11 +34,11 @@ from kaju.factors import factors_of
 from kaju.model.elastic import fields
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.fallback import DIRECT_LIMIT, algebraic_preconditioner
 from kaju.model.elastic.hierarchy import Hierarchy
 from kaju.model.elastic.krylov import Iteration, conjugate_gradients
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.elastic.problem import ElasticProblem
+from kaju.model.elastic.solver import DIRECT_LIMIT
 from kaju.model.elastic.staggered import (
     Numbering,
     Strains,
@@ -227,10 +227,6 @@ class CreepingBody:
         if self.numbering.size <= limit[self.problem.dimension]:
             factors = factors_of(self._matrix(modulus))
             return lambda load: np.asarray(factors.solve(load))
-        if self._tough:
-            algebraic = algebraic_preconditioner(self._matrix(modulus), self.numbering)
-            if algebraic is not None:
-                return algebraic
         cells = Hierarchy(self.problem, Moduli(*(modulus * values for values in self.unit)))
 
         def cycle(load: Floats) -> Floats:

@@ -31,8 +31,8 @@ from kaju.model.elastic.problem import (
     Side,
     problem_of,
 )
+from kaju.model.elastic.solver import lead
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
-from kaju.model.elastic.system import lead
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 

@@ -35,10 +35,10 @@ from kaju.errors import (
 from kaju.model.elastic import fields
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.engine import Solution
 from kaju.model.elastic.grid import grid_of
 from kaju.model.elastic.problem import ACTIVE, ElasticProblem, FaceFields
 from kaju.model.elastic.reactions import INSIDE, reactions
+from kaju.model.elastic.solver import Solution
 from kaju.model.elastic.staggered import internal_force
 from kaju.model.scene import Scene
 

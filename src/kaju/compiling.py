@@ -11,19 +11,51 @@ import logging
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
+from functools import cache, cached_property, partial, update_wrapper
 from pathlib import Path
 from typing import Any
-
-from numba import config as _config
-from numba import njit, types
-from numba.core import event
-from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 
 __all__ = ["along", "njit", "part"]
 
 log = logging.getLogger("kaju")
-config: Any = _config
+
+
+class Loop:
+    """A function that numba compiles when it is first called, and is imported for that alone."""
+
+    def __init__(self, function: Callable[..., Any], make: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func, self._make = function, make
+
+    @cached_property
+    def compiled(self) -> Any:
+        """What numba made of it; it sees other loops as what numba made of these."""
+        _prepare()
+        seen = self.py_func.__globals__
+        for name in self.py_func.__code__.co_names:
+            if isinstance(seen.get(name), Loop):
+                seen[name] = seen[name].compiled
+        return self._make(self.py_func)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.compiled(*arguments)
+
+
+def njit(**how: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Return a decorator like numba's of this name, with its options."""
+    return partial(Loop, make=partial(_compile, how))
+
+
+def _compile(how: dict[str, Any], function: Callable[..., Any]) -> Any:
+    import numba
+
+    return numba.njit(**how)(function)
+
+
+_closed: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+part: Any = njit(cache=True, fastmath=True, **_closed)
+"""Decorates loops that only other loops call: the doors for Python take long to be compiled."""
 
 
 def _along(_typing, array, start):  # type: ignore[no-untyped-def]
@@ -32,6 +64,9 @@ def _along(_typing, array, start):  # type: ignore[no-untyped-def]
     A slice without its checks, which take half of the time that loops over many rows need to be
     compiled. Only for arrays that outlive it: a loop's arguments.
     """
+    from numba import types
+    from numba.np.arrayobj import populate_array
+
     vector = types.Array(array.dtype, 1, "C")
 
     def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -53,12 +88,13 @@ def _along(_typing, array, start):  # type: ignore[no-untyped-def]
     return vector(array, types.intp), build
 
 
-along: Any = intrinsic(_along)
+def _intrinsic(function: Callable[..., Any]) -> Any:
+    from numba.extending import intrinsic
+
+    return intrinsic(function)
 
 
-_closed: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-part: Any = njit(cache=True, fastmath=True, **_closed)
-"""Decorates loops that only other loops call: the doors for Python take long to be compiled."""
+along: Any = Loop(_along, _intrinsic)
 
 
 def writable(folder: Path) -> bool:
@@ -76,6 +112,9 @@ def keep_loops_somewhere() -> None:
 
     Numba refuses to keep them where neither the installation nor the home can be written.
     """
+    from numba import config as _config
+
+    config: Any = _config
     home = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
     beside = Path(__file__).parent / "__pycache__"
     if config.CACHE_DIR or writable(beside) or writable(Path(home) / "numba"):
@@ -84,21 +123,25 @@ def keep_loops_somewhere() -> None:
     atexit.register(shutil.rmtree, config.CACHE_DIR, ignore_errors=True)
 
 
-class _Teller(event.Listener):
-    """Say once that loops are compiled."""
+@cache
+def _prepare() -> None:
+    """Say where compiled loops are kept, and have a word said when they are made."""
+    from numba.core import event
 
-    def __init__(self) -> None:
-        self.told = False
+    class Teller(event.Listener):
+        """Say once that loops are compiled."""
 
-    def on_start(self, compiling: event.Event) -> None:
-        name = compiling.data["dispatcher"].py_func.__module__
-        if not self.told and name.startswith("kaju."):
-            self.told = True
-            log.warning("kaju compiles its loops for this machine: once, some ten seconds")
+        def __init__(self) -> None:
+            self.told = False
 
-    def on_end(self, compiling: event.Event) -> None:
-        """Nothing is to be said."""
+        def on_start(self, compiling: event.Event) -> None:
+            name = compiling.data["dispatcher"].py_func.__module__
+            if not self.told and name.startswith("kaju."):
+                self.told = True
+                log.warning("kaju compiles its loops for this machine: once, some ten seconds")
 
+        def on_end(self, compiling: event.Event) -> None:
+            """Nothing is to be said."""
 
-keep_loops_somewhere()
-event.register("numba:compile", _Teller())  # type: ignore[no-untyped-call]
+    keep_loops_somewhere()
+    event.register("numba:compile", Teller())  # type: ignore[no-untyped-call]

@@ -180,7 +180,9 @@ def test_bounds_of_solids_with_re_entrant_edges_lie_within_each_other(missing):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_compiled_forces_are_those_of_the_modes(dimension):
+@pytest.mark.parametrize("few", [0, 100])
+def test_forces_on_few_boxes_and_on_many_are_those_of_the_modes(dimension, few, monkeypatch):
+    monkeypatch.setattr("kaju.model.elastic.kernels_bilinear.FEW", few)
     rng = np.random.default_rng(dimension)
     corners, count, nodes = 2**dimension, 40, 30
     element = rng.permuted(np.tile(np.arange(nodes), (count, 1)), axis=1)[:, :corners].T.copy()
@@ -328,7 +330,7 @@ def test_cells_added_up_at_once_have_the_energies_of_those_told_one_by_one(dimen
     ],
 )
 def test_bounds_hardly_change_where_cells_are_added_up(dimension, missing, monkeypatch):
-    monkeypatch.setattr(cell_boxes, "FEW", 0)
+    monkeypatch.setattr(cell_boxes, "FEW", {2: 0, 3: 0})
     cells, found = in_cells(dimension, missing)
     gap = found.energy * found.error**2
     told, every = cells.told(gap), cells.boxes(cells.body)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import kaju
 from kaju.errors import ParameterError, SupportError
+from kaju.model.elastic import solver
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
@@ -27,14 +28,10 @@ def plate(**changes):
     return Scene(**({"body": STEEL, "sides": {"bottom": "rigid"}, "loads": press()} | changes))
 
 
-def comb():
-    """Teeth four cells wide, too thin for geometric parents."""
-    cells = np.zeros((96, 96), int)
-    cells[(np.arange(96) // 4) % 2 == 1, 24:] = 1
-    return Scene.from_array(
-        cells, legend={0: "steel", 1: "air"}, cell_size=0.01, sides={"bottom": "rigid"},
-        loads=[{"cell": [0, 95], "force": [1.0, -1.0]}],
-    )  # fmt: skip
+@pytest.fixture(autouse=True)
+def iterated(monkeypatch):
+    """Few cells are iterated here as many are: factors need no start."""
+    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
 
 
 BODIES = {
@@ -58,11 +55,10 @@ def assert_like(one, other, digits=7):
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_a_moved_load_takes_the_same_matrices_to_the_same_answer(name):
+def test_a_moved_load_is_solved_as_afresh(name):
     first = solve(BODIES[name], tolerance=1e-10)
     moved = BODIES[name].replace(loads=press(22, (0.5, -1.0)))
     again = solve(moved, tolerance=1e-10, previous=first)
-    assert again.found.solution.prepared is first.found.solution.prepared
     assert_like(again, solve(moved, tolerance=1e-10))
     assert again.error_estimate == pytest.approx(solve(moved).error_estimate, rel=1e-2)
 
@@ -70,10 +66,10 @@ def test_a_moved_load_takes_the_same_matrices_to_the_same_answer(name):
 def test_a_force_changed_in_proportion_needs_no_iteration():
     first = solve(plate(), tolerance=1e-10)
     harder = solve(plate(loads=press(force=(0.0, -6.0))), tolerance=1e-10, previous=first)
-    np.testing.assert_allclose(
-        harder.cells().displacement, 3 * first.cells().displacement, rtol=1e-13
-    )
-    assert harder.strain_energy == pytest.approx(9 * first.strain_energy, rel=1e-13)
+    expected = 3 * first.cells().displacement
+    largest = np.abs(expected).max()
+    np.testing.assert_allclose(harder.cells().displacement, expected, rtol=0, atol=1e-10 * largest)
+    assert harder.strain_energy == pytest.approx(9 * first.strain_energy, rel=1e-11)
     assert harder.iterations == 0
 
 
@@ -143,17 +139,6 @@ def test_three_dimensions():
     assert_like(again, solve(moved, tolerance=1e-10))
 
 
-def test_what_was_too_slow_is_not_tried_again():
-    first = solve(comb(), tolerance=1e-10)
-    assert first.found.solution.method == "direct"
-    moved = comb().replace(loads=[{"cell": [8, 95], "force": [-1.0, -2.0]}])
-    again = solve(moved, tolerance=1e-10, previous=first)
-    assert again.found.solution.prepared is first.found.solution.prepared
-    fresh = solve(moved, tolerance=1e-10)
-    assert again.summary()["notes"] == fresh.summary()["notes"]
-    assert_like(again, fresh)
-
-
 def test_the_number_of_cells_stays_as_it_was():
     member = Scene.from_drawing(
         "##..\n##..\n####", legend={"#": "steel", ".": "air"}, cell_size=0.01,
@@ -188,13 +173,19 @@ def test_nothing_keeps_the_results_before_alive():
     assert [reference for reference in before if reference() is not None] == []
 
 
-def test_large_bodies_give_their_matrices_back(monkeypatch):
-    monkeypatch.setattr("kaju.model.elastic.system.KEPT", {2: 100})
-    assert solve(BODIES["hole"]).found.solution.prepared is None
-    assert solve(BODIES["box"]).found.solution.prepared is not None
-    moved = BODIES["hole"].replace(loads=press(3))
-    again = solve(moved, tolerance=1e-10, previous=solve(BODIES["hole"]))
-    assert_like(again, solve(moved, tolerance=1e-10))
+def test_few_cells_are_solved_by_the_factors_at_hand(monkeypatch):
+    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 1000, 3: 0})
+    made = []
+    plain = solver.factors_of
+    monkeypatch.setattr(solver, "factors_of", lambda matrix: made.append(1) or plain(matrix))
+    first = solve(plate())
+    once = len(made)
+    again = solve(plate(loads=press(3)), previous=first)
+    assert len(made) == once > 0
+    assert solve(BODIES["hole"]).found.method == "direct"
+    assert len(made) == 2 * once
+    monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
+    assert_like(again, solve(plate(loads=press(3)), tolerance=1e-11))
 
 
 def test_only_answers_of_equal_cells_are_continued():

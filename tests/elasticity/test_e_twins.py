@@ -178,11 +178,13 @@ def test_the_matrix_is_the_plain_law_on_ragged_bodies(shape):
 
 @pytest.mark.parametrize("shape", [(8, 8), (9, 6), (8, 6, 7)])
 def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
-    from kaju.model.elastic.fallback import rigid_motions
+    from kaju.factors import rigid_motions
 
     problem = make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0)
     hierarchy = Hierarchy(problem)
-    modes = rigid_motions(Numbering(problem.face_states()))
+    faces = [np.argwhere(state == ACTIVE) for state in problem.face_states()]
+    axis = np.repeat(np.arange(len(shape)), [len(some) for some in faces])
+    modes = rigid_motions(np.concatenate(faces) + 0.5 * (axis[:, None] != range(len(shape))), axis)
     coarse = hierarchy.levels[1]
     there = np.flatnonzero(moves(coarse))
     columns = []

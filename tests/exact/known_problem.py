@@ -18,11 +18,11 @@ import numpy as np
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.engine import solve_problem
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.problem import ElasticProblem, FaceFields
 from kaju.model.elastic.solve import solve
+from kaju.model.elastic.solver import solve_problem
 from kaju.model.scene import Scene
 
 Field = Callable[[Floats], Floats]

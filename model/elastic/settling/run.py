@@ -13,7 +13,7 @@ from kaju import __version__
 from kaju.errors import ResultError
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.engine import Solution
+from kaju.model.elastic.solver import Solution
 from kaju.model.elastic.staggered import strain_energy
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying

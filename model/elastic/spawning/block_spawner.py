@@ -57,8 +57,8 @@ SPREAD = 3.0
 """Agents, of which fewer are expected at least, are about this many times more."""
 AT_ONCE = 2_000
 """Blocks of which the stresses are worked out at a time."""
-MANY = 3_000
-"""Of fewer agents each may as well stand for itself."""
+MANY, FIRST = {2: 12_000, 3: 3_000}, 3_000
+"""Of fewer expected agents each may as well stand for itself, unless there are so many first."""
 CONTRAST = 100.0
 """Of materials, up to which the parents' own stiffness serves as a coarse level."""
 
@@ -77,10 +77,13 @@ def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
     rubber = scene.plane != "stress" and (ratio > STIFF_PRESSURE).any()
     contrast = moduli.shear.max() / moduli.shear.min()
     expected = FEWEST[ground.dimension] / tolerance**ground.dimension
-    if rubber or unusual or contrast > CONTRAST or expected < MANY:
+    if rubber or unusual or contrast > CONTRAST or expected < FIRST:
         return None
     forest = first_forest(ground)
-    return forest if forest is not None and forest.agents <= SPREAD * expected else None
+    if forest is None or forest.agents > SPREAD * expected:
+        return None
+    few = expected < MANY[ground.dimension] and forest.agents < FIRST
+    return None if few else forest
 
 
 @dataclass(frozen=True, eq=False)

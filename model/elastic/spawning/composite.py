@@ -19,7 +19,6 @@ from kaju.model.elastic.problem import ACTIVE, FIXED
 from kaju.model.elastic.staggered import Pair, axis_pairs
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
 
-from . import face_kernels
 from .edges import Edges, lay_edges
 from .ground import Ground
 from .leaves import Flags, Index, Leaves
@@ -82,17 +81,50 @@ class Composite:
 
     def _lay_faces(self) -> None:
         leaves, d = self.leaves, self.dimension
-        tree = (leaves.code, leaves.lower, leaves.size)
-        self.beside = face_kernels.neighbours(*tree)
-        self.master, self.owner, self._side = face_kernels.number_faces(self.beside, leaves.size)
-        start, face, weight = face_kernels.mean_of_faces(self.beside, self.master, *tree)
-        shape = (len(leaves) * 2 * d, len(self.owner))
-        self.mean = sp.csr_array((weight, face, start), shape=shape)
+        # Beside small leaves the first of them is found.
+        beside = [leaves.find(self._past(side)) for side in range(2 * d)]
+        self.beside = np.stack(beside, axis=1)
+        self._number_faces()
+        self.mean = self._mean_of_faces()
         self.axis = self._side // 2
         self.area = self.length[self.owner] ** (d - 1)
         self.place = leaves.lower[self.owner] + 0.5 * leaves.size[self.owner, None]
         outward = np.where(self._side % 2, 0.5, -0.5)
         self.place[np.arange(self.size), self.axis] += outward * leaves.size[self.owner]
+
+    def _number_faces(self) -> None:
+        """Give faces their numbers leaf by leaf: the smaller leaf has one, of two the lower."""
+        other, size = self.beside, self.leaves.size
+        there = other >= 0
+        alike, upper = there & (size[other] == size[:, None]), np.arange(other.shape[1]) % 2 == 1
+        own = ~((there & (size[other] < size[:, None])) | (alike & ~upper))
+        self.owner, self._side = np.nonzero(own)
+        self.master = np.full(own.shape, -1)
+        self.master[own] = np.arange(len(self.owner))
+        leaf, side = np.nonzero(alike & upper)
+        self.master[other[leaf, side], side - 1] = self.master[leaf, side]
+
+    def _mean_of_faces(self) -> sp.csr_array:
+        """Return the sides' displacements by those of faces, smaller ones counting alike."""
+        d, many = self.dimension, 1 << (self.dimension - 1)
+        whole = self.master.ravel() >= 0
+        start = np.append(0, np.cumsum(np.where(whole, 1, many)))
+        face, weight = np.empty(start[-1], dtype=np.int64), np.ones(start[-1])
+        face[start[:-1][whole]] = self.master.ravel()[whole]
+        leaf, side = np.nonzero(self.master < 0)
+        at = start[:-1][~whole]
+        for part in range(many):
+            point = self.leaves.lower[leaf]
+            for axis in range(d):
+                # The digits of a part tell in which halves it lies along the other axes.
+                digit = part >> (axis - (axis > side // 2)).astype(np.int64) & 1
+                step = np.where(side % 2, self.leaves.size[leaf], -1)
+                half = digit * self.leaves.size[leaf] // 2
+                point[:, axis] += np.where(side // 2 == axis, step, half)
+            face[at + part] = self.master[self.leaves.find(point), side ^ 1]
+            weight[at + part] = 1.0 / many
+        shape = (len(whole), len(self.owner))
+        return sp.csr_array((weight, face.astype(np.int32), start.astype(np.int32)), shape=shape)
 
     def _past(self, side: int) -> Index:
         """Return the unit cell beyond the lower corner of a side of every leaf."""

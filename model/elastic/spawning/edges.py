@@ -19,8 +19,7 @@ from kaju.model.elastic.moduli import REENTRANT_WEIGHT
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
-from . import face_kernels
-from .leaves import Flags, Index
+from .leaves import Flags, Index, Leaves, morton
 from .rows import sum_rows
 
 if TYPE_CHECKING:
@@ -83,8 +82,8 @@ class Edges:
 
 def lay_edges(grid: Composite, pair: Pair) -> Edges:
     """Return the edges between a pair of axes; `grid` has its faces laid."""
-    leaves, tree = grid.leaves, (grid.leaves.code, grid.leaves.lower, grid.leaves.size)
-    point, reach, around, far, of_leaf = face_kernels.edges(*tree, grid.beside, *pair)
+    leaves = grid.leaves
+    point, reach, around, far, of_leaf = _ends_of_leaves(leaves, grid.beside, *pair)
     kinds = _kinds_around(grid, point, pair, around)
     modulus = edge_modulus(kinds, grid.ground.moduli.shear)
     grads, spans = [], []
@@ -101,6 +100,60 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
     edges = Edges((grads[0], grads[1]), modulus, weight, of_leaf)
     size = np.where(around >= 0, leaves.size[around], 0)
     return _with_concave_corners(edges, around, np.where(kinds == kinds[0], size, 0))
+
+
+def _ends_of_leaves(
+    leaves: Leaves, beside: Index, a: int, b: int
+) -> tuple[Index, Index, Index, Index, Index]:
+    """Lay the edges between axes a < b, each as long as the largest leaf round it.
+
+    Returns where every edge begins, its length, the leaves round there, and round its second half
+    ((a-, b-), (a-, b+), (a+, b-), (a+, b+); -1 for none), and the edges at the ends of leaves
+    along a and b.
+    """
+    n, d = leaves.lower.shape
+    leaf, end = np.repeat(np.arange(n), 4), np.tile(np.arange(4), n)
+    upper, right = end >> 1, end & 1
+    point = leaves.lower[leaf]
+    point[:, a] += upper * leaves.size[leaf]
+    point[:, b] += right * leaves.size[leaf]
+    _, first, number = np.unique(morton(point), return_index=True, return_inverse=True)
+    leaf, end, point, upper, right = (x[first] for x in (leaf, end, point, upper, right))
+    east, north = beside[leaf, 2 * a + upper], beside[leaf, 2 * b + right]
+    across = np.where(east >= 0, beside[east, 2 * b + right], -1)
+    round_it = np.stack([leaf, east, north, across])
+    plain = np.all((round_it >= 0) & (leaves.size[round_it] == leaves.size[leaf]), axis=0)
+    around = np.empty((4, len(leaf)), dtype=np.int64)
+    # A leaf has an edge at its upper end if it lies before it.
+    for ahead, other in zip((3, 1, 2, 0), round_it, strict=True):
+        around[end ^ ahead, np.arange(len(leaf))] = other
+    odd = np.flatnonzero(~plain)
+    around[:, odd] = _look_round(leaves, point[odd], a, b)
+    far, reach = around, leaves.size[leaf]
+    reach[odd] = np.where(around[:, odd] >= 0, leaves.size[around[:, odd]], 0).max(axis=0)
+    if d == 3:
+        along, far = 3 - a - b, around.copy()
+        point[odd, along] -= point[odd, along] % reach[odd]
+        around[:, odd] = _look_round(leaves, point[odd], a, b)
+        middle = point[odd]
+        middle[:, along] += reach[odd] // 2
+        far[:, odd] = _look_round(leaves, middle, a, b)
+        # Ends in the middle of a longer edge are ends of that.
+        _, first, longer = np.unique(morton(point), return_index=True, return_inverse=True)
+        point, reach, around, far = point[first], reach[first], around[:, first], far[:, first]
+        number = longer[number]
+    return point, reach, around, far, number.reshape(n, 2, 2)
+
+
+def _look_round(leaves: Leaves, point: Index, a: int, b: int) -> Index:
+    """Return the leaves in the four quadrants round points."""
+    found = []
+    for first, second in product((-1, 0), repeat=2):
+        cell = point.copy()
+        cell[:, a] += first
+        cell[:, b] += second
+        found.append(leaves.find(cell))
+    return np.stack(found)
 
 
 def _kinds_around(grid: Composite, point: Index, pair: Pair, around: Index) -> Index:
@@ -150,9 +203,7 @@ def _gradient(
     second half.
     """
     count = len(point)
-    index, weight, offset, present = face_kernels.sides_of_edges(
-        quads, far, grid.leaves.size, grid.length, a, 2 * grid.dimension
-    )
+    index, weight, offset, present = _sides_of_edges(grid, quads, far, a)
     # A wall lies as far beyond the edge as the face that it holds lies before it.
     both = present.all(axis=0)
     span = np.where(both, 1.0, 2.0) * offset
@@ -175,6 +226,36 @@ def _gradient(
     jump = body & ((kinds[0] != kinds[1]) | (kinds[2] != kinds[3]))
     valid = (both & joined) | (wall >= 0)
     return Gradient(matrix, constant, valid, one_sided, wall, pull, jump), span
+
+
+def _sides_of_edges(
+    grid: Composite, quads: Index, far: Index, a: int
+) -> tuple[Index, Floats, Floats, Flags]:
+    """Return what u_a is before and behind edges, along b.
+
+    These are the sides of leaves whose displacements count and their weights, the distance between
+    both, and whether there is any: that of the smaller leaf, or of the middle of one that reaches
+    round the edge, which moves by the mean of its two sides.
+    """
+    size, count = grid.leaves.size, quads.shape[1]
+    index, weight = np.zeros((count, 4), dtype=np.int64), np.zeros((count, 4))
+    offset, present = np.zeros(count), (quads[:2] >= 0) | (quads[2:] >= 0)
+    for end in (0, 1):
+        low, high, there = quads[end], quads[2 + end], present[end]
+        take_low = (low >= 0) & ((high < 0) | (size[low] <= size[high]))
+        chosen = np.where(take_low, low, high)
+        next_to = np.where(take_low, far[end], far[2 + end])
+        first = (chosen * grid.dimension + a) * 2 + take_low
+        second = np.where(next_to >= 0, (next_to * grid.dimension + a) * 2 + take_low, first)
+        inside, single = low == high, first == second
+        second = np.where(inside, first - take_low + 1, second)
+        first, single = np.where(inside, first - take_low, first), single & ~inside
+        half = np.where(there, 0.5 if end else -0.5, 0.0)
+        index[:, 2 * end : 2 * end + 2] = np.where(there, [first, second], 0).T
+        weight[:, 2 * end] = np.where(single, 2.0 * half, half)
+        weight[:, 2 * end + 1] = np.where(single, 0.0, half)
+        offset += np.where(there, 0.5 * grid.length[chosen], 0.0)
+    return index, weight, offset, present
 
 
 def _toward(point: Index, axis: int, end: int) -> Index:

@@ -8,8 +8,7 @@ import numpy as np
 
 from .composite import Floats
 from .generations import Generation
-from .leaves import Flags, Index
-from .tree_kernels import BITS
+from .leaves import BITS, Flags, Index
 
 NOBODY = -1
 """Parent of the first agents, and first child of those that have none."""

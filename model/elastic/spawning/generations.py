@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kaju.model.elastic.bracket import MOST_PROVED, Bracket, worth_proving
-from kaju.model.elastic.engine import lost_digits, rounding_notes
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ACTIVE
+from kaju.model.elastic.solver import lost_digits, rounding_notes
 
 from .agent_fields import AgentFields
 from .aims import Aim, Aimed, EnergyAim, choose, unproved

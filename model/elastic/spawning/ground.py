@@ -17,8 +17,7 @@ from kaju.model.scene import Scene
 from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.purity import MIXED
 
-from .leaves import Flags, Index, Leaves
-from .tree_kernels import BITS
+from .leaves import BITS, Flags, Index, Leaves
 
 Floats = NDArray[np.float64]
 

@@ -14,15 +14,34 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from . import tree_kernels
-
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
+
+BITS = {2: 30, 3: 20}
+"""Binary digits of a coordinate in units; the code needs as many for every axis."""
+_SPREAD = {
+    2: (
+        (16, 0x0000FFFF0000FFFF), (8, 0x00FF00FF00FF00FF), (4, 0x0F0F0F0F0F0F0F0F),
+        (2, 0x3333333333333333), (1, 0x5555555555555555),
+    ),
+    3: (
+        (32, 0x001F00000000FFFF), (16, 0x001F0000FF0000FF), (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3), (2, 0x1249249249249249),
+    ),
+}  # fmt: skip
+"""How digits move apart, step by step, until there is room for those of the other axes."""
 
 
 def morton(points: Index) -> Index:
     """Return the Morton codes of points (units, not negative), shape (n, dimension)."""
-    return np.asarray(tree_kernels.codes(points))
+    found = np.zeros(len(points), dtype=np.int64)
+    for axis in range(points.shape[1]):
+        digits = points[:, axis].astype(np.int64)
+        for shift, mask in _SPREAD[points.shape[1]]:
+            digits |= digits << shift
+            digits &= mask
+        found |= digits << axis
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +91,12 @@ class Leaves:
 
     def find(self, points: Index) -> Index:
         """Return the leaf that holds each unit cell, -1 where there is none."""
-        return np.asarray(tree_kernels.find(points, self.code, self.lower, self.size))
+        within = np.all((points >= 0) & (points < 1 << BITS[self.dimension]), axis=1)
+        at = np.searchsorted(self.code, morton(np.where(within[:, None], points, 0)), "right") - 1
+        # The last leaf that begins before the cell holds it, if it reaches so far.
+        held = within & (at >= 0)
+        held &= (points - self.lower[at] < self.size[at, None]).all(axis=1)
+        return np.where(held, at, -1)
 
     def split(self, chosen: Flags, step: int, cause: NDArray[np.float64]) -> Leaves:
         """Return the leaves with the chosen ones replaced by their children.
@@ -141,6 +165,24 @@ class Leaves:
             self.code[chosen],
         )
 
+    def _too_large_beside(self, young: Index) -> tuple[Flags, Flags]:
+        """Return which leaves are too large for neighbours among the young, and which of these."""
+        chosen, crowded = np.zeros(len(self), dtype=np.bool_), np.zeros(len(young), dtype=np.bool_)
+        lower, size, kind = self.lower[young], self.size[young], self.kind[young]
+        for way in product((-1, 0, 1), repeat=self.dimension):
+            if not any(way):
+                continue
+            step = np.array(way, dtype=np.int64)
+            other = self.find(np.asarray(lower + step * size[:, None], dtype=np.int64))
+            large = (other >= 0) & (self.size[other] > size)
+            unlike = self.size[other] > 2 * size
+            if np.abs(way).sum() == 1:
+                unlike |= self.kind[other] != kind
+            large &= unlike
+            chosen[other[large]] = True
+            crowded |= large
+        return chosen, crowded
+
     def balanced(self, step: int, young: Flags | None = None) -> Leaves:
         """Return leaves of which no two neighbours differ by more than a factor of two.
 
@@ -149,12 +191,9 @@ class Leaves:
         some `young` leaves are known to be balanced, these alone look about.
         """
         leaves = self
-        ways = np.array([s for s in product((-1, 0, 1), repeat=self.dimension) if any(s)])
-        ways = ways[:, [0, 1, -1]]
         looking = np.arange(len(leaves)) if young is None else np.flatnonzero(young)
         while len(looking):
-            tree = (leaves.code, leaves.lower, leaves.size)
-            chosen, crowded = tree_kernels.too_large(looking, ways, *tree, leaves.kind)
+            chosen, crowded = leaves._too_large_beside(looking)
             if not chosen.any():
                 break
             fresh, crowd = leaves.code[chosen], leaves.code[looking[crowded]]

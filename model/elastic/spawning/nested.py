@@ -33,7 +33,7 @@ FACTORISED = {2: 400_000, 3: 30_000}
 PATIENCE, MOST = 40, {2: 100, 3: 400}
 """A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
 larger ones get MOST iterations: in the plane a hundred take a minute."""
-DIRECT = {2: 1_500, 3: 2_500}
+DIRECT = {2: 40_000, 3: 5_000}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
 LAST = 1e-10
 """Share of an answer to which its last generation settles."""
@@ -161,16 +161,6 @@ def _sweep(rows, start, column, value, inverse, load, x):  # type: ignore[no-unt
         x[i] += left * inverse[i]
 
 
-@njit(cache=True)
-def _touched(fresh, start, column):  # type: ignore[no-untyped-def]
-    """Mark rows with an entry in a column of those marked."""
-    marked = np.zeros(len(fresh), np.bool_)
-    for i in range(len(fresh)):
-        for at in range(start[i], start[i + 1]):
-            marked[i] |= fresh[column[at]]
-    return marked
-
-
 class _Level:
     """One generation: its stiffness, the way to its parents, and the faces that it changed.
 
@@ -184,7 +174,9 @@ class _Level:
         if prolong is not None:
             kept = np.diff(prolong.indptr) == 1
             kept[kept] = prolong.data[prolong.indptr[:-1][kept]] == 1.0
-            rows = _touched(~kept, matrix.indptr, matrix.indices)
+            # Rows with an entry in a column of those that are not as their parents'.
+            row = np.repeat(np.arange(len(rows)), np.diff(matrix.indptr))
+            rows = np.bincount(row, ~kept[matrix.indices], len(rows)) > 0.0
         self.rows = np.flatnonzero(rows)
         self.matrix = matrix
 

@@ -22,7 +22,6 @@ from kaju.model.elastic.boxes import (
 from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
-from . import tree_kernels
 from .agent_fields import AgentFields, corner_values
 from .balance import Balance
 from .composite import Composite, Floats
@@ -173,7 +172,8 @@ def _mesh(grid: Composite, fields: AgentFields, law: Law) -> Mesh:
     between = keys(large, thirds[(middles > 0) & (middles < d)])
     cut = large[np.isin(between, keys(small, 2 * ends)).any(axis=0)]
     corners, inner = keys(np.arange(n), 2 * ends), keys(cut, thirds)
-    first, number = tree_kernels.number(np.concatenate([corners.ravel(), inner.ravel()]))
+    key = np.concatenate([corners.ravel(), inner.ravel()])
+    first, number = np.unique(key, return_inverse=True)
     octants = [1 << k for k in range(len(ends))]
     for third in thirds:
         round_it = np.all((third == 1) | (2 * ends == third), axis=1)

@@ -15,6 +15,12 @@ from kaju.model.elastic.spawning.forest import first_forest
 from kaju.model.elastic.spawning.ground import ground_of
 
 
+@pytest.fixture(autouse=True)
+def in_blocks(monkeypatch):
+    """Agents stand in blocks here at tolerances for which factors would do."""
+    monkeypatch.setattr("kaju.model.elastic.spawning.block_spawner.MANY", {2: 0, 3: 0})
+
+
 def plate(**changes):
     return Scene(
         **{

@@ -230,13 +230,13 @@ class Bench:
             for _ in range(5):
                 seconds.append(
                     page(
-                        "await (async () => { page.showElastic(false); await new Promise((d) => "
-                        "setTimeout(d, 300)); globalThis.gap = 0; "
+                        "await (async () => { page.setMode('body'); page.elastic.answer = null; "
+                        "await new Promise((d) => setTimeout(d, 300)); globalThis.gap = 0; "
                         "globalThis.last = performance.now(); "
                         "const beat = setInterval(() => { const now = performance.now(); "
                         "gap = Math.max(gap, now - last); last = now; }, 5); "
-                        "const began = performance.now(); page.showElastic(true); "
-                        "while (!page.answer) await new Promise((d) => setTimeout(d, 5)); "
+                        "const began = performance.now(); page.setMode('twin'); "
+                        "while (!page.elastic.answer) await new Promise((d) => setTimeout(d, 5)); "
                         "clearInterval(beat); return (performance.now() - began) / 1000; })()"
                     )
                 )

@@ -67,7 +67,7 @@ def test_agents_of_ones_own_are_recorded(opened, tmp_path):
     path = kaju.export_page(model, tmp_path / "own.html")
     page = opened(path)
     last = model.result().last
-    assert page.tab.locator(".mode").inner_text() == "a recorded run"
+    assert page.tab.locator(".mode").inner_text() == "a recorded run · agents of your own: Leaky"
     assert page.js("page.run.generation") == last.generations
     assert page.js("(page.seek(Infinity), page.sums.taken.sum.reduce((a, b) => a + b))") == (
         pytest.approx(last.ledger.taken, rel=1e-6)
@@ -235,14 +235,13 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
 
 def test_elasticity_stands_beside_the_rule(opened, plate):
     page = opened(plate)
-    page.tab.get_by_role("tab", name="Look").click()
-    page.tab.get_by_label("Elastic answer beside it").check()
-    page.until("page.answer")
+    page.tab.get_by_role("button", name="Elasticity").click()
+    page.until("page.elastic.answer")
     page.js("page.draw()")
     solved = kaju.solve(Scene(**PLATE), strategy="uniform")
-    at = page.js("page.answer.displacement.map((u) => u[page.run.lattice.key([10, 19])])")
+    at = page.js("page.elastic.answer.displacement.map((u) => u[page.run.lattice.key([10, 19])])")
     assert at == pytest.approx(solved.cells().displacement[10, 19], rel=1e-9)
-    assert "on average they differ by" in page.tab.locator(".cap").nth(2).inner_text()
+    assert "on average they differ by" in page.tab.locator(".cards").inner_text()
     assert page.messages == []
 
 

@@ -125,8 +125,11 @@ def test_what_is_overridden_is_recorded_and_named(own):
 
 
 def test_a_page_moves_cells_as_python_does(own, opened, tmp_path):
-    _, model = own
+    name, model = own
     page = opened(kaju.export_page(model, tmp_path / "own.html", exact=True))
+    assert page.tab.locator(".mode").inner_text() == f"a recorded run · agents of your own: {name}"
+    page.tab.get_by_role("tab", name="Source").click()
+    assert f" {name}(" in page.tab.locator("pre").inner_text()
     result = model.again(model.scene).run()
     page.js("page.seek(Infinity)")
     keys = result.scene.lattice.key(result.last.cells).tolist()

@@ -599,12 +599,11 @@ def test_python_answers_with_elasticity_for_cubes(watched):
     with running(scene) as port:
         page = watched(port)
         page.until("page.g === 1")
-        page.tab.get_by_role("tab", name="Look").click()
-        page.tab.get_by_label("Elastic answer beside it").check()
-        page.until("page.answer || page.why", 120)
+        page.tab.get_by_role("button", name="Elasticity").click()
+        page.until("page.elastic.answer || page.elastic.why", 120)
         solved = kaju.solve(scene.replace(rule=kaju.ElasticRule()), strategy="uniform")
         key = scene.lattice.key(np.array([[1, 2, 3]]))[0]
-        at = page(f"page.answer.displacement.map((u) => u[{key}])")
+        at = page(f"page.elastic.answer.displacement.map((u) => u[{key}])")
         assert at == pytest.approx(solved.cells().displacement[1, 2, 3], rel=1e-9)
-        assert "on average they differ by" in page("(page.draw(), page.parts.others[1].innerText)")
+        assert "on average they differ by" in page("(page.draw(), page.parts.cards.innerText)")
         assert page.messages == []

@@ -33,11 +33,12 @@ export const iconButton = (name, label, onclick, props = {}) => make("button", {
 /** A button with an icon; narrow windows leave the word to readers and the tip. */
 export const labelled = (name, text, onclick, props = {}) => make("button", { type: "button", onclick, title: text, ariaLabel: text, ...props }, icon(name), make("span", { className: "wide", textContent: text }));
 
-export function choice(label, value, options, change) {
-  const select = make("select", { onchange: () => change(select.value) }, ...options.map(([key, text]) => make("option", { value: key, textContent: text })));
+export function picker(label, value, options, change) {
+  const select = make("select", { ariaLabel: label, onchange: () => change(select.value) }, ...options.map(([key, text]) => make("option", { value: key, textContent: text })));
   select.value = value;
-  return make("label", { className: "row" }, make("span", { textContent: label }), select);
+  return select;
 }
+export const choice = (label, value, options, change) => make("label", { className: "row" }, make("span", { textContent: label }), picker(label, value, options, change));
 export function tick(label, checked, change, props = {}) {
   const box = make("input", { type: "checkbox", checked, onchange: () => change(box.checked), ...props });
   return make("label", { className: "tick" }, box, label);

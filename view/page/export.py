@@ -74,6 +74,9 @@ MODULES = (
     "cell.js",
     "worksheet.js",
     "lesson.js",
+    "answer.js",
+    "twin.js",
+    "cutting.js",
     "panels.js",
     "page.js",
     "motion.js",
@@ -297,6 +300,7 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
     code = "\n".join(parts)
     code = re.sub(r"^import [^;]*;$\n?", "", code, flags=re.M)
     code = re.sub(r"^export (?=const|let|function|class|async)", "", code, flags=re.M)
+    code = re.sub(r" {2,}// .*$", "", code, flags=re.M)
     return re.sub(r"^\s*(//.*\n|/\*\*.*\*/\n)?\s*", "", code, flags=re.M)
 
 

@@ -2,6 +2,7 @@
 import { bytesOf, Recorded, unpack } from "./history.js";
 import { MotionPage } from "./motion.js";
 import { mount } from "./open.js";
+import { takeElastic } from "./answer.js";
 
 const AT_ONCE = 64, AHEAD = 8;                 // generations in one answer; ahead of what is played
 const MOST_NUMBERS = 5e7;                      // of all frames in the page's memory
@@ -41,7 +42,7 @@ export class Channel {
   async heard(bytes) {
     const { page } = this, { header, columns } = await unpack(bytes);
     this.busy = false;
-    if (this.solving) { page.takeElastic(header, columns); this.ask(); return; }
+    if (this.solving) { takeElastic(page, header, columns); this.ask(); return; }
     if ((columns.offset || columns.born) && !this.next) this.take(header, columns);   // else it is out of date
     if (!header.error) { this.ask(); return; }
     this.wanted = page.run.generation;

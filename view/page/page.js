@@ -13,24 +13,24 @@ import { copyOf } from "./scene.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./story.js";
 import { laySheet } from "./worksheet.js";
-import { general, LANGUAGES, quantity, say, verdictOf } from "./words.js";
+import { LANGUAGES, quantity, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, tellMarks } from "./panels.js";
 
-const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", error: "m" };
+const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "" };
 const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
 const MOST_GENERATIONS = 4000, MOST_ROWS = 2e7, PLAYED = 30;   // more than that no page holds; computed ahead of what is played
 const PATIENCE = 24;              // ms of computing at a time: input must not wait
 
 export class Page {
   constructor(element, header) {
-    const { kind, title = "", text = "", verdict = "", stable = true, language, lesson } = header;
+    const { kind, title = "", text = "", verdict = "", stable = true, language, lesson, own = null, controls = null } = header;
     const asked = this.asked = new URLSearchParams(location.hash.slice(1));
-    Object.assign(this, { kind, title, text, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
-      given: { verdict, stable }, parts: {}, presets: [], sheet: 1 });
+    Object.assign(this, { kind, title, text, own, controls, tab: "", pen: "look", picked: -1, g: 0, changed: false, factor: 1, material: "",
+      given: { verdict, stable }, elastic: { answer: null, why: "" }, parts: {}, presets: [], sheet: 1 });
     const known = (list) => list.map((l) => l?.slice(0, 2)).find((l) => l in LANGUAGES);
     this.language = known([asked.get("lang"), language, ...(navigator.languages ?? [])]) ?? "en";
     this.t = say(this.language);
-    this.look = { mode: "body", colour: "taken", deformed: false, magnify: 0, arrows: true, path: false, beside: false, speed: 8, letters: true,
+    this.look = { mode: "body", colour: "taken", deformed: false, magnify: 0, arrows: true, path: false, speed: 8, letters: true,
       camera: { yaw: -0.6, pitch: 0.5 }, cut: { axis: -1, at: 0, only: false } };
     this.begin(header);
     this.loads = new Loads(this);
@@ -62,7 +62,7 @@ export class Page {
     this.start = { scene: copyOf(scene), cells: cells.slice(), word: "asItWas" };
     this.scene = copyOf(scene); this.cells = cells.slice(); this.stage = scene.stages;
     this.senseful = "sense" in scene.rule;
-    this.presets = [this.start, ...(presets.length ? presets : usual(scene))];
+    this.presets = [this.start, ...(presets.length || this.own ? presets : usual(scene))];
     const { shape } = scene.lattice, load = scene.loads[0];    // cut cubes where the first load presses
     if (shape.length === 3) this.look.cut = { axis: 1, at: load ? load.cell[1] : shape[1] >> 1, only: false };
     this.adopt(run ?? this.compute());
@@ -116,7 +116,7 @@ export class Page {
       this.due ??= requestAnimationFrame(() => { this.due = setTimeout(() => this.renew(), PATIENCE); });
       this.goal ??= this.g >= this.run.generation ? Infinity : this.g;
     }
-    if (this.look.beside) this.showElastic(true);
+    this.mode?.changed?.(this);
   }
   renew(goal = this.goal) {
     cancelAnimationFrame(this.due); clearTimeout(this.due);
@@ -300,7 +300,6 @@ export class Page {
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
     if (!box.w) paintLegend(view, scale, t(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
     this.parts.cap.textContent = this.told || (moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "");
-    if (look.beside && this.parts.others.length) this.drawElastic();
   }
   words() {
     const { run, t, parts, g } = this, done = this.over;
@@ -341,7 +340,6 @@ export class Page {
     this.canvas = make("canvas", { tabIndex: 0, role: "application" });
     this.parts.cap = make("div", { className: "cap", role: "status" });
     this.parts.tip = make("div", { className: "tip", hidden: true });
-    this.parts.others = [];
     this.stageBox = make("div", { className: "stage" }, make("div", {}, this.canvas, this.parts.cap, this.parts.tip));
     this.canvas.addEventListener("pointerdown", (event) => this.press(event));
     this.canvas.addEventListener("pointermove", (event) => this.move(event));
@@ -368,10 +366,9 @@ export class Page {
     this.later();
   }
   raiseSheet() { this.sheet = (this.sheet + 1) % 3; this.host.dataset.sheet = this.sheet; this.later(); }
-  header() {
-    const fresh = this.changed ? this.t("changed") : this.t(this.kind);
-    this.parts.header.querySelector(".mode").textContent = fresh;
-  }
+  /** Whose picture it is, and who made it. */
+  get whose() { return [this.t(this.changed ? "changed" : this.kind), ...(this.own ? [this.t("ownAgents", { n: this.own.names.join(", ") })] : [])].join(" · "); }
+  header() { this.parts.mode.textContent = this.whose; }
   speak(language) { this.language = language; this.t = say(language); this.rebuild(); this.header(); }
   dress(dark) {
     this.dark = dark;
@@ -478,72 +475,6 @@ export class Page {
     }
     if (event.key === "Enter" && this.picked >= 0) { this.touch(L.cell(this.picked)); return true; }
     return false;
-  }
-
-  // ------------------------------------------------------------------------- elasticity beside
-  showElastic(on) {
-    this.look.beside = on;
-    clearTimeout(this.asking);
-    this.worker?.terminate();
-    this.worker = null;
-    for (const box of this.parts.others) box.hidden = !on;
-    if (!on) { this.answer = null; this.later(); return; }
-    if (!this.parts.others.length) this.buildOthers();
-    this.asking = setTimeout(() => this.askElastic(), this.answer ? 60 : 0);
-    this.later();
-  }
-  askElastic() {
-    if (this.scene.lattice.kind !== "square") { this.channel.solve(); return; }
-    const url = URL.createObjectURL(new Blob([this.elasticText], { type: "text/javascript" }));
-    const part = (load) => Math.min(1, this.stage / load.steps);
-    const loads = this.scene.loads.map((load) => ({ ...load, force: load.force.map((f) => f * part(load)) }));
-    this.worker = new Worker(url);
-    this.worker.onmessage = ({ data: { answer, error } }) => {
-      URL.revokeObjectURL(url);
-      this.answer = answer ?? null; this.why = error;
-      this.later();
-    };
-    this.worker.postMessage({ scene: this.scene, cells: this.cells, loads });
-  }
-  takeElastic({ seconds, error }, { displacement, stress }) {   // from Python: one row a component
-    const { size } = this.run.lattice, rows = (column) => Array.from({ length: column.length / size }, (_, n) => column.subarray(n * size, (n + 1) * size));
-    this.answer = error ? null : { displacement: rows(displacement), stress: rows(stress), seconds };
-    this.why = error;
-    this.later();
-  }
-  buildOthers() {
-    this.parts.others = [0, 1].map(() => make("div", {}, make("canvas", { role: "img" }), make("div", { className: "cap" })));
-    this.stageBox.append(...this.parts.others);
-    new ResizeObserver(() => this.later()).observe(this.parts.others[0].firstChild);
-  }
-  /** The elastic answer, and by how much the rule differs from it. */
-  drawElastic() {
-    const { answer, run, inks, look, t, parts } = this, { lattice: L, kinds } = run, [one, two] = parts.others;
-    if (!answer) { one.lastChild.textContent = this.why ? t("noAnswer", { why: this.why }) : t("solving"); return; }
-    const stress = look.colour === "stress", axes = L.dimension, cut = axes === 3 ? look.cut : null;
-    const mine = this.deformed().displacement, v = new Float64Array(L.size).fill(NaN), difference = v.slice();
-    let high = 0, moved = 0, worst = 0, sum = 0, own = 0, count = 0;
-    L.each((k) => {
-      if (kinds[k] < 0) return;
-      const length = size(answer.displacement, k);
-      v[k] = stress ? Math.max(...answer.stress.slice(0, axes).map((s) => Math.abs(s[k]))) : length;
-      difference[k] = Math.hypot(...mine.map((u, a) => u[k] - answer.displacement[a][k]));
-      high = Math.max(high, v[k]); moved = Math.max(moved, length); worst = Math.max(worst, difference[k]);
-      own = Math.max(own, size(mine, k)); sum += difference[k]; count++;
-    });
-    const shape = look.deformed ? { displacement: answer.displacement, corners: cut ? null : cornersOf(L, kinds, answer.displacement) } : null;
-    const factor = shape ? 10 ** look.magnify * 0.066 * Math.max(...L.shape) * L.h / (moved || 1) : 0;
-    const draw = (box, values, scale, word, unit, moving) => {
-      const view = new View(box.firstChild, L, look.camera);
-      paintCells(view, kinds, values, scale, inks, { moved: moving, factor, cut });
-      paintLegend(view, scale, word, t(scale.log ? "log" : "linear"), (x) => quantity(x, unit), inks);
-      box.firstChild.ariaLabel = word;
-    };
-    const top = high || 1, word = `${t("elastic")}: ${t(stress ? "stress" : "move")}`;
-    draw(one, v, { low: stress ? top * 1e-4 : 0, high: top, log: stress }, word, stress ? "Pa" : "m", shape);
-    draw(two, difference, { low: 0, high: worst || 1, log: false }, t("error"), "m", null);
-    one.lastChild.textContent = t("solvedIn", { n: general(answer.seconds, 2) }) + (shape ? ` · ${t("magnified", { n: quantity(factor, "") })}` : "");
-    two.lastChild.textContent = t("misfit", { a: quantity(own, "m"), b: quantity(moved, "m"), n: general(100 * sum / count / (moved || 1), 2) });
   }
 
   storyOf(k) { return storyOf(this, k); }

@@ -146,7 +146,7 @@ export function paintCells(view, kinds, values, scale, inks, { moved = null, fac
     ctx.putImageData(SHEET.image, 0, 0);
   }
   hatch(view, kinds, inks);
-  if (!moved && !L.hexagon) paintFront(view, values, inks);
+  if (!moved && !L.hexagon && scale.low >= 0) paintFront(view, values, inks);
 }
 
 /** The outline of where a value is: the palest colour differs little from a sleeping cell. */

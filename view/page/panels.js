@@ -12,14 +12,14 @@ import { general, LANGUAGES, quantity } from "./words.js";
 // ------------------------------------------------------------------------------------- header
 
 export function buildHeader(page) {
-  const { t, parts } = page, mode = page.changed ? "changed" : page.kind, { lesson } = page;
+  const { t, parts, lesson } = page;
   const menu = make("details", { className: "menu" }, make("summary", { title: t("save"), ariaLabel: t("save") }, icon("save"), make("span", { className: "wide", textContent: t("save") })), make("div", {}, ...saves(page)));
   const language = make("select", { ariaLabel: t("language"), onchange: () => page.speak(language.value) },
     ...Object.entries(LANGUAGES).map(([key, text]) => make("option", { value: key, textContent: text, lang: key })));
   language.value = page.language;
   parts.undo = iconButton("undo", t("undo"), () => page.past.undo(), { disabled: !page.past?.can(-1) });
   parts.redo = iconButton("redo", t("redo"), () => page.past.redo(), { disabled: !page.past?.can(1) });
-  parts.mode = make("span", { className: "mode", textContent: t(mode) });
+  parts.mode = make("span", { className: page.own ? "mode own" : "mode", textContent: page.whose });
   const right = make("div", { className: "right" }, ...(page.touchable || lesson ? [parts.undo, parts.redo] : []),
     labelled("link", t("copyLink"), () => copyLink(page)), menu, language,
     iconButton("theme", t("theme"), () => page.dress(!page.dark), { className: "icon theme", ariaPressed: String(page.dark) }));
@@ -109,6 +109,7 @@ export function panelsOf(page) {
   panels.look = () => lookPanel(page);
   if (page.touchable && page.run.lattice.dimension === 2) panels.draw = () => drawPanel(page);
   if (page.text) panels.about = () => [rendered(page.say(page.text))];
+  if (page.own) panels.source = () => [make("pre", { tabIndex: 0, textContent: page.own.source })];
   return panels;
 }
 
@@ -120,7 +121,7 @@ function freeSide(page) {
     page.tab = name;
     bodies.forEach((body, i) => { body.hidden = names[i] !== name; });
   });
-  return { tabs, body: [parts.verdict, ...bodies, cardsBox(page), ...(page.mode?.alone ? [] : [storyCard(page)]), chartsCard(page)] };
+  return { tabs, body: [parts.verdict, cardsBox(page), ...bodies, ...(page.mode?.alone ? [] : [storyCard(page)]), chartsCard(page)] };
 }
 
 /** Tabs: arrows walk, a click or Enter chooses. */
@@ -153,7 +154,8 @@ const two = (v) => general(Number(v.toFixed(3)), 4);
 /** The sliders of the rule; `few`: its five numbers only. */
 export function rulePanel(page, few = false) {
   const { t } = page, { scene } = page, names = Object.keys(scene.rule.materials ?? {});
-  const list = [], bar = (key, options, edit) => list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v))));
+  const list = [], acts = (key) => !page.controls || key === "loadFactor" || page.controls.includes(key);   // of agents of one's own some do nothing
+  const bar = (key, options, edit) => { if (acts(key)) list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v)))); };
   if (names.length) {
     page.material ||= "";
     list.push(choice(t("material"), page.material, [["", scene.materials.filter((m) => !names.includes(m.name)).map((m) => m.name).join(", ") || "*"], ...names.map((n) => [n, n])],
@@ -176,8 +178,8 @@ export function rulePanel(page, few = false) {
   }
   gamma();
   bar("loadFactor", { value: page.factor, min: -2, max: 5, step: 0.05, show: two }, (v) => page.scaleLoads(v));
-  list.push(tick(t("accumulate"), scene.rule.accumulate, (on) => page.change(() => { scene.rule.accumulate = on; })));
-  if (page.senseful) list.push(tick(t("sense"), scene.rule.sense, (on) => page.change(() => { scene.rule.sense = on; })));
+  if (acts("accumulate")) list.push(tick(t("accumulate"), scene.rule.accumulate, (on) => page.change(() => { scene.rule.accumulate = on; })));
+  if (page.senseful && acts("sense")) list.push(tick(t("sense"), scene.rule.sense, (on) => page.change(() => { scene.rule.sense = on; })));
   return list;
 }
 
@@ -189,7 +191,6 @@ function lookPanel(page) {
     slider(t("magnify"), { value: 10 ** look.magnify, min: 0.1, max: 10, step: 0.05, log: true, show: (v) => `× ${two(v)}`, t }, (v) => page.set("magnify", Math.log10(v))));
   if (page.run.taken) list.push(tick(t("arrows"), look.arrows, set("arrows")));
   if (page.run.passed || (page.run.taken && page.kind === "live")) list.push(tick(t("path"), look.path, set("path")));
-  if (page.solvable) list.push(tick(t("beside"), look.beside, (on) => page.showElastic(on)));
   if (solid) {
     const axes = ["none", "x", "y", "z"], shape = page.run.lattice.shape, put = (part) => page.set("cut", { ...look.cut, ...part });
     list.push(choice(t("cut"), axes[look.cut.axis + 1], axes.map((a) => [a, a === "none" ? t("none") : a]), (v) => put({ axis: axes.indexOf(v) - 1 })),

@@ -29,11 +29,14 @@ export class Transfer {
     this.emitted = emitted;                    // by material and channel
     this.worst = Math.floor(emitted.indexOf(Math.max(...emitted)) / this.C);
     this.largest = this.share.reduce((a, b) => Math.max(a, b), 0);
+    this.rows = rows;
     this.turned = { [AIR]: [], [RIGID]: [], [ROLLER]: [] };
     for (const kind of [AIR, RIGID, ROLLER]) for (let arm = 0; arm < D; arm++) {
       this.turned[kind].push(Int8Array.from({ length: this.C }, (_, c) => turn(lattice, kind, arm, c, sense)));
     }
   }
+  /** By how much more than it took of a force a material passes on, of 1 N by channel; `along`: parts of the channels. */
+  gains(along) { return this.rows.map((row, n) => row.reduce((sum, [, channel, share]) => sum + share * along[channel], -along[n % this.C])); }
 }
 
 /** What a load sends out: a push travels along its force, a pull against it. */
@@ -153,7 +156,7 @@ class Post {
       this.code[at] = code; this.copies[at] = amount; this.bits[at] = bits;
     } else { this.copies[at] += amount; this.bits[at] |= bits; }
   }
-  /** Rows sorted by state, those above γ; what ends goes to `quiet(newtons)`. */
+  /** Rows sorted by state, those above γ; what ends goes to `quiet(newtons, state)`. */
   judged(threshold, quiet) {
     const { accumulate, n } = this;
     const order = accumulate ? this.list.slice(0, n).sort() : this.code.slice(0, n).sort();
@@ -166,7 +169,7 @@ class Post {
         state = Math.floor(order[i] / MAGNITUDES); id = order[i] - state * MAGNITUDES;
         value = this.values[id]; copies = this.copies[at]; bits = this.bits[at];
       }
-      if (!(value > threshold)) { quiet(value * copies); continue; }
+      if (!(value > threshold)) { quiet(value * copies, state); continue; }
       const r = rows.n++;
       rows.state[r] = state; rows.number[r] = id; rows.magnitude[r] = value;
       rows.copies[r] = copies; rows.bits[r] = bits;
@@ -191,11 +194,14 @@ export class Twin {
     this.post = new Post(size * C, accumulate);
     this.leaving = accumulate ? new Post(size * D * C, true) : null;
     this.sums = { passed: new Tally(size * D), dropped: new Tally(size), returned: new Tally(size), given: new Tally(size) };
-    for (const [k, channel, magnitude] of appliedLoads(scene, this.lattice, this.kinds, stage)) {
+    const loads = appliedLoads(scene, this.lattice, this.kinds, stage);
+    this.ledger = new Ledger(this, loads);
+    for (const [k, channel, magnitude] of loads) {
       this.applied += magnitude;
       this.post.add(k * C + channel, accumulate ? 0 : this.post.number(magnitude), accumulate ? magnitude : 1, 0);
     }
     this.arrive();
+    this.ledger.close(this.waiting);
   }
   get atRest() { return this.waiting.n === 0; }
   get grown() { return this.pending > 1e12 * this.applied; }
@@ -210,7 +216,7 @@ export class Twin {
     if (this.leaving) this.giveBack();
     for (const name of ["passed", "dropped", "returned", "given"]) this.sums[name].close(this[name]);
     this.arrive();
-    this.ends.push(this.quiet - quiet); this.alive.push(this.agents);
+    this.ends.push(this.quiet - quiet); this.alive.push(this.agents); this.ledger.close(this.waiting);
     return true;
   }
   take() {                                     // sums by cell and channel
@@ -220,6 +226,7 @@ export class Twin {
       const s = state[i]; let sum = 0;
       for (; i < n && state[i] === s; i++) sum += magnitude[i] * copies[i];
       this.taken.push(s, sum);
+      this.ledger.share(this.kinds[Math.floor(s / this.C)], s % this.C, sum);
     }
     this.taken.close();
     this.agents = this.woke;
@@ -232,8 +239,9 @@ export class Twin {
       const s = w.state[i], k = Math.floor(s / C), at = (kinds[k] * C + s - k * C) * T.most + e;
       const out = T.share[at] * w.magnitude[i], load = out * w.copies[i];
       if (load === 0) continue;
-      if (!(out > least)) { sums.dropped.add(k, load); this.quiet += load; continue; }
-      const arm = T.arm[at], channel = T.channel[at], to = L.neighbour(k, arm), kind = kinds[to];
+      const arm = T.arm[at], channel = T.channel[at];
+      if (!(out > least)) { sums.dropped.add(k, load); this.quiet += load; this.ledger.end(channel, load); continue; }
+      const to = L.neighbour(k, arm), kind = kinds[to];
       sums.passed.add(k * D + arm, load);
       if (accumulate) {
         if (kind < 0) this.leaving.add((k * D + arm) * C + channel, 0, load, 0);
@@ -248,7 +256,7 @@ export class Twin {
   }
   giveBack() {                                 // added up: boundaries judge what has met there
     const { lattice: { D }, C } = this;
-    const rows = this.leaving.judged(this.scene.rule.threshold, (load) => { this.quiet += load; });
+    const rows = this.leaving.judged(this.scene.rule.threshold, (load, state) => { this.quiet += load; this.ledger.end(state % C, load); });
     for (let i = 0; i < rows.n; i++) {
       const place = Math.floor(rows.state[i] / C), k = Math.floor(place / D);
       this.back(k, place - k * D, rows.state[i] - place * C, 0, rows.magnitude[i], rows.magnitude[i]);
@@ -256,11 +264,13 @@ export class Twin {
   }
   back(k, arm, channel, id, amount, load) {
     const to = this.lattice.neighbour(k, arm);
+    const turned = this.transfer.turned[this.kinds[to]][arm][channel];
     this.sums.given.add(to, load); this.sums.returned.add(k, load);
-    this.post.add(k * this.C + this.transfer.turned[this.kinds[to]][arm][channel], id, amount, 0);
+    this.ledger.turn(channel, turned, load);
+    this.post.add(k * this.C + turned, id, amount, 0);
   }
   arrive() {                                   // judge what met, and wake agents for the rest
-    const { C } = this, rows = this.post.judged(this.scene.rule.threshold, (load) => { this.quiet += load; });
+    const { C } = this, rows = this.post.judged(this.scene.rule.threshold, (load, state) => { this.quiet += load; this.ledger.end(state % C, load); });
     const born = this.generation + 1;
     this.woke = this.agents; this.pending = 0;
     for (let i = 0; i < rows.n; i++) {
@@ -276,6 +286,28 @@ export class Twin {
     const until = performance.now() + budget;
     while (this.generation < most && !this.atRest && !this.grown && performance.now() < until) this.step();
     return this;
+  }
+}
+
+/** Where the force of the applied loads has gone, along their sum, after each generation (N). A load
+ * that supports give back reversed has left twice itself with them; one that runs against it counts below 0. */
+class Ledger {
+  constructor({ lattice: { normals, D, dimension }, transfer, C }, loads) {
+    const sum = Array.from({ length: dimension }, (_, a) => loads.reduce((f, [, c, load]) => f + normals[c % D][a] * load, 0));
+    this.applied = Math.hypot(...sum);
+    this.along = Float64Array.from({ length: C }, (_, c) => dot(normals[c % D], sum) / (this.applied || 1));
+    this.gain = transfer.gains(this.along);    // of 1 N, by material and channel
+    this.ended = this.ground = this.made = 0;
+    this.rows = [];
+  }
+  end(channel, load) { this.ended += this.along[channel] * load; }
+  turn(channel, turned, load) { this.ground += (this.along[channel] - this.along[turned]) * load; }
+  share(kind, channel, load) { this.made += this.gain[kind * this.along.length + channel] * load; }
+  close({ n, state, magnitude, copies }) {
+    const { along, ended, ground, made } = this, C = along.length;
+    let way = 0;
+    for (let i = 0; i < n; i++) way += along[state[i] % C] * magnitude[i] * copies[i];
+    this.rows.push({ way, ended, ground, made });
   }
 }
 

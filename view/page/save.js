@@ -1,7 +1,7 @@
 // What can be taken away from the page: the scene, pictures, a film, a table.
 import { csvOf, tomlOf } from "./scene.js";
 
-function hand(name, blob) {
+export function hand(name, blob) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob); link.download = name;
   link.click();

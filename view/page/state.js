@@ -39,7 +39,7 @@ export function stateOf(page) {
   return { scene: structuredClone(scene), cells, stage, factor, look: structuredClone({ ...look, camera: undefined, speed: undefined }), guesses: structuredClone(lesson?.guesses) };
 }
 export function restore(page, { scene, cells, stage, factor, look, guesses }) {
-  const { camera, speed, beside } = page.look, mode = page.look.mode;
+  const { camera, speed } = page.look, mode = page.look.mode;
   const same = JSON.stringify([scene, stage]) === JSON.stringify([page.scene, page.stage]) && cells === page.cells;
   Object.assign(page.look, structuredClone(look), { camera, speed });
   if (page.lesson && guesses) page.lesson.guesses = structuredClone(guesses);
@@ -48,7 +48,6 @@ export function restore(page, { scene, cells, stage, factor, look, guesses }) {
     page.change(() => {});
   }
   if (page.look.mode !== mode) page.setMode(page.look.mode, true);
-  if (page.solvable && beside !== page.look.beside) page.showElastic(page.look.beside);
   page.rebuild();
 }
 
@@ -82,6 +81,5 @@ export async function follow(page, packed) {
     page.picked = told.picked;
     if (told.scene && page.kind === "runnable") page.renew(told.g); else page.seek(told.g);
     page.setMode(page.look.mode ?? "body", true);
-    if (page.solvable && page.look.beside) page.showElastic(true);
   } catch (error) { page.announce(page.t("linkBroken", { why: error.message })); }
 }

@@ -10,8 +10,6 @@ export const say = (language) => (key, values = {}) => {
   return text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 };
 export const catalogue = () => WORDS;
-/** Words of a module of its own, in every language. */
-export function addWords(more) { for (const language in more) Object.assign(WORDS[language], more[language]); }
 
 // ------------------------------------------------------------------------------------ numbers
 

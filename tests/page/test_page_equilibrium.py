@@ -1,0 +1,184 @@
+"""The page's twin, ruler and cuts: the numbers are Python's, and both answers are drawn alike."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju import LoadModel, Scene, solve
+
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+}
+
+
+@pytest.fixture
+def scene():
+    return Scene(**PLATE)
+
+
+@pytest.fixture
+def twin(opened, scene, tmp_path):
+    page = opened(kaju.export_page(scene, tmp_path / "plate.html"))
+    page.tab.get_by_role("button", name="Elasticity").click()
+    page.until("page.elastic.answer")
+    yield page
+    assert page.messages == []
+
+
+def both(page, show):
+    return page.js(
+        f"(() => {{ page.look.twin.show = '{show}'; page.draw(); return page.drawnWith; }})()"
+    )
+
+
+def test_both_answers_are_drawn_with_one_quantity_scale_and_magnification(twin):
+    names = twin.js("[...page.parts.bar.querySelector('select').options].map((o) => o.value)")
+    assert set(names) == {"along", "across", "stress", "move"}
+    for shape in ("false", "true"):
+        twin.js(f"(page.look.deformed = {shape})")
+        for name in names:
+            rule, elastic = both(twin, name)
+            assert (rule.pop("answer"), elastic.pop("answer")) == ("rule", "elastic")
+            assert rule == elastic
+            assert rule["quantity"] == name
+            told = twin.js("page.twin.line.textContent")
+            assert (f"{rule['factor']:,}".replace(",", " ") in told) == (shape == "true")
+    twin.tab.get_by_role("button", name="Side by side").click()
+    rule, elastic = both(twin, "move")
+    assert rule["factor"] == elastic["factor"] > 0
+
+
+def fields(result, axis=1):
+    """Squeezes along and across (N) of every cell of an answer."""
+    lattice = result.scene.lattice
+    cells = np.argwhere(np.ones(lattice.shape, dtype=bool))
+    stress = result.stress_at(lattice.centres(cells))
+    area = lattice.cell_size * result.scene.thickness
+    return cells, {
+        "along": -stress[:, axis, axis] * area,
+        "across": -stress[:, 1 - axis, 1 - axis] * area,
+        "stress": np.abs(np.diagonal(stress, axis1=1, axis2=2)).max(axis=1),
+    }
+
+
+def test_the_ruler_reads_what_python_reads(twin, scene):
+    rows = {"rule": LoadModel(scene).run(), "elastic": solve(scene, strategy="uniform")}
+    for name, result in rows.items():
+        cells, wanted = fields(result)
+        for show in ("along", "across", "stress"):
+            both(twin, show)
+            for axis, at in ((0, 16), (1, 10)):
+                twin.js(f"(page.look.twin.ruler = {{ axis: {axis}, at: {at} }})")
+                twin.js("(page.refresh(), page.draw())")
+                data = read_csv(twin)
+                column = next(k for k in data[0] if k.startswith(name))
+                read = np.array([float(row[column]) for row in data])
+                line = cells[:, 1 - axis] == at
+                truth = wanted[show][line]
+                load = 2.0 / (0.01 * 0.002) if show == "stress" else 2.0
+                np.testing.assert_allclose(read, truth, atol=1e-12 * load)
+
+
+def read_csv(page, name="Save CSV"):
+    with page.tab.expect_download() as download:
+        page.tab.get_by_role("button", name=name, exact=True).click()
+    text = Path(download.value.path()).read_text(encoding="utf-8")
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_half_widths_lie_where_straight_lines_fall_to_half(node):
+    told = node(
+        'import { halfWidth } from "./answer.js";'
+        "tell(data.map(([at, values]) => halfWidth(at, values)));",
+        [
+            [[0, 1, 2, 3, 4], [0, 2, 4, 1, 0]],  # falls to 2 at 1 and at 2 + 2/3
+            [[0, 1, 2], [3, 4, 3]],  # nowhere
+            [[0, 1], [0, 0]],
+        ],
+    )
+    assert (told[0]["low"], told[0]["high"]) == pytest.approx((1.0, 2.0 + 2.0 / 3.0))
+    assert told[0]["width"] == pytest.approx(0.5 * (1.0 + 2.0 / 3.0))
+    assert told[1:] == [None, None]
+
+
+BODIES = {
+    "plate": {},
+    "from the left": {
+        "sides": {"right": "rigid"},
+        "loads": [{"cell": [0, 7], "side": "left", "force": [3.0, 0.0]}],
+    },
+    "hung up": {"sides": {"top": "rigid"}, "loads": [{"cell": [4, 0], "force": [0.0, -1.0]}]},
+    "side walls": {"sides": {"bottom": "rigid", "left": "roller", "right": "rigid"}},
+    "two loads": {
+        "loads": [{"cell": [3, 19], "force": [0.0, -2.0]}, {"cell": [9, 10], "force": [0.5, -1.0]}]
+    },
+}
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_cuts_are_those_of_python(name, opened, tmp_path):
+    scene = Scene(**PLATE | BODIES[name])
+    page = opened(kaju.export_page(scene, tmp_path / "body.html"))
+    page.tab.get_by_role("button", name="Equilibrium").click()
+    page.until("page.elastic.answer")
+    rows = read_csv(page, "CSV")
+    numbers = {k: np.array([float(row[k] or "nan") for row in rows]) for k in rows[0]}
+    rule, elastic = (a.cuts() for a in (LoadModel(scene).run(), solve(scene, strategy="uniform")))
+    load = abs(rule.load)
+    np.testing.assert_allclose(numbers[f"{rule.axis} (m)"], rule.at, rtol=1e-12)
+    np.testing.assert_allclose(numbers["rule (N)"], rule.carried, atol=1e-12 * load)
+    np.testing.assert_allclose(numbers["needed (N)"], rule.balance, atol=1e-12 * load)
+    np.testing.assert_allclose(numbers["elasticity (N)"], elastic.carried, atol=2e-12 * load)
+    assert page.messages == []
+
+
+LEDGER = """
+import { Twin } from "./rule.js";
+tell(data.map(({ scene, cells }) => new Twin(scene, Int16Array.from(cells)).run(60).ledger));
+"""
+
+
+def test_every_newton_along_the_load_is_on_its_way_ended_or_handed_over(node):
+    from page_scenes import random_scenes
+
+    from kaju.view.page.scene_data import scene_data
+
+    scenes = [scene for scene, _ in random_scenes(40, seed=11)]
+    given = []
+    for scene in [Scene(**PLATE), *scenes]:
+        data, columns = scene_data(scene)
+        given.append({"scene": data, "cells": columns["cells"].ravel().tolist()})
+    plate, *others = node(LEDGER, given)
+    assert [row["way"] for row in plate["rows"]] == pytest.approx(
+        [2.0, 2.0, 2.0, 2.0, 1.875, 1.0, 0.21875, 0.015625, 0.0]
+    )
+    for ledger in (plate, *others):
+        largest = max(abs(v) for row in ledger["rows"] for v in row.values())
+        for row in ledger["rows"]:
+            total = row["way"] + row["ended"] + row["ground"] - row["made"]
+            assert total == pytest.approx(ledger["applied"], abs=1e-12 * largest)
+
+
+def test_the_part_with_the_load_says_what_is_missing(twin):
+    twin.tab.get_by_role("button", name="Equilibrium").click()
+    twin.js("page.draw()")
+    text = twin.tab.locator(".cards").inner_text()
+    assert "does not keep equilibrium" in text
+    assert "687.5 mN hold it up" in text
+    assert "1.313 N missing" in text
+    twin.tab.locator("canvas").first.focus()
+    twin.tab.keyboard.press("Shift+ArrowUp")
+    twin.js("page.draw()")
+    assert "1 N hold it up" in twin.tab.locator(".cards").inner_text()
+    x, y = twin.at((2, 17))
+    twin.tab.mouse.move(x, y)
+    twin.tab.mouse.down()
+    twin.tab.mouse.move(*twin.at((2, 14)))
+    twin.tab.mouse.up()
+    twin.js("page.draw()")
+    assert "125 mN hold it up" in twin.tab.locator(".cards").inner_text()

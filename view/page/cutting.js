@@ -1,0 +1,160 @@
+// Equilibrium at a glance: the force through every cut, rule beside elasticity; the part beyond a cut
+// as a free body; and where the force of the loads has gone.
+import { askElastic, cutsOf, fieldsOf, loadAxis } from "./answer.js";
+import { ticksOf } from "./charts.js";
+import { button, draw, make } from "./controls.js";
+import { MODES } from "./modes.js";
+import { FONT, paintNumbers, paintWord } from "./paint.js";
+import { hand } from "./save.js";
+import { bothOf } from "./twin.js";
+import { general, quantity } from "./words.js";
+
+const SAME = 1e-9;                             // of the load: what rounding leaves
+const placed = (page) => page.look.cuts ??= { rows: [0.97, 0.82].map((part) => Math.floor(part * page.run.lattice.shape[loadAxis(page.scene).axis])), chosen: 1 };
+
+/** The cuts of both answers at this generation, from one end of the axis to the other. */
+export function balanceOf(page) {
+  const { run, elastic: { answer } } = page, { pressure, displacement } = page.deformed();
+  const rule = cutsOf(run, fieldsOf(run, pressure, displacement).along);
+  if (answer) answer.cuts ??= cutsOf(run, fieldsOf(run, answer.stress.slice(0, run.lattice.dimension).map((s) => s.map((x) => -x)), answer.displacement).along);
+  return rule.map((cut, i) => ({ ...cut, elastic: answer ? answer.cuts[i]?.carried ?? NaN : NaN }));
+}
+function csvOfCuts(page) {
+  const { lattice: { h } } = page.run, name = "xyz"[loadAxis(page.scene).axis];
+  return [`${name} (m),rule (N),elasticity (N),needed (N)`, ...balanceOf(page).map((cut) => [(cut.at + 0.5) * h, cut.carried, cut.elastic, cut.needed].map((v) => (Number.isNaN(v) ? "" : v)).join(","))].join("\n") + "\n";
+}
+
+// ------------------------------------------------------------------------------------- the bars
+
+/** Bars beside the rows of the body (or below its columns), elasticity as a mark a row. */
+function paintBars(page, view, cuts, box, upright) {
+  const { ctx, u } = view, { inks, t } = page, { rows, chosen } = placed(page), known = cuts.flatMap((cut) => [cut.carried, cut.elastic, cut.needed]).filter((v) => !Number.isNaN(v));
+  const high = Math.max(...known, 1e-300), low = Math.min(0, ...known), from = upright ? box.x : box.y, long = upright ? box.w : box.h, F = (v) => from + long * (v - low) / (high - low);
+  const P = (at) => (upright ? view.y0 - u * at : view.x0 + u * at), point = (v, at) => (upright ? [F(v), P(at)] : [P(at), F(v)]);
+  const [first, last] = [cuts[0].at, cuts.at(-1).at + 1], digits = Math.max(0, Math.min(12, 3 - Math.floor(Math.log10(high))));
+  ctx.lineWidth = 1; ctx.font = FONT; ctx.fillStyle = inks.soft; ctx.strokeStyle = inks.hair;
+  for (const v of ticksOf(low, high, upright && box.w > 190 ? 4 : 2)) {
+    ctx.beginPath(); ctx.moveTo(...point(v, first)); ctx.lineTo(...point(v, last)); ctx.stroke();
+    ctx.textAlign = upright ? "center" : "right"; ctx.textBaseline = upright ? "bottom" : "middle";
+    ctx.fillText(quantity(v, "N"), ...(upright ? [F(v), P(last) - 4] : [P(first) - 4, F(v)]));
+  }
+  paintWord(ctx, t("throughEach"), box.x + box.w, upright ? P(last) - 28 : box.y - 14, inks.ink, inks, { font: `600 ${FONT}`, align: "right" });
+  for (const { at, carried, elastic } of cuts) {
+    const [a, b] = [point(0, at + 0.18), point(carried, at + 0.82)];
+    ctx.fillStyle = inks.rule; ctx.fillRect(Math.min(a[0], b[0]), Math.min(a[1], b[1]), Math.abs(b[0] - a[0]), Math.abs(b[1] - a[1]));
+    if (!Number.isNaN(elastic)) {
+      const [x, y] = point(elastic, at + 0.5), s = Math.min(7, 0.5 * u);
+      ctx.strokeStyle = inks.elastic; ctx.lineWidth = 2; ctx.fillStyle = inks.paper; ctx.fillRect(x - s / 2, y - s / 2, s, s); ctx.strokeRect(x - s / 2, y - s / 2, s, s);
+    }
+    if (upright && u >= 13) { const inside = carried > 0.75 * high; paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : carried.toFixed(digits), F(carried) + (inside ? -46 : 6), P(at + 0.5), inks.ink, inks); }
+  }
+  rows.forEach((at, n) => {
+    const ends = upright ? [[view.x0, P(at + 0.5)], [box.x + box.w, P(at + 0.5)]] : [[P(at + 0.5), view.y0 - u * view.height], [P(at + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.x0 + u * view.width + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
+    ctx.strokeStyle = n === chosen ? inks.ink : inks.soft; ctx.lineWidth = n === chosen ? 2.5 : 1.5; ctx.setLineDash(n === chosen ? [] : [5, 4]);
+    ctx.beginPath(); ctx.moveTo(...ends[0]); ctx.lineTo(...ends[1]); ctx.stroke(); ctx.setLineDash([]);
+    ctx.fillStyle = n === chosen ? inks.wash : inks.paper; ctx.strokeStyle = inks.ink; ctx.lineWidth = 1.5;
+    ctx.beginPath(); ctx.roundRect(hx - 11, hy - 10, 22, 20, 6); ctx.fill(); ctx.stroke();
+    paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
+  });
+  if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
+}
+
+// ------------------------------------------------------------------------------------- the cards
+
+/** The free body at the chosen cut: what presses, what holds, what is missing. */
+function freeBody({ t }, { carried, needed }) {
+  const arrow = (x, from, to, name, text) => [draw("path", { class: `arrow ${name}`, d: `M${x} ${from}V${to}m-6 ${to > from ? -7 : 7}l6 ${to > from ? 7 : -7}l6 ${to > from ? -7 : 7}` }), draw("text", { class: name, x: x + 10, y: (from + to) / 2 + 4 }, text)];
+  const gap = needed - carried;
+  return draw("svg", { class: "chart", viewBox: "0 0 340 132", role: "img", "aria-label": t("partAbove") }, ...arrow(120, 4, 38, "load", t("pressIt", { n: quantity(needed, "N") })),
+    draw("rect", { class: "part", x: 30, y: 42, width: 180, height: 40, rx: 4 }), draw("text", { x: 120, y: 66, "text-anchor": "middle" }, t("partAbove")),
+    ...arrow(46, 126, 88, "rule", t("holdIt", { n: quantity(carried, "N") })),
+    ...(Math.abs(gap) > SAME * Math.abs(needed) ? arrow(204, 126, 88, "bad", t("missingIt", { n: quantity(gap, "N") })) : []));
+}
+function cutCard(page, cuts) {
+  const { t, run: { lattice: L }, scene } = page, { rows, chosen } = placed(page), { axis } = loadAxis(scene), cut = cuts.find(({ at }) => at === rows[chosen]);
+  if (!cut) return [];
+  const x = `${general(100 * L.h * (axis ? L.shape[1] - cut.at - 0.5 : cut.at + 0.5), 3)} cm`, big = (word, value, name) => make("div", { className: name }, t(word), make("b", { textContent: quantity(value, "N") }));
+  return [make("h2", { textContent: t("cutAtPlace", { x, side: t(axis ? "top" : "left") }) }), make("div", { className: "pair" }, big("theRule", cut.carried, "rule"), big("elastic", cut.elastic, "elastic")),
+    Number.isNaN(cut.needed) ? make("p", { textContent: t("bothHeld") }) : freeBody(page, cut)];
+}
+/** On its way + ended + ground − made by the shares is what was put on, in every generation. */
+function whereCard(page) {
+  const { t, run, g } = page, { ledger } = run;
+  if (!ledger) return [make("p", { textContent: t("onlyTwin") })];
+  const { applied, rows } = ledger, now = rows[g], parts = (row) => [["way", row.way], ["ended", row.ended], ["ground", row.ground], ["made", -row.made]], high = Math.max(...rows.slice(0, page.limit + 1).map((row) => parts(row).reduce((sum, [, v]) => sum + Math.max(0, v), 0)));
+  const [w, h, x, y] = [340, 118, 40, 8], X = (i) => x + (w - x - 10) * i / Math.max(1, rows.length - 1), Y = (v) => y + (h - y - 22) * (1 - v / (high || 1)), shown = rows.slice(0, Math.min(rows.length, page.limit + 1)), areas = [];
+  const below = shown.map(() => 0);
+  for (const [n, [name]] of parts(now).entries()) {
+    const from = [...below];
+    shown.forEach((row, i) => { below[i] += Math.max(0, parts(row)[n][1]); });
+    areas.push(draw("polygon", { class: name, points: [...below.map((v, i) => `${X(i)},${Y(v)}`), ...from.map((v, i) => `${X(i)},${Y(v)}`).reverse()].join(" ") }));
+  }
+  const ticks = [...ticksOf(0, high, 2).map((v) => draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, "N"))), ...ticksOf(0, rows.length - 1, 4).filter(Number.isInteger).map((i) => draw("text", { x: X(i), y: h - 4, "text-anchor": "middle" }, String(i)))];
+  const words = { way: "onItsWay", ended: "itEnded", ground: "toGround", made: now.made > 0 ? "madeBy" : "lostBy" }, list = parts(now).filter(([name, v]) => name !== "made" || Math.abs(v) > SAME * applied);
+  const { own, out } = page.deformable ? { own: run.transfer.shares[0].own, out: run.transfer.emitted[0] } : {}, kept = run.taken.value.subarray(0, run.taken.offset[g]).reduce((a, b) => a + b, 0) * own;
+  return [make("h2", { textContent: t("whereWent", { n: quantity(applied, "N") }) }), make("p", { className: "small soft", textContent: t("overGenerations") }),
+    draw("svg", { class: "chart where", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": t("whereWent", { n: quantity(applied, "N") }) }, ...areas, draw("path", { class: "now", d: `M${X(g)} ${y}V${h - 20}` }), ...ticks),
+    make("ul", { className: "where" }, ...list.map(([name, v]) => make("li", { className: name }, `${t(words[name])} `, make("data", { value: String(name === "made" ? -v : v), textContent: quantity(name === "made" ? Math.abs(v) : v, "N") }))), make("li", {}, t("wholeSum", { n: quantity(parts(now).reduce((sum, [, v]) => sum + v, 0), "N") }))),
+    make("p", { className: "small soft", textContent: `${Math.abs(now.ground) > SAME * applied ? `${t("groundTwice")} ` : ""}${page.scene.materials.length === 1 ? t("squeezeApart", { n: quantity(kept, "N"), own: general(own, 3), out: general(out, 3) }) : ""}` })];
+}
+
+// --------------------------------------------------------------------------------------- mode
+
+/** The row under a pointer, and the cut that is nearest to it. */
+function under(page, { offsetX, offsetY }) {
+  const { view, scene, run: { lattice: { shape } } } = page, { axis } = loadAxis(scene), x = axis ? (view.y0 - offsetY) / view.u : (offsetX - view.x0) / view.u, { rows } = placed(page);
+  const near = rows.map((at) => Math.abs(at + 0.5 - x)), n = near.indexOf(Math.min(...near));
+  return { at: Math.max(0, Math.min(shape[axis] - 1, Math.floor(x))), n: near[n] < Math.max(0.7, 14 / view.u) ? n : -1 };
+}
+const renew = (page) => { page.past.note(); page.later(); };
+
+MODES.push({
+  name: "cuts",
+  offered: (page) => page.deformable && page.scene.lattice?.kind === "square" && page.run.taken && page.limit > 0,
+  open(page) {
+    page.cutCards = Array.from({ length: 3 }, () => make("section", { className: "card" }));
+    page.cutCards[0].classList.add("warn");
+    if (page.solvable) askElastic(page);
+  },
+  changed(page) { if (page.solvable) askElastic(page); },
+  tools(page) {
+    const { t } = page, add = () => { const { rows } = placed(page), n = page.run.lattice.shape[loadAxis(page.scene).axis]; rows.push(n >> 1); page.look.cuts.chosen = rows.length - 1; renew(page); };
+    return [make("span", { className: "push" }), button(t("addCut"), add), button("CSV", () => page.announce(t("saved", { name: hand("cuts.csv", new Blob([csvOfCuts(page)], { type: "text/csv" })) })))];
+  },
+  cards: (page) => page.cutCards ?? [],
+  draw(page) {
+    const { canvas: { clientWidth: w, clientHeight: h }, t } = page, upright = loadAxis(page.scene).axis === 1, cuts = balanceOf(page), side = upright ? Math.min(0.44 * w, 300) : Math.min(0.34 * h, 200);
+    const { rule, scale, small } = bothOf(page, "along");
+    page.drawBody({ x: upright ? 20 : 0, y: 0, w: w - (upright ? side + 20 : 0), h: h - (upright ? 0 : side) }, rule.map((v) => (v > small ? v : NaN)), scale);
+    paintNumbers(page.view, page.inks);
+    if (cuts.length) paintBars(page, page.view, cuts, upright ? { x: w - side + 20, w: side - 48, y: 0, h } : { x: 0, w, y: h - side + 24, h: side - 44 }, upright);
+    const kept = cuts.every(({ carried, needed }) => Number.isNaN(needed) || Math.abs(carried - needed) <= 1e-9 * Math.abs(needed));
+    const [say, cut, where] = page.cutCards;
+    say.replaceChildren(make("p", { textContent: t(kept ? "isBalanced" : "noBalance") }));
+    cut.replaceChildren(...cutCard(page, cuts));
+    if (!page.playing) where.replaceChildren(...whereCard(page));
+  },
+  press(page, event) {
+    const { n, at } = under(page, event), { rows } = placed(page);
+    if (n < 0) return false;
+    page.look.cuts.chosen = n; rows[n] = at; page.hold = { cut: n };
+    page.later();
+    return true;
+  },
+  move(page, event) {
+    if (page.hold?.cut === undefined || !event.buttons) return false;
+    placed(page).rows[page.hold.cut] = under(page, event).at;
+    page.later();
+    return true;
+  },
+  release(page) { page.past.note(); return false; },
+  key(page, event) {
+    const cuts = placed(page), { rows } = cuts, { axis } = loadAxis(page.scene), n = page.run.lattice.shape[axis], by = (axis ? { ArrowUp: 1, ArrowDown: -1 } : { ArrowRight: 1, ArrowLeft: -1 })[event.key];
+    if (event.shiftKey && by) rows[cuts.chosen] = Math.max(0, Math.min(n - 1, rows[cuts.chosen] + by));
+    else if (event.key === "Delete" && rows.length > 1) { rows.splice(cuts.chosen, 1); cuts.chosen = 0; }
+    else if (event.key.toLowerCase() === "c") cuts.chosen = (cuts.chosen + 1) % rows.length;
+    else return false;
+    renew(page);
+    return true;
+  },
+});

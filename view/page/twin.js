@@ -1,0 +1,233 @@
+// The rule and elasticity, side by side or under a divider: one quantity, one colour scale, one
+// magnification, one cursor; their difference; and a ruler that reads the profiles of both.
+import { askElastic, BOTH, cellsOn, cutsOf, fieldsOf, halfWidth, loadAxis } from "./answer.js";
+import { ticksOf } from "./charts.js";
+import { button, draw, make, picker, segments } from "./controls.js";
+import { cornersOf } from "./deformation.js";
+import { MODES } from "./modes.js";
+import { FONT, paintCells, paintLegend, paintPick, paintWord, View } from "./paint.js";
+import { hand } from "./save.js";
+import { general, quantity } from "./words.js";
+
+const NOTHING = 1 / 400, SHADES = [4, 3];         // of a scale: what looks like nothing; steps of a difference below and above it
+const roundDown = (x) => { const p = 10 ** Math.floor(Math.log10(x) + 1e-12); return Number((p * [5, 2, 1].find((d) => d * p <= x * (1 + 1e-12))).toPrecision(1)); };
+const settings = (page) => page.look.twin ??= { show: "along", layout: "swipe", split: null, ruler: null };
+
+/** Both answers at this generation, and the ends and the magnification that both are drawn with. */
+export function bothOf(page, show = settings(page).show) {
+  const { run, elastic, look } = page, { answer } = elastic, L = run.lattice, unit = BOTH[show];
+  const ruled = () => fieldsOf(run, page.deformed().pressure, page.deformed().displacement);
+  if (answer) answer.fields ??= fieldsOf(run, answer.stress.slice(0, L.dimension).map((s) => s.map((x) => -x)), answer.displacement);
+  if (!page.scales.has("twin")) {              // from the end of the run, so that generations compare
+    const keep = page.g, ends = {};
+    page.goTo(Infinity);
+    for (const [name, values] of Object.entries(ruled())) ends[name] = Math.max(...[values, answer?.fields[name] ?? []].map((list) => list.reduce((top, v) => (Math.abs(v) > top ? Math.abs(v) : top), 0))) || 1;
+    page.goTo(keep);
+    page.scales.set("twin", ends);
+  }
+  const ends = page.scales.get("twin"), high = ends[show], log = unit !== "m";
+  const factor = look.deformed ? roundDown(10 ** look.magnify * 0.066 * Math.max(...L.shape) * L.h / ends.move) : 0;
+  return { quantity: show, unit, factor, scale: { low: log ? high * NOTHING : 0, high, log }, small: high * NOTHING, rule: ruled()[show], elastic: answer?.fields[show] ?? null };
+}
+
+function paintAnswer(page, canvas, name, both) {
+  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { scale, small, factor, unit } = both, values = both[name];
+  const u = name === "rule" ? page.deformed().displacement : page.elastic.answer.displacement;
+  const moved = factor ? { displacement: u, corners: L.dimension === 2 ? cornersOf(L, kinds, u) : null } : null;
+  const view = new View(canvas, L, look.camera);
+  paintCells(view, kinds, values.map((v) => (Math.abs(v) > small ? Math.abs(v) : NaN)), scale, inks, { moved, factor, cut: L.dimension === 3 ? look.cut : null });
+  if (L.dimension === 2 && view.u >= 9) L.each((k) => { if (values[k] < -small) paintWord(view.ctx, "−", ...view.at(...L.cell(k).map((c) => c + 0.5)), inks.ink, inks, { align: "center" }); });
+  paintLegend(view, scale, `${t(both.quantity)}${unit === "N" ? ` (${t("pullMark")})` : ""}`, t(scale.log ? "log" : "linear"), (v) => quantity(v, unit), inks);
+  page.drawnWith.push({ answer: name, quantity: both.quantity, unit, scale, factor });
+  return view;
+}
+
+/** The rule less elasticity in steps: what is small on the common scale looks like nothing, in both directions alike. */
+export function stepsOf({ rule, elastic, small }) {
+  const gap = rule.map((v, k) => v - elastic[k]), most = gap.reduce((top, d) => (Math.abs(d) > top ? Math.abs(d) : top), small * 2), reach = Math.log(most / small);
+  const step = (d, count) => Math.min(count, 1 + Math.floor(count * Math.log(Math.abs(d) / small) / reach));
+  return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : d < 0 ? -step(d, SHADES[0]) : step(d, SHADES[1]))) };
+}
+function paintDifference(page, canvas, both) {
+  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), { ctx, w, h } = view;
+  paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), { low: -4.5, high: 3.5, log: false }, inks, { cut: L.dimension === 3 ? look.cut : null });
+  const n = Math.min(300, 0.6 * w), x = (w - n) / 2, y = h - 32;
+  ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillText(t("less"), x, y - 3);
+  inks.differences.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / 8), y, Math.ceil(n / 8), 10); });
+  ctx.fillStyle = inks.soft; ctx.textBaseline = "top";
+  ctx.fillText(`${t("ruleLess")} ${quantity(most, both.unit)}`, Math.max(4, x - 50), y + 13); ctx.textAlign = "right"; ctx.fillText(t("ruleMore"), Math.min(w - 4, x + n + 50), y + 13);
+  ctx.textAlign = "center"; ctx.fillText(`± ${quantity(both.small, both.unit)}`, x + n * 4.5 / 8, y + 13);
+  return view;
+}
+
+// -------------------------------------------------------------------------------------- ruler
+
+const rulerEnds = ({ look, run: { lattice: { shape: [nx, ny] } } }) => {
+  const { from, to, axis, at } = look.twin.ruler;
+  return from ? [from, to] : axis === 0 ? [[0, at + 0.5], [nx, at + 0.5]] : [[at + 0.5, 0], [at + 0.5, ny]];
+};
+/** What lies under the ruler: keys and places (m), both profiles with largest value and half width, the force through it. */
+export function profileOf(page, both) {
+  const { run, look } = page, { ruler } = look.twin, { h } = run.lattice, { keys, at } = cellsOn(run, ...rulerEnds(page)), places = at.map((x) => x * h), { axis } = loadAxis(run.scene);
+  const told = (values) => { if (!values) return null; const list = keys.map((k) => values[k]); return { list, largest: list.length ? Math.max(...list) : 0, half: halfWidth(places, list) }; };
+  const through = (values) => (values && both.quantity === "along" && !ruler.from && ruler.axis !== axis ? cutsOf(run, values).find((cut) => cut.at === ruler.at)?.carried ?? 0 : null);
+  return { keys, at: places, rule: { ...told(both.rule), through: through(both.rule) }, elastic: both.elastic && { ...told(both.elastic), through: through(both.elastic) } };
+}
+function csvOfRuler(page) {
+  const both = bothOf(page), { keys, at, rule, elastic } = profileOf(page, both), { lattice: L } = page.run, name = `${both.quantity} (${both.unit})`;
+  const rows = keys.map((k, i) => [at[i], ...L.cell(k).map((c) => (c + 0.5) * L.h), rule.list[i], elastic?.list[i] ?? ""].join(","));
+  return [`distance (m),x (m),y (m),rule ${name},elasticity ${name}`, ...rows].join("\n") + "\n";
+}
+function paintRuler(page, view) {
+  const { ctx } = view, { inks } = page, [a, b] = rulerEnds(page).map((p) => view.at(...p));
+  for (const [ink, width] of [[inks.paper, 5], [inks.ink, 2]]) {
+    ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath(); ctx.moveTo(...a); ctx.lineTo(...b); ctx.stroke();
+    for (const p of [a, b]) { ctx.beginPath(); ctx.arc(...p, 6, 0, 7); ctx.stroke(); if (width < 5) { ctx.fillStyle = inks.paper; ctx.fill(); } }
+  }
+}
+function lay(page, event) {                    // snaps to rows and columns, Shift frees it
+  const { view, run: { lattice: { shape } }, hold } = page, { twin } = page.look, p = [(event.offsetX - view.x0) / view.u, (view.y0 - event.offsetY) / view.u];
+  const { axis = 0 } = twin.ruler, within = p.map((c, a) => Math.max(0, Math.min(shape[a], c)));
+  twin.ruler = event.shiftKey && hold.start ? { from: hold.start, to: within } : { axis, at: Math.max(0, Math.min(shape[1 - axis] - 1, Math.floor(p[1 - axis]))) };
+  hold.start ??= within;
+  page.later();
+}
+
+/** Both profiles over the length of the ruler, as a drawing: solid and dots, dashed and squares, half widths marked. */
+function profileChart(page, both, { at, rule, elastic }) {
+  const { t } = page, [w, h, x, y] = [340, 170, 46, 20], lists = [rule, elastic].filter(Boolean), top = Math.max(...lists.map((l) => l.largest), 1e-300), low = Math.min(0, ...lists.flatMap((l) => l.list));
+  const end = Math.max(...at, page.run.lattice.h), X = (s) => x + (w - x - 12) * s / end, Y = (v) => y + (h - y - 24) * (top - v) / (top - low), parts = [];
+  for (const v of ticksOf(low, top, 3)) parts.push(draw("path", { class: "hair", d: `M${x} ${Y(v)}H${w - 12}` }), draw("text", { x: x - 4, y: Y(v) + 4, "text-anchor": "end" }, quantity(v, both.unit)));
+  for (const s of ticksOf(0, 100 * end, 4)) parts.push(draw("text", { x: X(s / 100), y: h - 6, "text-anchor": "middle" }, `${s}${s ? "" : " cm"}`));
+  lists.forEach(({ list, half }, n) => {
+    const name = n ? "elastic" : "rule";
+    parts.push(draw("polyline", { class: name, points: list.map((v, i) => `${X(at[i])},${Y(v)}`).join(" ") }));
+    parts.push(...list.map((v, i) => (n ? draw("rect", { class: name, x: X(at[i]) - 2.5, y: Y(v) - 2.5, width: 5, height: 5 }) : draw("circle", { class: name, cx: X(at[i]), cy: Y(v), r: 2.5 }))));
+    if (half) parts.push(draw("path", { class: `${name} bracket`, d: `M${X(half.low)} ${Y(half.half) - 5}v10m0 -5H${X(half.high)}m0 -5v10` }));
+  });
+  return draw("svg", { class: "chart", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": `${t(both.quantity)}: ${t("theRule")}, ${t("elastic")}` }, draw("text", { x: 0, y: 12 }, `${t(both.quantity)}`), ...parts);
+}
+function rulerCard(page, both) {
+  const { t, look, run: { lattice: { h, shape } } } = page, { ruler } = look.twin, profile = profileOf(page, both), { rule, elastic } = profile, [a, b] = rulerEnds(page);
+  const title = ruler.from ? t("freeRuler", { x: `${general(100 * h * Math.hypot(b[0] - a[0], b[1] - a[1]), 3)} cm` })
+    : t("rulerAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, side: t(ruler.axis ? "left" : "top") });
+  const wide = (half) => (half ? `${general(100 * half.width, 3)} cm` : t("widest")), cells = (show) => [rule, elastic].map((one, n) => make("td", { className: n ? "elastic" : "rule", textContent: one ? show(one) : "–" }));
+  const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...cells(show));
+  const table = make("table", {}, make("tr", {}, make("td"), make("th", { scope: "col", className: "rule", textContent: t("theRule") }), make("th", { scope: "col", className: "elastic", textContent: t("elastic") })),
+    row("largestValue", (one) => quantity(one.largest, both.unit)), row("halfWidth", (one) => wide(one.half)), ...(rule.through === null ? [] : [row("throughIt", (one) => quantity(one.through, "N"))]));
+  return [make("h2", { textContent: title }), profileChart(page, both, profile), table, make("div", { className: "tools" },
+    button(t("saveProfile"), () => page.announce(t("saved", { name: hand("ruler.csv", new Blob([csvOfRuler(page)], { type: "text/csv" })) }))),
+    button(t("turnRuler"), () => { const axis = 1 - (ruler.axis ?? 0); look.twin.ruler = { axis, at: shape[1 - axis] >> 1 }; page.past.note(); page.later(); }))];
+}
+
+// --------------------------------------------------------------------------------------- mode
+
+function numbersCard(page, both, k) {
+  const { t, run: { lattice: L, kinds }, elastic: { answer, why, old } } = page, lines = [];
+  if (k >= 0 && kinds[k] >= 0) lines.push(`${t("cellOf", { c: `(${L.cell(k).join(", ")})` })}: ${linesAt(page, both, k).join(", ")}`);
+  if (!answer) lines.push(why ? t("noAnswer", { why }) : t("solving"));
+  else {
+    const { displacement: mine } = page.deformed(), theirs = answer.displacement;
+    let sum = 0, count = 0, own = 0, high = 0;
+    L.each((i) => {
+      if (kinds[i] < 0) return;
+      sum += Math.hypot(...mine.map((u, a) => u[i] - theirs[a][i])); count++;
+      own = Math.max(own, Math.hypot(...mine.map((u) => u[i]))); high = Math.max(high, Math.hypot(...theirs.map((u) => u[i])));
+    });
+    lines.push(t("misfit", { a: quantity(own, "m"), b: quantity(high, "m"), n: general(100 * sum / count / (high || 1), 2) }), old ? t("solving") : t("solvedIn", { n: general(answer.seconds, 2) }));
+    if (page.g < page.run.generation) lines.push(t("noTime"));
+  }
+  return lines.map((text) => make("p", { textContent: text }));
+}
+const linesAt = ({ t }, { rule, elastic, unit }, k) => [`${t("theRule")} ${quantity(rule[k], unit)}`, ...(elastic ? [`${t("elastic")} ${quantity(elastic[k], unit)}`, `${t("less")} ${quantity(rule[k] - elastic[k], unit)}`] : [])];
+
+function hover(page, event, view) {
+  const cell = view?.cellAt(event.offsetX, event.offsetY), { lattice: L, kinds } = page.run, k = cell ? L.key(cell) : -1;
+  page.twin.at = k >= 0 && kinds[k] >= 0 ? k : -1;
+  event.target.parentElement.append(page.parts.tip);
+  page.tip(page.twin.at < 0 ? null : cell, event, page.twin.at < 0 ? [] : linesAt(page, bothOf(page), k));
+  page.later();
+}
+
+MODES.push({
+  name: "twin",
+  offered: (page) => page.solvable && page.deformable,
+  open(page) {
+    const two = settings(page), main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
+    const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), card: make("section", { className: "card" }), numbers: make("section", { className: "card", role: "status" }),
+      handle: make("div", { className: "divider", role: "slider", tabIndex: 0, ariaLabel: page.t("divider"), ariaValueMin: 0 }) };
+    const split = (x) => { two.split = Math.max(0, Math.min(page.run.lattice.shape[0], x)); page.later(); };
+    twin.handle.onpointerdown = (event) => twin.handle.setPointerCapture(event.pointerId);
+    twin.handle.onpointermove = (event) => { if (event.buttons) split((event.clientX - main.getBoundingClientRect().left - page.view.x0) / page.view.u); };
+    twin.handle.onkeydown = (event) => {
+      const to = { ArrowLeft: Math.ceil(two.split) - 1, ArrowRight: Math.floor(two.split) + 1, Home: 0, End: Infinity }[event.key];
+      if (to !== undefined) { split(to); event.preventDefault(); event.stopPropagation(); }
+    };
+    for (const name of ["elastic", "gap"]) {
+      const canvas = twin[name].firstChild;
+      canvas.onpointermove = (event) => hover(page, event, twin.views?.[name]);
+      canvas.onpointerleave = () => { page.parts.tip.hidden = true; twin.at = -1; page.later(); };
+      new ResizeObserver(() => page.later()).observe(canvas);
+    }
+    main.append(twin.handle); page.stageBox.append(twin.elastic, twin.gap);
+    askElastic(page);
+  },
+  close(page) {
+    page.canvas.parentElement.append(page.parts.tip);
+    for (const name of ["elastic", "gap", "handle"]) page.twin?.[name].remove();
+  },
+  changed: askElastic,
+  tools(page) {
+    const { t, look } = page, two = settings(page), put = (part) => { look.twin = Object.assign(two, part); page.past.note(); page.refresh(); };
+    const shown = Object.keys(BOTH).filter((name) => name !== "across" || page.run.lattice.dimension === 2).map((name) => [name, t(name)]);
+    return [...(page.solid ? [] : [segments(t("views"), two.layout, [["swipe", t("swipe")], ["beside", t("sideBySide")]], (layout) => put({ layout }))]), picker(t("colour"), two.show, shown, (show) => put({ show })),
+      ...(page.solid ? [] : [button(t("ruler"), () => put({ ruler: two.ruler ? null : { axis: 0, at: Math.floor(0.83 * page.run.lattice.shape[1]) } }), { ariaPressed: String(Boolean(two.ruler)) })]),
+      button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) }), page.twin?.line ?? ""];
+  },
+  cards: (page) => (page.twin ? [page.twin.numbers, page.twin.card] : []),
+  draw(page) {
+    const { twin, canvas, inks, t, look } = page, two = settings(page), both = bothOf(page), main = canvas.parentElement, wide = page.stageBox.clientWidth > 560;
+    const swipe = !page.solid && (two.layout === "swipe" || !wide), { answer } = page.elastic;
+    (swipe ? main : page.stageBox)[swipe ? "append" : "insertBefore"](...(swipe ? [twin.elastic] : [twin.elastic, twin.gap]));
+    twin.elastic.classList.toggle("over", swipe); twin.gap.hidden = !wide || !answer; twin.elastic.hidden = swipe && !answer; twin.handle.hidden = !swipe || !answer;
+    page.drawnWith = [];
+    const views = twin.views = { rule: paintAnswer(page, canvas, "rule", both) };
+    page.view = views.rule;
+    if (answer) { views.elastic = paintAnswer(page, twin.elastic.firstChild, "elastic", both); if (!twin.gap.hidden) views.gap = paintDifference(page, twin.gap.firstChild, both); }
+    page.loads.paint(views.rule);
+    for (const view of Object.values(views)) {
+      if (two.ruler) paintRuler(page, view);
+      for (const k of [twin.at >= 0 ? twin.at : page.picked]) if (k >= 0) paintPick(view, page.run.lattice.cell(k), inks);
+    }
+    const { x0, u } = views.rule, [nx] = page.run.lattice.shape, x = x0 + u * (two.split ??= nx / 2);
+    for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -10 : 10) : views[name].w / 2, 16, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });
+    twin.elastic.style.clipPath = swipe ? `inset(0 0 0 ${x}px)` : "";
+    twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = general(two.split, 3);
+    const [drawn] = page.drawnWith;
+    twin.line.textContent = t(drawn.factor ? "inBoth" : "flatBoth", { q: t(drawn.quantity), n: drawn.factor.toLocaleString("en").replaceAll(",", " ") });
+    page.parts.cap.textContent = page.told || "";
+    twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked));
+    twin.card.hidden = !two.ruler;
+    if (two.ruler && !page.playing) twin.card.replaceChildren(...rulerCard(page, both));
+  },
+  press(page, event) {
+    if (!settings(page).ruler) return false;
+    page.hold = { laying: true };
+    lay(page, event);
+    return true;
+  },
+  move(page, event) {
+    if (page.hold?.laying && event.buttons) { lay(page, event); return true; }
+    if (page.hold && event.buttons) return false;
+    hover(page, event, page.view);
+    return true;
+  },
+  release(page) { if (settings(page).ruler) page.past.note(); return false; },
+  key(page, event) {
+    const { ruler } = settings(page), by = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, -1], ArrowRight: [1, 1] }[event.key];
+    if (!ruler || ruler.from || !event.shiftKey || !by || by[0] !== ruler.axis) return false;
+    ruler.at = Math.max(0, Math.min(page.run.lattice.shape[1 - ruler.axis] - 1, ruler.at + by[1]));
+    page.past.note(); page.later();
+    return true;
+  },
+});

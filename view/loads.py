@@ -113,7 +113,7 @@ def draw_loads(
     share = np.sqrt(np.clip(load / norm.vmax, 0.0, 1.0)) if len(load) else load
     size = float(section.tile_size.min())
     # In a film arrows are the only thing that moves on: they reach into the next tile.
-    least, most, width = (0.5, 1.0, 0.11) if plain else (0.24, 0.49, 0.048)
+    least, most, width = (0.5, 1.0, 0.11) if plain else (0.42, 0.8, 0.095)
     tail = section.centres(tiles)[row]
     if loads.shape[1] > len(normals):  # pushes and pulls of one direction lie side by side
         aside = np.where(pull, 0.5, -0.5) * (width + 0.06)

@@ -64,7 +64,7 @@ def quantity_of(
             return Quantity(size, "Displacement", "m", signed=False)
         values = result.displacement[:, names.index(chosen)]
         return Quantity(values, f"Displacement along {chosen}", "m", signed=True)
-    tensor, unit = getattr(result, what), "Pa" if what == "stress" else "m/m"
+    tensor, unit = getattr(result, what), "Pa" if what == "stress" else ""
     pairs = {f"{a}{b}": (i, j) for i, a in enumerate(names) for j, b in enumerate(names) if i <= j}
     sizes = [np.abs(tensor[:, *pair]).max(initial=0.0) for pair in pairs.values()]
     largest = list(pairs)[first_largest(np.array(sizes))]

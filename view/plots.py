@@ -281,7 +281,8 @@ def _section(result: Any) -> Axes | None:
 
 
 def _usual(result: Result) -> list[str]:
-    known = [name for name in result.pictures if name != "scene"]
+    seldom = {"scene", "left"} | ({"agents"} - {result.pictures[0]})
+    known = [name for name in result.pictures if name not in seldom]
     return [name for name in USUAL if name in known] if result.kind == "load transfer" else known
 
 

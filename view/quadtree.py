@@ -147,7 +147,7 @@ def look_of(colour: str, values: Floats) -> dict[str, Any]:
 def bar_of(ax: Axes, drawn: ScalarMappable, colour: str, values: Floats) -> None:
     """Add the colour bar."""
     what = COLOURS[colour]
-    bar = colour_bar(ax, drawn, what.label, what.unit)
+    bar = colour_bar(ax, drawn, what.label, what.unit or None)
     if what.whole:
         last = int(values.max())
         bar.set_ticks(list(range(0, last + 1, 1 + last // 12)))

@@ -159,9 +159,12 @@ def label_axis(axis: Axis, name: str, values: Sequence[float], unit: str) -> Non
 
 
 def colour_bar(
-    ax: Axes, mappable: ScalarMappable, label: str, unit: str = "", extend: str = "neither"
+    ax: Axes, mappable: ScalarMappable, label: str, unit: str | None = None, extend: str = "neither"
 ) -> Colorbar:
-    """Add a colour bar in a prefixed unit; `extend` points on to values beyond its ends."""
+    """Add a colour bar in a prefixed unit, or in powers of ten if that is empty.
+
+    Without a unit numbers stay as they are; `extend` points on to values beyond the bar's ends.
+    """
     norm = mappable.norm
     pad = 0.02 if ax.name != "3d" else 0.1
     look: dict[str, Any] = {"shrink": 0.85, "aspect": 28, "pad": pad, "extend": extend}
@@ -171,10 +174,10 @@ def colour_bar(
         decades = log10(high / low)
         bar.locator = LogLocator(subs=(1.0,) if decades > 3.0 else (1.0, 2.0, 5.0))
         bar.minorlocator = NullLocator()
-    scale = scale_for([low, high], unit)
-    if unit:
+    if unit is not None:
+        scale = scale_for([low, high], unit)
         bar.formatter = FuncFormatter(scale.text)
-        label = f"{label} ({scale.unit})"
+        label = f"{label} ({scale.unit})" if scale.unit else label
     bar.update_ticks()
     bar.set_label(label, fontsize=9)
     bar.ax.tick_params(labelsize=8)

@@ -12,6 +12,7 @@ _PREFIXES = {
     -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m",
     0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P", 18: "E",
 }  # fmt: skip
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _GAP = "\u202f"  # a narrow space that no line breaks at
 
 
@@ -39,6 +40,8 @@ def scale_for(values: ArrayLike, unit: str) -> Scale:
     # A value such as 0.9999999 kPa still reads as 1 kPa.
     power = 3 * floor(log10(largest * (1.0 + 1e-9)) / 3.0)
     power = min(max(power, min(_PREFIXES)), max(_PREFIXES))
+    if not unit:  # of a mere number the power itself is said
+        return Scale(10.0**power, f"10{str(power).translate(_RAISED)}" if power else "")
     return Scale(10.0**power, _PREFIXES[power] + unit)
 
 
@@ -46,7 +49,8 @@ def quantity(value: float, unit: str) -> str:
     """Return a value with its unit, such as ``"5.04 nm"`` or ``"0.01 N"``."""
     everyday = unit == "N" and 1e-4 <= abs(value) < 1e4
     scale = Scale(1.0, unit) if everyday else scale_for(value, unit)
-    return f"{value / scale.factor:.4g} {scale.unit}".replace("-", "−")
+    between = " · " if not unit and scale.unit else " "
+    return f"{value / scale.factor:.4g}{between}{scale.unit}".rstrip().replace("-", "−")
 
 
 def grouped(number: float) -> str:

@@ -85,7 +85,9 @@ class ElasticResult(BodyResult):
     @property
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
-        return ("agents", "deformed", *FIELDS, "cuts", "scene")
+        if self.spawned:
+            return ("agents", "deformed", *FIELDS, "cuts", "scene")
+        return ("deformed", *FIELDS, "cuts", "agents", "scene")  # equal agents are no news
 
     @property
     def films(self) -> tuple[str, ...]:

@@ -15,10 +15,12 @@ from kaju.stopping import NOTE
 
 from .console import Console
 from .options import (
+    Draw,
+    Drawn,
+    DrawNone,
     Force,
     Json,
     Out,
-    Pictures,
     Places,
     Quiet,
     Resolution,
@@ -127,7 +129,8 @@ LOW = {"body.size": [0.2, 0.05], "body.cells": [20, 5], "loads.0.cell": [10, 4]}
 
 def demo(
     out: Out = None,
-    pictures: Pictures = True,
+    pictures: Draw = Drawn.ONE,
+    no_pictures: DrawNone = False,
     force: Force = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -140,9 +143,10 @@ def demo(
     from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
+    drawn = Drawn.NONE if no_pictures else pictures
     scene = Scene.from_toml(worked_plate())
-    result = into_folder(folder, console, lambda: _watched(scene, console), pictures, force)
-    if pictures:
+    result = into_folder(folder, console, lambda: _watched(scene, console), drawn, force)
+    if drawn is not Drawn.NONE:
         from kaju.view import animate
 
         console.say(animate(result, folder / "spawning.gif"))
@@ -154,7 +158,8 @@ def run(
     scene: SceneFile,
     out: Out = None,
     settings: Settings = None,
-    pictures: Pictures = True,
+    pictures: Draw = Drawn.ONE,
+    no_pictures: DrawNone = False,
     force: Force = False,
     allow_unstable: AllowUnstable = False,
     resolution: Resolution = None,
@@ -181,7 +186,7 @@ def run(
         out or Path(f"{scene.stem}-result"),
         console,
         lambda: _watched(described, console, allow_unstable),
-        pictures,
+        Drawn.NONE if no_pictures else pictures,
         force,
     )
 
@@ -190,7 +195,8 @@ def solve(
     scene: SceneFile,
     out: Out = None,
     settings: Settings = None,
-    pictures: Pictures = True,
+    pictures: Draw = Drawn.ONE,
+    no_pictures: DrawNone = False,
     force: Force = False,
     resolution: Resolution = None,
     strategy: Strategy = StrategyName.AUTO,
@@ -223,11 +229,11 @@ def solve(
         console.say("solved as linear elasticity")
         return found
 
-    into_folder(folder, console, answer, pictures, force)
+    into_folder(folder, console, answer, Drawn.NONE if no_pictures else pictures, force)
 
 
 def into_folder(
-    folder: Path, console: Console, compute: Callable[[], Result], pictures: bool, force: bool
+    folder: Path, console: Console, compute: Callable[[], Result], pictures: Drawn, force: bool
 ) -> Result:
     """Compute a result, print its key figures and write its folder.
 
@@ -245,18 +251,33 @@ def into_folder(
         best = getattr(stop, "best", None)
         if isinstance(best, Result):
             console.figures(best.summary())
-            console.files(target.write(best, pictures=False))
+            console.files(target.write(best, Drawn.NONE))
             typer.echo(f"{NOTE}; it is in {target.path}", err=True)
         else:
             typer.echo("interrupted before there was anything to keep", err=True)
         raise typer.Exit(130) from None
     except ConvergenceError as error:
         if isinstance(error.best, Result):
-            console.files(target.write(error.best, pictures=False))
+            console.files(target.write(error.best, Drawn.NONE))
         raise
     console.figures(result.summary())
-    console.files(target.write(result, pictures))
+    written = target.write(result, pictures)
+    console.files(written)
+    if pictures is not Drawn.NONE:
+        console.say(f"look first at {target.story(written, result)}")
     return result
+
+
+THE_RULE = """\
+A load P above γ wakes the cell it reaches:         P
+it keeps α₁P, which squeezes it, and hands          ↓
+α₂P straight ahead and α₃P along each side.     ┌───────┐
+Squeezed, it wants to get wider: the part β   ← │ keeps │ → (1−β)να₁P
+of that is free, the rest pushes outwards.      │  α₁P  │
+A load that is not above γ ends.                └───────┘
+                                          α₃P ↓   ↓ α₂P ↓ α₃P
+"""
+"""What α, β and γ are, with one labelled cell."""
 
 
 def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Result:
@@ -269,6 +290,7 @@ def _watched(scene: Scene, console: Console, allow_unstable: bool = False) -> Re
     else:  # on arrays, which wait for no import of Mesa
         from kaju.model.transfer.load_transfer import LoadTransfer
 
+        console.say(THE_RULE)
         result = LoadTransfer(scene, allow_unstable).run()
     console.say(f"agents of the {scene.rule.kind} rule: {result.outcome}")
     return result
@@ -297,7 +319,8 @@ def creep(
     hold: Hold = None,
     duration: Duration = None,
     step: Step = None,
-    pictures: Pictures = True,
+    pictures: Draw = Drawn.ONE,
+    no_pictures: DrawNone = False,
     force: Force = False,
     as_json: Json = False,
     quiet: Quiet = False,
@@ -326,4 +349,10 @@ def creep(
             console.say("no material has a rheology: all of them are elastic, nothing creeps")
         return found
 
-    into_folder(out or Path(f"{scene.stem}-creep"), console, answer, pictures, force)
+    into_folder(
+        out or Path(f"{scene.stem}-creep"),
+        console,
+        answer,
+        Drawn.NONE if no_pictures else pictures,
+        force,
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from enum import Enum
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -29,6 +30,21 @@ Settings = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Change the scene, e.g. rule.threshold=0.001."),
 ]
 Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
+
+
+class Drawn(Enum):
+    """Which pictures a result's folder holds, for the shell to complete."""
+
+    ONE = "one"
+    ALL = "all"
+    NONE = "none"
+
+
+Draw = Annotated[
+    Drawn,
+    typer.Option("--pictures", help="Draw the one picture that tells the story, all, or none."),
+]
+DrawNone = Annotated[bool, typer.Option("--no-pictures", help="As --pictures none.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print the key figures as JSON, and nothing else.")

@@ -14,6 +14,8 @@ from kaju.errors import ResultFileError
 from kaju.files import check_writable, scratch_folder, take_place
 from kaju.view import PICTURES
 
+from .options import Drawn
+
 if TYPE_CHECKING:
     from kaju.model.results.result import Result
 
@@ -53,7 +55,7 @@ class Folder:
             )
         check_writable(path, ResultFileError)
 
-    def write(self, result: Result, pictures: bool) -> list[Path]:
+    def write(self, result: Result, pictures: Drawn) -> list[Path]:
         """Write summary.json, result.npz and pictures; return their paths.
 
         Everything is written aside first; the whole folder then takes its place in one step.
@@ -75,14 +77,24 @@ class Folder:
             )
         return [place / name for name in names]
 
-    def _fill(self, scratch: Path, result: Result, pictures: bool) -> None:
+    def _fill(self, scratch: Path, result: Result, pictures: Drawn) -> None:
         result.save(scratch / "result.npz")
         summary = json.dumps(result.summary(), indent=2, allow_nan=False)
         (scratch / "summary.json").write_text(summary + "\n", encoding="utf-8")
-        if pictures:
+        if pictures is Drawn.ALL:
             from kaju.view import plot_all
 
             plot_all(result, scratch)
+        elif pictures is Drawn.ONE:
+            from kaju.view import plot
+            from kaju.view.files import save
+
+            save(plot(result), scratch / f"{result.pictures[0]}.png")
+
+    @staticmethod
+    def story(written: list[Path], result: Result) -> Path:
+        """Return which of the files tells the story: the picture to look at first."""
+        return next(path for path in written if path.name == f"{result.pictures[0]}.png")
 
     def _arrive(self, scratch: Path, names: list[str]) -> Path:
         """Let the folder take its place; return which: another if somebody else was quicker."""

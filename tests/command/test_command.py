@@ -153,7 +153,19 @@ def test_the_commands_of_the_readme_work_in_their_order(kaju):
         code, _, err = kaju(*words[1:], *["--no-pictures"] * again, *["--fit", "20"] * fitted)
         assert (code, err) == (0, ""), words
         drawn.add(words[1])
-    assert {"summary.json", "result.npz", "agents.png", "deformed.png"} <= set(names("my-result"))
+    assert {"summary.json", "result.npz", "agents.png"} <= set(names("my-result"))
+
+
+def test_a_run_names_the_picture_to_look_at_and_says_what_the_numbers_are(kaju):
+    code, out, _ = kaju("run", PLATE, "--out", "here")
+    assert code == 0
+    assert {name for name in names("here") if name.endswith(".png")} == {"agents.png"}
+    assert out.splitlines()[-1] == f"look first at {Path('here/agents.png')}"
+    first = out[: out.index("agents of the prescribed rule")]
+    assert all(word in first for word in ("keeps", "α₁P", "α₂P", "α₃P", "(1−β)να₁P", "above γ"))
+    _, out, _ = kaju("run", PLATE, "--out", "all", "--pictures", "all", "--quiet")
+    assert len([name for name in names("all") if name.endswith(".png")]) > 4
+    assert out == ""
 
 
 def test_check_gives_the_verdict(kaju):

@@ -230,7 +230,10 @@ def test_the_command_lets_a_scene_creep(tmp_path, typed):
     assert done.exit_code == 0
     told = json.loads(done.output)
     assert told == json.loads((tmp_path / "here" / "summary.json").read_text())
-    assert {"curves.png", "deformed.png"} <= {p.name for p in (tmp_path / "here").iterdir()}
+    pictures = {p.name for p in (tmp_path / "here").glob("*.png")}
+    assert pictures == {"curves.png"}  # the one that tells the story
+    typed("creep", scene, "--out", tmp_path / "all", "--quiet", "--pictures", "all")
+    assert {p.name for p in (tmp_path / "all").glob("*.png")} == {"curves.png", "deformed.png"}
     expected = creep(block("elastic"))
     assert told["displacement_that_stays"] == pytest.approx(expected.what_stays())
     assert load_result(tmp_path / "here").what_stays() == told["displacement_that_stays"]

@@ -45,7 +45,7 @@ def test_equal_cells_are_drawn_as_agents_of_one_size() -> None:
     agents = part(plot(result, "agents"), "agents")
     assert len(agents.get_paths()) == result.agents
     assert np.all(agents.get_array() == 0)
-    with pytest.raises(ParameterError, match="there is agents, deformed, displacement"):
+    with pytest.raises(ParameterError, match="there is deformed, displacement"):
         plot(result, "load_path")
 
 

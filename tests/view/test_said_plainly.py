@@ -48,7 +48,7 @@ def test_ground_is_hatched_only_where_the_body_stands():
 
 def test_strain_has_a_unit_and_the_ledger_counts():
     run = LoadModel(Scene.from_toml(worked_plate())).run()
-    assert "m/m)" in plot(run, "strain").axes[1].get_ylabel()
+    assert "(10⁻" in plot(run, "strain").axes[1].get_ylabel()
     ledger = plot(run, "ledger").axes[0]
     assert [label.get_text() for label in ledger.get_yticklabels()][3] == "of it kept"
     told = " ".join(text.get_text() for text in ledger.texts)

@@ -88,7 +88,8 @@ class ElasticRun(BodyResult):
     @property
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
-        return ("agents", "left", "curves", *self.result.pictures[1:])
+        first, *others = self.result.pictures
+        return (first, "curves", *others[:-1], "left", "scene")
 
     @property
     def grid(self) -> Scene:

@@ -82,7 +82,10 @@ def tolerance(kind: dict[str, Any], field: int, value: float) -> float:
 
 def make_lesson(of: Lesson, folder: Path) -> list[Path]:
     """Write the pages of a lesson into a folder; return them."""
-    title, text = of.texts["en"].title, of.texts["en"].words(*HEADINGS["en"][:4])
+    shown = HEADINGS["en"][: 3 if of.scenes else 4]  # presets are told where they are chosen
+    title = {k: text.title for k, text in of.texts.items()}
+    words = {k: text.words(*shown) for k, text in of.texts.items()}
+    told = page_lesson(of)
     if of.scenes:
         first, *others = of.scenes
         presets = {
@@ -90,13 +93,14 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
             for scene, (name, note) in zip(others, of.texts["en"].presets[1:], strict=True)
         }
         target = folder / f"{of.name}.html"
-        return [export_page(first, target, title=title, text=text, presets=presets)]
+        return [export_page(first, target, title=title, text=words, presets=presets, lesson=told)]
     made = []
     for name in lesson_runs.PAGES[of.name]:
-        headline = f"{title}: {name.replace('-', ' ')}" if name else title
+        part = f": {name.replace('-', ' ')}" if name else ""
+        headline = {k: f"{text}{part}" for k, text in title.items()}
         target = folder / f"{'-'.join(filter(None, (of.name, name)))}.html"
-        shown = lesson_runs.run(of.name, name)
-        made.append(export_page(shown, target, title=headline, text=text))
+        run = lesson_runs.run(of.name, name)
+        made.append(export_page(run, target, title=headline, text=words, lesson=told))
     return made
 
 

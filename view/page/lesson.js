@@ -255,10 +255,10 @@ function textCard(lesson, q) {
 }
 
 function numberCard(lesson, q, field, i) {
-  const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", verdict = make("small", { role: "status" });
-  const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${field.unit ?? ""}`.trim() || t("yourAnswer"), autocomplete: "off" });
+  const { page } = lesson, { t } = page, label = page.say(field.label) ?? "", unit = page.say(field.unit) ?? "", verdict = make("small", { role: "status" });
+  const input = make("input", { type: "text", inputMode: "decimal", className: "field", value: lesson.answers[q.key]?.[i] ?? "", ariaLabel: `${label} ${unit}`.trim() || t("yourAnswer"), autocomplete: "off" });
   const judge = () => {
-    const text = input.value.trim(), v = numberOf(text, field.unit ?? ""), right = Math.abs(v - field.answer) <= (field.tolerance ?? 0) * (1 + 1e-9) + 1e-12 * Math.abs(field.answer);
+    const text = input.value.trim(), v = numberOf(text, unit), right = Math.abs(v - field.answer) <= (field.tolerance ?? 0) * (1 + 1e-9) + 1e-12 * Math.abs(field.answer);
     verdict.textContent = !text ? "" : Number.isNaN(v) ? t("noNumber") : right ? t("asInPicture") : t("lookAgain", { x: page.say(field.look) ?? t("thePicture") });
     verdict.className = right ? "right" : "soft";
     if (right) verdict.prepend(icon("tick"));
@@ -266,7 +266,7 @@ function numberCard(lesson, q, field, i) {
   input.oninput = () => lesson.answer(q, input.value, i);
   input.onchange = judge;
   judge();
-  return make("label", { className: "card" }, make("span", { className: "small soft", textContent: label }), make("span", { className: "typed" }, input, field.unit ?? ""), verdict);
+  return make("label", { className: "card" }, make("span", { className: "small soft", textContent: label }), make("span", { className: "typed" }, input, unit), verdict);
 }
 
 function guessCards(lesson, q) {

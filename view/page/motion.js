@@ -1,6 +1,6 @@
 // Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
 // sizes). The page is the same; what is drawn is not a rule's history but frames.
-import { arrow, colourOf, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
+import { arrow, colourOf, packed, paintLegend, paintWord, rgb, SHEET, View } from "./paint.js";
 import { paintGrid, partOf } from "./charts.js";
 import { quantity } from "./words.js";
 import { make } from "./controls.js";
@@ -92,7 +92,7 @@ export class MotionPage extends Page {
 
   draw() {
     if (!this.canvas?.clientWidth) return;
-    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera), { ctx, r } = view;
+    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: 64 }), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
     this.times = look.deformed && this.moved ? this.magnification() : 0;
     const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));
@@ -161,7 +161,9 @@ export class MotionPage extends Page {
     const { parts, count, held, points, dimension, inks } = this, { ctx } = view, nodes = points.length / dimension;
     const width = Math.max(1, Math.min(5, 260 / Math.sqrt(count))), lists = new Map();
     for (let s = 0; s < count; s++) { const c = ink(s); if (!lists.has(c)) lists.set(c, []); lists.get(c).push(s); }
-    ctx.lineCap = "round"; ctx.lineWidth = width;
+    ctx.lineCap = "round"; ctx.lineWidth = width + 1.5; ctx.strokeStyle = inks.line; ctx.beginPath();   // where nothing pulls, a spring is still there
+    for (let s = 0; s < count; s++) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
+    ctx.stroke(); ctx.lineWidth = width;
     for (const [c, list] of lists) {
       ctx.strokeStyle = `rgb(${c & 255},${c >> 8 & 255},${c >> 16 & 255})`; ctx.beginPath();
       for (const s of list) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
@@ -177,7 +179,7 @@ export class MotionPage extends Page {
   }
   drawForces(view) {
     const { ctx } = view, { inks, low, unit, forces } = this, strongest = Math.max(1e-300, ...forces.map((f) => Math.hypot(...f.force)));
-    const every = Math.max(1, Math.ceil(forces.length / 60));
+    const every = Math.max(1, Math.ceil(forces.length / 60)), words = [];
     for (const [colour, width] of [[inks.paper, 6], [inks.load, 3]]) {
       ctx.strokeStyle = colour; ctx.lineWidth = width; ctx.lineCap = "round"; ctx.beginPath();
       for (let n = every >> 1; n < forces.length; n += every) {
@@ -185,9 +187,11 @@ export class MotionPage extends Page {
         const [dx, dy] = u.length === 2 ? [u[0], -u[1]] : [0, 1].map((i) => u.reduce((sum, x, a) => sum + x * view.axes[a][i], 0) * (i ? -1 : 1));
         const [x, y] = view.point(place.map((p, a) => (p - low[a]) / unit));
         arrow(ctx, x - dx * (length + 5), y - dy * (length + 5), dx * length, dy * length, 9);
+        if (colour === inks.load && forces.length <= 12) words.push([quantity(size, "N"), x - dx * (0.6 * length + 5) + 10, y - dy * (0.6 * length + 5)]);
       }
       ctx.stroke();
     }
+    for (const [text, x, y] of words) paintWord(ctx, text, x, y, inks.load, inks);
   }
   moment() {
     const { along, at, g, t } = this, value = at[g];

@@ -287,7 +287,7 @@ export class Page {
     const { run, look, inks, t } = this, { lattice: L } = run;
     const moved = look.deformed && this.deformable ? this.deformed() : null, factor = moved ? this.magnification() : 0;
     const cut = L.dimension === 3 ? look.cut : null;
-    const view = this.view = new View(this.canvas, L, look.camera, box);
+    const view = this.view = new View(this.canvas, L, look.camera, this.lesson && !box.w ? { foot: 60 } : box);
     paintCells(view, run.kinds, values, scale, inks, { moved, factor, cut });
     const shown = (k, cell) => !cut || cut.axis < 0 || cell[cut.axis] === cut.at;
     if (look.path && run.passed) paintPath(view, this.sums.passed.sum, inks, shown);

@@ -31,13 +31,13 @@ export function colourOf(value, scale, inks) {
 
 /** How a lattice in cells becomes pixels of a canvas. */
 export class View {
-  /** `box`: {x, y, w, h} in pixels, else the whole canvas; `window`: [x, y, columns, rows] in cells. */
-  constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight } = {}) {
+  /** In a box {x, y, w, h} of pixels or all of the canvas; `window`: [x, y, columns, rows] in cells; `foot`: room for a legend. */
+  constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight, foot = tight ? 0 : bw ? 20 : 40 } = {}) {
     const r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
     const W = Math.max(1, Math.round(w * r)), H = Math.max(1, Math.round(h * r));
     if (canvas.width !== W || canvas.height !== H) { canvas.width = W; canvas.height = H; }
     Object.assign(this, { canvas, ctx: canvas.getContext("2d"), r, w, h, W, H, lattice });
-    const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 30 : Math.min(52, 0.07 * Math.min(w, h) + 16), foot = tight ? 0 : bw ? 20 : 40;
+    const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 30 : Math.min(52, 0.07 * Math.min(w, h) + 16);
     if (lattice.dimension === 3) { this.turn(camera, margin); return; }
     this.width = nx + (lattice.hexagon && ny > 1 ? 0.5 : 0);
     this.height = lattice.hexagon ? (ny - 1) * ROWS + 1.1547 : ny;

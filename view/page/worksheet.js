@@ -33,14 +33,14 @@ function paperOf(page) {
 function loadWords({ scene }) {
   return scene?.loads?.length ? [...scene.loads.slice(0, 3).map((l) => quantity(Math.hypot(...l.force), "N")), scene.rule.threshold && `γ = ${quantity(scene.rule.threshold, "N")}`].filter(Boolean).join(", ") : "";
 }
-const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${f.answer} ${f.unit ?? ""}${f.tolerance ? ` (± ${f.tolerance})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
+const solution = (page, q) => [make("p", { textContent: (q.fields ?? []).map((f) => `${page.say(f.label) ?? ""}: ${f.answer} ${page.say(f.unit) ?? ""}${f.tolerance ? ` (± ${f.tolerance})` : ""}`).join(" · ") }), ...(q.answer ? [rendered(page.say(q.answer))] : [])];
 
 /** What has been answered, in italics; lines where nothing has. */
 function answerOf(page, q) {
   const { lesson, t } = page, given = lesson.answers[q.key], lines = (n) => Array.from({ length: n }, () => make("div", { className: "ruled" }));
   const text = typeof given === "string" && given.trim() ? [make("p", { className: "given", textContent: given })] : null;
   if (q.kind === "number") return [make("table", {}, make("tr", {}, ...q.fields.map((f) => make("th", {}, page.say(f.label) ?? ""))),
-    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${f.unit ?? ""}`))))];
+    make("tr", {}, ...q.fields.map((f, i) => make("td", {}, make("em", { textContent: given?.[i] ?? "" }), ` ${page.say(f.unit) ?? ""}`))))];
   if (q.kind !== "cells" || page.run.lattice?.dimension !== 2) return text ?? lines(q.lines ?? 3);
   const guess = lesson.guesses[q.key] ?? {}, first = lesson.firsts[q.key], spawned = {};
   page.run.lattice.each((k) => { if (first && page.run.spawn[k] > 0 && page.run.spawn[k] <= q.until) spawned[k] = page.run.spawn[k]; });

@@ -22,7 +22,7 @@ function paperOf(page) {
   const head = make("div", { className: "top" }, make("div", {}, make("h1", { textContent: page.say(page.title) }), make("p", { textContent: [t("worksheet"), lesson.minutes && t("minutes", { t: lesson.minutes }), loadWords(page)].filter(Boolean).join(" · ") })),
     make("div", { className: "who" }, line(t("name"), "long"), make("div", {}, line(t("course"), "short"), " ", line(t("date"), "short"))));
   const questions = lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }),
-    make("div", { className: "asked" }, make("p", {}, ...inline(page.say(q.question)), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...answerOf(page, q))));
+    make("div", { className: "asked" }, make("p", {}, make("span", {}, ...inline(page.say(q.question))), make("small", { textContent: q.minutes ? t("minutes", { t: q.minutes }) : "" })), ...answerOf(page, q))));
   const foot = make("div", { className: "bottom" }, make("span", { textContent: `kaju · ${page.say(page.title)}` }), make("span", { textContent: t("asSaved", { d: new Date().toLocaleString(page.language) }) }));
   const answers = lesson.teacher ? [make("div", { className: "teachers" }, make("h1", { textContent: `${t("answers")}: ${page.say(page.title)}` }),
     ...lesson.questions.map((q, i) => make("section", {}, make("b", { className: "number", textContent: i + 1 }), make("div", { className: "asked" }, ...solution(page, q)))),

@@ -9,12 +9,12 @@ demo: $(VENV)/.kaju
 	$(BIN)/kaju demo --out demo --force
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -m "not slow" -n 2
+	$(BIN)/python -m pytest -m "not slow" -n 2 --durations=10
 
 # The suite of what computes in the plainest arithmetic of the processor: expectations that hang
 # on a tie or on the last bit fail here. Other variants by hand: see CONTRIBUTING.md.
 PLAIN = OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_DISABLE_INTEL_SVML=1 \
-  NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python tests/cpu_features.py)"
+  NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python tests/support/cpu_features.py)"
 
 test-plain: $(VENV)/.test
 	$(PLAIN) $(BIN)/python -m pytest -m "not slow" -n 2 tests \
@@ -28,10 +28,6 @@ test-slow: $(VENV)/.test
 SCALE ?= .venv-scale
 PETSC_DIR ?= $(firstword $(wildcard /usr/lib/petscdir/petsc*/*-real))
 export PETSC_DIR
-
-scale:
-	@if [ -x $(SCALE)/bin/python ]; then $(SCALE)/bin/python benchmarks/scale.py; \
-	else python3 benchmarks/scale.py; fi
 
 test-scale: $(SCALE)/.scale
 	KAJU_NEEDS_PETSC=1 $(SCALE)/bin/python -m pytest tests/scale

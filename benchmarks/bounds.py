@@ -34,7 +34,7 @@ from kaju.errors import ConvergenceError, KajuError
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.study.finite_elements import ElementField
 
-sys.path.append(str(Path(__file__).parent.parent / "tests"))
+sys.path.append(str(Path(__file__).parent.parent / "tests" / "support"))
 
 from goal_bodies import angle, inclusion, plate
 

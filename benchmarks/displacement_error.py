@@ -20,7 +20,7 @@ from kaju import finite_elements, solve
 from kaju.errors import ConvergenceError, KajuError
 
 ROOT = Path(__file__).parent.parent
-sys.path.append(str(ROOT / "tests"))
+sys.path.append(str(ROOT / "tests" / "support"))
 
 from goal_bodies import FLAT, SOLID  # noqa: E402
 from spawning_bodies import BODIES  # noqa: E402

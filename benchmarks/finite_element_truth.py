@@ -8,7 +8,7 @@ Needs scikit-fem and pyamg. Run it with
 
     python benchmarks/finite_element_truth.py            # all; minutes, and 6 GB of memory
     python benchmarks/finite_element_truth.py block      # the block only, "plates", or a body of
-                                                         # tests/spawning_bodies.py by its name
+                                                         # spawning_bodies.py by its name
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from kaju.model.study.reference import Reference
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent / "tests"
-sys.path.append(str(TESTS))
+sys.path.append(str(TESTS / "support"))
 
 from spawning_bodies import BODIES, PLANE, middles  # noqa: E402
 

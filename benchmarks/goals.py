@@ -19,7 +19,7 @@ from kaju import Deflection, Reaction, Stress, solve
 from kaju.errors import ConvergenceError, KajuError
 from kaju.model.elastic.spawning.quantities import described, quantities_of
 
-sys.path.append(str(Path(__file__).parent.parent / "tests"))
+sys.path.append(str(Path(__file__).parent.parent / "tests" / "support"))
 
 import goal_bodies as bodies
 

@@ -15,8 +15,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from kaju.model.trials.coefficients import stability_map
-from kaju.model.trials.trial import FAILED, REFUSED, Outcome
+from kaju.model.study.trials.stability_map import stability_map
+from kaju.model.study.trials.trial import FAILED, REFUSED, Outcome
 from kaju.view.trials import plot_stability, plot_trials
 
 HERE = Path(__file__).parent

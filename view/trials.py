@@ -13,8 +13,8 @@ from .files import save
 from .style import FAINT, INK, new_figure
 
 if TYPE_CHECKING:
-    from kaju.model.trials.coefficients import StabilityMap
-    from kaju.model.trials.trial import Outcome
+    from kaju.model.study.trials.stability_map import StabilityMap
+    from kaju.model.study.trials.trial import Outcome
 
 COLOURS = {"answered": "#3b6a8f", "refused": "#d9d4c5", "failed": "#b2340b"}
 WORDS = {"answered": "answered", "refused": "refused by a named error", "failed": "failed"}

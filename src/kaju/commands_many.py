@@ -16,7 +16,7 @@ from kaju.errors import ParameterError, ResultFileError
 if TYPE_CHECKING:
     import pandas
 
-    from kaju.model.trials.trial import Outcome
+    from kaju.model.study.trials.trial import Outcome
 
 
 Vary = Annotated[
@@ -177,8 +177,8 @@ def stress(
     forces that do not balance, a certificate that did not hold. The same number is the same
     trial on every machine: --first N --count 1 repeats one.
     """
-    from kaju.model.trials.run import bounded, record, tally, trials
-    from kaju.model.trials.trial import FAILED
+    from kaju.model.study.trials.trial import FAILED
+    from kaju.model.study.trials.trial_workers import bounded, record, tally, trials
 
     try:
         out.mkdir(parents=True, exist_ok=True)

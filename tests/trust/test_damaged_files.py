@@ -21,7 +21,7 @@ PLATE = Path(__file__).parents[2] / "examples" / "plate.toml"
     ("seed", "count"), [(13, 280), pytest.param(2026, 3000, marks=pytest.mark.slow)]
 )
 def test_damaged_files_are_refused_by_name(tmp_path, seed, count):
-    program = Path(__file__).parents[1] / "damage.py"
+    program = Path(__file__).parents[1] / "support" / "damage.py"
     run = subprocess.run(
         [sys.executable, program, tmp_path, str(seed), str(count)],
         capture_output=True,

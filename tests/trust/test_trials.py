@@ -14,10 +14,10 @@ import pytest
 from kaju import solve
 from kaju.__main__ import main
 from kaju.errors import KajuError, ParameterError
-from kaju.model.trials import run, trial
-from kaju.model.trials.coefficients import stability_map
-from kaju.model.trials.run import bounded, tally, trials
-from kaju.model.trials.trial import ENGINES, FAILED, REFUSED, attempt
+from kaju.model.study.trials import trial, trial_workers
+from kaju.model.study.trials.stability_map import stability_map
+from kaju.model.study.trials.trial import ENGINES, FAILED, REFUSED, attempt
+from kaju.model.study.trials.trial_workers import bounded, tally, trials
 
 
 def elastic_scene(rng, name):
@@ -67,16 +67,16 @@ def test_forces_that_do_not_balance_fail(monkeypatch):
 
 
 def test_a_certificate_that_does_not_hold_fails(monkeypatch):
-    from kaju.model.transfer import load_model
+    from kaju.model.transfer import load_transfer
 
-    certify = load_model.certify
+    certify = load_transfer.certify
 
     def boasting(scene, transfer):
         from dataclasses import replace
 
         return replace(certify(scene, transfer), generations=0, stable=True)
 
-    monkeypatch.setattr(load_model, "certify", boasting)
+    monkeypatch.setattr(load_transfer, "certify", boasting)
     outcomes = [attempt(n) for n in range(40) if ENGINES[n % len(ENGINES)] == "prescribed rule"]
     assert any("where the certificate says at most 0" in o.what for o in outcomes)
 
@@ -98,7 +98,7 @@ def test_what_hangs_is_killed_and_the_rest_goes_on():
 
 
 def test_who_works_for_too_long_is_killed_whatever_the_clock_says(monkeypatch):
-    monkeypatch.setattr(run, "PATIENCE", 1e9)
+    monkeypatch.setattr(trial_workers, "PATIENCE", 1e9)
     (outcome,) = trials([5162], workers=1, limit=1.0, beyond=0.0)
     assert outcome.verdict == FAILED
     assert "hung: killed after" in outcome.what
@@ -152,7 +152,7 @@ def test_the_document_tells_the_record_of_all_trials(tmp_path):
 
 
 def _stored(outcomes, table):
-    list(run.record(outcomes, table))
+    list(trial_workers.record(outcomes, table))
     return table
 
 
@@ -227,7 +227,7 @@ def test_agents_of_ones_own_are_tried_too():
 
 
 def test_every_kind_of_scene_is_among_the_first():
-    from kaju.model.trials.scenes import BODIES, hexagon_scene, transfer_scene
+    from kaju.model.study.trials.trial_scenes import BODIES, hexagon_scene, transfer_scene
 
     rng = np.random.default_rng(0)
     bodies = [elastic_scene(rng, name) for name in BODIES for _ in range(40)]

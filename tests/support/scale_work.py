@@ -1,6 +1,6 @@
 """What runs under mpirun: random scenes solved by PETSc and by kaju, and ways to fail.
 
-`mpirun -n P python tests/scale_work.py compare 40` prints the largest differences.
+`mpirun -n P python tests/support/scale_work.py compare 40` prints the largest differences.
 """
 
 import json

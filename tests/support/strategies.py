@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from kaju import Coefficients, PrescribedRule, Scene
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 Triangles = runpy.run_path(str(EXAMPLES / "triangles" / "triangles.py"))["Triangles"]
 
 share = st.floats(0.0, 0.6)

@@ -15,7 +15,7 @@ from numpy.random import Generator
 from kaju.errors import KajuError
 from kaju.model.scene import Scene
 
-from .scenes import BODIES, elastic_scene, hexagon_scene, transfer_scene
+from .trial_scenes import BODIES, elastic_scene, hexagon_scene, transfer_scene
 
 ANSWERED, REFUSED, FAILED = "answered", "refused", "failed"
 

@@ -1,6 +1,6 @@
 """Things to sweep that other processes can import, and a killer of sweeps.
 
-`python tests/sweep_work.py KILLS` kills sweeps so many times and says what was found.
+`python tests/support/sweep_work.py KILLS` kills sweeps so many times and says what was found.
 """
 
 import os

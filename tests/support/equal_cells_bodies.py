@@ -1,7 +1,7 @@
 """Bodies of equal cells whose answers are pinned in `data/equal_cells.npz`.
 
-The file was written by `python tests/equal_cells_bodies.py`, with the solver that assembles every
-level of its hierarchy as a sparse matrix (version 0.1.0). It need not be written again.
+The file was written by `python tests/support/equal_cells_bodies.py`, by the solver that assembles
+every level of its hierarchy as a sparse matrix (version 0.1.0). It need not be written again.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ import numpy as np
 
 import kaju
 
-TRUTH = Path(__file__).parent / "data" / "equal_cells.npz"
+TRUTH = Path(__file__).parents[1] / "data" / "equal_cells.npz"
 
 MATERIALS = {
     "a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},

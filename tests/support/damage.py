@@ -1,7 +1,7 @@
 """Files that were damaged on their way, and what becomes of whoever reads them.
 
-`python tests/damage.py FOLDER SEED COUNT` makes one file of every stored kind, damages copies of
-them in COUNT ways and reads each. It ends with a line of JSON: how many were refused by name,
+`python tests/support/damage.py FOLDER SEED COUNT` makes a file of every stored kind, damages copies
+of them in COUNT ways and reads each. It ends with a line of JSON: how many were refused by name,
 how many read, and every other end. A crash ends the process; the last line printed names the file.
 """
 

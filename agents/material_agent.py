@@ -112,7 +112,7 @@ class MaterialAgent(PlacedAgent):
         self.coming: dict[tuple[int, float], float] = {}
         self.coming_pulls: dict[tuple[int, float], float] = {}
         self.fresh = True  # woken in this generation: whoever hands over now has woken it
-        self._sent_by: tuple[Shares | None, Any] = (None, None)
+        self._sent_by: tuple[object, Any] = (False, None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the neighbours: a copy meets its own, one would drag along all others."""

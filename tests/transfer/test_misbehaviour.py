@@ -1,0 +1,251 @@
+"""Agents, boundaries, orders, steps and lattices that answer nonsense: each is told, none hangs."""
+
+from dataclasses import replace
+from itertools import count, repeat
+from math import inf, nan
+
+import pytest
+
+from kaju import (
+    FreeBoundaryAgent,
+    KajuError,
+    Lattice,
+    LoadModel,
+    MaterialAgent,
+    RigidBoundaryAgent,
+    Scene,
+    load_result,
+)
+from kaju.agents.shares import Emission, Load
+from kaju.model.scene.lattices import Squares
+
+
+def scene(lattice="square"):
+    return Scene(
+        body={"cell_size": 0.01, "cells": [4, 3], "material": "steel", "lattice": lattice},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 2], "force": [0.3, -2.0]}],
+        rule={"kind": "prescribed", "threshold": 0.01},
+    )
+
+
+class EqualSquares(Squares):
+    """Squares that are a class of one's own."""
+
+    kind = "equal"
+
+
+def material(**methods):
+    return {"material_agent": type("Mine", (MaterialAgent,), methods)}
+
+
+def wall(give_back, base=RigidBoundaryAgent, name="rigid"):
+    return {"boundary_agents": {name: type("Wall", (base,), {"give_back": give_back})}}
+
+
+def each(change):
+    """Return agents that change each of their emissions."""
+    usual = MaterialAgent.emissions
+    return material(emissions=lambda self, load: tuple(change(*e) for e in usual(self, load)))
+
+
+def hands(arm, load):
+    """Return agents that hand a load of their own over an arm."""
+    return material(pass_on=lambda self, own: self.model.hand_over(self, arm, load))
+
+
+def after_take(act):
+    def take(self, load):
+        MaterialAgent.take(self, load)
+        act(self, load)
+
+    return material(take=take)
+
+
+def sets(**values):
+    def begin(self, model, cell, stuff, shares):
+        MaterialAgent.__init__(self, model, cell, stuff, replace(shares, **values))
+
+    return material(__init__=begin)
+
+
+def gives(back):
+    return wall(lambda self, load, arm: back)
+
+
+REFUSED = {
+    "share NaN": each(lambda a, d, s, t: (a, d, nan, t)),
+    "share infinite": each(lambda a, d, s, t: (a, d, inf, t)),
+    "share negative": each(lambda a, d, s, t: (a, d, -s, t)),
+    "share a word": each(lambda a, d, s, t: (a, d, "half", t)),
+    "share None": each(lambda a, d, s, t: (a, d, None, t)),
+    "share complex": each(lambda a, d, s, t: (a, d, 1j, t)),
+    "sense unknown": each(lambda a, d, s, t: (a, d, s, "hug")),
+    "sense that the rule has not": each(lambda a, d, s, t: (a, d, s, "pull")),
+    "sense None": each(lambda a, d, s, t: (a, d, s, None)),
+    "sense a list": each(lambda a, d, s, t: (a, d, s, [])),
+    "direction too large": each(lambda a, d, s, t: (a, 4, s, t)),
+    "direction negative": each(lambda a, d, s, t: (a, -1, s, t)),
+    "direction a half": each(lambda a, d, s, t: (a, 0.5, s, t)),
+    "arm too large": each(lambda a, d, s, t: (9, d, s, t)),
+    "arm negative": each(lambda a, d, s, t: (-1, d, s, t)),
+    "arm None": each(lambda a, d, s, t: (None, d, s, t)),
+    "emission of three": each(lambda a, d, s, t: (a, d, s)),
+    "emission a number": each(lambda a, d, s, t: s),
+    "emissions None": material(emissions=lambda self, load: None),
+    "emissions a number": material(emissions=lambda self, load: 0.5),
+    "emissions a word": material(emissions=lambda self, load: "ahead"),
+    "emissions without end": material(
+        emissions=lambda self, load: repeat(Emission(0, 0, 0.1, "push"))
+    ),
+    "hands NaN": hands(0, Load(0, nan)),
+    "hands infinity": hands(0, Load(0, inf)),
+    "hands below 0": hands(0, Load(0, -1.0)),
+    "hands copies below 0": hands(0, Load(0, 1.0, -2.0)),
+    "hands an unknown direction": hands(0, Load(7, 1.0)),
+    "hands an unknown sense": hands(0, Load(0, 1.0, 1.0, "hug")),
+    "hands over no arm": hands(7, Load(0, 1.0)),
+    "hands over arm -1": hands(-1, Load(0, 1.0)),
+    "hands None": hands(0, None),
+    "hands a number": hands(0, 1.0),
+    "hands a list": hands(0, [0, 1.0]),
+    "keeps NaN": after_take(lambda self, load: setattr(self, "kept", nan)),
+    "keeps infinity": after_take(lambda self, load: setattr(self, "kept", inf)),
+    "yields NaN": material(shortening=lambda self, axis: nan),
+    "yields infinitely": material(shortening=lambda self, axis: inf),
+    "yields None": material(shortening=lambda self, axis: None),
+    "yields a word": material(shortening=lambda self, axis: "far"),
+    "shares NaN": sets(forward=nan),
+    "shares below 0": sets(friction=-0.1),
+    "shares infinite": sets(own=inf),
+    "shares a word": sets(forward="half"),
+    "shares no Shares": after_take(lambda self, load: setattr(self, "shares", None)),
+    "begins without super": material(__init__=lambda self, model, cell, stuff, shares: None),
+    "gives back NaN": gives(Load(3, nan)),
+    "gives back infinity": gives(Load(3, inf)),
+    "gives back below 0": gives(Load(3, -1.0)),
+    "gives back more than it took": gives(Load(3, 4.0)),
+    "gives back many copies": gives(Load(3, 0.1, 1e6)),
+    "gives back an unknown direction": gives(Load(9, 0.01)),
+    "gives back an unknown sense": gives(Load(3, 0.01, 1.0, "hug")),
+    "gives back a number": gives(0.5),
+    "gives back a word": gives("all"),
+    "air gives back more": wall(
+        lambda self, load, arm: load._replace(magnitude=2.0 * load.magnitude),
+        FreeBoundaryAgent,
+        "free",
+    ),
+    "order chooses nobody": {"order": lambda agents: []},
+    "order chooses None": {"order": lambda agents: None},
+    "order chooses a number": {"order": lambda agents: 3},
+    "order chooses others": {"order": lambda agents: [object()]},
+    "order without end": {"order": lambda agents: repeat(agents[0])},
+    "order counts": {"order": lambda agents: count()},
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_is_no_answer_is_refused_by_name(kind):
+    with pytest.raises(KajuError) as told:
+        LoadModel(scene(), **REFUSED[kind]).run(progress=False)
+    names = {"material_agent": "Mine", "boundary_agents": "Wall", "order": "order"}
+    assert names[next(iter(REFUSED[kind]))] in str(told.value)
+
+
+UNBALANCED = {
+    "takes without booking": material(take=lambda self, load: None),
+    "books twice": after_take(lambda self, load: MaterialAgent.take(self, load)),
+    "forgets what it took": after_take(lambda self, load: self.taken.clear()),
+    "forgets what it passed": material(
+        pass_on=lambda self, load: (MaterialAgent.pass_on(self, load), self.passed.clear())
+    ),
+    "puts loads into boxes": material(
+        pass_on=lambda self, load: (
+            [
+                other.put(2, 0.02, 1.0, "push", self)
+                for other in self.around
+                if isinstance(other, MaterialAgent) and other.spawn_step < 3
+            ]
+            or MaterialAgent.pass_on(self, load)
+        )
+    ),
+    "grows": each(lambda a, d, s, t: (a, d, 3.0 * s, t)),
+    "never takes": material(step=lambda self: None),
+    "goes round for ever": each(lambda a, d, s, t: (a, d, 1.0 if a == d else 0.0, t)),
+}
+
+
+@pytest.mark.parametrize("kind", UNBALANCED)
+def test_what_does_not_balance_or_end_is_not_called_at_rest(kind, tmp_path):
+    result = LoadModel(scene(), max_generations=60, **UNBALANCED[kind]).run(progress=False)
+    assert "at rest" not in result.last.outcome
+    assert "does not balance" in result.last.outcome or "stopped" in result.last.outcome
+    again = load_result(result.save(tmp_path / "result.npz"))
+    assert again.last.outcome == result.last.outcome
+
+
+@pytest.mark.parametrize("number", [nan, inf, -inf])
+def test_what_could_not_be_read_again_is_not_saved(number, tmp_path):
+    own = after_take(lambda self, load: setattr(self, "dropped", number))
+    result = LoadModel(scene(), **own).run(progress=False)
+    assert "at rest" not in result.last.outcome
+    with pytest.raises(KajuError, match="save"):
+        result.save(tmp_path / "result.npz")
+    assert not list(tmp_path.iterdir())
+
+
+class Acts(LoadModel):
+    """Lets agents act in an order of Mesa's own."""
+
+    def step(self):
+        self.agents.shuffle_do("step")
+
+
+class Twice(LoadModel):
+    """Asks twice for the usual step."""
+
+    def step(self):
+        super().step()
+        super().step()
+
+
+class Idle(LoadModel):
+    """Lets nobody act."""
+
+    def step(self):
+        pass
+
+
+@pytest.mark.parametrize("model", [Acts, Twice])
+def test_a_step_of_ones_own_gives_the_same_loads(model):
+    usual, own = (kind(scene(), engine="agents", seed=3).run().last for kind in (LoadModel, model))
+    assert own.outcome == usual.outcome
+    assert own.ledger.taken == pytest.approx(usual.ledger.taken, rel=1e-12)
+    assert own.ledger.imbalance < 1e-12
+    assert sorted(own.cells.tolist()) == sorted(usual.cells.tolist())
+
+
+def test_a_step_in_which_nobody_acts_is_told():
+    assert "max_generations" in Idle(scene(), max_generations=9).run().last.outcome
+    with pytest.raises(KajuError, match=r"super\(\)\.step\(\)"):
+        Idle(scene(), engine="arrays").run()
+
+
+def lattice(**answers):
+    return type("Wrong", (Lattice,), {"kind": "wrong", **answers})
+
+
+OUTLINE = Squares((1, 1), 0.01).outline(0)
+LATTICES = {
+    "nothing": {},
+    "outline NaN": {"outline": lambda self, form: OUTLINE * nan},
+    "outline empty": {"outline": lambda self, form: OUTLINE[:0]},
+    "middles NaN": {"outline": lambda self, form: OUTLINE, "centres": lambda self, c: c * nan},
+    "middles all one": {"outline": lambda self, form: OUTLINE, "centres": lambda self, c: c * 0.0},
+}
+
+
+@pytest.mark.parametrize("kind", LATTICES)
+def test_lattices_that_fit_nowhere_are_refused(kind):
+    with pytest.raises(KajuError):
+        scene(lattice(**LATTICES[kind]))

@@ -197,15 +197,31 @@ MOST_DIRECTIONS = 8
 def check_lattice(lattice: Lattice) -> None:
     """Refuse a lattice of one's own whose answers do not fit together."""
     few = lattice.few
-    for holds, answer, rule in chain(
-        _of_forms(lattice, few), _of_places(lattice, few), _of_neighbours(lattice, few)
-    ):
+    if isinstance(lattice, Boxes):  # its places and neighbours are formulas; its ways are its own
+        conditions = _of_ways(lattice)
+    else:
+        conditions = chain(
+            _of_forms(lattice, few), _of_places(lattice, few), _of_neighbours(lattice, few)
+        )
+    for holds, answer, rule in conditions:
         if not holds:
             raise SceneError(f"body.lattice: {answer} of {type(lattice).__name__}: {rule}")
 
 
 Conditions = Iterator[tuple[object, str, str]]
 """Whether each holds, the answer that it is about, and what it asks for."""
+
+
+def _of_ways(lattice: Lattice) -> Conditions:
+    for direction in range(lattice.directions):
+        way = lattice.way(direction, 0)
+        rows = [*way.ahead, *way.behind, *((arm, f) for arm, f, _ in way.beside)]
+        rows += [(arm, poisson) for arm, _, poisson in way.beside]
+        yield (
+            all(arm in lattice.arms[0] and 0.0 <= weight <= 1.0 for arm, weight in rows),
+            "way",
+            f"along direction {direction} must name faces of the cell with weights from 0 to 1",
+        )
 
 
 def _of_forms(lattice: Lattice, few: Cells) -> Conditions:

@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from kaju.model.scene import Lattice as Lattice
     from kaju.model.scene import Scene as Scene
     from kaju.model.scene import load_scene as load_scene
+    from kaju.model.scene.lattices import Cubes as Cubes
+    from kaju.model.scene.lattices import Squares as Squares
     from kaju.model.study.compare import compare as compare
     from kaju.model.study.finite_elements import finite_elements as finite_elements
     from kaju.model.study.fitting import fit_rule as fit_rule
@@ -81,6 +83,7 @@ _NAMES = {
     "model.rheology.element": "ThreeElement",
     "model.rheology.load_history": "History",
     "model.scene": "Lattice Scene load_scene",
+    "model.scene.lattices": "Cubes Squares",
     "model.study.compare": "compare",
     "model.study.finite_elements": "finite_elements",
     "model.study.fitting": "fit_rule",

@@ -1,5 +1,7 @@
 """Runs that are replayed as pictures: what is shown is what was computed."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -15,7 +17,9 @@ from kaju import (
     solve,
 )
 from kaju.model.network import triangular
+from kaju.view.page.export import packed_page
 from kaju.view.page.motion_data import motion_data
+from kaju.view.page.packing import unpack
 
 PLATE = {
     "body": {"size": [0.2, 0.2], "cells": [10, 10], "thickness": 0.002, "material": "steel"},
@@ -122,3 +126,69 @@ def test_sixty_generations_of_2500_cells_stay_below_a_megabyte_and_a_half(tmp_pa
     assert result.last.generations == 60
     path = kaju.export_page(result, tmp_path / "run.html")
     assert 300_000 < path.stat().st_size < 1_500_000
+
+
+def jelly(rule):
+    return Scene(
+        body={"size": [0.1, 0.05], "cells": [8, 4], "thickness": 0.1, "material": "jelly"},
+        materials={
+            "jelly": {
+                "youngs_modulus": 1e4,
+                "poissons_ratio": 0.45,
+                "rheology": {"K_f": 1e4, "D_f": 1e4, "D_d": 2e5},
+            }
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [[0.04, 0.05], [0.06, 0.05]]}, "force": [0.0, -1.0]}],
+        history={"steps": [{"ramp": 1.0, "duration": 0.1}, {"hold": 2.0}]},
+        rule=rule,
+    )
+
+
+@pytest.mark.parametrize("rule", [{"kind": "elastic"}, {"kind": "prescribed", "threshold": 0.01}])
+def test_a_creeping_body_tells_strain_and_stress_at_its_times(rule):
+    result = creep(jelly(rule))
+    header, columns = motion_data(result)
+    frames, cells = len(header["at"]), 32
+    assert header["along"] == "s"
+    assert set(header["colours"]) == {"strain", "stress"}
+    assert [curve["title"] for curve in header["curves"]][2:] == [
+        "Largest strain",
+        "Largest stress",
+    ]
+    stress = columns["value stress"].reshape(frames, cells)
+    strain = columns["value strain"].reshape(frames, cells)
+    last = np.abs(np.linalg.eigvalsh(result.stress(-1))).max(axis=-1)
+    assert stress[-1].max() == pytest.approx(last.max(), rel=1e-6)
+    assert strain[-1].max() > 1.5 * strain[frames // 8].max() > 0.0  # it goes on giving
+
+
+def test_strain_is_how_corners_move_apart():
+    """A uniform body, pressed all over its top: the strain is the shortening over the height."""
+    scene = jelly({"kind": "elastic"})
+    load = {"side": "top", "force": [0.0, -1.0]}
+    material = scene.cell_materials[0]
+    soft = dataclasses.replace(material, poissons_ratio=0.0)
+    result = creep(scene.replace(loads=[load], materials={"jelly": soft}))
+    header, columns = motion_data(result)
+    strain = columns["value strain"].reshape(len(header["at"]), -1)
+    moved = columns["moved"].reshape(len(header["at"]), -1, 2)
+    shortened = np.abs(moved[..., 1]).max(axis=1) / 0.05
+    np.testing.assert_allclose(strain.min(axis=1), shortened, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(strain.max(axis=1), shortened, rtol=1e-4, atol=1e-9)
+
+
+def test_one_element_is_a_bar_with_its_curves():
+    history = History().ramp(1.0, 0.1).hold(2.0)
+    result = creep(ThreeElement(K_f=1e4, D_f=1e4, D_d=2e5), history)
+    header, columns = motion_data(result)
+    moved = columns["moved"].reshape(len(header["at"]), 4, 2)
+    assert moved[-1, 1, 0] == pytest.approx(result.displacement[-1], rel=1e-6)
+    assert not moved[:, [0, 3]].any()
+    assert columns["value force"][-1] == pytest.approx(result.force[-1], rel=1e-6)
+    assert len(header["curves"]) > 1
+
+
+def test_a_scene_that_creeps_is_a_page_in_time():
+    told, _ = unpack(packed_page(jelly({"kind": "elastic"})))
+    assert (told["kind"], told["along"]) == ("pictures", "s")

@@ -24,6 +24,7 @@ from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import from_file
+from kaju.model.rheology.creeping import creep
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import BUILT_IN
 from kaju.model.transfer.load_model import LoadModel
@@ -179,7 +180,8 @@ def packed_page(
 ) -> bytes:
     """Return what the page is told, packed as README.md beside this file describes it."""
     if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
-        of = ElasticModel(of)
+        creeps = of.history and any(material.rheology for material in of.cell_materials)
+        of = creep(of) if creeps else ElasticModel(of)
     elif isinstance(of, Scene) and of.lattice.kind not in BUILT_IN:
         of = LoadModel(of)  # the page knows no neighbours of such cells
     if not (isinstance(of, (Scene, Result)) or hasattr(of, "run")):

@@ -7,7 +7,7 @@ frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from kaju.errors import ParameterError
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Curves, Result
 from kaju.model.scene import Scene
+from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import motion
 
 from .scene_data import Columns
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network import SpringNetwork
+    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.elastic import ElasticCreepResult
+    from kaju.model.rheology.state import CreepResult
     from kaju.view.motion import Motion
 
 
@@ -139,7 +143,7 @@ def _pictures(result: Result) -> Pictures:
     from kaju.model.rheology.body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
     from kaju.model.rheology.network import NetworkCreepResult
-    from kaju.model.transfer.transfer_result import TransferResult
+    from kaju.model.rheology.state import CreepResult
 
     if isinstance(result, NetworkResult):
         over, moved = ("stage", "", result.stage), _largest(result.displacement)
@@ -150,8 +154,11 @@ def _pictures(result: Result) -> Pictures:
     if isinstance(result, NetworkCreepResult):
         return _network(motion.network_times(result), result.network, "s", result.curves())
     if isinstance(result, (TransferCreepResult, ElasticCreepResult)):
-        moving = motion.times(result)
-        return _moving(moving, "s", result.curves(), applied(result.static.scene))
+        moving = _strained(result, motion.times(result))
+        curves = [*result.curves()[:2], *map(_largest_of(moving), ("strain", "stress"))]
+        return _moving(moving, "s", curves, applied(result.static.scene))
+    if isinstance(result, CreepResult):
+        return _element(result)
     if isinstance(result, TransferResult):
         told = _moving(motion.generations(result), "generation", [], applied(result.scene))
         return replace(told, words=result.outcome)
@@ -164,6 +171,67 @@ def _pictures(result: Result) -> Pictures:
     raise ParameterError(
         f"of: {type(result).__name__} has nothing that a page can show; it shows scenes, models "
         "and their results"
+    )
+
+
+_UNITS = {"strain": "", "stress": "Pa"}
+
+
+def _strained(result: TransferCreepResult | ElasticCreepResult, moving: Motion) -> Motion:
+    """Give every cell of a creeping body its largest strain and stress (principal, by size)."""
+    static = result.static
+    lattice, cells = static.grid.lattice, np.argwhere(static.grid.rasterise() >= 0)
+    frames = []
+    for record, frame in enumerate(moving.frames):
+        stress = result.stress(record)
+        if isinstance(static, TransferResult):
+            field = np.zeros((*lattice.shape, lattice.dimension, lattice.dimension))
+            field[tuple(static.last.cells.T)] = stress
+            stress = field
+        values = {"stress": _principal(stress[tuple(cells.T)])}
+        if lattice.boxes:  # what the corners move apart by, over the edge
+            corners = frame.moved[moving.parts] / lattice.cell_size
+            signs = 2.0 * corner_order(lattice.dimension) - 1.0
+            gradient = np.einsum("nca,cb->nab", corners, signs) * 2.0 / len(signs)
+            values |= {"strain": _principal(0.5 * (gradient + gradient.transpose(0, 2, 1)))}
+        frames.append(frame._replace(values=values))
+    return replace(moving, frames=frames)
+
+
+def _principal(tensors: Floats) -> Floats:
+    """Return the size of the largest principal value of each tensor."""
+    return np.asarray(np.abs(np.linalg.eigvalsh(tensors)).max(axis=1, initial=0.0))
+
+
+def _largest_of(moving: Motion) -> Callable[[str], Curves]:
+    times = np.array([frame.time for frame in moving.frames])
+
+    def curve(name: str) -> Curves:
+        none = np.zeros(1)
+        line = [float(f.values.get(name, none).max(initial=0.0)) for f in moving.frames]
+        title = f"Largest {name}"
+        return Curves(title, "time", "s", times, {name: np.array(line)}, _UNITS[name])
+
+    return curve
+
+
+def _element(result: CreepResult) -> Pictures:
+    """Tell of one element: a bar, four times as long as it ever lengthens, held on its left."""
+    times, moved = result.times, result.displacement
+    long = 4.0 * float(np.abs(moved).max(initial=0.0)) or 1.0
+    points = long * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.25], [0.0, 0.25]])
+    shift = np.zeros((len(times), 4, 2))
+    shift[:, 1:3, 0] = moved[:, None]
+    chosen = _chosen(len(times))
+    return Pictures(
+        points=points,
+        parts=np.arange(4)[None],
+        at=times[chosen],
+        along="s",
+        values={"force": ("N", result.force[chosen, None])},
+        moved=shift[chosen],
+        curves=result.curves(),
+        held=np.array([0, 3]),
     )
 
 
@@ -199,7 +267,7 @@ def _moving(
     held: NDArray[np.integer] | None = None,
 ) -> Pictures:
     """Tell of points that move; `steps`: shares of the last frame, for an answer at rest."""
-    units = {"tension": "N", "von_mises": "Pa", "load_taken": "N", "level": ""}
+    units = {"tension": "N", "von_mises": "Pa", "load_taken": "N", "level": "", **_UNITS}
     frames = [moving.frames[k] for k in _chosen(len(moving.frames))]
     moved = np.array([frame.moved for frame in frames])
     values = {

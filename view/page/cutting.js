@@ -110,7 +110,7 @@ const renew = (page) => { page.past.note(); page.later(); };
 
 MODES.push({
   name: "cuts",
-  offered: (page) => page.deformable && page.scene.lattice?.kind === "square" && page.run.taken && page.limit > 0,
+  offered: (page) => page.deformable && page.scene?.lattice.kind === "square" && page.run.taken && page.limit > 0,
   open(page) {
     page.cutCards = Array.from({ length: 3 }, () => make("section", { className: "card" }));
     page.cutCards[0].classList.add("warn");

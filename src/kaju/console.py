@@ -23,7 +23,7 @@ UNITS = {
     "largest_agent": "m",
     "displacement_that_stays": "m",
     "displacement_error_estimate": "m",
-    "energy": "J",
+    "potential_energy": "J",
     "strain_energy": "J",
     "energy_bounds": "J",
     "residual_load": "N",

@@ -109,7 +109,7 @@ def test_run_lets_the_agents_of_an_elastic_rule_act_as_the_rule_says(kaju):
     scene = load_scene(PLATE)
     model = ElasticModel(scene.replace(rule=ElasticRule(0.1, "wave", 0.5)))
     expected, found = model.run(), load_result("here")
-    for key in ("order", "steps", "pushes", "agents", "threshold", "energy"):
+    for key in ("order", "steps", "pushes", "agents", "threshold", "strain_energy"):
         assert found.summary()[key] == expected.summary()[key], key
     assert json.loads(Path("here/summary.json").read_text())["pushes"] == expected.pushes
 

@@ -246,7 +246,7 @@ def sliders_for_solara():
 
 
 def width_and_height():
-    with pytest.raises(KajuError, match="scene: a Scene is needed, got 20; kaju.load_scene"):
+    with pytest.raises(KajuError, match=r"scene: a Scene is needed, got 20; kaju.load_scene"):
         LoadModel(20, 20)
 
 
@@ -256,12 +256,12 @@ def agents_instead_of_their_class():
 
 
 def a_misspelt_keyword():
-    with pytest.raises(KajuError, match="treshold: .*did you mean 'threshold'"):
+    with pytest.raises(KajuError, match=r"treshold: .*did you mean 'threshold'"):
         LoadModel(plate(), treshold=0.1)
 
 
 def agents_of_arrays():
-    with pytest.raises(KajuError, match="take LoadModel\\(scene, engine='agents'\\)"):
+    with pytest.raises(KajuError, match=r"take LoadModel\(scene, engine='agents'\)"):
         list(LoadModel(plate(), engine="arrays").agents)
 
 

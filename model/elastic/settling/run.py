@@ -142,7 +142,8 @@ class ElasticRun(BodyResult):
             "agents_by_level": levels.tolist(),
             "levels": len(levels),
             "boundary_agents": len(self.boundary.cells),
-            "energy": last.energy if last else 0.0,
+            "strain_energy": self.result.strain_energy,
+            "potential_energy": last.energy if last else 0.0,  # body and loads: below 0
             "residual_load": last.loudest if last else 0.0,
             "error_estimate": last.error_estimate if last else 0.0,
             "reaction": self.reaction.tolist(),

@@ -173,7 +173,7 @@ MODES.push({
   play(page) { if (page.lesson.shown === "guess") page.lesson.show("both"); },
   draw(page) {
     const { lesson, run, inks, canvas } = page, narrow = canvas.clientWidth < 520 && run.lattice.shape[0] > 12;
-    const view = page.view = new View(canvas, run.lattice, null, narrow ? { window: lesson.window() } : {});
+    const view = page.view = new View(canvas, run.lattice, null, { foot: 16, ...(narrow ? { window: lesson.window() } : {}) });
     if (page.g > 0 && lesson.shown === "guess" && lesson.at >= 0) { lesson.show("both"); return; }
     paintGuess(lesson, view, page.g, inks, lesson.shown);
     paintNumbers(view, inks); page.loads.paint(view);

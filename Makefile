@@ -24,7 +24,7 @@ test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -m slow -n 2
 
 # PETSc and mpi4py come from the system, for the system's Python, built for NumPy 1: an
-# environment of its own sees them. `make scale` installs nothing and says what is missing.
+# environment of its own sees them.
 SCALE ?= .venv-scale
 PETSC_DIR ?= $(firstword $(wildcard /usr/lib/petscdir/petsc*/*-real))
 export PETSC_DIR

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from . import (
     CONVERGING_PROBLEMS,
     EXACT_PROBLEMS,
+    KnownProblem,
     LCorner,
     SaintVenantDecay,
-    ValidationProblem,
     convergence,
 )
 from .eigenfields import DECAY, EXPONENT
@@ -23,7 +23,7 @@ from .eigenfields import DECAY, EXPONENT
 HEAD = "| problem | compared | order | error | cells | source |\n|---|---|---|---|---|---|"
 
 
-def exact_lines(problem: ValidationProblem) -> Iterator[str]:
+def exact_lines(problem: KnownProblem) -> Iterator[str]:
     """Yield the line of a problem whose answer the grid represents, if it does."""
     resolution = max(problem.resolutions)
     result = problem.solve(resolution, tolerance=1e-13)
@@ -36,7 +36,7 @@ def exact_lines(problem: ValidationProblem) -> Iterator[str]:
 
 
 def converging_lines(
-    problem: ValidationProblem, resolutions: tuple[int, ...] | None = None
+    problem: KnownProblem, resolutions: tuple[int, ...] | None = None
 ) -> Iterator[str]:
     """Yield a line for each quantity that a problem compares."""
     for quantity, study in convergence(problem, resolutions).items():
@@ -45,7 +45,7 @@ def converging_lines(
 
 
 def line(
-    problem: ValidationProblem, compared: str, order: str, error: float, shape: tuple[int, ...]
+    problem: KnownProblem, compared: str, order: str, error: float, shape: tuple[int, ...]
 ) -> str:
     cells = " × ".join(map(str, shape))
     shown = f"{error:.0e}" if error < 1e-10 else f"{error:.1e}"

@@ -71,6 +71,8 @@ def stepped_cells(scene: Scene) -> Cells:
     lattice = scene.lattice
     found = [np.empty((0, lattice.dimension), dtype=np.int64)]
     for number, region in enumerate(scene.body.regions):
+        if region.image is not None:  # pixels lie along the axes, and a stored scene has none
+            continue
         shape = region.shape_in(lattice, f"body.regions.{number}")
         if not isinstance(shape, Box):
             found.append(_crossed(shape, scene))

@@ -71,6 +71,8 @@ class Console:
             typer.echo(json.dumps(summary, indent=2, allow_nan=False))
         for line in _lines(summary):
             self.say(line)
+        for note in summary.get("notes", ()):
+            self.say(f"  note: {note}")
 
     def files(self, paths: Iterable[object]) -> None:
         """Print what was written, a path a line."""
@@ -81,8 +83,8 @@ class Console:
 def _lines(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for key, value in summary.items():
-        if value is None and key not in WORDS:
-            continue  # nothing that could be known of this answer
+        if key == "notes" or (value is None and key not in WORDS):
+            continue  # told last, a line each; nothing that could be known of this answer
         name, unit = WORDS.get(key, key), UNITS.get(key, "")
         stem, _, ending = name.rpartition("_")
         if stem and ending in ("N", "m", "J", "s", "Pa"):

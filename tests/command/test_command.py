@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from kaju import ElasticModel, ElasticRule, Scene, TransferResult, load_result, load_scene
-from kaju.model.transfer.load_model import LoadModel
+from kaju.model.transfer.load_transfer import LoadTransfer
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PLATE = str(EXAMPLES / "plate.toml")
@@ -82,7 +82,7 @@ def test_what_is_mistyped_is_one_line_and_exit_code_2(kaju, words, message):
 
 
 def test_an_interrupted_run_keeps_what_was_computed(kaju, monkeypatch):
-    real_step = LoadModel.step
+    real_step = LoadTransfer.step
 
     def step_until_interrupted(model):
         real_step(model)
@@ -90,7 +90,7 @@ def test_an_interrupted_run_keeps_what_was_computed(kaju, monkeypatch):
             signal.raise_signal(signal.SIGINT)
 
     scene = load_scene(PLATE)
-    monkeypatch.setattr(LoadModel, "step", step_until_interrupted)
+    monkeypatch.setattr(LoadTransfer, "step", step_until_interrupted)
     monkeypatch.setattr("kaju.model.scene.load_scene", lambda _: scene)
     code, out, err = kaju("run", PLATE, "--out", "here", "--no-pictures")
     assert code == 130
@@ -194,7 +194,7 @@ def test_materials_lists_the_library(kaju):
 
 def test_animate_makes_a_picture_from_a_stored_run(kaju, monkeypatch):
     kaju("run", PLATE, "--out", "here", "--no-pictures", "--set", "loads.0.steps=1")
-    monkeypatch.setattr(LoadModel, "__init__", lambda *_: pytest.fail("ran again"))
+    monkeypatch.setattr(LoadTransfer, "__init__", lambda *_: pytest.fail("ran again"))
     code, out, _ = kaju("animate", "here")
     assert code == 0
     assert out.strip() == str(Path("here/film.gif"))

@@ -14,7 +14,7 @@ from typing import Any
 import lesson_runs
 from lesson_claims import answers
 from lesson_index import write_index
-from lesson_texts import HEADINGS, ORDER, Lesson, lesson
+from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson
 
 from kaju import export_page
 
@@ -31,10 +31,14 @@ def page_lesson(of: Lesson) -> dict[str, Any]:
         "presets": [
             {
                 "name": {k: text.presets[n][0] for k, text in of.texts.items()},
-                "note": {k: text.presets[n][1] for k, text in of.texts.items()},
+                "note": dict.fromkeys(of.texts, ""),  # it would answer the questions
             }
             for n in range(1, len(of.scenes))
         ],
+        "teacher": {
+            k: "\n".join(f"- **{name}**: {' '.join(note.split())}" for name, note in text.presets)
+            for k, text in of.texts.items()
+        },
         "questions": [_page_question(of, n) for n in range(len(of.kinds))],
     }
 
@@ -57,16 +61,26 @@ def _page_question(of: Lesson, number: int) -> dict[str, Any]:
     told |= {name: kind[name] for name in ("until", "lines") if name in kind}
     if "answers" in kind:
         told["fields"] = [
-            {
-                "label": {k: q.fields[n][0] for k, q in asked.items()},
-                "unit": {k: q.fields[n][1] for k, q in asked.items()},
-                "answer": round(value, 6),
-                "tolerance": tolerance(kind, n, value),
-                "look": {k: q.fields[n][0] for k, q in asked.items()},
-            }
+            _page_field(asked, n, value, tolerance(kind, n, value))
             for n, value in enumerate(answers(of, number))
         ]
     return told
+
+
+def _page_field(
+    asked: dict[str, Question], number: int, value: float, tolerance: float
+) -> dict[str, Any]:
+    """Return what a page is told of a field; a unit that is a word stands in its label."""
+    label, unit = ({k: q.fields[number][part] for k, q in asked.items()} for part in (0, 1))
+    if len(set(unit.values())) > 1:
+        label = {k: f"{label[k]} ({unit[k]})" for k in label}
+    return {
+        "label": label,
+        "unit": unit["en"] if len(set(unit.values())) == 1 else "",
+        "answer": round(value, 6),
+        "tolerance": tolerance,
+        "look": label,
+    }
 
 
 def tolerance(kind: dict[str, Any], field: int, value: float) -> float:

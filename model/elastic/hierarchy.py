@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from itertools import combinations
 from math import prod
 from typing import Any, NamedTuple
 
@@ -249,10 +250,10 @@ class Hierarchy:
         level, below = self.levels[at].arrays, self.levels[at + 1]
         coarse, plain = below.arrays[3], len(below.outside) > 0
         if plain and way == sweeps.WAY_DOWN:
-            sweeps.lead(out, coarse, below.outside, 0)
+            _go_on(out, coarse, below.outside, back=False)
         sweeps.cross(u, load, out, level, coarse, self._parity, count, way, share)
         if plain and way == sweeps.WAY_UP:
-            sweeps.lead(out, coarse, below.outside, 1)
+            _go_on(out, coarse, below.outside, back=True)
 
 
 class _Direct:
@@ -373,11 +374,11 @@ def _by_law(
     body = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in rim.shape)
     kinds[body] = rim
     law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
-    sweeps.lay_moduli(kinds.ravel(), _table(moduli), REENTRANT_WEIGHT, law, steps)
+    _lay_moduli(kinds.ravel(), _table(moduli), law, steps)
     _lay_beds(rim, spring, law[0].reshape(shape)[body])
     holds = (kinds == RIGID) | (kinds == ROLLER)
     code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
-    sweeps.lay_faces(code.ravel(), law, steps, inverse)
+    _lay_faces(code.ravel(), law, steps, inverse)
     rows = _rows(whole[:-1], shape[:-1], [n + 2 - m for n, m in zip(cells, rim.shape, strict=True)])
     parts = [x.reshape(-1, prod(shape[:-1]), shape[-1]) for x in (law, inverse)]
     if spread:
@@ -486,8 +487,69 @@ def _every_second(count: int) -> Integers:
     return np.array([0, *range(1, count - 1, 2), count - 1])
 
 
+def _lay_moduli(
+    kinds: NDArray[np.int32], table: NDArray[np.float64], law: Vector, steps: Integers
+) -> None:
+    """Write C₁₁, C₁₂ and the moduli of the edges: see `staggered.edge_modulus`."""
+    first = int(steps.sum())
+    law[:2, first:] = table[kinds[first:], :2].T
+    stiff = np.isfinite(table[:, 2])
+    compliance = np.where(stiff, table[:, 2], 0.0)[kinds]
+    # Cells of each sort are counted in digits of their own: of material, rigid ones, air.
+    digit = ((stiff & (table[:, 4] == 0.0)) + 5 * table[:, 4] + 25 * table[:, 3]).astype(np.uint8)
+    digits, factor = digit[kinds], np.zeros(101)
+    factor[[4, 3 + 5, 2 + 10, 1 + 15]], factor[3 + 25] = 4.0, 3.0 * REENTRANT_WEIGHT
+    for a, b in combinations(range(len(steps)), 2):
+        back = (0, steps[a], steps[b], steps[a] + steps[b])
+        places = [slice(first - k, len(kinds) - k) for k in back]
+        c, n = ([values[place] for place in places] for values in (compliance, digits))
+        share = factor[(n[0] + n[1]) + (n[2] + n[3])]
+        total = (c[0] + c[1]) + (c[2] + c[3])
+        np.divide(share, total, out=law[1 + a + b, first:], where=share > 0.0)
+
+
+def _lay_faces(code: NDArray[np.int8], law: Vector, steps: Integers, inverse: Vector) -> None:
+    """Write the inverse of every face's own stiffness; 0 where it cannot move.
+
+    `code` of a place is 1 if there is body, 2 if what is there holds.
+    """
+    first, n = int(steps.sum()), len(code)
+    here = slice(first, n - first)
+    for a, step in enumerate(steps):
+        behind = slice(first - step, n - first - step)
+        own = law[0, here] + law[0, behind]
+        for b, across in enumerate(steps):
+            if b != a:
+                modulus = law[1 + a + b]
+                own += modulus[here] + modulus[first + across : n - first + across]
+        moves = ((code[here] | code[behind]) == 1) & (own > 0.0)
+        out = inverse[a * n + first : (a + 1) * n - first]
+        np.divide(1.0, own, out=out, where=moves)
+
+
+def _go_on(g: Vector, coarse: Integers, outside: NDArray[np.float64], *, back: bool) -> None:
+    """Let the ghosts beyond a full box follow the faces inside; back, hand their loads in."""
+    count = int(coarse[sweeps.COUNT])
+    fields = g.reshape(count, *coarse[:3])
+    for a in range(count):
+        # Corners follow from the sides, so loads go back in the opposite order.
+        for b in reversed(range(count)) if back else range(count):
+            axis = 2 if b == count - 1 else b
+            lines = fields[a] if axis == 0 else np.moveaxis(fields[a], axis, 0)
+            for side in range(2 if a != b else 0):
+                ends = coarse[sweeps.FIRST + 2 * axis], coarse[sweeps.END + 2 * axis] - 2
+                layer, inward, (near, far) = ends[side], 1 - 2 * side, outside[2 * b + side]
+                one, two, ghost = (lines[layer + k * inward] for k in (0, 1, -1))
+                if back:
+                    one += near * ghost
+                    two += far * ghost
+                    ghost[...] = 0.0
+                else:
+                    ghost[...] = near * one + far * two
+
+
 def _table(moduli: Moduli) -> NDArray[np.float64]:
-    """Return what `sweeps.lay_moduli` wants to know of every kind of cell."""
+    """Return what `_lay_moduli` wants to know of every kind of cell."""
     table = np.zeros((len(moduli.shear) - min(AIR, RIGID, ROLLER, FOUNDATION), 5))
     table[:, 2] = np.inf
     count = len(moduli.shear)

@@ -39,12 +39,9 @@ def check_supports(
         Naming a cell of the part (counted from `origin`, `division` times as large as the
         problem's cells) and how it could move.
     """
-    from scipy.ndimage import label
-
     if is_box(problem):
         problem = _miniature(problem)
-    labelled, count = label(problem.kinds >= 0)
-    parts: NDArray[np.int32] = labelled.astype(np.int32)
+    parts, count = parts_of(problem.kinds >= 0)
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
         rows = stops[owner == part]
@@ -59,6 +56,16 @@ def check_supports(
                 f"{motion}; hold it by a rigid cell or side, or join it to the rest by a face "
                 "(cells that touch at a corner are not joined)"
             )
+
+
+def parts_of(body: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+    """Return the number of every cell's part of the body, from 1, and how many there are."""
+    if body[(slice(1, -1),) * body.ndim].all():  # for which nothing needs to be imported
+        return body.astype(np.int32), 1
+    from scipy.ndimage import label
+
+    labelled, count = label(body)
+    return labelled.astype(np.int32), count
 
 
 def _miniature(problem: ElasticProblem) -> ElasticProblem:

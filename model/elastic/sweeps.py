@@ -235,32 +235,6 @@ def follow(u, g, level, coarse, p, t):
                 x[2 * j + 1] += odd if v[2 * j + 1] > 0.0 else 0.0
 
 
-@njit(cache=True)
-def lead(g, coarse, outside, back):
-    """Let the ghosts beyond a full box follow the faces inside; or hand their load in.
-
-    Back, loads are handed in. `outside` has for every side the weights of the first two faces.
-    """
-    count = coarse[COUNT]
-    for turn in range(count * count):
-        # Corners follow from the sides, so loads go back in the opposite order.
-        a, b = turn // count, count - 1 - turn % count if back else turn % count
-        axis, step = 2 if b == count - 1 else b, coarse[STEP + b]
-        for side in range(2 if a != b else 0):
-            near, far = outside[2 * b + side]
-            layer = coarse[END + 2 * axis] - 2 if side else coarse[FIRST + 2 * axis]
-            inward = -step if side else step
-            # Blocks of `step` places, one for every place along the axes before this one.
-            for start in range(layer * step, coarse[SIZE], coarse[axis] * step):
-                for at in range(a * coarse[SIZE] + start, a * coarse[SIZE] + start + step):
-                    if back:
-                        g[at] += near * g[at - inward]
-                        g[at + inward] += far * g[at - inward]
-                        g[at - inward] = 0.0
-                    else:
-                        g[at - inward] = near * g[at] + far * g[at + inward]
-
-
 @njit(cache=True, fastmath=True)
 def cross(u, f, g, level, coarse, parity, sweeps, way, share):
     """Cross a level in one pass.
@@ -387,71 +361,3 @@ def galerkin(level, made, terms, coarse, slots, own, out, inverse):
                 v = along(inverse, a * (len(inverse) // len(own)) + slot * pitch)
                 for j in range(pitch):
                     v[j] = 1.0 / value[j] if value[j] > 0.0 else 0.0
-
-
-@njit(cache=True)
-def lay_moduli(kinds, table, share, law, steps):
-    """Write C₁₁, C₁₂ and the moduli of the edges: see `staggered.edge_modulus`.
-
-    `table` has columns C₁₁, C₁₂, 1/μ (infinite but for materials and rigid cells), whether a
-    cell is air, whether it is rigid; its row is the kind, counted from the last for what is no
-    material. `share` is what a re-entrant corner keeps.
-    """
-    count = len(steps)
-    start = 0
-    for step in steps:
-        start += step
-    for q in range(start, len(kinds)):
-        k = kinds[q]
-        law[0, q], law[1, q] = table[k, 0], table[k, 1]
-        for a in range(count):
-            for b in range(a + 1, count):
-                one, two = kinds[q - steps[a]], kinds[q - steps[b]]
-                three = kinds[q - steps[a] - steps[b]]
-                if k >= 0 and one == k and two == k and three == k:
-                    law[1 + a + b, q] = 1.0 / table[k, 2]
-                    continue
-                total = air = rigid = other = 0.0
-                for kind in (k, one, two, three):
-                    if table[kind, 3] > 0.0:
-                        air += 1.0
-                    elif np.isinf(table[kind, 2]):
-                        other += 1.0
-                    else:
-                        total += table[kind, 2]
-                        rigid += table[kind, 4]
-                value = 0.0
-                if air + other == 0.0 and total > 0.0:
-                    value = 4.0 / total
-                elif air == 1.0 and other == 0.0 and rigid == 0.0:
-                    value = share * 3.0 / total
-                law[1 + a + b, q] = value
-
-
-@njit(cache=True)
-def lay_faces(code, law, steps, inverse):
-    """Write the inverse of every face's own stiffness; 0 where it cannot move.
-
-    `code` of a place is 1 if there is body, 2 if what is there holds.
-    """
-    count, n = len(steps), len(code)
-    start = 0
-    for step in steps:
-        start += step
-    w = n - 2 * start
-    for a in range(count):
-        high, low = along(code, start), along(code, start - steps[a])
-        c, before, out = (
-            along(law, start), along(law, start - steps[a]), along(inverse, a * n + start)
-        )  # fmt: skip
-        for j in range(w):
-            out[j] = c[j] + before[j]
-        for b in range(count):
-            if b != a:
-                edge = (1 + a + b) * n + start
-                k, other = along(law, edge), along(law, edge + steps[b])
-                for j in range(w):
-                    out[j] += k[j] + other[j]
-        for j in range(w):
-            moves = ((high[j] | low[j]) == 1) & (out[j] > 0.0)
-            out[j] = 1.0 / out[j] if moves else 0.0

@@ -210,8 +210,6 @@ def _solve_scene(
     from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.solve import solve as solve_uniform
-    from kaju.model.elastic.spawning.choice import solve_cheaply, solve_equal
-    from kaju.model.elastic.spawning.solve import solve_spawning
 
     if strategy not in STRATEGIES:
         raise ParameterError(f"strategy: must be 'auto', 'uniform' or 'spawning', got {strategy!r}")
@@ -226,6 +224,8 @@ def _solve_scene(
     if tolerance_at is not None:
         refuse_singular(scene, tolerance_at)
     if strategy == "spawning":
+        from kaju.model.elastic.spawning.solve import solve_spawning
+
         return solve_spawning(
             scene,
             tolerance,
@@ -241,6 +241,8 @@ def _solve_scene(
         )
     if tolerance is None:
         return solve_uniform(scene, None, resolution, stage=stage, previous=previous)
+    from kaju.model.elastic.spawning.choice import solve_cheaply, solve_equal
+
     if strategy == "uniform":
         return solve_equal(scene, tolerance, resolution, stage=stage, previous=previous)
     return solve_cheaply(

@@ -50,6 +50,7 @@ class Layout(NamedTuple):
     halves: tuple[Index, Index, Index]
 
 
+@cache
 def layout(dimension: int) -> Layout:
     """Return the layout of blocks of squares or cubes."""
     d = dimension
@@ -215,7 +216,7 @@ class Window:
     def place(self) -> Index:
         """Where the faces of the grid are among the places of all blocks; -1 for those held."""
         forest, grid, d = self._forest, self.grid, self._forest.dimension
-        stride, step = _LAYOUT[d].stride, 3 ** np.arange(d)
+        stride, step = layout(d).stride, 3 ** np.arange(d)
         block = self.block[grid.owner]
         p = forest.corners[self.corner[grid.owner]] + 1
         upper, rows = grid.upper, np.arange(grid.size)
@@ -230,7 +231,6 @@ class Window:
 
 
 _LEAVES = ("lower", "size", "kind", "step", "cause", "code")
-_LAYOUT = {d: layout(d) for d in (2, 3)}
 
 
 class BlockBalance:
@@ -250,7 +250,7 @@ class BlockBalance:
     def __init__(self, forest: Forest) -> None:
         self.forest = forest
         d = forest.dimension
-        self.layout = _LAYOUT[d]
+        self.layout = layout(d)
         self.shape = (len(forest), d, PLACES**d)
         self.scale = (forest.size / forest.ground.cell) ** (d - 2.0)
         self.states = forest.states(composite=True)

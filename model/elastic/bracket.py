@@ -146,7 +146,7 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
     gap = complementary - wall_work - balanced + whole
-    if gap < -CROSSED * (complementary + whole):
+    if not boxes.of and gap < -CROSSED * (complementary + whole):
         return EATEN
     distance = sqrt(max(2.0 * gap, 0.0))
     radius = 0.5 * distance + rest

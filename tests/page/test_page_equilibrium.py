@@ -53,6 +53,20 @@ def test_both_answers_are_drawn_with_one_quantity_scale_and_magnification(twin):
     assert rule["factor"] == elastic["factor"] > 0
 
 
+@pytest.mark.parametrize("dark", [False, True])
+def test_both_ways_of_looking_are_open_to_everybody(opened, scene, tmp_path, dark):
+    axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
+    path = kaju.export_page(scene, tmp_path / "plate.html")
+    page = opened(path, width=768, dark=dark, language="de-DE")
+    for mode in ("twin", "cuts"):
+        page.js(f"page.setMode('{mode}')")
+        page.until("page.elastic.answer")
+        page.js("page.draw()")
+        found = axe.run(page.tab)["violations"]
+        assert [(v["id"], [n["html"] for n in v["nodes"]]) for v in found] == []
+        assert page.js("document.documentElement.scrollWidth") <= 768
+
+
 def fields(result, axis=1):
     """Squeezes along and across (N) of every cell of an answer."""
     lattice = result.scene.lattice

@@ -37,7 +37,8 @@ function paintAnswer(page, canvas, name, both) {
   const view = new View(canvas, L, look.camera);
   paintCells(view, kinds, values.map((v) => (Math.abs(v) > small ? Math.abs(v) : NaN)), scale, inks, { moved, factor, cut: L.dimension === 3 ? look.cut : null });
   if (L.dimension === 2 && view.u >= 9) L.each((k) => { if (values[k] < -small) paintWord(view.ctx, "−", ...view.at(...L.cell(k).map((c) => c + 0.5)), inks.ink, inks, { align: "center" }); });
-  paintLegend(view, scale, `${t(both.quantity)}${unit === "N" ? ` (${t("pullMark")})` : ""}`, t(scale.log ? "log" : "linear"), (v) => quantity(v, unit), inks);
+  if (name === "elastic") canvas.ariaLabel = `${t("elastic")}: ${t(both.quantity)}`;
+  paintLegend(view, scale, `${t(both.quantity)}${unit === "N" && view.w > 430 ? ` (${t("pullMark")})` : ""}`, t(scale.log ? "log" : "linear"), (v) => quantity(v, unit), inks);
   page.drawnWith.push({ answer: name, quantity: both.quantity, unit, scale, factor });
   return view;
 }
@@ -51,6 +52,7 @@ export function stepsOf({ rule, elastic, small }) {
 function paintDifference(page, canvas, both) {
   const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), { ctx, w, h } = view;
   paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), { low: -4.5, high: 3.5, log: false }, inks, { cut: L.dimension === 3 ? look.cut : null });
+  canvas.ariaLabel = `${t("less")}: ${t(both.quantity)}`;
   const n = Math.min(300, 0.6 * w), x = (w - n) / 2, y = h - 32;
   ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillText(t("less"), x, y - 3);
   inks.differences.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / 8), y, Math.ceil(n / 8), 10); });
@@ -200,7 +202,8 @@ MODES.push({
       for (const k of [twin.at >= 0 ? twin.at : page.picked]) if (k >= 0) paintPick(view, page.run.lattice.cell(k), inks);
     }
     const { x0, u } = views.rule, [nx] = page.run.lattice.shape, x = x0 + u * (two.split ??= nx / 2);
-    for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -10 : 10) : views[name].w / 2, 16, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });
+    for (const [name, align] of [["rule", "right"], ["elastic", "left"]]) if (views[name]) paintWord(views[name].ctx, t(name === "rule" ? "theRule" : "elastic"), swipe ? x + (name === "rule" ? -10 : 10) : views[name].w / 2, page.solid ? 16 : views[name].y0 - 14, inks[name], inks, { align: swipe ? align : "center", font: `600 ${FONT}` });
+    if (!answer) twin.elastic.firstChild.ariaLabel = twin.gap.firstChild.ariaLabel = t("solving");
     twin.elastic.style.clipPath = swipe ? `inset(0 0 0 ${x}px)` : "";
     twin.handle.style.left = `${x - 22}px`; twin.handle.ariaValueMax = nx; twin.handle.ariaValueNow = general(two.split, 3);
     const [drawn] = page.drawnWith;

@@ -61,7 +61,7 @@ class LoadModel(LoadTransfer, SteppedModel):
         Your own rule, instead of the scene's: see `kaju.agents.rules.ShareRule`.
     seed : int, optional
         Another word for `rng`.
-    **numbers
+    **kwargs
         Numbers of the scene's rule to replace, such as ``threshold=0.001``, and values of the
         parameters that your agents declare; see `kaju.Parameter`.
 
@@ -109,12 +109,12 @@ class LoadModel(LoadTransfer, SteppedModel):
         order: Order[MaterialAgent] | None = None,
         rule: ShareRule | None = None,
         seed: int | None = None,
-        **numbers: Any,
+        **kwargs: Any,
     ) -> None:
         SteppedModel.__init__(self, rng, seed)
         scene_needed(scene)
         classes = own_classes(material_agent, boundary_agents)
-        scene, self.parameters = keywords_into(scene, classes, numbers, LoadModel, rule is not None)
+        scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
         self._own: dict[str, Any] = {
             "material_agent": material_agent,
             "boundary_agents": boundary_agents,

@@ -102,7 +102,11 @@ class TransferResult(BodyResult):
     @property
     def pictures(self) -> tuple[str, ...]:
         """Names of the pictures of it, the usual one first."""
-        return PICTURES if len(self.stages) > 1 else tuple(p for p in PICTURES if p != "stages")
+        lattice = self.scene.lattice
+        left_out = {"stages"} if len(self.stages) == 1 else set()
+        if not (lattice.boxes or lattice.kind == "hexagon"):
+            left_out.add("cuts")  # its cells lie in layers across no axis
+        return tuple(name for name in PICTURES if name not in left_out)
 
     @property
     def focus(self) -> Ints:

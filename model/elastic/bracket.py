@@ -146,7 +146,8 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
     gap = complementary - wall_work - balanced + whole
-    if not boxes.of and gap < -CROSSED * (complementary + whole):
+    exact = not boxes.of  # differences of answers cross by rounding of their parts
+    if exact and gap < -CROSSED * (complementary + whole):
         return EATEN
     distance = sqrt(max(2.0 * gap, 0.0))
     radius = 0.5 * distance + rest
@@ -163,7 +164,7 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     else:
         lower, upper = work - whole, (sqrt(complementary) + sqrt(0.5) * rest) ** 2
         smallest = sqrt(2.0 * max(lower, 0.0))
-    if lower > (1.0 + CROSSED) * upper:
+    if exact and lower > (1.0 + CROSSED) * upper:
         return EATEN
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
     potential = wall_work - complementary, whole - work

@@ -49,7 +49,7 @@ def refuse_singular(scene: Scene, tolerance_at: ToleranceAt) -> None:
     SingularPlaceError
         With the point, the reason and the way out.
     """
-    if tolerance_at == DISPLACEMENT:
+    if isinstance(tolerance_at, str) and tolerance_at == DISPLACEMENT:
         return
     h = scene.lattice.cell_size
     for quantity in quantities_of(tolerance_at):

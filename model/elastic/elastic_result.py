@@ -196,14 +196,12 @@ class ElasticResult(BodyResult):
     def strain_energy(self) -> float:
         """Energy (J) stored in the body, and in a foundation if there is one.
 
-        The energy of `stress`; where that is to keep a tolerance and lies outside of the bounds, or
-        where the tolerance is proved, the middle of `energy_bounds`.
+        The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, or where
+        the bounds contradict the estimated error.
         """
-        found, own = self.found.bracket if self._promised else "", self.found.energy
-        if not isinstance(found, str):
-            proved = found.error <= (self.tolerance or 0.0)
-            if proved or not found.lower <= own <= found.upper:
-                own = 0.5 * (found.lower + found.upper)
+        found, own = self._promised_bracket, self.found.energy
+        if found is not None and (found.error <= (self.tolerance or 0.0) or self._contradicted):
+            own = 0.5 * (found.lower + found.upper)
         return own * self._energy_unit
 
     @property
@@ -215,13 +213,23 @@ class ElasticResult(BodyResult):
         tolerance was asked for and bounds contradict the estimate, it is `error_bound`: they do
         where they are above twice of it, or the energy of `stress` lies further outside of them.
         """
-        found, own = self.found.bracket if self._promised else "", self.found.error
-        if isinstance(found, str):
-            return own
-        energy = self.found.energy
+        found, own = self._promised_bracket, self.found.error
+        return max(own, found.error) if found is not None and self._contradicted else own
+
+    @property
+    def _promised_bracket(self) -> Bracket | None:
+        """The bounds that are to meet the tolerance, if there are any."""
+        found = self.found.bracket if self._promised else ""
+        return None if isinstance(found, str) else found
+
+    @property
+    def _contradicted(self) -> bool:
+        """Whether the bounds that are to meet the tolerance say that the estimate is blind."""
+        found, own, energy = self._promised_bracket, self.found.error, self.found.energy
+        if found is None:
+            return False
         outside = max(energy - found.upper, found.lower - energy)
-        blind = found.error > BLIND * own or outside > (BLIND * own) ** 2 * found.upper
-        return max(own, found.error) if blind else own
+        return found.error > BLIND * own or outside > (BLIND * own) ** 2 * found.upper
 
     @property
     def energy_bounds(self) -> tuple[float, float] | None:

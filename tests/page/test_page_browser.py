@@ -371,6 +371,6 @@ def test_the_command_writes_a_page_of_a_scene_and_of_a_result(tmp_path, pytestco
 def test_what_cannot_be_a_page_is_refused(tmp_path):
     with pytest.raises(kaju.KajuError, match=r"a page is an \.html file; name it plate\.html"):
         kaju.export_page(Scene(**PLATE), tmp_path / "plate.pdf")
-    element = kaju.creep(kaju.ThreeElement(K_f=1.0, D_f=1.0), kaju.History.step().hold(1.0))
-    with pytest.raises(kaju.KajuError, match="has nothing that a page can show"):
-        kaju.export_page(element, tmp_path / "plate.html")
+    truth = kaju.Reference(np.zeros((1, 2)), np.zeros((1, 2)))
+    with pytest.raises(kaju.KajuError, match="of: a scene, a model or a result is needed"):
+        kaju.export_page(truth, tmp_path / "plate.html")

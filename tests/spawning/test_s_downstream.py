@@ -90,7 +90,7 @@ def test_large_bodies_are_compared_in_the_middles_of_agents():
 
 def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     before = Path(PLATE).read_bytes()
-    spawning_words = ("--strategy", "spawning", "--tolerance", "0.1")
+    spawning_words = ("--strategy", "spawning", "--tolerance", "0.1", "--pictures", "all")
     code, out, _ = kaju("solve", PLATE, "--out", "agents", *spawning_words)
     assert code == 0
     assert "spawning" in out

@@ -109,6 +109,11 @@ def random_scene(rng, folder):
     return with_region.replace(loads=loads(rng, scene.lattice.shape, extent, names))
 
 
+def settled_energy(result):
+    """The energy of the agents as they settled: bounds may contradict it where cells are rough."""
+    return result.found.energy * result.found.scales.force * result.found.scales.displacement
+
+
 def check_same(scene, resolution, stage):
     how = {"resolution": resolution, "stage": stage}
     try:
@@ -119,7 +124,7 @@ def check_same(scene, resolution, stage):
     assume(equal.subdivision == resolution and equal.strain_energy > 0.0)
     # Equal cells of rubber are iterated with their pressures, and end with fewer digits.
     digits = 1e-4 if equal.summary()["method"] == "mixed form" else 1e-6
-    assert agents.strain_energy == pytest.approx(equal.strain_energy, rel=digits)
+    assert settled_energy(agents) == pytest.approx(settled_energy(equal), rel=digits)
     if np.allclose(agents.size, equal.size[0]):
         place = np.rint(agents.lower / equal.size[0]).astype(int) - np.array(equal.cells().origin)
         expected = equal.cells().displacement[tuple(place.T)]

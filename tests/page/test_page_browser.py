@@ -176,7 +176,7 @@ def check_story(page, agent, stage, row):
 def saved(page, tmp_path, name):
     """Save something by its name in the menu; return the file."""
     page.tab.get_by_text("Save", exact=True).click()
-    with page.tab.expect_download() as download:
+    with page.tab.expect_download(timeout=120_000) as download:
         page.tab.get_by_role("button", name=name).click()
     path = tmp_path / download.value.suggested_filename
     download.value.save_as(path)

@@ -99,7 +99,7 @@ def test_the_ruler_reads_what_python_reads(twin, scene):
 
 
 def read_csv(page, name="Save CSV"):
-    with page.tab.expect_download() as download:
+    with page.tab.expect_download(timeout=120_000) as download:
         page.tab.get_by_role("button", name=name, exact=True).click()
     text = Path(download.value.path()).read_text(encoding="utf-8")
     return list(csv.DictReader(text.splitlines()))

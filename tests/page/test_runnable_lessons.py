@@ -103,12 +103,11 @@ def test_a_whole_lesson_by_keyboard(opened, tmp_path):
     assert page.js("page.g") == shown - 1
     press("ArrowDown")  # to the load, and down from it
     press("ArrowDown")
-    page.until("page.parts.story.querySelector('dl')")
-    assert page.tab.locator(".story").inner_text().startswith("Cell (7, 13), steel")
+    page.until("page.parts.story.innerText.includes('(7, 13)')", 20)
     go_to("Save")
     press("Enter")
     go_to("Scene")
-    with page.tab.expect_download() as download:
+    with page.tab.expect_download(timeout=120_000) as download:
         press("Enter")
     download.value.save_as(tmp_path / "mine.toml")
     assert kaju.load_scene(tmp_path / "mine.toml").rule.alpha[1] == pytest.approx(0.5)

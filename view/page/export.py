@@ -92,11 +92,12 @@ await openPage(document.getElementById("kaju"), data, elasticText);
 LIVE = """
 const main = document.getElementById("kaju");
 const data = document.getElementById("kaju-data").textContent;
+// All that is waited for comes before the socket, which may open at once and say so only then.
+const elasticText = await inflated(document.getElementById("kaju-elastic").textContent);
 const socket = new WebSocket(`ws://${location.host}/session`);
 socket.binaryType = "arraybuffer";
 const ask = (question) => socket.send(JSON.stringify(question));
 const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
-const elasticText = await inflated(document.getElementById("kaju-elastic").textContent);
 takeWindow(main);
 socket.onopen = () => connect(main, data, ask, listen, elasticText);
 socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("gone"));

@@ -79,15 +79,14 @@ def stepped_cells(scene: Scene) -> Cells:
     return np.unique(np.concatenate(found), axis=0)
 
 
-def largest_von_mises(result: ElasticResult, beyond: Cells | None = None) -> tuple[float, Floats]:
+def largest_von_mises(result: ElasticResult, but: Flags | None = None) -> tuple[float, Floats]:
     """Return the largest equivalent stress (Pa) of an agent, and the agent's middle (m).
 
-    Agents within a cell of the cells `beyond` are left out, unless none is left.
+    The agents `but` are left out, unless none is left.
     """
     stress = result.von_mises
-    if beyond is not None:
-        away = ~_near(result, beyond)
-        stress = np.where(away, stress, 0.0) if away.any() else stress
+    if but is not None and not but.all():
+        stress = np.where(but, 0.0, stress)
     agent = first_largest(stress)
     return float(stress[agent]), result.middle[agent]
 
@@ -138,14 +137,15 @@ def _steps(result: ElasticResult) -> list[str]:
     if not len(steps):
         return []
     h = grid.lattice.cell_size
-    share = _energy_near(result, steps)
+    near = _near(result, steps)
+    share = _energy_of(result, near)
     _, at = largest_von_mises(result)
     said = (
         f"round and slanted outlines are steps of {h:.3g} m, and what is proved is proved for the "
         f"body of cells: the energy of the body described differs by an estimated {share:.1g} of it"
     )
-    if _near(result, steps)[first_largest(result.von_mises)]:
-        value, place = largest_von_mises(result, steps)
+    if near[first_largest(result.von_mises)]:
+        value, place = largest_von_mises(result, near)
         said += (
             f"; the largest stress, at {_told(at)} m, is an artefact of a step and grows with "
             f"smaller agents. More than a cell away from steps it is {value:.3g} Pa, at "
@@ -181,12 +181,12 @@ def has_limit(result: ElasticResult, agent: int) -> str:
     return ""
 
 
-def _energy_near(result: ElasticResult, cells: Cells) -> float:
-    """Return what the steps in some cells are expected to change of the energy, relative."""
+def _energy_of(result: ElasticResult, near: Flags) -> float:
+    """Return what steps are expected to change of the energy, by that of the agents near them."""
     dimension = result.scene.lattice.dimension
     density = np.einsum("nij,nij->n", result.stress, result.strain)
     energy = density * result.size**dimension
-    return STEPPED * float(energy[_near(result, cells)].sum() / (energy.sum() or 1.0))
+    return STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
 
 
 def _near(result: ElasticResult, cells: Cells) -> Flags:

@@ -10,7 +10,7 @@ import hashlib
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -205,16 +205,15 @@ def _reading(folder: Path) -> Iterator[None]:
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
     """Hold the lock of a folder, which the system takes away with the process."""
-    try:
-        lock = sqlite3.connect(out / _LOCK, timeout=PATIENCE, isolation_level=None)
-        lock.execute("BEGIN EXCLUSIVE")
-    except sqlite3.OperationalError as error:
-        if "locked" not in str(error):
-            raise ResultFileError(f"{out}: cannot be written: {error}") from error
-        raise ResultFileError(
-            f"{out}: another sweep is writing to this folder; wait for it to end"
-        ) from None
-    try:
+    with ExitStack() as held:
+        try:
+            lock = sqlite3.connect(out / _LOCK, timeout=PATIENCE, isolation_level=None)
+            held.callback(lock.close)
+            lock.execute("BEGIN EXCLUSIVE")
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error):
+                raise ResultFileError(f"{out}: cannot be written: {error}") from error
+            raise ResultFileError(
+                f"{out}: another sweep is writing to this folder; wait for it to end"
+            ) from None
         yield
-    finally:
-        lock.close()

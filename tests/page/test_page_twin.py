@@ -8,9 +8,10 @@ from kaju import LoadModel, PrescribedRule, Scene, stability
 from kaju.view.page.scene_data import scene_data
 
 RUN = """
-import { Twin, certify } from "./rule.js";
+import { Twin, certifying } from "./rule.js";
 import { deformation } from "./deformation.js";
 import { Sums } from "./history.js";
+const last = (steps) => { let one; do one = steps.next(); while (!one.done); return one.value; };
 tell(data.map(({ scene, cells, stage }) => {
   const t = new Twin(scene, cells, stage).run(40), { lattice: L, C } = t;
   const at = (log, size) => new Sums(log, size).to(1e9);
@@ -29,7 +30,7 @@ tell(data.map(({ scene, cells, stage }) => {
     walls, rows, pending: t.pending, quiet: t.quiet, ends: t.ends.reduce((a, b) => a + b, 0),
     displacement: moved.displacement.map((u) => pick(u, 1)),
     pressure: moved.pressure.map((p) => pick(p, 1)),
-    alive: t.alive.at(-1) ?? 0, certificate: certify(scene, cells) };
+    alive: t.alive.at(-1) ?? 0, certificate: last(certifying(scene, cells)) };
 }));
 """
 

@@ -2,7 +2,7 @@
 import { button, iconButton, make } from "./controls.js";
 import { AIR, RIGID } from "./lattice.js";
 import { MODES } from "./modes.js";
-import { colourOf, FONT, paintWord } from "./paint.js";
+import { colourOf, css, FONT, paintWord } from "./paint.js";
 import { storyCard } from "./panels.js";
 import { Twin } from "./rule.js";
 import { storyOf } from "./story.js";
@@ -161,33 +161,33 @@ function thick(ctx, x, y, dx, dy, length, width, ink, inks, ghost) {
 function paintCell(page, box) {
   const { view: { ctx }, view: small, run, inks, t, picked: k } = page, { lattice: L } = run, { row } = studied(page), hex = L.hexagon;
   const s = Math.min(box.w / 2.45, box.h / 2.45), cx = box.x + box.w / 2, cy = box.y + box.h / 2, out = (arm) => [L.normals[arm][0], -L.normals[arm][1]];
-  const outline = (x, y, r) => { ctx.beginPath(); for (let i = 0; i < (hex ? 6 : 4); i++) { const a = (i + (hex ? 0 : 0.5)) * 2 * Math.PI / (hex ? 6 : 4); ctx.lineTo(x + r * Math.sin(a), y + r * Math.cos(a)); } ctx.closePath(); };
-  const radius = s * (hex ? 0.5774 : Math.SQRT1_2), font = FONT.replace("12px", s > 130 ? "13px" : "12px"), bold = `600 ${FONT.replace("12px", s > 130 ? "15px" : "12px")}`;
-  const corner = small.outline(L.cell(k)), right = Math.max(...corner.map((p) => p[0]));
+  const outline = (x, y, size = s) => small.outline([x, y], size);
+  const font = FONT.replace("12px", s > 130 ? "13px" : "12px"), bold = `600 ${FONT.replace("12px", s > 130 ? "15px" : "12px")}`;
+  const corner = small.corners(small.at(...small.centre(L.cell(k)))), right = Math.max(...corner.map((p) => p[0]));
   ctx.save(); ctx.strokeStyle = right > 0 ? inks.line : inks.paper; ctx.lineWidth = 1;                       // where on the body this is
   ctx.beginPath(); ctx.moveTo(right, corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy - 1.2 * s); ctx.moveTo(right, corner[2]?.[1] ?? corner[0][1]); ctx.lineTo(cx - 1.2 * s, cy + 1.2 * s); ctx.stroke();
   ctx.beginPath(); ctx.rect(cx - 1.21 * s, cy - 1.21 * s, 2.42 * s, 2.42 * s); ctx.clip();
   const wide = 1.02;
   for (const x of [-1, 0, 1]) for (const y of [-1, 0, 1]) if (!hex && (x || y)) {
     const there = L.contains([L.cell(k)[0] + x, L.cell(k)[1] - y]) && run.kinds[L.key([L.cell(k)[0] + x, L.cell(k)[1] - y])] >= 0;
-    outline(cx + x * wide * s, cy + y * wide * s, radius);
+    outline(cx + x * wide * s, cy + y * wide * s);
     if (there) { ctx.fillStyle = inks.cell; ctx.fill(); }
     ctx.setLineDash(there ? [] : [3, 4]); ctx.strokeStyle = there ? inks.cell : inks.line; ctx.stroke(); ctx.setLineDash([]);
   }
-  if (hex) for (let arm = 0; arm < L.D; arm++) { const [x, y] = out(arm); outline(cx + wide * s * x, cy + wide * s * y, radius); ctx.fillStyle = inks.cell; ctx.fill(); }
+  if (hex) for (let arm = 0; arm < L.D; arm++) { const [x, y] = out(arm); outline(cx + wide * s * x, cy + wide * s * y); ctx.fillStyle = inks.cell; ctx.fill(); }
   const label = (arm) => {                     // in the far corner of the neighbour, out of the arrows' way
     const [x, y] = out(arm), n = L.neighbour(k, arm), kind = run.kinds[n], word = kind >= 0 ? cellName(L, n) : t(kind === AIR ? "air_" : kind === RIGID ? "ground" : "roller");
     const flat = Math.abs(y) < 0.5;
     paintWord(ctx, word, cx + (flat ? 1.17 * Math.sign(x) : hex ? 1.17 * x : -0.46) * s, cy + (flat ? -0.44 : 1.13 * y) * s, inks.soft, inks, { font, align: flat && x > 0 ? "right" : "left" });
   };
-  outline(cx, cy, radius); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
+  outline(cx, cy); ctx.fillStyle = inks.paper; ctx.fill(); ctx.setLineDash([4, 3]); ctx.strokeStyle = inks.ink; ctx.stroke(); ctx.setLineDash([]);
   for (let arm = 0; arm < L.D; arm++) label(arm);
-  if (!row) { paintOwn(page, cx, cy, s, radius, outline, bold); ctx.restore(); return; }
+  if (!row) { paintOwn(page, cx, cy, s, outline, bold); ctx.restore(); return; }
   const { list, own } = leaving(run.scene, run, k, row.channel, row.each), P = row.each, scale = 0.2 * s / P, width = (load) => Math.max(2, load * scale * 1.3);
   const [dx, dy] = out(row.channel % L.D), pull = row.channel >= L.D, squeeze = 0.94;   // drawn squeezed along the load
-  const colour = colourOf(own, page.scale("kept"), inks), paint = `rgb(${colour & 255},${colour >> 8 & 255},${colour >> 16 & 255})`;
+  const colour = colourOf(own, page.scale("kept"), inks), paint = css(colour);
   ctx.save(); ctx.translate(cx, cy); const tilt = Math.atan2(dy, dx); ctx.rotate(tilt); ctx.scale(pull ? 1 / squeeze : squeeze, pull ? squeeze : 1.01); ctx.rotate(-tilt); ctx.translate(-cx, -cy);
-  outline(cx, cy, radius - 1); ctx.fillStyle = paint; ctx.fill(); ctx.restore();
+  outline(cx, cy, s - 1); ctx.fillStyle = paint; ctx.fill(); ctx.restore();
   // A load that came along a side stands at that side; one that came ahead stands behind.
   const side = row.arm >= 0 && row.from >= 0 ? out(row.arm) : [-dx, -dy], behind = side[0] * dx + side[1] * dy < -0.5 || row.from < 0;
   const start = behind ? [cx - dx * 1.08 * s, cy - dy * 1.08 * s] : [cx + side[0] * 0.3 * s - dx * 0.42 * s, cy + side[1] * 0.3 * s - dy * 0.42 * s];
@@ -216,9 +216,9 @@ function paintCell(page, box) {
 }
 
 /** What agents of one's own passed on so far, by arm: no formula is theirs. */
-function paintOwn(page, cx, cy, s, radius, outline, font) {
+function paintOwn(page, cx, cy, s, outline, font) {
   const { view: { ctx }, run: { lattice: L }, inks, picked, t } = page, story = storyOf(page, picked);
-  outline(cx, cy, radius); ctx.fillStyle = inks.cell; ctx.fill();
+  outline(cx, cy); ctx.fillStyle = inks.cell; ctx.fill();
   paintWord(ctx, story ? `${t("keeps")} ${story.kept === null ? "–" : newtons(story.kept)}` : t("asleepNow"), cx, cy, inks.ink, inks, { font, align: "center" });
   const most = Math.max(1e-300, ...(story?.passed ?? [0]));
   story?.passed?.forEach((load, arm) => {

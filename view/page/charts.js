@@ -1,5 +1,5 @@
 // Curves over the generations: agents, load on its way, the largest load, and where loads went.
-import { FONT, paintWord } from "./paint.js";
+import { fitted, FONT, paintWord } from "./paint.js";
 import { PREFIXES, quantity } from "./words.js";
 
 /** The curves of a run: [word, unit, lists, names of the lists]. */
@@ -15,9 +15,7 @@ export function curvesOf(run) {
   sum = 0;
   const taken = run.waits.map((load) => (sum += load));
   const curves = [["agents", "", [run.alive], []], ["onTheWay", "N", [run.waits], []], ["largest", "N", [largest], []]];
-  if (run.residual) curves.push(["residual", "", [run.residual], []]);
-  else curves.push(["ledger", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]);
-  return curves;
+  return [...curves, ["ledger", "N", ended.length ? [taken, ended] : [taken], ["takenInAll", "endedInAll"]]];
 }
 
 const LEFT = 40, HEAD = 20, FOOT = 18;
@@ -25,9 +23,8 @@ const columnsOf = (canvas, count) => (count > 1 && canvas.clientWidth >= 300 ? 2
 
 /** Draw charts in one or two columns; `limit`: curves are shown no further. */
 export function paintGrid(canvas, charts, inks, limit = Infinity) {
-  const r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
-  if (!w) return;
-  if (canvas.width !== Math.round(w * r) || canvas.height !== Math.round(h * r)) { canvas.width = Math.round(w * r); canvas.height = Math.round(h * r); }
+  if (!canvas.clientWidth) return;
+  const { r, w, h } = fitted(canvas);
   const ctx = canvas.getContext("2d"), columns = columnsOf(canvas, charts.length), rows = Math.ceil(charts.length / columns);
   ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, w, h);
   charts.forEach((chart, n) => {

@@ -9,7 +9,7 @@
 const [_AIR, _RIGID, _ROLLER, _BED] = [-1, -2, -3, -4];
 const [ABSENT, FIXED, ACTIVE] = [0, 1, 2];     // no body beside a face; its place is given; it is free
 const REENTRANT = 0.5;                         // share of its shear that a corner with one air cell keeps
-const COARSEST = 300, SWEEPS = 2, MOST_ITERATIONS = 3000, TOLERANCE = 1e-13, ENOUGH = 1e-9;
+const COARSEST = 40, SWEEPS = 2, LAST_SWEEPS = 20, LONGEST = 1 << 20, MOST_ITERATIONS = 3000, TOLERANCE = 1e-13, ENOUGH = 1e-9;
 
 /**
  * Displacement (m) and stress (Pa) of a scene of squares as linear elasticity.
@@ -260,8 +260,9 @@ class StaggeredGrid {
     return { number, load, matrix: packed(n, columns, values) };
   }
   solve() {
-    const { number, load, matrix } = this.assemble(), u = this.fixed.slice();
-    const { x, iterations } = conjugateGradients(matrix, load, new Multigrid(matrix, this));
+    const { number, load, matrix } = this.assemble(), u = this.fixed.slice(), places = [];
+    for (let f = 0; f < this.size; f++) if (number[f] >= 0) places[number[f]] = this.place(f);
+    const { x, iterations } = conjugateGradients(matrix, load, new Multigrid(matrix, places));
     for (let f = 0; f < this.size; f++) if (number[f] >= 0) u[f] = x[number[f]];
     return { u, iterations };
   }
@@ -299,50 +300,21 @@ class StaggeredGrid {
   }
   /** Tell whether no part of the body could move without straining anything. */
   isHeld() {
-    const part = this.parts(), stops = [];
-    const stop = (p, row) => { (stops[p] ??= []).push(row); };
-    const motion = (axis, i, j) => (axis ? [0, 1, i + 0.5] : [1, 0, -(j + 0.5)]);
-    this.eachFace((axis, i, j) => {
-      const f = this.face(axis, i, j);
-      if (this.states[f] !== FIXED && !(this.spring[f] && this.states[f] === ACTIVE)) return;
-      for (const back of [0, 1]) {
-        const p = i - back * (1 - axis) >= 0 && j - back * axis >= 0
-          ? part[(i - back * (1 - axis)) * this.Y + j - back * axis] : 0;
-        if (p) stop(p, motion(axis, i, j));
-      }
+    const part = new Int32Array(this.size).fill(-1), stops = new Map();
+    const root = (f) => { while (part[f] !== f) f = part[f] = part[part[f]]; return f; };
+    this.eachCell((i, j, law, ...faces) => {       // cells that share a face are of one part
+      for (const f of faces) { if (part[f] < 0) part[f] = f; part[root(f)] = root(faces[0]); }
     });
-    this.eachCorner((i, j) => {
-      const row = [0, 0, 0];
-      let p = 0;
-      for (const axis of [0, 1]) for (const step of [-1, 0]) {
-        const [a, b] = shifted([i, j], 1 - axis, step);
-        if (this.state(axis, a, b) === FIXED) motion(axis, a, b).forEach((m, n) => { row[n] += (2 * step + 1) * m; });
-        for (const back of [0, -1]) {
-          const [x, y] = shifted([a, b], axis, back);
-          if (this.kind(x, y) >= 0) p = Math.max(p, part[x * this.Y + y]);
-        }
-      }
-      if (p && row.some(Boolean)) stop(p, row);
-    });
-    for (let p = 1; p <= part.count; p++)
-      if (freeMotion(stops[p] ?? [], this.X, this.Y)) return false;
-    return true;
+    const hold = (i, j, law, ...faces) => {        // what strains them cannot move where a face is held
+      const own = root(faces.find((f) => part[f] >= 0));
+      if (!stops.has(own)) stops.set(own, []);
+      for (const f of faces) if (this.states[f] === FIXED || this.spring[f]) stops.get(own).push(this.place(f));
+    };
+    this.eachCell(hold); this.eachCorner(hold);
+    return [...stops.values()].every((places) => !freeMotion(places, this.X, this.Y));
   }
-  /** Number the parts of the body that are joined by faces, from 1. */
-  parts() {
-    const part = new Int32Array(this.X * this.Y), { kinds, Y } = this;
-    part.count = 0;
-    for (let k = 0; k < kinds.length; k++) {
-      if (kinds[k] < 0 || part[k]) continue;
-      part[k] = ++part.count;
-      for (const heap = [k]; heap.length;) {
-        const at = heap.pop();
-        for (const next of [at - Y, at + Y, at - 1, at + 1])   // the rim is never body
-          if (kinds[next] >= 0 && !part[next]) { part[next] = part[k]; heap.push(next); }
-      }
-    }
-    return part;
-  }
+  /** Where a face is: [axis, i, j]. */
+  place(f) { return f < this.first ? [0, Math.floor(f / this.Y), f % this.Y] : [1, Math.floor((f - this.first) / (this.Y + 1)), (f - this.first) % (this.Y + 1)]; }
 }
 
 function moduliOf(E, nu, plane) {
@@ -358,11 +330,11 @@ function shifted(place, axis, step) { return axis ? [place[0], place[1] + step] 
 function edgeBelow(cell, axis, normal, upper, step) {
   return shifted(shifted(cell, axis, +(step > 0)), normal, 1 - upper);
 }
-/** Whether some rigid motion is stopped by none of the rows (shifts along x and y, turn). */
-function freeMotion(rows, X, Y) {
+/** Whether some rigid motion (shifts along x and y, turn) is stopped by none of the faces at these places. */
+function freeMotion(places, X, Y) {
   const span = Math.max(X, Y), G = Array.from({ length: 3 }, () => [0, 0, 0]);
-  for (const [x, y, turn] of rows) {               // about the middle, lengths in spans
-    const row = [x, y, (turn + (x ? Y / 2 : 0) * x - (y ? X / 2 : 0) * y) / span];
+  for (const [axis, i, j] of places) {             // turned about the middle, lengths in spans
+    const row = axis ? [0, 1, (i + 0.5 - X / 2) / span] : [1, 0, (Y / 2 - j - 0.5) / span];
     for (let a = 0; a < 3; a++) for (let b = 0; b < 3; b++) G[a][b] += row[a] * row[b];
   }
   for (let k = 0; k < 3; k++) {
@@ -430,34 +402,29 @@ function multiply({ rows, start, index, value }, x, out) {
 
 /** One symmetric cycle over a grid and its parents, with Gauss-Seidel sweeps. */
 class Multigrid {
-  constructor(matrix, { states, first, X, Y }) {
-    let parts = [{ state: states.subarray(0, first), shape: [X + 1, Y] }, { state: states.subarray(first), shape: [X, Y + 1] }];
+  constructor(matrix, places) {
     this.levels = [multigridLevel(matrix)];
     for (;;) {
       const fine = this.levels[this.levels.length - 1];
       if (fine.matrix.rows <= COARSEST) break;
-      const { parents, prolong } = coarsened(parts);
+      const { parents, prolong } = coarsened(places);
       if (prolong.columns > 0.7 * prolong.rows) break;
       fine.prolong = prolong;
       fine.restrict = transposed(prolong);
-      parts = parents;
+      places = parents;
       this.levels.push(multigridLevel(product(fine.restrict, product(fine.matrix, prolong))));
     }
-    const last = this.levels[this.levels.length - 1];
-    last.factor = last.matrix.rows <= 4 * COARSEST ? factorised(last.matrix) : null;
   }
   precondition(load, at = 0) {
-    const level = this.levels[at], { matrix, inverse, x, left } = level;
-    if (level.factor) return solved(level.factor, load, x);
+    const { matrix, inverse, x, left, prolong, restrict } = this.levels[at];
     x.fill(0);
-    const sweeps = level.prolong ? SWEEPS : 20;
+    const sweeps = prolong ? SWEEPS : LAST_SWEEPS;
     for (let s = 0; s < sweeps; s++) sweep(matrix, inverse, load, x, false);
-    if (level.prolong) {
+    if (prolong) {
       multiply(matrix, x, left);
       for (let i = 0; i < left.length; i++) left[i] = load[i] - left[i];
       const coarse = this.levels[at + 1];
-      const up = this.precondition(multiply(level.restrict, left, coarse.load), at + 1);
-      multiply(level.prolong, up, left);
+      multiply(prolong, this.precondition(multiply(restrict, left, coarse.load), at + 1), left);
       for (let i = 0; i < left.length; i++) x[i] += left[i];
     }
     for (let s = 0; s < sweeps; s++) sweep(matrix, inverse, load, x, true);
@@ -479,111 +446,28 @@ function sweep({ rows, start, index, value }, inverse, load, x, backward) {
     x[i] += left * inverse[i];
   }
 }
-function factorised({ rows: n, start, index, value }) {
-  const L = new Float64Array(n * n);
-  for (let i = 0; i < n; i++) {
-    for (let k = start[i]; k < start[i + 1]; k++) L[i * n + index[k]] = value[k];
-    L[i * n + i] = L[i * n + i] > 0 ? L[i * n + i] * (1 + 1e-14) : 1;  // parents no child depends on
-  }
-  for (let j = 0; j < n; j++) for (let i = j; i < n; i++) {
-    let sum = L[i * n + j];
-    for (let k = 0; k < j; k++) sum -= L[i * n + k] * L[j * n + k];
-    L[i * n + j] = i > j ? sum / L[j * n + j] : Math.sqrt(Math.max(sum, 1e-300));
-  }
-  return { n, L };
-}
-function solved({ n, L }, load, x) {
-  for (let i = 0; i < n; i++) {
-    let sum = load[i];
-    for (let k = 0; k < i; k++) sum -= L[i * n + k] * x[k];
-    x[i] = sum / L[i * n + i];
-  }
-  for (let i = n - 1; i >= 0; i--) {
-    let sum = x[i];
-    for (let k = i + 1; k < n; k++) sum -= L[k * n + i] * x[k];
-    x[i] = sum / L[i * n + i];
-  }
-  return x;
-}
-
-/** The interpolation from parents twice as large to the faces of both kinds. */
-function coarsened(parts) {
-  const parents = [], blocks = [];
-  parts.forEach(({ state, shape }, component) => {
-    let matrix = null;
-    for (const axis of [0, 1]) {
-      const made = parentsAlong(state, shape, axis, axis === component);
-      const step = interpolation(state, shape, made.state, made.shape, axis, axis === component);
-      matrix = matrix ? product(matrix, step) : step;
-      ({ state, shape } = made);
+/**
+ * Parents twice as large of faces at [axis, i, j], and what each face follows of theirs: along its
+ * normal one in the same place or halves of two, across it three quarters of its own and one of the next.
+ */
+function coarsened(places) {
+  const parents = [], number = new Map(), n = places.length;
+  const columns = new Int32Array(4 * n).fill(-1), values = new Float64Array(4 * n);
+  places.forEach(([axis, ...place], row) => {
+    const [across, up] = place.map((at, a) => {
+      const odd = (at - 1) & 1, own = (at - 1 >> 1) + 1;
+      if (a !== axis) return [[own, 0.75], [own + 2 * odd - 1, 0.25]];
+      return odd ? [[own, 0.5], [own + 1, 0.5]] : [[own, 1]];
+    });
+    let used = 4 * row;
+    for (const [i, u] of across) for (const [j, v] of up) {
+      const key = (axis * LONGEST + i) * LONGEST + j;
+      if (!number.has(key)) { number.set(key, parents.length); parents.push([axis, i, j]); }
+      columns[used] = number.get(key);
+      values[used++] = u * v;
     }
-    parents.push({ state, shape });
-    blocks.push(matrix);
   });
-  return { parents, prolong: stacked(...blocks) };
-}
-function stacked(A, B) {
-  const join = (a, b) => { const out = new a.constructor(a.length + b.length); out.set(a); out.set(b, a.length); return out; };
-  return { rows: A.rows + B.rows, columns: A.columns + B.columns, value: join(A.value, B.value),
-    start: join(A.start, B.start.subarray(1).map((s) => s + A.index.length)),
-    index: join(A.index, B.index.map((c) => c + A.columns)) };
-}
-/** States of the parents along an axis: across it two children have one, along it every second stays. */
-function parentsAlong(state, shape, axis, normal) {
-  const count = shape[axis], cells = normal ? (count - 2) >> 1 : 0;
-  const most = normal ? cells + 3 : (count + 2 + count % 2) >> 1, made = [...shape];
-  made[axis] = most;
-  const out = new Int8Array(made[0] * made[1]), other = shape[1 - axis];
-  const read = (k, o) => (k < 0 || k >= count ? ABSENT : axis ? state[o * count + k] : state[k * other + o]);
-  const clip = (k) => Math.min(Math.max(k, 0), count - 1);
-  for (let p = 0; p < most; p++) for (let o = 0; o < other; o++) {
-    let found = ABSENT;
-    if (normal) {
-      if (p > 0 && p < most - 1) {
-        const k = 2 * p - 1;
-        found = read(k, o);
-        if (found === ABSENT && (read(k - 1, o) === ACTIVE || read(k + 1, o) === ACTIVE)) found = ACTIVE;
-      }
-    } else found = Math.max(read(clip(2 * p - 1), o), read(clip(2 * p), o));
-    out[axis ? o * most + p : p * other + o] = found;
-  }
-  return { state: out, shape: made };
-}
-/** Weights of one axis: along the normal 1 or 1/2, 1/2; across it 3/4, 1/4, prolonged at free surfaces. */
-function interpolation(fine, shape, coarse, made, axis, normal) {
-  const number = numbered(coarse), columns = [], count = made[axis];
-  const rows = fine.reduce((n, s) => n + (s === ACTIVE), 0);
-  const index = new Int32Array(3 * rows).fill(-1), value = new Float64Array(3 * rows);
-  let row = 0;
-  for (let i = 0; i < shape[0]; i++) for (let j = 0; j < shape[1]; j++) {
-    if (fine[i * shape[1] + j] !== ACTIVE) continue;
-    const child = (axis ? j : i) - 1, parent = child >> 1, odd = child & 1;
-    const look = (offset) => {
-      const p = Math.min(Math.max(parent + offset + 1, 0), count - 1);
-      return axis ? i * made[1] + p : p * made[1] + j;
-    };
-    let used = 0;
-    const put = (at, weight) => {
-      if (number[at] < 0 || !weight) return;
-      index[3 * row + used] = number[at];
-      value[3 * row + used++] = weight;
-    };
-    if (normal) { put(look(0), odd ? 0.5 : 1); if (odd) put(look(1), 0.5); } else {
-      const near = look(2 * odd - 1), far = look(1 - 2 * odd);
-      const free = coarse[near] === ABSENT && coarse[far] === ACTIVE, beside = coarse[near] === ACTIVE;
-      put(look(0), free ? 1.25 : coarse[near] === FIXED ? 0.5 : beside ? 0.75 : 1);
-      if (beside) put(near, 0.25);
-      if (free) put(far, -0.25);
-    }
-    row++;
-  }
-  return { ...packed(rows, index, value), columns: number.count };
-}
-function numbered(state) {
-  const number = new Int32Array(state.length).fill(-1);
-  number.count = 0;
-  for (let k = 0; k < state.length; k++) if (state[k] === ACTIVE) number[k] = number.count++;
-  return number;
+  return { parents, prolong: { ...packed(n, columns, values), columns: parents.length } };
 }
 
 function conjugateGradients(matrix, load, multigrid) {

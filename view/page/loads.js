@@ -25,7 +25,7 @@ export class Loads {
   }
   ends(view, { cell, force }, length, aside = 0) {
     const size = Math.hypot(...force) || 1, unit = force.map((f) => f / size);
-    const [dx, dy] = unit.length === 2 ? [unit[0], -unit[1]] : [0, 1].map((i) => unit.reduce((sum, x, a) => sum + x * view.axes[a][i], 0) * (i ? -1 : 1));
+    const [dx, dy] = view.way(unit);
     const [cx, cy] = view.point(view.centre(cell)), gap = view.u / 2 + 3, x = cx - dx * gap - dy * aside, y = cy - dy * gap + dx * aside;
     return { dx, dy, head: [x, y], tail: [x - dx * length, y - dy * length], length };
   }
@@ -185,17 +185,7 @@ export function loadsPanel(page) {
   const { loads, t } = page;
   loads.card = make("div", { className: "load" }, ...fields(loads));
   return [make("h2", { textContent: t("loads") }), loads.card, make("div", { className: "tools" }, button(t("addLoad"), () => {
-    const { lattice: L, kinds } = page.run;
-    const cell = page.picked >= 0 && kinds[page.picked] >= 0 ? L.cell(page.picked) : L.cell(topOf(L, kinds, L.shape[0] >> 2));
-    loads.add(cell);
+    const { lattice: L, kinds } = page.run, [nx, ny] = L.shape;
+    loads.add(page.picked >= 0 && kinds[page.picked] >= 0 ? L.cell(page.picked) : loads.nearest(...page.view.at(nx / 4, ny)));
   }))];
-}
-/** The highest cell of the body in a column, or in any. */
-function topOf(L, kinds, column) {
-  let best = -1, high = -Infinity;
-  L.each((k) => {
-    const [x, y] = L.cell(k), rank = y - 1000 * Math.abs(x - column);
-    if (kinds[k] >= 0 && rank > high) { high = rank; best = k; }
-  });
-  return best;
 }

@@ -1,6 +1,6 @@
 // Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
 // sizes). The page is the same; what is drawn is not a rule's history but frames.
-import { arrow, colourOf, packed, paintLegend, paintWord, rgb, SHEET, View } from "./paint.js";
+import { arrow, colourOf, css, fillRimmed, packed, paintLegend, paintWord, rgb, SHEET, View } from "./paint.js";
 import { paintGrid, partOf } from "./charts.js";
 import { quantity } from "./words.js";
 import { make } from "./controls.js";
@@ -130,7 +130,7 @@ export class MotionPage extends Page {
         face.forEach((c, i) => { px[i] = places[c][0] * r; py[i] = places[c][1] * r; });
         for (let i = 0, j = face.length - 1; i < face.length; j = i++) turn += px[j] * py[i] - px[i] * py[j];
         if (n === 0 || n === 3 || n === 4 ? turn < 0 : turn > 0) continue;
-        this.fillRimmed(px, py, face.length, colour, LIGHT[n], view);
+        fillRimmed(view, px, py, face.length, colour, LIGHT[n]);
       }
     }
     ctx.putImageData(SHEET.image, 0, 0);
@@ -145,17 +145,8 @@ export class MotionPage extends Page {
         px[i] = r * (x0 + u * (points[p] - low[0] + (moved ? times * moved[from] : 0)) / unit);
         py[i] = r * (y0 - u * (points[p + 1] - low[1] + (moved ? times * moved[from + 1] : 0)) / unit);
       }
-      this.fillRimmed(px, py, corners, ink(part), 1, this.view);
+      fillRimmed(this.view, px, py, corners, ink(part), 1);
     }
-  }
-  fillRimmed(px, py, n, colour, light, view) {  // with a thin rim, so that single parts can be told
-    const shade = (c, f) => (0xff000000 | Math.round((c >> 16 & 255) * f) << 16 | Math.round((c >> 8 & 255) * f) << 8 | Math.round((c & 255) * f)) >>> 0;
-    let wide = 0, mx = 0, my = 0;
-    for (let i = 0; i < n; i++) { mx += px[i] / n; my += py[i] / n; wide = Math.max(wide, Math.hypot(px[i] - px[0], py[i] - py[0])); }
-    SHEET.fill(px, py, n, shade(colour, wide > 9 ? 0.72 * light : light));
-    if (wide <= 9) return;
-    const s = 1 - 1.8 * view.r / wide, qx = Float64Array.from(px, (x) => mx + s * (x - mx)), qy = Float64Array.from(py, (y) => my + s * (y - my));
-    SHEET.fill(qx, qy, n, shade(colour, light));
   }
   drawSprings(view, ink) {
     const { parts, count, held, points, dimension, inks } = this, { ctx } = view, nodes = points.length / dimension;
@@ -165,7 +156,7 @@ export class MotionPage extends Page {
     for (let s = 0; s < count; s++) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
     ctx.stroke(); ctx.lineWidth = width;
     for (const [c, list] of lists) {
-      ctx.strokeStyle = `rgb(${c & 255},${c >> 8 & 255},${c >> 16 & 255})`; ctx.beginPath();
+      ctx.strokeStyle = css(c); ctx.beginPath();
       for (const s of list) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
       ctx.stroke();
     }
@@ -184,7 +175,7 @@ export class MotionPage extends Page {
       ctx.strokeStyle = colour; ctx.lineWidth = width; ctx.lineCap = "round"; ctx.beginPath();
       for (let n = every >> 1; n < forces.length; n += every) {
         const { place, force } = forces[n], size = Math.hypot(...force), u = force.map((f) => f / size), length = 14 + 20 * size / strongest;
-        const [dx, dy] = u.length === 2 ? [u[0], -u[1]] : [0, 1].map((i) => u.reduce((sum, x, a) => sum + x * view.axes[a][i], 0) * (i ? -1 : 1));
+        const [dx, dy] = view.way(u);
         const [x, y] = view.point(place.map((p, a) => (p - low[a]) / unit));
         arrow(ctx, x - dx * (length + 5), y - dy * (length + 5), dx * length, dy * length, 9);
         if (colour === inks.load && forces.length <= 12) words.push([quantity(size, "N"), x - dx * (0.6 * length + 5) + 10, y - dy * (0.6 * length + 5)]);
@@ -239,12 +230,7 @@ export class MotionPage extends Page {
     }
     this.later();
   }
-  move(event) {
-    if (!this.solid || !this.hold || !event.buttons) return;
-    const { hold } = this;
-    this.look.camera = { yaw: hold.yaw - (event.clientX - hold.x) / 150, pitch: Math.max(0.05, Math.min(1.5, hold.pitch + (event.clientY - hold.y) / 150)) };
-    this.later();
-  }
+  move(event) { this.turn(event); }
   release() { this.hold = null; }
   walk(event) {                                // arrows go from part to part
     const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[event.key];

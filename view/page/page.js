@@ -3,7 +3,7 @@
 import { certifying, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
 import { Recorded, Sums } from "./history.js";
-import { colourOf, inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
+import { colourOf, css, inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
 import { curvesOf, paintGrid, partOf } from "./charts.js";
 import { icon, make } from "./controls.js";
 import { Lesson } from "./lesson.js";
@@ -329,8 +329,7 @@ export class Page {
     const values = this.values(), scale = this.scale(), list = [];
     L.each((k) => {
       if (kinds[k] < 0) return;
-      const c = colourOf(values[k], scale, inks), fill = values[k] >= 0 ? `rgb(${c & 255},${c >> 8 & 255},${c >> 16 & 255})` : inks.cell;
-      list.push({ points: view.outline(L.cell(k)), fill });
+      list.push({ points: view.corners(view.at(...view.centre(L.cell(k)))), fill: values[k] >= 0 ? css(colourOf(values[k], scale, inks)) : inks.cell });
     });
     return list;
   }
@@ -389,10 +388,10 @@ export class Page {
 
   // -------------------------------------------------------------------------- mouse and keys
   press(event) {
-    const { view, run } = this, L = run.lattice;
+    const { view } = this;
     this.canvas.setPointerCapture(event.pointerId);
     if (this.mode?.press?.(this, event)) return;
-    if (L.dimension === 3) { this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera }; return; }
+    if (this.solid) { this.hold = { x: event.clientX, y: event.clientY, ...this.look.camera }; return; }
     const grip = this.touchable && this.pen === "look" ? this.loads.grip(event) : null;
     this.hold = grip ?? { pen: true };
     if (!grip) { this.loads.chosen = -1; this.touch(view.cellAt(event.offsetX, event.offsetY)); }
@@ -406,17 +405,21 @@ export class Page {
     if (hold?.x !== undefined && Math.hypot(event.clientX - hold.x, event.clientY - hold.y) < 4) this.touch(this.view.cellAt?.(event.offsetX, event.offsetY));
   }
   move(event) {
-    const { hold, view, run } = this, L = run.lattice;
+    const { hold, view } = this;
     if (this.mode?.move?.(this, event)) return;
-    if (L.dimension === 3 && hold && event.buttons) {
-      this.look.camera = { yaw: hold.yaw - (event.clientX - hold.x) / 150, pitch: Math.max(0.05, Math.min(1.5, hold.pitch + (event.clientY - hold.y) / 150)) };
-      this.later();
-      return;
-    }
+    if (this.turn(event)) return;
     const cell = view?.cellAt(event.offsetX, event.offsetY);
     if (hold?.grip && event.buttons) { this.loads.drag(hold, event); this.parts.tip.hidden = true; return; }
     if (hold?.pen && event.buttons && this.pen !== "look") { this.touch(cell); return; }
     this.tip(cell, event);
+  }
+  /** Turn a body in space by the hand. */
+  turn({ buttons, clientX, clientY }) {
+    const { hold, solid } = this;
+    if (!solid || !hold || !buttons) return false;
+    this.look.camera = { yaw: hold.yaw - (clientX - hold.x) / 150, pitch: Math.max(0.05, Math.min(1.5, hold.pitch + (clientY - hold.y) / 150)) };
+    this.later();
+    return true;
   }
   /** A tip at the cursor: the cell, and a line for its value. */
   tip(cell, event, lines = cell ? [this.values()[this.run.lattice.key(cell)]].filter((v) => v >= 0).map((v) => quantity(v, UNITS[this.look.colour])) : []) {
@@ -476,8 +479,8 @@ export class Page {
     if (event.key === "Enter" && this.picked >= 0) { this.touch(L.cell(this.picked)); return true; }
     return false;
   }
-
   storyOf(k) { return storyOf(this, k); }
+
 }
 
 const size = (components, k) => Math.hypot(...components.map((u) => u[k]));

@@ -1,5 +1,6 @@
 // Pictures of a body on a canvas: squares, hexagons and cubes, deformed or not, arrows, legend.
 
+export const css = (packed) => `rgb(${packed & 255},${packed >> 8 & 255},${packed >> 16 & 255})`;
 export const packed = (c) => (0xff000000 | c[2] << 16 | c[1] << 8 | c[0]) >>> 0;
 export const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
 const MOST_ARROWS = 500, ROWS = Math.sqrt(3) / 2;
@@ -29,14 +30,19 @@ export function colourOf(value, scale, inks) {
   return colours[Math.min(colours.length - 1, Math.floor(colours.length * place(value, scale)))];
 }
 
+/** Give a canvas as many pixels as the screen has: {r, w, h, W, H}, w and h in those of CSS, r of the screen in one. */
+export function fitted(canvas) {
+  const r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
+  const W = Math.max(1, Math.round(w * r)), H = Math.max(1, Math.round(h * r));
+  if (canvas.width !== W || canvas.height !== H) { canvas.width = W; canvas.height = H; }
+  return { r, w, h, W, H };
+}
+
 /** How a lattice in cells becomes pixels of a canvas. */
 export class View {
   /** In a box {x, y, w, h} of pixels or all of the canvas; `window`: [x, y, columns, rows] in cells; `foot`: room for a legend. */
   constructor(canvas, lattice, camera, { x = 0, y = 0, w: bw, h: bh, window, tight, foot = tight ? 0 : bw ? 20 : 40 } = {}) {
-    const r = Math.min(2, globalThis.devicePixelRatio || 1), w = canvas.clientWidth, h = canvas.clientHeight;
-    const W = Math.max(1, Math.round(w * r)), H = Math.max(1, Math.round(h * r));
-    if (canvas.width !== W || canvas.height !== H) { canvas.width = W; canvas.height = H; }
-    Object.assign(this, { canvas, ctx: canvas.getContext("2d"), r, w, h, W, H, lattice });
+    const { w, h } = Object.assign(this, { canvas, ctx: canvas.getContext("2d"), lattice, ...fitted(canvas) });
     const [nx, ny] = lattice.shape, margin = tight ? 1 : bw ? 30 : Math.min(52, 0.07 * Math.min(w, h) + 16);
     if (lattice.dimension === 3) { this.turn(camera, margin); return; }
     this.width = nx + (lattice.hexagon && ny > 1 ? 0.5 : 0);
@@ -47,10 +53,16 @@ export class View {
     this.x0 = Math.round(x + (across - this.u * ww) / 2 - this.u * wx);
     this.y0 = Math.round(y + (up - foot + this.u * wh) / 2 + 0.3 * margin + this.u * wy);
   }
-  /** The corners of a cell, in pixels. */
-  outline(cell) {
-    const { hexagon } = this.lattice, c = this.centre(cell), round = hexagon ? 6 : 4, r = hexagon ? 0.5774 : Math.SQRT1_2, turned = hexagon ? 0 : Math.PI / 4;
-    return Array.from({ length: round }, (_, i) => this.at(c[0] + r * Math.sin(turned + i * 2 * Math.PI / round), c[1] + r * Math.cos(turned + i * 2 * Math.PI / round)));
+  /** The corners of a cell of a size about a point, all in pixels. */
+  corners([x, y], size = this.u) {
+    const { hexagon } = this.lattice, n = hexagon ? 6 : 4, r = size * (hexagon ? 0.5774 : Math.SQRT1_2);
+    return Array.from({ length: n }, (_, i) => (i + (hexagon ? 0 : 0.5)) * 2 * Math.PI / n).map((turn) => [x + r * Math.sin(turn), y + r * Math.cos(turn)]);
+  }
+  /** Begin a path about a cell. */
+  outline(middle, size) {
+    this.ctx.beginPath();
+    for (const corner of this.corners(middle, size)) this.ctx.lineTo(...corner);
+    this.ctx.closePath();
   }
   turn({ yaw, pitch }, margin) {               // cubes: turned about the vertical, then tilted
     const { shape } = this.lattice, [c, s, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
@@ -92,11 +104,8 @@ export class View {
     }
     return L.contains(cell) ? cell : null;
   }
-  direction(d) {                               // of a face normal, in pixels of length one (cubes: foreshortened)
-    const n = this.lattice.normals[d];
-    if (n.length === 2) return [n[0], -n[1]];
-    return [0, 1].map((i) => n.reduce((sum, x, a) => sum + x * this.axes[a][i], 0) * (i ? -1 : 1));
-  }
+  /** A direction in the picture: of length one (cubes: foreshortened). */
+  way(n) { return n.length === 2 ? [n[0], -n[1]] : [0, 1].map((i) => n.reduce((sum, x, a) => sum + x * this.axes[a][i], 0) * (i ? -1 : 1)); }
 }
 
 /** Pixels that polygons are filled into: a path of 40,000 quads would take a canvas seconds. */
@@ -130,7 +139,6 @@ class Sheet {
 }
 export const SHEET = new Sheet();
 const PX = new Float64Array(8), PY = new Float64Array(8);
-let small = null;
 
 /** Colour every cell by its value (nothing and asleep look alike), or all that have one by a `tone`; `moved`: {displacement, corners}, in metres. */
 export function paintCells(view, kinds, values, scale, inks, { moved = null, factor = 0, cut = null, tone = null } = {}) {
@@ -139,12 +147,10 @@ export function paintCells(view, kinds, values, scale, inks, { moved = null, fac
   ctx.clearRect(0, 0, view.w, view.h);
   const awake = tone && packed(rgb(tone)), colour = (k) => (values[k] > 0 || (values[k] < 0 && scale.low < 0) ? awake ?? colourOf(values[k], scale, inks) : asleep);
   if (L.dimension === 3) { paintCubes(view, kinds, colour, cut, values, moved, factor); return; }
-  if (!moved && !L.hexagon) paintSquares(view, kinds, colour, inks);
-  else {
-    SHEET.start(ctx, view.W, view.H);
-    (L.hexagon ? fillHexagons : fillQuads)(view, kinds, colour, moved, factor / L.h);
-    ctx.putImageData(SHEET.image, 0, 0);
-  }
+  SHEET.start(ctx, view.W, view.H);
+  (L.hexagon ? fillHexagons : fillQuads)(view, kinds, colour, moved, factor / L.h);
+  ctx.putImageData(SHEET.image, 0, 0);
+  if (!moved && !L.hexagon && view.u > 9) paintGaps(view, inks);
   hatch(view, kinds, inks);
   if (!moved && !L.hexagon && scale.low >= 0) paintFront(view, values, inks);
 }
@@ -179,31 +185,24 @@ export function paintNumbers({ ctx, u, lattice: L, ...view }, inks) {
   for (const i of some(nx)) ctx.fillText(i, view.x0 + u * (i + 0.5), Math.min(view.h - 8, view.y0 + 20));
 }
 
-function paintSquares(view, kinds, colour, inks) {
-  const { ctx, u, lattice: L } = view, [nx, ny] = L.shape;
-  small ??= document.createElement("canvas");
-  if (small.width !== nx || small.height !== ny) { small.width = nx; small.height = ny; }
-  const pixels = small.getContext("2d"), image = pixels.createImageData(nx, ny);
-  const ink = new Uint32Array(image.data.buffer);
-  L.each((k, i) => { if (kinds[k] >= 0) ink[(ny - 1 - i % ny) * nx + Math.floor(i / ny)] = colour(k); });
-  pixels.putImageData(image, 0, 0);
-  ctx.imageSmoothingEnabled = false;
-  ctx.drawImage(small, ...view.at(0, ny), u * nx, u * ny);
-  if (u <= 9) return;
+function paintGaps(view, inks) {
+  const { ctx, lattice: { shape: [nx, ny] } } = view;
   ctx.strokeStyle = inks.paper; ctx.lineWidth = 0.6; ctx.beginPath();
   for (let i = 0; i <= nx; i++) { ctx.moveTo(...view.at(i, 0)); ctx.lineTo(...view.at(i, ny)); }
   for (let j = 0; j <= ny; j++) { ctx.moveTo(...view.at(0, j)); ctx.lineTo(...view.at(nx, j)); }
   ctx.stroke();
 }
 
-function fillQuads(view, kinds, colour, { corners }, f) {
+function fillQuads(view, kinds, colour, moved, f) {
   const { lattice: L, r, u, x0, y0 } = view, [nx, ny] = L.shape, step = L.stride[0];
   for (let x = 0; x < nx; x++) for (let y = 0; y < ny; y++) {
     const k = (x + 1) * step + y + 1;
     if (kinds[k] < 0) continue;
     for (let i = 0; i < 4; i++) {
-      const cx = x + (i === 1 || i === 2 ? 1 : 0), cy = y + (i > 1 ? 1 : 0), n = cx * (ny + 1) + cy;
-      PX[i] = (x0 + u * (cx + f * corners[0][n])) * r; PY[i] = (y0 - u * (cy + f * corners[1][n])) * r;
+      let cx = x + (i === 1 || i === 2 ? 1 : 0), cy = y + (i > 1 ? 1 : 0);
+      const n = cx * (ny + 1) + cy;
+      if (moved) { cx += f * moved.corners[0][n]; cy += f * moved.corners[1][n]; }
+      PX[i] = (x0 + u * cx) * r; PY[i] = (y0 - u * cy) * r;
     }
     SHEET.fill(PX, PY, 4, colour(k));
   }
@@ -248,19 +247,20 @@ function paintCubes(view, kinds, colour, cut, values, moved, factor) {
         if (move) for (let n = 0; n < 3; n++) p[n] += move[n];
         [PX[i], PY[i]] = view.point(p).map((v) => v * r);
       }
-      SHEET.fill(PX, PY, 4, shade(colour(k), light));
-      if (view.u > 9) edge(view, colour(k), light);
+      fillRimmed(view, PX, PY, 4, colour(k), light);
     }
   }
   ctx.putImageData(SHEET.image, 0, 0);
 }
 
-function edge(view, colour, light) {           // a thin darker rim, so that single cubes can be told
-  const mx = (PX[0] + PX[2]) / 2, my = (PY[0] + PY[2]) / 2, s = 1 - 1.4 * view.r / (view.u * view.r);
-  const rim = [0, 1, 2, 3].map((i) => [mx + s * (PX[i] - mx), my + s * (PY[i] - my)]);
-  SHEET.fill(PX, PY, 4, shade(colour, 0.8 * light));
-  rim.forEach(([x, y], i) => { PX[i] = x; PY[i] = y; });
-  SHEET.fill(PX, PY, 4, shade(colour, light));
+/** A face with a thin darker rim, so that single parts can be told. */
+export function fillRimmed({ r }, px, py, n, colour, light) {
+  let wide = 0, mx = 0, my = 0;
+  for (let i = 0; i < n; i++) { mx += px[i] / n; my += py[i] / n; wide = Math.max(wide, Math.hypot(px[i] - px[0], py[i] - py[0])); }
+  SHEET.fill(px, py, n, shade(colour, wide > 9 * r ? 0.76 * light : light));
+  if (wide <= 9 * r) return;
+  const s = 1 - 1.8 * r / wide, qx = Float64Array.from(px, (x) => mx + s * (x - mx)), qy = Float64Array.from(py, (y) => my + s * (y - my));
+  SHEET.fill(qx, qy, n, shade(colour, light));
 }
 
 /** Rigid cells and held sides: hatched; rollers: dotted. */
@@ -316,7 +316,7 @@ export function paintLoads(view, rows, C, inks, shown = () => true) {
       if (f < 0.01 || rows.value[i] < least || (pulls !== null && pulls !== channel >= D)) continue;
       const cell = L.cell(k);
       if (!shown(k, cell)) continue;
-      const [px, py] = view.point(view.centre(cell)), [dx, dy] = view.direction(channel % D);
+      const [px, py] = view.point(view.centre(cell)), [dx, dy] = view.way(L.normals[channel % D]);
       const l = Math.max(5, u * (0.25 + 0.6 * Math.sqrt(f)));
       arrow(ctx, px - dx * l / 2, py - dy * l / 2, dx * l, dy * l, 6);
       if (++n % 50 === 0) { ctx.stroke(); ctx.beginPath(); }   // long paths are slow
@@ -342,7 +342,7 @@ export function paintPath(view, passed, inks, shown = () => true) {
       for (const state of list.slice(i, i + 60)) {
         const k = Math.floor(state / D), cell = L.cell(k);
         if (!shown(k, cell)) continue;
-        const [px, py] = view.point(view.centre(cell)), [dx, dy] = view.direction(state - k * D);
+        const [px, py] = view.point(view.centre(cell)), [dx, dy] = view.way(L.normals[state - k * D]);
         ctx.moveTo(px, py); ctx.lineTo(px + 0.92 * u * dx, py + 0.92 * u * dy);
       }
       ctx.stroke();
@@ -353,13 +353,9 @@ export function paintPath(view, passed, inks, shown = () => true) {
 
 /** A frame round one cell. */
 export function paintPick(view, cell, inks) {
-  const { ctx, u, lattice: { hexagon } } = view, [px, py] = view.point(view.centre(cell));
-  const n = hexagon ? 6 : 4, r = Math.max(6, u) * (hexagon ? 0.5774 : Math.SQRT1_2) + 4;
-  for (const [ink, width] of [[inks.paper, 4], [inks.ink, 2]]) {
-    ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.beginPath();
-    for (let i = 0; i < n; i++) { const turn = (i + (hexagon ? 0 : 0.5)) * 2 * Math.PI / n; ctx.lineTo(px + r * Math.sin(turn), py + r * Math.cos(turn)); }
-    ctx.closePath(); ctx.stroke();
-  }
+  const { ctx, u } = view;
+  view.outline(view.point(view.centre(cell)), Math.max(6, u) + 6);
+  for (const [ink, width] of [[inks.paper, 4], [inks.ink, 2]]) { ctx.strokeStyle = ink; ctx.lineWidth = width; ctx.stroke(); }
 }
 
 /** Words with a halo of paper, that stand over anything. */

@@ -108,30 +108,12 @@ const MAGNITUDES = 2 ** 20;                    // so many different magnitudes m
 class Post {
   constructor(states, accumulate) {
     this.accumulate = accumulate;
-    if (accumulate) {
-      this.sum = new Float64Array(states); this.bits = new Uint8Array(states);
-      this.met = new Uint8Array(states); this.list = new Int32Array(1024);
-    } else this.room(4096);
+    this.tally = accumulate ? new Tally(states) : null; this.bits = new Uint8Array(states);
     this.clear();
   }
   clear() {
-    if (this.accumulate) for (let i = 0; i < this.n; i++) this.met[this.list[i]] = 0;
-    else { this.table.fill(-1); this.known = new Map(); this.values = []; }
-    this.n = 0;
-  }
-  room(size) {                                 // columns, and a hash table four times as long
-    const { code, copies, bits, n = 0 } = this;
-    this.code = new Float64Array(size); this.copies = new Float64Array(size); this.bits = new Uint8Array(size);
-    this.table = new Int32Array(4 * size).fill(-1); this.mask = 4 * size - 1;
-    if (!code) return;
-    this.code.set(code); this.copies.set(copies); this.bits.set(bits);
-    for (let i = 0; i < n; i++) this.table[this.slot(this.code[i])] = i;
-  }
-  slot(code) {
-    const high = Math.floor(code / MAGNITUDES), low = code - high * MAGNITUDES;
-    let slot = (Math.imul(high, 0x9E3779B1) ^ Math.imul(low, 0x85EBCA6B)) >>> 5 & this.mask, at;
-    while ((at = this.table[slot]) >= 0 && this.code[at] !== code) slot = slot + 1 & this.mask;
-    return slot;
+    this.tally?.clear(); this.bits.fill(0);
+    this.copies = new Map(); this.known = new Map(); this.values = [];
   }
   number(value) {
     let id = this.known.get(value);
@@ -139,40 +121,22 @@ class Post {
     return id;
   }
   add(state, id, amount, bits) {               // amount: copies, or newtons when added up
-    if (this.accumulate) {
-      if (!this.met[state]) {
-        this.met[state] = 1; this.sum[state] = 0; this.bits[state] = 0;
-        if (this.n === this.list.length) { const l = new Int32Array(2 * this.n); l.set(this.list); this.list = l; }
-        this.list[this.n++] = state;
-      }
-      this.sum[state] += amount; this.bits[state] |= bits;
-      return;
-    }
+    this.bits[state] |= bits;
     const code = state * MAGNITUDES + id;
-    let slot = this.slot(code), at = this.table[slot];
-    if (at < 0) {
-      if (this.n === this.code.length) { this.room(2 * this.n); slot = this.slot(code); }
-      this.table[slot] = at = this.n++;
-      this.code[at] = code; this.copies[at] = amount; this.bits[at] = bits;
-    } else { this.copies[at] += amount; this.bits[at] |= bits; }
+    if (this.accumulate) this.tally.add(state, amount); else this.copies.set(code, (this.copies.get(code) ?? 0) + amount);
   }
   /** Rows sorted by state, those above γ; what ends goes to `quiet(newtons, state)`. */
   judged(threshold, quiet) {
-    const { accumulate, n } = this;
-    const order = accumulate ? this.list.slice(0, n).sort() : this.code.slice(0, n).sort();
+    const { accumulate, tally } = this, order = (accumulate ? tally.met.slice(0, tally.n) : Float64Array.from(this.copies.keys())).sort(), n = order.length;
     const rows = { n: 0, state: new Int32Array(n), number: new Int32Array(n), magnitude: new Float64Array(n),
       copies: new Float64Array(n), bits: new Uint8Array(n), values: accumulate ? 0 : this.values.length };
     for (let i = 0; i < n; i++) {
-      let state = order[i], id = 0, value, copies = 1, bits;
-      if (accumulate) { value = this.sum[state]; bits = this.bits[state]; } else {
-        const at = this.table[this.slot(order[i])];
-        state = Math.floor(order[i] / MAGNITUDES); id = order[i] - state * MAGNITUDES;
-        value = this.values[id]; copies = this.copies[at]; bits = this.bits[at];
-      }
+      const state = accumulate ? order[i] : Math.floor(order[i] / MAGNITUDES), id = accumulate ? 0 : order[i] - state * MAGNITUDES;
+      const value = accumulate ? tally.sum[state] : this.values[id], copies = accumulate ? 1 : this.copies.get(order[i]);
       if (!(value > threshold)) { quiet(value * copies, state); continue; }
       const r = rows.n++;
       rows.state[r] = state; rows.number[r] = id; rows.magnitude[r] = value;
-      rows.copies[r] = copies; rows.bits[r] = bits;
+      rows.copies[r] = copies; rows.bits[r] = this.bits[state];
     }
     return rows;
   }
@@ -321,9 +285,13 @@ class Tally {
     }
     this.sum[index] += load;
   }
+  clear() {
+    for (let i = 0; i < this.n; i++) this.sum[this.met[i]] = 0;
+    this.n = 0;
+  }
   close(log) {
-    for (let i = 0; i < this.n; i++) { const k = this.met[i]; log.push(k, this.sum[k]); this.sum[k] = 0; }
-    this.n = 0; log.close();
+    for (let i = 0; i < this.n; i++) log.push(this.met[i], this.sum[this.met[i]]);
+    this.clear(); log.close();
   }
 }
 
@@ -331,13 +299,8 @@ class Tally {
 
 const MOST_CELLS = 200000;                     // above this many the radius is bounded, not iterated on
 
-/** Will the loads end? The twin of kaju.stability: bounds, generations, and why not. */
-export function certify(scene, cells) {
-  const steps = certifying(scene, cells);
-  for (;;) { const { value, done } = steps.next(); if (done) return value; }
-}
-
-/** The certificate bit by bit: every one that is yielded holds, the last is the best. */
+/** Will the loads end? The twin of kaju.stability, bit by bit: every certificate that is yielded
+ * holds (bounds, generations, and why not), the last that is returned is the best. */
 export function* certifying(scene, cells) {
   const lattice = new Lattice(scene.lattice), transfer = new Transfer(scene, lattice);
   const { emitted, largest, worst } = transfer, { accumulate, threshold } = scene.rule;

@@ -9,7 +9,6 @@ export const say = (language) => (key, values = {}) => {
   if (text === undefined) throw new Error(`no word for ${key}`);
   return text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 };
-export const catalogue = () => WORDS;
 
 // ------------------------------------------------------------------------------------ numbers
 

@@ -15,7 +15,14 @@ from kaju.arrays import first_largest
 from kaju.errors import ParameterError, ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
-from kaju.model.results.result import BodyResult, Tiles, cells_of_points
+from kaju.model.results.result import (
+    BALANCE,
+    BALANCE_OF_ERROR,
+    BodyResult,
+    Check,
+    Tiles,
+    cells_of_points,
+)
 from kaju.model.scene import Scene
 
 from . import fields
@@ -254,6 +261,17 @@ class ElasticResult(BodyResult):
         """
         found = self.found.bracket
         return None if isinstance(found, str) else found.error
+
+    def checks(self) -> list[Check]:
+        """Return whether the supports bear the loads, as far as the notes do not say otherwise."""
+        applied = self.scene.applied(self.stage).force
+        reactions = self.reactions.values()
+        missing = sum(reactions, applied.sum(axis=0))
+        forces = np.abs(applied).sum() + sum(np.abs(r).sum() for r in reactions)
+        off = float(np.abs(missing).max() / forces) if forces > 0.0 else 0.0
+        said = any("unbalanced" in note or "balance to" in note for note in self.notes)
+        allowed = 1.0 if said else max(BALANCE, BALANCE_OF_ERROR * self.error_estimate)
+        return [Check("supports bear the loads", off, allowed)]
 
     @property
     def provable(self) -> bool:

@@ -15,7 +15,7 @@ from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import NETWORK, RECORDS
-from kaju.model.results.result import Result
+from kaju.model.results.result import BALANCE, Check, Result
 
 from .assembler import spring_forces, spring_geometry
 from .graphs import decoded, encoded, graph_from_network
@@ -289,6 +289,18 @@ class NetworkResult(Result):
                 "length": spring_geometry(self.network, self.displacement[record]).length,
             },
         )
+
+    def checks(self) -> list[Check]:
+        """Return whether the forces at free nodes balance, as well as the records say."""
+        off = []
+        for record in range(len(self.stage)):
+            geometry = spring_geometry(self.network, self.displacement[record])
+            springs = spring_forces(self.network, geometry, self.tension[record])
+            force = springs + self.network.force_at(float(self.stage[record]))
+            met = max(np.abs(springs).max(initial=0.0), np.abs(force).max(initial=0.0))
+            free = np.abs(np.where(self.network.held, 0.0, force)).max(initial=0.0)
+            off.append(float(free / met) if met > 0.0 else 0.0)
+        return [Check("forces balance at free nodes", max(off), BALANCE)]
 
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = network_archive(self.network)

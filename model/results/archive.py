@@ -1,12 +1,13 @@
 """Results in one ``.npz`` file: written whole or not at all, and believed only after a look.
 
 A file may come from anywhere, and its arrays end in compiled loops that check nothing. So
-every checksum is read to its end, nothing is unpacked that is out of proportion, and whoever
-reads an array says what it must be.
+every checksum is read to its end, nothing is unpacked that is out of proportion, the seal over
+all of it must be that of its contents, and whoever reads an array says what it must be.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -23,10 +24,10 @@ from typing_extensions import TypedDict
 
 from kaju import __version__
 from kaju.errors import KajuError, ResultFileError
-from kaju.files import scratch_beside
+from kaju.files import file_to_read, scratch_beside
 
-FORMAT = 2
-"""Version of the files; 1 were those of kaju 0.1."""
+FORMAT, SEALED = 3, 3
+"""Version of the files, 1 were those of kaju 0.1; and from which on they are sealed."""
 PACKED_AT_MOST, SMALL = 200, 1 << 24
 """How many times larger than its file an archive may be, but for its first bytes."""
 QUICK = 1
@@ -264,6 +265,7 @@ def write_archive(
     if target.suffix != ".npz":
         target = target.with_name(target.name + ".npz")
     labelled = {"kind": kind, "format": FORMAT, "kaju_version": __version__, **text}
+    labelled["seal"] = seal_of(arrays, json.loads(json.dumps(labelled)))
     described = np.frombuffer(json.dumps(labelled).encode(), dtype=np.uint8)
     with (
         scratch_beside(target, ResultFileError) as scratch,
@@ -295,8 +297,6 @@ def open_archive(path: str | Path, *kinds: str) -> Archive:
     try:
         arrays = unpacked(file)
         about = json.loads(arrays.pop("json").tobytes().decode())
-    except FileNotFoundError as error:
-        raise ResultFileError(f"{file}: there is no such file") from error
     except ResultFileError:
         raise
     except Exception as error:
@@ -304,16 +304,31 @@ def open_archive(path: str | Path, *kinds: str) -> Archive:
     if not isinstance(about, dict) or not isinstance(about.get("kind"), str):
         raise ResultFileError(f"{file}: is not a result that kaju has saved (it has no kind)")
     version = about.get("format", 1)
-    if not isinstance(version, int) or version > FORMAT:
+    if type(version) is not int or not 1 <= version <= FORMAT:
         raise ResultFileError(
             f"{file}: was saved by kaju {about.get('kaju_version')} in version {version!r} of the "
             f"format, this is kaju {__version__} and knows {FORMAT}; read it with the later one"
+        )
+    if version >= SEALED and about.pop("seal", None) != seal_of(arrays, about):
+        raise ResultFileError(
+            f"{file}: its contents are not those that were saved (their seal is another): it is "
+            "damaged, or was changed; compute it again"
         )
     if kinds and about["kind"] not in kinds:
         raise ResultFileError(
             f"{file}: holds a result of kind {about['kind']!r}, not of {kinds[0]!r}"
         )
     return Archive(file, arrays, about)
+
+
+def seal_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]) -> str:
+    """Return a digest of everything in a file; whoever changes one number breaks it."""
+    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    return digest.hexdigest()
 
 
 def unpacked(file: Path) -> dict[str, NDArray[Any]]:
@@ -324,7 +339,7 @@ def unpacked(file: Path) -> dict[str, NDArray[Any]]:
     ResultFileError
         If they would be out of proportion to the file.
     """
-    with zipfile.ZipFile(file) as archive:
+    with zipfile.ZipFile(file_to_read(file, ResultFileError)) as archive:
         entries = archive.infolist()
         whole, packed = sum(entry.file_size for entry in entries), file.stat().st_size
         if whole > SMALL + PACKED_AT_MOST * packed:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
+from kaju.files import is_there
 from kaju.model.scene import Scene
 
 from .archive import Archive, open_archive, reading, write_archive
@@ -60,6 +61,32 @@ INSIDE = "rigid"
 """Name of the support that rigid cells inside the array give."""
 
 
+BOOKS, ROUNDING, BALANCE = 1e-12, 1e-9, 1e-6
+"""Shares by which a ledger, energies, and forces may be off without a word in the notes."""
+BALANCE_OF_ERROR = 1e-2
+"""The last of these as a share of the error that an answer states."""
+
+
+class Check(NamedTuple):
+    """One thing that must hold in an answer.
+
+    Attributes
+    ----------
+    what : str
+    off, allowed : float
+        By what share it is missed, and by what it may be.
+    """
+
+    what: str
+    off: float
+    allowed: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether it does; a number that is none holds nothing."""
+        return self.off <= self.allowed
+
+
 class Result:
     """An answer of kaju: of load transfer, elasticity, agents that settle, springs, or in time.
 
@@ -95,6 +122,23 @@ class Result:
     @abstractmethod
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per agent, or per time."""
+
+    def checks(self) -> list[Check]:
+        """Return what must hold in it whatever was asked: its books, forces and energies balance.
+
+        Examples
+        --------
+        >>> import kaju
+        >>> plate = kaju.Scene(
+        ...     body={"cell_size": 0.01, "cells": [4, 4], "material": "steel"},
+        ...     sides={"bottom": "rigid"},
+        ...     loads=[{"side": "top", "force": [0.0, -1.0]}],
+        ... )
+        >>> [(check.what, check.holds) for check in kaju.solve(plate).checks()]
+        [('supports bear the loads', True)]
+
+        """
+        return []
 
     def save(self, path: str | Path) -> Path:
         """Write it to one ``.npz`` file, whole or not at all; `kaju.load_result` reads it again.
@@ -395,11 +439,11 @@ def load_result(path: str | Path) -> Result:
         If the file is missing, or is no result of kaju's.
     """
     file = Path(path)
-    if file.suffix == ".pvti" or (file / "result.pvti").exists():
+    if file.suffix == ".pvti" or is_there(file / "result.pvti"):
         from kaju.model.scale.pieces import PiecedResult
 
         return PiecedResult.load(file)
-    if file.is_dir():
+    if is_there(file) and file.is_dir():
         file = file / "result.npz"
     kind = open_archive(file).about["kind"]
     for known in _kinds():

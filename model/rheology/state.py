@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Floats
 from kaju.errors import ResultError, ResultFileError
-from kaju.files import scratch_beside
-from kaju.model.results.archive import Archive, plain_of, reading, unpacked
+from kaju.model.results.archive import Archive, open_archive, plain_of, reading, write_archive
 from kaju.model.results.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME
-from kaju.model.results.result import BodyResult, Curves, Result
+from kaju.model.results.result import ROUNDING, BodyResult, Check, Curves, Result
 from kaju.model.scene import Scene
 
 if TYPE_CHECKING:
     import pandas
+
+
+STATE = "state in time"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,18 +91,15 @@ class CreepState:
 
     def save(self, path: str | Path) -> Path:
         """Write the state to one ``.npz`` file, whole or not at all."""
-        target = Path(path)
         arrays = {f"field{i}": part for i, part in enumerate(self.fields)}
         numbers = {name: np.asarray(getattr(self, name)) for name in CREEP_STATE}
-        with scratch_beside(target, ResultFileError) as scratch, scratch.open("wb") as file:
-            np.savez(file, **arrays, **numbers)  # type: ignore[arg-type]
-        return target
+        return write_archive(path, STATE, arrays | numbers, {})
 
     @classmethod
     def load(cls, path: str | Path) -> CreepState:
         """Read a state that `save` wrote."""
+        archive = open_archive(path, STATE)
         with reading(path):
-            archive = Archive(Path(path), unpacked(Path(path)), {})
             count = len(archive.part("field"))
             fields = tuple(archive.array(f"field{i}", "f", None) for i in range(count))
             numbers = archive.columns(CREEP_STATE, {})
@@ -208,6 +207,13 @@ class Course(Result):
             "seconds": self.seconds,
             "kaju_version": __version__,
         } | ({"notes": list(self.notes)} if self.notes else {})
+
+    def checks(self) -> list[Check]:
+        """Return whether the work done is stored, turned to heat, or named as neither."""
+        gap = np.abs(self.work - self.stored - self.dissipated - self.numerical)
+        turned = np.abs([self.work, self.stored, self.dissipated, self.numerical]).max()
+        off = float(gap.max() / turned) if turned > 0.0 else 0.0
+        return [Check("the work done is accounted for", off, ROUNDING)]
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return one row per time asked for: what the curves show."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
-from kaju.files import scratch_folder, take_place
+from kaju.files import file_to_read, scratch_folder, take_place
 from kaju.model.elastic import fields
 from kaju.model.elastic.staggered import axis_pairs
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
@@ -336,9 +336,10 @@ class PiecedResult(BodyResult):
             pieces = sorted(place.glob("piece-*.vti"))
             (place / INDEX).write_bytes(_index(pieces, self.grid))
             text, arrays = self.scene.to_archive()
-            write_archive(place / SCENE, "pieces", arrays, {"scene": text, "stage": self.stage})
             summary = json.dumps(self.figures, indent=2, allow_nan=False)
             (place / SUMMARY).write_text(summary + "\n", encoding="utf-8")
+            about = {"scene": text, "stage": self.stage, "files": _checksums(place)}
+            write_archive(place / SCENE, "pieces", arrays, about)
             take_place(place, target, replace=False)
         except OSError as error:
             raise ResultFileError(f"{target}: cannot be written: {error}") from error
@@ -356,6 +357,10 @@ class PiecedResult(BodyResult):
         folder = folder.parent if folder.is_file() else folder
         archive = open_archive(folder / SCENE, "pieces")
         with reading(folder):
+            if "files" in archive.about and archive.value("files", dict[str, int]) != _checksums(
+                folder
+            ):
+                raise ResultError("its files are not those that were saved")
             scene = Scene.from_archive(archive.value("scene", str), archive.arrays)
             told = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
             figures = Archive(folder / SUMMARY, {}, told)
@@ -480,10 +485,22 @@ def _header_of(path: Path) -> ElementTree.Element:
     return _opened_file(path)[0]
 
 
+def _checksums(folder: Path) -> dict[str, int]:
+    """Return checksums of index, summary and the pieces' headers, which hold those of the rest."""
+    found = {}
+    for path in sorted(folder.glob("*")):
+        if path.name in (INDEX, SUMMARY):
+            found[path.name] = crc32(file_to_read(path, ResultFileError).read_bytes())
+        elif path.suffix == ".vti":
+            with file_to_read(path, ResultFileError).open("rb") as file:
+                found[path.name] = crc32(file.read(1 << 16).partition(_HEADER)[0])
+    return found
+
+
 def _opened_file(path: Path) -> tuple[ElementTree.Element, int]:
     """Return the header of a piece, and where its data begin."""
     try:
-        with path.open("rb") as file:
+        with file_to_read(path, ResultFileError).open("rb") as file:
             start = file.read(1 << 16)
         length = start.index(_HEADER)
         return ElementTree.fromstring(start[:length] + b"</VTKFile>"), length + len(_HEADER)  # noqa: S314

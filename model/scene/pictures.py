@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags
 from kaju.errors import SceneError, SceneFileError
+from kaju.files import file_to_read
 
 MOST_PIXELS = 50_000_000
 """Images above this many pixels are not read."""
@@ -50,8 +51,8 @@ def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
     source: str | BytesIO = path
     if path.startswith(EMBEDDED):
         path, source = "the embedded image", BytesIO(b64decode(path.removeprefix(EMBEDDED)))
-    elif not Path(path).is_file():
-        raise SceneFileError(f"{key}: there is no image {path}")
+    else:
+        file_to_read(path, SceneFileError, key=key)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
@@ -77,8 +78,7 @@ def read_pixels(path: str, key: str) -> NDArray[np.uint8]:
 
 def read_array(path: str, key: str) -> NDArray[np.generic]:
     """Return the array in an ``.npy`` file without reading more than its head at first."""
-    if not Path(path).is_file():
-        raise SceneFileError(f"{key}: there is no array {path}")
+    file_to_read(path, SceneFileError, key=key)
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError):

@@ -15,6 +15,7 @@ from kaju.agents.materials import Material, suggestion
 from kaju.agents.rules import PrescribedRule
 from kaju.arrays import Ints
 from kaju.errors import ParameterError, SceneError, SceneFileError
+from kaju.files import text_of_file
 
 from .body import Body
 from .contents import Contents, contents_of
@@ -32,6 +33,7 @@ from .shared_materials import with_shared
 from .sides import FREE, SideCondition
 from .support import check_body
 from .text import (
+    LONGEST,
     archive_of,
     located,
     overridden,
@@ -376,16 +378,9 @@ def load_scene(path: str | Path, overrides: Mapping[str, Any] | None = None) -> 
     SceneError
         If the scene breaks a rule; the message starts with the file's name.
     """
+    hint = "; a scene is a TOML file (images: Scene.from_image, arrays: Scene.from_array)"
+    text = text_of_file(path, SceneFileError, LONGEST, hint=hint)
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SceneFileError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise SceneFileError(
-            f"{path}: is not a text; a scene is a TOML file (images: Scene.from_image, arrays: "
-            "Scene.from_array)"
-        ) from None
     try:
         table = with_shared(table_from(text), path.parent)
         return Scene(**located(overridden(table, overrides or {}), path.parent))

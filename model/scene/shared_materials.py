@@ -10,8 +10,12 @@ from typing import Any
 
 from kaju.agents.materials import Material
 from kaju.errors import ParameterError, SceneError, SceneFileError
+from kaju.files import text_of_file
 
 from .places import with_lines
+
+LONGEST = 100_000_000
+"""Bytes of a scene's text; larger bodies come from images and arrays."""
 
 
 def shared_materials(path: str | Path) -> dict[str, Material]:
@@ -34,12 +38,9 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Material]]:
     """Return a file's tables, and the materials that they make."""
     from .description import MaterialTable
 
+    text = text_of_file(path, SceneFileError, LONGEST, key="materials")
     try:
-        text = path.read_text(encoding="utf-8")
         table = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "it is not a text"
-        raise SceneFileError(f"materials: {path} cannot be read: {reason}") from None
     except tomllib.TOMLDecodeError as error:
         raise SceneError(f"materials: {path} is not valid TOML: {error}") from None
     inside = "materials." if "materials" in table else ""

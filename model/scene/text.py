@@ -22,10 +22,8 @@ from .body import Body
 from .description import TABLES, Description
 from .loads import Load
 from .pictures import EMBEDDED, Picture
-from .shared_materials import with_shared
+from .shared_materials import LONGEST, with_shared
 
-LONGEST = 100_000_000
-"""Characters of a scene's text; larger bodies come from images and arrays."""
 DEEPEST = 16
 """Parts of a key path; a scene needs five."""
 _WORDS = re.compile(

@@ -25,6 +25,7 @@ Method = str | Sequence[Mapping[str, Any]]
 
 GRID, LISTED = "grid", "list"
 SAMPLED = ("sobol", "lhs", "saltelli")
+MOST_POINTS = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,11 @@ def points_of(vary: Vary, method: Method, samples: int | None, seed: int) -> Swe
             )
         return SweepPoints(values, LISTED)
     shape = tuple(map(len, values.values()))
+    if math.prod(shape) > MOST_POINTS:
+        raise ParameterError(
+            f"vary: {math.prod(shape):,} combinations are more than {MOST_POINTS:,}; take fewer "
+            "values, or draw samples (method='sobol', samples=1024)"
+        )
     places = np.unravel_index(np.arange(math.prod(shape)), shape)
     columns = {
         key: [column[place] for place in along]

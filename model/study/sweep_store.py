@@ -19,7 +19,7 @@ import numpy as np
 
 from kaju.arrays import Ints
 from kaju.errors import MissingExtraError, ResultFileError
-from kaju.files import scratch_beside
+from kaju.files import is_there, scratch_beside
 
 from .sweep_job import ERROR, RUN, Row
 
@@ -56,9 +56,9 @@ class SweepStore:
 
     def about(self) -> dict[str, Any]:
         """Return what the sweep is."""
-        ((text,),) = self._database.execute("SELECT text FROM about")
+        ((text, check),) = self._database.execute("SELECT * FROM about")
         about = json.loads(text)
-        if not isinstance(about, dict) or "identity" not in about:
+        if check != crc32(text.encode()) or "identity" not in about:
             raise ValueError("it does not describe a sweep")
         return about
 
@@ -157,7 +157,7 @@ def load_sweep(folder: str | Path) -> pandas.DataFrame:
         If there is no sweep, or it cannot be read.
     """
     place = Path(folder)
-    if not (place / STORE).exists():
+    if not is_there(place / STORE):
         raise ResultFileError(f"{place}: is no folder of a sweep: it has no {STORE}")
     with _opened(place) as database, _reading(place):
         return SweepStore(database).table()
@@ -176,9 +176,11 @@ def _begin(database: sqlite3.Connection, about: dict[str, Any]) -> None:
     with database:  # one transaction
         database.execute("BEGIN IMMEDIATE")
         if not database.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-            database.execute("CREATE TABLE about (text)")
+            database.execute("CREATE TABLE about (text, crc)")
             database.execute("CREATE TABLE rows (run INTEGER PRIMARY KEY, text, crc)")
-            database.execute("INSERT INTO about VALUES (?)", (json.dumps(about, default=str),))
+            text = json.dumps(about, default=str)
+            row = text, crc32(text.encode())
+            database.execute("INSERT INTO about VALUES (?, ?)", row)
 
 
 @contextmanager

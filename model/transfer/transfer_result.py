@@ -20,7 +20,14 @@ from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.formats import HISTORY, STAGE, sizes_of
 from kaju.model.results.mesh import corner_order, write_vtk
-from kaju.model.results.result import INSIDE, BodyResult, cells_of_points, idle_rheology
+from kaju.model.results.result import (
+    BOOKS,
+    INSIDE,
+    BodyResult,
+    Check,
+    cells_of_points,
+    idle_rheology,
+)
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
@@ -275,6 +282,11 @@ class TransferResult(BodyResult):
     def load_path(self) -> networkx.DiGraph:
         """Return who loaded whom, with the loads as edge weights (N)."""
         return load_path(self.scene, self.last)
+
+    def checks(self) -> list[Check]:
+        """Return whether every newton is accounted for at every stage."""
+        off = max(stage.ledger.imbalance for stage in self.stages)
+        return [Check("every newton is accounted for", off, BOOKS)]
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures of the last stage."""

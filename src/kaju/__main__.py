@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
 import sys
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 import typer.core
@@ -67,15 +68,36 @@ def _version(
 
 
 def main() -> None:
-    """Run the command; an error of kaju's is one line and exit code 2."""
+    """Run the command; whatever goes wrong is one line and exit code 2."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # ν on a terminal that knows only ASCII
     try:
+        os.getcwd()  # fails where it was deleted, and every path counts from it
         app()
     except KajuError as error:
-        typer.echo(f"error: {error}", err=True)
-        sys.exit(2)
+        _end(str(error))
+    except MemoryError as error:
+        _end(f"there is not enough memory ({error}); take a coarser or a smaller body")
+    except OSError as error:
+        where = error.filename or ("the output" if _full(sys.stdout) else "the working folder")
+        _end(f"{where}: {error.strerror or error}")
+
+
+def _end(told: str) -> NoReturn:
+    _full(sys.stdout)
+    typer.echo(f"error: {told}", err=not _full(sys.stderr))
+    sys.exit(2)
+
+
+def _full(stream: TextIO) -> bool:
+    """Tell whether a stream takes nothing more; what is left in it is given up then."""
+    try:
+        stream.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        return True
+    return False
 
 
 if __name__ == "__main__":

@@ -10,11 +10,48 @@ import typer
 
 from kaju.errors import ParameterError
 
-from .options import Force, Json, SceneFile, Settings, refuse_to_replace, scene_of, worked_plate
+from .options import Force, Json, Settings, refuse_to_replace, scene_of, worked_plate
 
 
-def check(scene: SceneFile, settings: Settings = None, as_json: Json = False) -> None:
-    """Say whether the loads of a scene will end; exit code 1 if they may not."""
+def check(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A scene (.toml), a stored result, or its folder")
+    ],
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Say whether the loads of a scene will end, or a stored result is whole; exit code 1 if not.
+
+    A stored result is read to its end: checksums, its seal, every array; and its books, forces
+    and energies must balance.
+    """
+    if file.suffix != ".toml" and (file.suffix in (".npz", ".pvti") or file.is_dir()):
+        _check_result(file, as_json)
+    else:
+        _check_scene(file, settings, as_json)
+
+
+def _check_result(file: Path, as_json: bool) -> None:
+    from kaju.model.results.result import load_result
+
+    result = load_result(file)
+    json.dumps(result.summary(), allow_nan=False)
+    checks = result.checks()
+    if as_json:
+        told = {check.what: check._asdict() | {"holds": check.holds} for check in checks}
+        typer.echo(json.dumps({"kind": result.kind, "checks": told}, indent=2))
+    else:
+        typer.echo(f"{result.kind}: whole, as it was saved")
+        for check in checks:
+            verdict = "holds" if check.holds else "DOES NOT HOLD"
+            typer.echo(
+                f"{check.what}: {verdict}, off by {check.off:.1e} where {check.allowed:.0e} is "
+                "allowed"
+            )
+    raise typer.Exit(0 if all(check.holds for check in checks) else 1)
+
+
+def _check_scene(scene: Path, settings: list[str] | None, as_json: bool) -> None:
     from kaju.model.transfer.stability import stability
 
     certificate = stability(scene_of(scene, settings))

@@ -7,6 +7,8 @@ key, the rule it breaks, the value that was given, the place, and what to do abo
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class KajuError(Exception):
     """Base class of everything that kaju raises on purpose."""
@@ -100,3 +102,24 @@ class MechanismError(TangentError):
 
 class BucklingError(TangentError):
     """The pressed springs let nodes slip sideways: the network buckles or turns inside out."""
+
+
+def check_type(name: str, value: object, form: Any) -> None:
+    """Refuse an argument that is not of a type, texts that are no Unicode among them.
+
+    Raises
+    ------
+    ParameterError
+        Naming the argument, what it must be, and what it is.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        TypeAdapter(form).validate_python(value, strict=True)
+        if isinstance(value, str):
+            value.encode()
+    except ValidationError as error:
+        told = error.errors()[0]["msg"].replace("Input should", "should")
+        raise ParameterError(f"{name}: {told}, got {value!r:.80}") from None
+    except UnicodeEncodeError as error:
+        raise ParameterError(f"{name}: {value!r:.80} is no text ({error.reason})") from None

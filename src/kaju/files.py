@@ -1,4 +1,4 @@
-"""Writing files and folders: whole or not at all, whenever the process ends.
+"""Opening files, and writing them and folders: whole or not at all, whenever the process ends.
 
 What is being written has a hidden name (``.kaju-…``) beside its target and carries a lock that
 the system takes away with the process. So the next writer can tell what a dead one left behind,
@@ -8,9 +8,11 @@ and sweeps it.
 from __future__ import annotations
 
 import ctypes
+import errno
 import os
 import secrets
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,6 +27,68 @@ except ImportError:  # on Windows: there nothing is locked, so nothing is swept
 HIDDEN = ".kaju-"
 _EXCHANGE = 2
 _HERE = -100  # AT_FDCWD: names count from the working folder
+
+
+def file_to_read(
+    path: str | Path, error: type[KajuError], *, most: int | None = None, key: str = ""
+) -> Path:
+    """Return the path of a file that can be read to its end.
+
+    Parameters
+    ----------
+    path : path
+    error : type of KajuError
+        What to raise otherwise.
+    most : int, optional
+        Bytes that it may have.
+    key : str
+        What of a scene names it.
+
+    Raises
+    ------
+    KajuError
+        If there is none, it is a folder, a pipe or a device (which may never end), it is
+        larger than it may be, or the name is none.
+    """
+    try:
+        about = os.stat(path)
+        reason = "" if stat.S_ISREG(about.st_mode) else "it is a pipe or a device"
+        if stat.S_ISDIR(about.st_mode):
+            reason = os.strerror(errno.EISDIR)
+        elif most is not None and about.st_size > most:
+            reason = f"its {about.st_size:,} bytes are more than {most:,}"
+    except (OSError, ValueError, TypeError) as wrong:
+        reason = getattr(wrong, "strerror", None) or str(wrong)
+    if reason:
+        raise error(f"{key}{': ' if key else ''}{path!s:.300}: cannot be read: {reason}")
+    return Path(path)
+
+
+def text_of_file(
+    path: str | Path, error: type[KajuError], most: int, *, key: str = "", hint: str = ""
+) -> str:
+    """Return the text (UTF-8) in a file; `hint` says what to do if it is no text.
+
+    Raises
+    ------
+    KajuError
+        As `file_to_read`, or if it is no text.
+    """
+    file = file_to_read(path, error, most=most, key=key)
+    try:
+        return file.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise error(f"{key}{': ' if key else ''}{path}: is not a text{hint}") from None
+    except OSError as wrong:
+        raise error(f"{path}: cannot be read: {wrong.strerror or wrong}") from None
+
+
+def is_there(path: Path) -> bool:
+    """Tell whether there is anything of that name; a name that no system takes is nobody's."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
 
 
 @contextmanager
@@ -91,7 +155,7 @@ def take_place(scratch: Path, target: Path, *, replace: bool) -> None:
 def check_writable(target: Path, error: type[KajuError]) -> None:
     """Refuse a place where nothing can be written, before anything is computed for it."""
     above = target.absolute().parent
-    while not above.exists():
+    while not is_there(above):
         above = above.parent
     with _named(target, error), _claimed(above):
         pass

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from kaju.errors import ParameterError
+from kaju.files import is_there
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -111,5 +112,5 @@ def worked_plate() -> str:
 
 def refuse_to_replace(path: Path, force: bool) -> None:
     """Refuse to write over a file unless that is asked for."""
-    if path.exists() and not force:
+    if is_there(path) and not force:
         raise ParameterError(f"{path}: exists already; take another name, or --force to replace it")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kaju.errors import ResultFileError
-from kaju.files import check_writable, scratch_folder, take_place
+from kaju.files import check_writable, is_there, scratch_folder, take_place
 from kaju.view import PICTURES
 
 from .options import Drawn
@@ -40,14 +40,14 @@ class Folder:
 
     def __init__(self, path: Path, force: bool = False) -> None:
         self.path = path
-        if path.exists() and not path.is_dir():
+        if is_there(path) and not path.is_dir():
             raise ResultFileError(f"{path}: is a file; --out needs a folder")
         if Path.cwd().is_relative_to(path.resolve()):
             raise ResultFileError(
                 f"{path}: is a folder that you stand in, and results arrive as a whole folder; "
                 f"take a new one, such as {path / 'result'}"
             )
-        self._replaces = _identity(path) if path.exists() and any(path.iterdir()) else None
+        self._replaces = _identity(path) if is_there(path) and any(path.iterdir()) else None
         if self._replaces is not None and not force:
             raise ResultFileError(
                 f"{path}: is not empty; take another folder, "

@@ -68,7 +68,7 @@ def test_results_are_not_overwritten_unless_forced(kaju):
         (["solve", PLATE, "--tolerance", "0"], "tolerance"),
         (["check", "missing.toml"], "missing.toml"),
         (["animate", PLATE], "is a scene; run it first"),
-        (["animate", "nothing.npz"], "there is no such file"),
+        (["animate", "nothing.npz"], "cannot be read: No such file"),
     ],
 )
 def test_what_is_mistyped_is_one_line_and_exit_code_2(kaju, words, message):

@@ -323,10 +323,10 @@ def get(port, path, **headers):
     return answer, text
 
 
-def session(port, name="127.0.0.1", origin=True):
+def session(port, name="127.0.0.1", origin=True, query=""):
     """A websocket of a page of the server; of another page, or by another name, if wanted."""
     own = f"http://{name}:{port}" if origin is True else origin
-    uri = f"ws://{name}:{port}/session"
+    uri = f"ws://{name}:{port}/session{query}"
     here = socket.create_connection(("127.0.0.1", port))
     return connect(uri, sock=here, origin=own, max_size=None, close_timeout=10)
 
@@ -404,8 +404,38 @@ def test_there_is_an_end_to_sessions(port, monkeypatch):
     with session(port) as one, session(port) as other:
         asked(one, {"type": "hello"})
         asked(other, {"type": "hello"})
-        with pytest.raises(InvalidStatus, match="403"):
-            session(port)
+        with session(port) as third, pytest.raises(ConnectionClosed, match="close one") as closed:
+            third.recv(timeout=120)
+        assert closed.value.rcvd.code == server.FULL
+
+
+def test_who_does_not_know_the_token_stays_out():
+    with running(token="secret") as port:
+        for path in ("/", "/?token=guess", "/?token=", "/?token=%ff"):
+            answer, text = get(port, path)
+            assert answer.status == 403
+            assert "open the address" in text
+        for query in ("", "?token=guess"):
+            with pytest.raises(InvalidStatus, match="403"):
+                session(port, query=query)
+        answer, text = get(port, "/?token=secret")
+        assert answer.status == 200
+        assert "/session${location.search}" in text
+        with session(port, query="?token=secret") as websocket:
+            assert asked(websocket, {"type": "hello"})[0]["fresh"]
+
+
+def test_frames_and_numbers_that_no_page_sends_get_an_answer(port):
+    with session(port) as websocket:
+        websocket.send(b"\0")
+        assert "is not JSON" in unpack(websocket.recv(timeout=120))[0]["error"]
+        websocket.send(b'{"type": "step"}')
+        assert "error" not in unpack(websocket.recv(timeout=120))[0]
+        for number in ("9" * 400, "9" * 5000, "1e999", "NaN", "-Infinity", "1" + "0" * 320):
+            text = f'{{"type": "step", "generations": {number}}}'
+            assert "is not JSON" in asked(websocket, text)[0]["error"]
+        told = asked(websocket, {"type": "step", "generations": 10**200})[0]["error"]
+        assert "a whole number from 1 to 10000" in told
 
 
 def test_what_cannot_be_watched_is_told():
@@ -460,7 +490,7 @@ def test_the_command_serves_until_it_is_interrupted():
         text=True,
     )
     try:
-        address = re.search(r"http://127\.0\.0\.1:\d+/", started.stdout.readline())[0]
+        address = re.search(r"http://127\.0\.0\.1:\d+/\?token=\S+", started.stdout.readline())[0]
         with urlopen(address) as answer:  # the server listens before it says so
             assert b'id="kaju"' in answer.read()
         with pytest.raises(HTTPError, match="400"):

@@ -136,5 +136,5 @@ def test_too_many_steps_are_an_error_that_says_what_to_do():
 def test_a_file_that_is_no_state_is_refused(tmp_path):
     path = tmp_path / "no.npz"
     path.write_bytes(b"nothing")
-    with pytest.raises(ResultFileError, match=r"no\.npz: is damaged"):
+    with pytest.raises(ResultFileError, match=r"no\.npz: is not a result"):
         CreepState.load(path)

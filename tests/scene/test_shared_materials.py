@@ -82,7 +82,7 @@ def test_single_values_of_shared_materials_can_be_changed(folder):
         ),
         ("x = 1\n", "must hold a table for each material"),
         ("[agar\n", "not valid TOML.*line 1"),
-        (None, "lab.toml cannot be read: No such file"),
+        (None, "lab.toml: cannot be read: No such file"),
     ],
 )
 def test_wrong_files_of_materials_are_named(folder, lab, told):

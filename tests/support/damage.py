@@ -1,11 +1,13 @@
 """Files that were damaged on their way, and what becomes of whoever reads them.
 
-`python tests/support/damage.py FOLDER SEED COUNT` makes a file of every stored kind, damages copies
-of them in COUNT ways and reads each. It ends with a line of JSON: how many were refused by name,
-how many read, and every other end. A crash ends the process; the last line printed names the file.
+`python tests/support/damage.py FOLDER SEED FLIPS WRONG FORGED` makes a file of every stored kind,
+damages copies of them and reads each: FLIPS have bits turned over, are cut short or hold noise, WRONG
+are well-formed archives with something changed, FORGED the same under a seal of their own. It ends
+with a line of JSON: how many were refused by name, how many read, and every other end, "different"
+among them: what was read without a word, although it is not what was saved (a forger may say what he
+likes, so that does not count for him). A crash ends the process; the last line printed names the file.
 """
 
-import io
 import json
 import resource
 import signal
@@ -15,11 +17,14 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+from stored_files import joined, parts_of
 
 import kaju
 from kaju import ElasticModel, LoadModel, Material, NetworkModel, Scene, ThreeElement, creep
 from kaju.errors import KajuError
 from kaju.model.network import triangular
+from kaju.model.results.archive import seal_of
+from kaju.model.results.formats import CREEP_STATE
 from kaju.model.rheology.state import CreepState
 from kaju.model.scale.pieces import Piece, PiecedResult
 from kaju.model.study.reference import Reference
@@ -94,8 +99,14 @@ def in_pieces(folder):
     return whole.save(folder / "pieces")
 
 
+def contents_of(told):
+    """Return a digest of all that was read, to be compared with what was saved."""
+    arrays, about = told if isinstance(told, tuple) else ({}, told)
+    return seal_of(arrays, json.loads(json.dumps(about, default=str)))
+
+
 def looked_at(result):
-    """Ask a result for what its users ask first."""
+    """Ask a result for what its users ask first; return its contents."""
     json.dumps(result.summary())
     result.to_dataframe()
     scene = getattr(result, "scene", None)
@@ -107,13 +118,33 @@ def looked_at(result):
     for more in ("von_mises", "load_path", "strain"):
         if hasattr(result, more) and callable(getattr(result, more)):
             getattr(result, more)()
+    result.checks()
+    if isinstance(result, PiecedResult):
+        arrays = {}
+        for number, piece in enumerate(result.pieces):
+            for group in (piece.nodes, piece.cells):
+                arrays |= {f"{number} {name} {len(arrays)}": v for name, v in group.items()}
+        return contents_of((arrays, result.summary()))
+    return contents_of(result._stored())
 
 
 def samples(folder):
     """Write one file of every kind; return, by kind, the file to damage and how it is read."""
 
     def read(path):
-        looked_at(kaju.load_result(path))
+        return looked_at(kaju.load_result(path))
+
+    def read_reference(path):
+        known = Reference.load(path)
+        return contents_of(({"at": known.points, "moved": known.displacement}, known.source))
+
+    def read_state(path):
+        state = CreepState.load(path)
+        numbers = {name: getattr(state, name) for name in CREEP_STATE}
+        return contents_of(({str(i): part for i, part in enumerate(state.fields)}, numbers))
+
+    def half_way(model):
+        return lambda path: contents_of(model.load_checkpoint(path).checkpoint_parts())
 
     soft, firm = ThreeElement(K_f=2e6, D_f=3e6, D_d=4e7), ThreeElement(K_f=1e6, D_f=1e6, D_d=9e7)
     net = triangular(3)
@@ -145,26 +176,29 @@ def samples(folder):
         "reference": Reference([[0.0, 0.0], [1.0, 1.0]], [[0.0, 1.0], [2.0, 3.0]], source="known"),
     }  # fmt: skip
     made = {
-        kind: (answer.save(folder / f"{kind}.npz"), read if kind != "reference" else Reference.load)
+        kind: (answer.save(folder / f"{kind}.npz"), read if kind != "reference" else read_reference)
         for kind, answer in answers.items()
     }
     element.state.save(folder / "state.npz")
-    made["state"] = folder / "state.npz", CreepState.load
-    made["walk half-way"] = walking.save_checkpoint(folder / "walk.npz"), LoadModel.load_checkpoint
+    made["state"] = folder / "state.npz", read_state
+    made["walk half-way"] = walking.save_checkpoint(folder / "walk.npz"), half_way(LoadModel)
     made["pushes half-way"] = (
         pushing.save_checkpoint(folder / "pushes half-way.npz"),
-        ElasticModel.load_checkpoint,
+        half_way(ElasticModel),
     )
     loading = NetworkModel(net, increments=3)
     loading.step()
     made["network half-way"] = (
         loading.save_checkpoint(folder / "network half-way.npz"),
-        NetworkModel.load_checkpoint,
+        half_way(NetworkModel),
     )
     kaju.sweep(
         plate(), {"loads.0.force": [[0.0, -1.0], [0.0, -2.0]]}, out=folder / "sweep", workers=1
     )
-    made["sweep"] = folder / "sweep" / "sweep.sqlite", lambda path: load_sweep(path.parent)
+    made["sweep"] = (
+        folder / "sweep" / "sweep.sqlite",
+        lambda path: contents_of(load_sweep(path.parent).to_json()),
+    )
     pieces = in_pieces(folder)
     for file in sorted(pieces.iterdir()):
         made[f"pieces, {file.name}"] = file, lambda path: read(path.parent)
@@ -237,11 +271,9 @@ def of_words(value, rng):
     return WORDS[int(rng.integers(len(WORDS)))]
 
 
-def of_archive(data, rng):
+def of_archive(data, rng, *, sealed):
     """Write an archive again, sound as such, with something wrong in it."""
-    with np.load(io.BytesIO(data)) as stored:
-        arrays = dict(stored)
-    about = json.loads(arrays.pop("json").tobytes()) if "json" in arrays else {}
+    arrays, about = parts_of(data)
     names = sorted(arrays)
     way = rng.integers(8)
     if way == 0 and about:
@@ -250,45 +282,19 @@ def of_archive(data, rng):
         del arrays[names[int(rng.integers(len(names)))]]
     elif way == 2:
         arrays["bomb"] = np.zeros(200_000_000 // 8)
-    elif way in (3, 4) and about:
+    elif way in (3, 4) or not names:
         about = of_words(about, rng)
-    elif names:
+    else:
         name = names[int(rng.integers(len(names)))]
         arrays[name] = of_array(arrays[name], list(arrays.values()), rng)
-    if about:
-        arrays["json"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
-    out = io.BytesIO()
-    np.savez_compressed(out, **arrays)
-    return out.getvalue()
+    return joined(arrays, about, sealed=sealed) if isinstance(about, dict) else b""
 
 
-def of_table(data, rng):
-    """Write a table again with a wrong column."""
-    import pandas
-
-    table = pandas.read_parquet(io.BytesIO(data))
-    name = table.columns[int(rng.integers(len(table.columns)))]
-    way = rng.integers(4)
-    if way == 0:
-        table = table.drop(columns=name)
-    elif way == 1:
-        table[name] = "a"
-    elif way == 2:
-        table = table[:0]
-    else:
-        table[name] = -1.5
-    out = io.BytesIO()
-    table.to_parquet(out, engine="pyarrow", index=False)
-    return out.getvalue()
-
-
-def damaged(path, data, rng):
-    if rng.random() < 0.35:
+def damaged(path, data, rng, way):
+    if way == "flips":
         return of_bytes(data, rng)
     if path.suffix == ".npz":
-        return of_archive(data, rng)
-    if path.suffix == ".parquet":
-        return of_table(data, rng)
+        return of_archive(data, rng, sealed=way == "forged")
     if path.suffix == ".json":
         return json.dumps(of_words(json.loads(data), rng)).encode()
     if rng.random() < 0.5:
@@ -301,32 +307,36 @@ def late(*_):
     raise TimeoutError(f"took more than {SECONDS} s")
 
 
-def main(folder, seed, count):
+def main(folder, seed, counts):
     warnings.simplefilter("ignore")
     made = samples(folder)
+    saved = {}
     for kind, (path, read) in made.items():
         try:
-            read(path)
+            saved[kind] = read(path)
         except Exception as error:
             raise SystemExit(f"{kind}: whole, and {error!r}") from error
     base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     signal.signal(signal.SIGALRM, late)
-    ends = {"refused": 0, "read": 0, "raw": []}
+    ends = {"refused": 0, "read": 0, "raw": [], "different": []}
     whole = {kind: path.read_bytes() for kind, (path, _) in made.items()}
-    for number in range(count):
+    ways = [way for way, count in counts.items() for _ in range(count)]
+    for number, way in enumerate(ways):
         kind = list(made)[number % len(made)]
         path, read = made[kind]
-        data = damaged(path, whole[kind], np.random.default_rng([seed, number]))
+        data = damaged(path, whole[kind], np.random.default_rng([seed, number]), way)
         path.write_bytes(data)
-        print(number, kind, zlib.crc32(data), flush=True)
+        print(number, way, kind, zlib.crc32(data), flush=True)
         signal.alarm(SECONDS)
         try:
-            read(path)
+            found = read(path)
             ends["read"] += 1
+            if found != saved[kind] and way != "forged":
+                ends["different"].append(f"{number} {way} {kind}")
         except KajuError:
             ends["refused"] += 1
         except Exception as error:
-            ends["raw"].append(f"{number} {kind}: {type(error).__name__}: {error!s:.80}")
+            ends["raw"].append(f"{number} {way} {kind}: {type(error).__name__}: {error!s:.80}")
         finally:
             signal.alarm(0)
             path.write_bytes(whole[kind])
@@ -335,4 +345,5 @@ def main(folder, seed, count):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
+    flips, wrong, forged = map(int, sys.argv[3:6])
+    main(Path(sys.argv[1]), int(sys.argv[2]), {"flips": flips, "wrong": wrong, "forged": forged})

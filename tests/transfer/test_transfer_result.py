@@ -78,7 +78,7 @@ def test_the_file_needs_no_pickle(result, tmp_path):
 
 
 def test_files_that_are_no_results_are_refused(result, tmp_path):
-    with pytest.raises(ResultFileError, match="there is no such file"):
+    with pytest.raises(ResultFileError, match="cannot be read: No such file"):
         TransferResult.load(tmp_path / "nothing.npz")
     (tmp_path / "text.npz").write_text("hello")
     with pytest.raises(ResultFileError, match="is not a result that kaju has saved"):

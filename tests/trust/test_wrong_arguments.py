@@ -1,10 +1,13 @@
 """What is handed over by mistake is named, with what would be right."""
 
+import os
+
 import pytest
 
 import kaju
 from kaju import ElasticRule, History, LoadModel, Scene, creep, solve
 from kaju.errors import KajuError, ParameterError, ResultError
+from kaju.model.scene.shared_materials import shared_materials
 
 
 def block(**more):
@@ -66,3 +69,45 @@ def test_films_and_elastic_pictures_name_theirs(tmp_path):
     course = creep(block(), History.step().hold(1.0))
     with pytest.raises(ParameterError, match="times: 'deformed' has no such option"):
         kaju.plot(course, "deformed", times=1)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"title": 5},
+        {"title": "\ud800"},
+        {"text": [1]},
+        {"presets": [1]},
+        {"presets": {"a": "b"}},
+        {"presets": {1: "b"}},
+        {"language": "fr"},
+    ],
+)
+def test_options_of_pages_are_checked_by_type(tmp_path, options):
+    with pytest.raises(ParameterError, match=f"{next(iter(options))}: "):
+        kaju.export_page(block(), tmp_path / "x.html", **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_sweep_of_more_points_than_anybody_waits_for_is_refused():
+    many = {f"loads.0.force.{axis}": range(10**6) for axis in range(2)}
+    with pytest.raises(ParameterError, match=r"1,000,000,000,000 combinations"):
+        kaju.sweep(block(), many)
+
+
+@pytest.mark.parametrize("name", ["a" * 300, "a\0b", "pipe", "/dev/zero", "."])
+@pytest.mark.parametrize(
+    "reader",
+    [
+        kaju.load_scene,
+        kaju.load_result,
+        shared_materials,
+        lambda path: Scene.from_array(path, legend={1: "steel"}, cell_size=0.1),
+        lambda path: Scene.from_image(path, legend={"black": "steel"}, cell_size=0.1),
+    ],
+)
+def test_what_is_no_file_to_read_is_refused_at_once(tmp_path, monkeypatch, name, reader):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
+    with pytest.raises(KajuError, match="cannot be read: "):
+        reader(name)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.rules import PrescribedRule
-from kaju.errors import ParameterError, ResultFileError
+from kaju.errors import ParameterError, ResultFileError, check_type
 from kaju.files import scratch_beside
 from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.settling.elastic_model import ElasticModel
@@ -94,7 +94,7 @@ const main = document.getElementById("kaju");
 const data = document.getElementById("kaju-data").textContent;
 // All that is waited for comes before the socket, which may open at once and say so only then.
 const elasticText = await inflated(document.getElementById("kaju-elastic").textContent);
-const socket = new WebSocket(`ws://${location.host}/session`);
+const socket = new WebSocket(`ws://${location.host}/session${location.search}`);
 socket.binaryType = "arraybuffer";
 const ask = (question) => socket.send(JSON.stringify(question));
 const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
@@ -163,6 +163,15 @@ def export_page(
         raise ParameterError(f"{target}: a page is an .html file; name it {target.stem}.html")
     if language not in (None, *LANGUAGES):
         raise ParameterError(f"language: one of {', '.join(LANGUAGES)} is needed, got {language!r}")
+    for name, given in (("title", title), ("text", text)):
+        check_type(name, given, Text | None)
+        for part in given.values() if isinstance(given, Mapping) else ():
+            check_type(name, part, str)
+    check_type("presets", presets, Mapping[str, Any] | None)
+    for name, preset in (presets or {}).items():
+        scene = preset[0] if isinstance(preset, tuple) and len(preset) == 2 else preset
+        if not isinstance(scene, Scene):
+            raise ParameterError(f"presets: {name!r} must be a Scene, or one with a text, in pairs")
     packed = packed_page(from_file(of), title, text, presets or {}, language, exact, lesson)
     html = page_html(packed, _in(language, title) or "kaju")
     with scratch_beside(target, ResultFileError) as scratch:

@@ -11,7 +11,7 @@ import binascii
 import json
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from math import isfinite, prod
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +45,8 @@ ModelOf = Callable[[Scene], LoadModel]
 MOST_GENERATIONS = 10_000
 """Of one message."""
 MOST_LOADS = 50_000
+MOST = 1e300
+"""A number of a message is smaller than this."""
 _AS_IT_IS = 0
 """Level of compression: time counts more than bytes on the way to the same machine."""
 
@@ -318,10 +320,17 @@ def generations_of(asked: Mapping[str, Any]) -> int:
 
 def _read(message: str) -> dict[str, Any]:
     try:
-        asked = json.loads(message)
+        asked = json.loads(message, parse_int=_number, parse_float=_number, parse_constant=_number)
     except (ValueError, RecursionError) as error:
         raise ParameterError(f"message: is not JSON ({error})") from error
     return _table({"message": asked}, "message")
+
+
+def _number(text: str) -> int | float:
+    """Return a number of a message: a finite one, and no larger than arrays can hold."""
+    if not abs(float(text)) < MOST:
+        raise ValueError(f"{text[:20]} is not a number below {MOST:.0e}")
+    return int(text) if text.lstrip("-").isdigit() else float(text)
 
 
 def _table(of: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -341,8 +350,8 @@ def _list(of: Mapping[str, Any], name: str) -> list[Any]:
 def whole(of: Mapping[str, Any], name: str, low: int, high: int, usual: int) -> int:
     """Return a whole number of a message, between two bounds."""
     value = of.get(name, usual)
-    whole = isinstance(value, (int, float)) and isfinite(value) and value == int(value)
-    if not whole or isinstance(value, bool) or not low <= value <= high:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not (number and low <= value <= high and value == int(value)):
         raise ParameterError(f"{name}: a whole number from {low} to {high} is needed, got {value}")
     return int(value)
 

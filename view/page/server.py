@@ -3,13 +3,15 @@
 One page, one websocket a session; a session is a model of its own. Sessions share nothing but
 the scene they begin with, read no files, and are dropped when nobody has asked them anything
 for a while. Only pages that this server has sent may talk to it: other hosts' names (DNS
-rebinding) and other pages' requests (cross-site websockets) are refused.
+rebinding) and other pages' requests (cross-site websockets) are refused. The address carries a
+token, so that other users of the machine, who can reach the port as well, stay out.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import secrets
 import socket
 import webbrowser
 from typing import TYPE_CHECKING
@@ -32,7 +34,7 @@ IDLE = 1800.0
 MOST_SESSIONS = 64
 LARGEST_MESSAGE = 8_000_000
 """Bytes of a message: a million cells as base64, and loads."""
-REFUSED, GONE, BUSY = 1008, 1001, 1013
+REFUSED, GONE, FULL = 1008, 1001, 1013
 """Codes with which websockets are closed: of another page, idle, too many."""
 
 
@@ -65,9 +67,10 @@ def watch(of: Watched, port: int = 8000, *, browser: bool = True, idle: float = 
     except ImportError as error:
         raise _missing() from error
 
-    app = watch_app(of, idle=idle)
+    token = secrets.token_urlsafe(16)
+    app = watch_app(of, idle=idle, token=token)
     listening = _listen(port)
-    address = f"http://{ADDRESS}:{listening.getsockname()[1]}/"
+    address = f"http://{ADDRESS}:{listening.getsockname()[1]}/?token={token}"
     print(f"watch at {address} (Ctrl+C ends it)", flush=True)  # noqa: T201
     if browser:
         webbrowser.open(address)
@@ -78,19 +81,22 @@ def watch(of: Watched, port: int = 8000, *, browser: bool = True, idle: float = 
         uvicorn.Server(config).run(sockets=[listening])
 
 
-def watch_app(of: Watched, idle: float = IDLE) -> Starlette:
+def watch_app(of: Watched, idle: float = IDLE, token: str = "") -> Starlette:
     """Return the application that `watch` serves, for servers of your own.
 
     Parameters
     ----------
     of, idle
         As for `watch`.
+    token : str
+        What addresses must carry as ``?token=…``; unless given, everybody who reaches the
+        server may watch.
     """
     try:
         from starlette.applications import Starlette
         from starlette.middleware import Middleware
         from starlette.middleware.trustedhost import TrustedHostMiddleware
-        from starlette.responses import HTMLResponse
+        from starlette.responses import HTMLResponse, PlainTextResponse
         from starlette.routing import Route, WebSocketRoute
     except ImportError as error:
         raise _missing() from error
@@ -98,13 +104,19 @@ def watch_app(of: Watched, idle: float = IDLE) -> Starlette:
     begin = sessions_of(of)
     html = live_page(begin().opening())
 
-    async def page(_: Request) -> Response:
+    def known(asks: Request | WebSocket) -> bool:
+        given = asks.query_params.get("token", "").encode()
+        return not token or secrets.compare_digest(given, token.encode())
+
+    async def page(request: Request) -> Response:
+        if not known(request):
+            return PlainTextResponse(_STRANGER, 403, _HEADERS)
         return HTMLResponse(html, headers=_HEADERS)
 
     sessions = Sessions(idle)
 
     async def session(websocket: WebSocket) -> None:
-        if not _same_origin(websocket):
+        if not (_same_origin(websocket) and known(websocket)):
             await websocket.close(REFUSED)
             return
         await sessions.serve(websocket, begin())
@@ -115,6 +127,8 @@ def watch_app(of: Watched, idle: float = IDLE) -> Starlette:
     )
 
 
+_STRANGER = """This page is for whoever started `kaju watch`: open the address that it printed.
+"""
 _HEADERS = {
     "X-Frame-Options": "DENY",
     "X-Content-Type-Options": "nosniff",
@@ -134,14 +148,18 @@ class Sessions:
         """Answer one websocket until it is closed or idle."""
         from starlette.websockets import WebSocketDisconnect
 
-        if self.open >= MOST_SESSIONS:
-            await websocket.close(BUSY)
-            return
         await websocket.accept()
+        if self.open >= MOST_SESSIONS:
+            await websocket.close(FULL, f"{MOST_SESSIONS} pages are open already: close one")
+            return
         self.open += 1
         try:
             while True:
-                message = await asyncio.wait_for(websocket.receive_text(), self.idle)
+                frame = await asyncio.wait_for(websocket.receive(), self.idle)
+                if frame["type"] == "websocket.disconnect":
+                    return
+                # A binary frame is read like a text one; what is no JSON gets an answer too.
+                message = frame.get("text") or frame.get("bytes", b"").decode(errors="replace")
                 await websocket.send_bytes(await asyncio.to_thread(run.answer, message))
         except TimeoutError:
             await websocket.close(GONE, "nothing was asked for a long time: load the page again")

@@ -1,0 +1,103 @@
+"""Whatever goes wrong, a command ends with one sentence and leaves nothing half-written."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from stored_files import rewritten
+from typer.testing import CliRunner
+
+import kaju
+from kaju.__main__ import app
+
+SCENE = """
+sides = { bottom = "rigid" }
+loads = [{ cell = [1, 1], force = [0.0, -2.0] }]
+[body]
+cell_size = 0.01
+cells = [3, 2]
+material = "steel"
+"""
+COMMAND = [sys.executable, "-m", "kaju"]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "s.toml").write_text(SCENE)
+    return tmp_path
+
+
+def run(folder, *words, **options):
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
+    return subprocess.run([*COMMAND, *words], cwd=folder, text=True, timeout=120, **options)
+
+
+def is_one_sentence(done):
+    return (
+        done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
+    )
+
+
+@pytest.mark.parametrize("name", ["pipe.toml", "/dev/zero", "d" * 300 + ".toml"])
+def test_what_is_no_file_is_named(folder, name):
+    os.mkfifo(folder / "pipe.toml")
+    done = run(folder, "check", name)
+    assert is_one_sentence(done)
+    assert "cannot be read" in done.stderr
+
+
+def test_a_working_folder_that_is_gone_is_named(folder):
+    gone = folder / "gone"
+    words = " ".join([*COMMAND, "check", str(folder / "s.toml")])
+    gone.mkdir()
+    done = subprocess.run(
+        f"rmdir {gone}; {words}",
+        shell=True,
+        cwd=gone,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert is_one_sentence(done)
+
+
+def test_an_output_that_is_full_is_named(folder):
+    with Path("/dev/full").open("w") as full:
+        done = run(folder, "solve", "s.toml", "--no-pictures", "--json", "--out", "o", stdout=full)
+    assert is_one_sentence(done)
+    assert "the output: No space left" in done.stderr
+    assert not (folder / "o").exists() or kaju.load_result(folder / "o").checks()[0].holds
+
+
+def test_python_without_its_compiler_answers(folder):
+    done = run(
+        *(folder, "solve", "s.toml", "--no-pictures", "--tolerance", "0.3", "--quiet"),
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+    )
+    assert (done.returncode, done.stderr) == (0, "") or is_one_sentence(done)
+
+
+def told_of(*words):
+    done = CliRunner().invoke(app, ["check", *map(str, words)])
+    return done.exit_code, done.output
+
+
+def test_a_stored_result_is_checked(folder):
+    path = kaju.solve(kaju.load_scene(folder / "s.toml")).save(folder / "r.npz")
+    code, told = told_of(path)
+    assert code == 0
+    assert "supports bear the loads: holds" in told
+    assert '"holds": true' in told_of(path, "--json")[1]
+
+
+def test_a_result_whose_books_do_not_balance_is_told(folder):
+    path = kaju.LoadModel(kaju.load_scene(folder / "s.toml")).run().save(folder / "r.npz")
+
+    def forged(arrays, about):
+        about["stages"][-1]["ledger"]["taken"] *= 1.5
+
+    code, told = told_of(rewritten(path, forged))
+    assert code == 1
+    assert "every newton is accounted for: DOES NOT HOLD" in told

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats
-from kaju.errors import ResultError, ResultFileError
+from kaju.errors import ResultError
 from kaju.model.results.archive import Archive, open_archive, plain_of, reading, write_archive
 from kaju.model.results.formats import COURSE, CREEP_STATE, ELEMENT_IN_TIME
 from kaju.model.results.result import ROUNDING, BodyResult, Check, Curves, Result

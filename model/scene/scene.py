@@ -29,11 +29,10 @@ from .refinement import refined_body, refined_loads
 from .regions import Region
 from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Mask
-from .shared_materials import with_shared
+from .shared_materials import LONGEST, with_shared
 from .sides import FREE, SideCondition
 from .support import check_body
 from .text import (
-    LONGEST,
     archive_of,
     located,
     overridden,

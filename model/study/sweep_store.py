@@ -57,7 +57,7 @@ class SweepStore:
     def about(self) -> dict[str, Any]:
         """Return what the sweep is."""
         ((text, check),) = self._database.execute("SELECT * FROM about")
-        about = json.loads(text)
+        about: dict[str, Any] = json.loads(text)
         if check != crc32(text.encode()) or "identity" not in about:
             raise ValueError("it does not describe a sweep")
         return about

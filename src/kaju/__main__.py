@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
+from pathlib import Path
 from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
@@ -73,7 +74,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # ν on a terminal that knows only ASCII
     try:
-        os.getcwd()  # fails where it was deleted, and every path counts from it
+        Path.cwd()  # fails where it was deleted, and every path counts from it
         app()
     except KajuError as error:
         _end(str(error))

@@ -51,7 +51,7 @@ def file_to_read(
         larger than it may be, or the name is none.
     """
     try:
-        about = os.stat(path)
+        about = Path(path).stat()
         reason = "" if stat.S_ISREG(about.st_mode) else "it is a pipe or a device"
         if stat.S_ISDIR(about.st_mode):
             reason = os.strerror(errno.EISDIR)

@@ -1,6 +1,5 @@
 """One answer whatever its agents: the same names, the same meaning, and files that are safe."""
 
-import json
 import zipfile
 from contextlib import suppress
 from io import BytesIO

@@ -150,7 +150,7 @@ REGIONS = [
     ({"polygon": [[0, 0], [0, 1], [0, 2]], "material": "air"}, "corners lie on one line"),
     (
         {"image": {"file": "no.png"}, "material": "air"},
-        "0.image.file: no.png: cannot be read: No such file",
+        "file: no.png: cannot be read: No such",
     ),
 ]
 

@@ -1,11 +1,11 @@
 """Files that were damaged on their way, and what becomes of whoever reads them.
 
 `python tests/support/damage.py FOLDER SEED FLIPS WRONG FORGED` makes a file of every stored kind,
-damages copies of them and reads each: FLIPS have bits turned over, are cut short or hold noise, WRONG
-are well-formed archives with something changed, FORGED the same under a seal of their own. It ends
-with a line of JSON: how many were refused by name, how many read, and every other end, "different"
-among them: what was read without a word, although it is not what was saved (a forger may say what he
-likes, so that does not count for him). A crash ends the process; the last line printed names the file.
+damages copies of them and reads each: FLIPS have bits turned over, are cut short or hold noise,
+WRONG are well-formed with something changed, FORGED the same under a seal of their own. It ends in
+a line of JSON: how many were refused by name, how many read, and every other end; "different" is
+what was read without a word although it is not what was saved (a forger may say what he likes, so
+his do not count). A crash ends the process; the last line printed names the file.
 """
 
 import json

@@ -174,35 +174,22 @@ class MaterialAgent(PlacedAgent):
         """Put shares of a load into the boxes of the neighbours, unless they are too small."""
         _, magnitude, copies, _ = load
         post, around, passed = self.post, self.around, self.passed
-        if type(emissions) is Emissions:
-            rows: Any = emissions.rows
-        else:
-            rows = post.checked_emissions(self, emissions)
-        least = post.least
-        for arm, direction, share, sense in rows:
-            size = share * magnitude
-            if least < size < inf:  # above γ? nobody else asks it of what an agent sends
-                passed[arm] += size * copies
-                neighbour = around[arm]
-                if neighbour is None:
-                    neighbour = post.look(self, arm)
-                neighbour.put(direction, size, copies, sense, self)
-            elif 0.0 <= size <= least:
-                self.dropped += size * copies
-            else:
-                raise post.wrong(self, "pass_on", f"would hand over {size} N")
+        known = type(emissions) is Emissions and emissions.split.get(magnitude)
+        sent, ended = known or post.split(self, emissions, magnitude)
+        for arm, key, sense in sent:
+            passed[arm] += key[1] * copies
+            neighbour = around[arm]
+            if neighbour is None:
+                neighbour = post.look(self, arm)
+            neighbour.put(key, copies, sense, self)
+        for size in ended:
+            self.dropped += size * copies
 
     def put(
-        self,
-        direction: int,
-        magnitude: float,
-        copies: float,
-        sense: Sense,
-        sender: MaterialAgent | None,
+        self, key: tuple[int, float], copies: float, sense: Sense, sender: MaterialAgent | None
     ) -> None:
-        """Keep a load for the next step; equal loads are merged and counted."""
+        """Keep a load of a (direction, magnitude) for the next step; equal ones are counted."""
         box = self.coming if sense == "push" else self.coming_pulls
-        key = (direction, magnitude)
         if key in box:
             box[key] += copies
         else:
@@ -214,7 +201,7 @@ class MaterialAgent(PlacedAgent):
     def receive(self, load: Load, senders: Iterable[MaterialAgent] = ()) -> None:
         """Put a load into the box of what is coming."""
         for sender in senders or (None,):
-            self.put(*load, sender)
+            self.put(load[:2], load.copies, load.sense, sender)
 
     def open(self) -> float:
         """Put what has come into the inbox; return its sum (N)."""

@@ -50,10 +50,25 @@ class Emission(NamedTuple):
 
 
 class Emissions(tuple[Emission, ...]):
-    """What a load sends out by the shares of an agent: known to be right, and quick to walk."""
+    """What a load sends out by the shares of an agent: known to be right, and split but once."""
 
     def __init__(self, emissions: tuple[Emission, ...]) -> None:
-        self.rows = tuple(map(tuple, emissions))  # Python unpacks plain tuples three times as fast
+        self.split: dict[float, Split] = {}  # by the magnitude of the load
+
+
+class Split(NamedTuple):
+    """What becomes of the emissions of a load.
+
+    Attributes
+    ----------
+    sent : list of (arm, (direction, magnitude), sense)
+        Those that go on.
+    ended : list of float
+        Those that end here (N).
+    """
+
+    sent: list[tuple[int, tuple[int, float], Sense]]
+    ended: list[float]
 
 
 class Beside(NamedTuple):

@@ -162,7 +162,7 @@ UNBALANCED = {
     "puts loads into boxes": material(
         pass_on=lambda self, load: (
             [
-                other.put(2, 0.02, 1.0, "push", self)
+                other.put((2, 0.02), 1.0, "push", self)
                 for other in self.around
                 if isinstance(other, MaterialAgent) and other.spawn_step < 3
             ]

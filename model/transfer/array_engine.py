@@ -29,8 +29,6 @@ MOST_INDEXED = 1 << 27
 PIECE = 1 << 16
 """So many rows are worked on at once: few enough to stay near the processor."""
 
-_UNSEEN = -1000
-
 
 class AgentTable:
     """Material agents as columns, ordered by spawn step and key.
@@ -73,7 +71,7 @@ class AgentTable:
             "taken": np.zeros((256, states)),
             "passed": np.zeros((256, directions)),
             "dropped": np.zeros(256),
-            "beyond": np.full((256, directions), _UNSEEN, dtype=np.int16),
+            "beyond": np.zeros((256, directions), dtype=np.int16),
         }
         cells = prod(count + 2 for count in self.lattice.shape)
         # Pages of the index that nobody writes to take no memory.
@@ -117,28 +115,20 @@ class AgentTable:
             for name, column in self._columns.items():
                 larger = np.zeros((now + now // 2, *column.shape[1:]), dtype=column.dtype)
                 larger[:before] = column[:before]
-                if name == "beyond":
-                    larger[before:] = _UNSEEN
                 self._columns[name] = larger
         self.count = now
         self._show()
-        cells = self.lattice.cells(key)
+        # They see what they are, and what lies over their arms.
+        cells = self.lattice.cells(key)[:, None]
+        form = self.lattice.form(cells[:, 0])
+        seen = np.concatenate([cells, cells + self.lattice.steps[form]], axis=1)
+        kinds = self.scene.kinds(seen.reshape(-1, cells.shape[2])).reshape(len(key), -1)
         self.key[before:] = key
-        self.material[before:] = self.scene.kinds(cells)
+        self.material[before:], self.beyond[before:] = kinds[:, 0], kinds[:, 1:]
         self.spawn_step[before:] = step
         self.woken_by[before:] = woken_by
-        self.form[before:] = self.material[before:] * self.lattice.forms + self.lattice.form(cells)
+        self.form[before:] = kinds[:, 0] * self.lattice.forms + form
         return newborn
-
-    def look_round(self, agent: Ints) -> None:
-        """Let agents see, once, what lies over their arms; rows of one follow one another."""
-        blind = agent[self.beyond[agent, 0] == _UNSEEN]
-        if len(blind):
-            blind = blind[_firsts(blind)]
-            cells = self.lattice.cells(self.key[blind])
-            beyond = cells[:, None] + self.lattice.steps[self.form[blind] % self.lattice.forms]
-            kinds = self.scene.kinds(beyond.reshape(-1, cells.shape[1]))
-            self.beyond[blind] = kinds.reshape(len(blind), -1)
 
 
 class Rows(NamedTuple):
@@ -302,8 +292,6 @@ class ArrayEngine:
         self.scene, self.transfer, self.lattice = scene, transfer, transfer.lattice
         self.states, self.directions = transfer.states, transfer.lattice.directions
         self.accumulate, self.threshold = transfer.rule.accumulate, transfer.rule.threshold
-        # Loads that are added up are judged when they have met, and not before.
-        self.least = 0.0 if self.accumulate else self.threshold
         self.bits = (1 << self.lattice.opposite).astype(np.uint8)
         self.cells = prod(count + 2 for count in self.lattice.shape)
         self.reach = int(np.abs(self.lattice.key_steps).max())
@@ -328,7 +316,7 @@ class ArrayEngine:
         self.boundary: list[BoundaryRows] = []
         self.applied = float(magnitude.sum())
         self.taken = self.passed = self.returned = self.dropped = 0.0
-        above = magnitude > self.least
+        above = self._go_on(magnitude, met=False)
         self.dropped = float(magnitude[~above].sum())
         place = self.lattice.key(cells)[above] * self.states + state[above]
         values, number = np.unique(magnitude[above], return_inverse=True)
@@ -434,18 +422,16 @@ class ArrayEngine:
         else:
             column, magnitude = np.divmod(kinds[0], count)
             size = rule.share[:, column] * self.values[magnitude]
-        loud = size > self.least  # above γ? nobody else asks it of what agents send
+        loud = self._go_on(size, met=False)
         code, number = rule.state[:, column], np.zeros(size.shape, dtype=np.int64)
         values, codes = self.values[:0], self.states
         if not self.accumulate:
             values, number[loud] = np.unique(size[loud], return_inverse=True)
             code = code * max(len(values), 1) + number
             codes = self.states * max(len(values), 1)
-        ended = np.zeros(size.shape[1])
-        for part, goes_on in zip(size, loud, strict=True):
-            ended += np.where(goes_on, 0.0, part)
+        ended = np.where(loud, 0.0, size).cumsum(axis=0)[-1]  # one after another, unlike a sum
         delta = rule.step[:, column] * codes + code
-        return Sent(size, loud, code, delta, number, ended, np.any(loud, axis=0), values)
+        return Sent(size, loud, code, delta, number, ended, loud.any(axis=0), values)
 
     def _name_cells(self, slot: Ints) -> None:
         """Name the cells in reach anew where the numbers of all would be too large."""
@@ -471,7 +457,6 @@ class ArrayEngine:
             whole = self.transfer.emitted.ravel()[column[silent]]
             self._drop(agent[silent], whole * self.load[piece][silent])
             agent, copies, kind, column = (c[heard] for c in (agent, copies, kind, column))
-        table.look_round(agent)
         self._drop(agent, sent.ended[kind] * copies)
 
         emission, row = _divided(
@@ -525,9 +510,13 @@ class ArrayEngine:
 
     def _judged(self, rows: Arrivals) -> Arrivals:
         """Let sums of loads end that are not above the threshold."""
-        above = rows.amount > self.threshold
+        above = self._go_on(rows.amount)
         self.dropped += float(rows.amount[~above].sum())
         return rows.part(above)
+
+    def _go_on(self, load: Floats, met: bool = True) -> Flags:
+        """Tell which loads (N) are above γ; those to be added up are judged when they have met."""
+        return load > (self.threshold if met or not self.accumulate else 0.0)
 
     def _drop(self, agent: Ints, load: Floats) -> None:
         np.add.at(self.agents.dropped, agent, load)
@@ -545,7 +534,7 @@ class ArrayEngine:
         amount: Floats = np.bincount(code, rows.amount, minlength=span).astype(
             np.float64, copy=False
         )
-        found = np.flatnonzero(amount)
+        found = np.flatnonzero(amount > 0.0)
         # Who hands over is asked for only where nobody is awake yet.
         cells = span // self.codes + 1
         asleep = self.agents.find(np.arange(first, first + cells)) < 0
@@ -572,7 +561,7 @@ class ArrayEngine:
         if len(new):
             woken_by = np.bitwise_or.reduceat(rows.bits, first)[new]
             agent[new] = self.agents.spawn(cells[new], woken_by, self.generation + 1)
-        agent = np.repeat(agent, np.diff(first, append=len(key)))
+        agent = np.repeat(agent, np.concatenate((first[1:], [len(key)])) - first)
         if self.accumulate:
             return Rows(agent * self.states + rest, np.arange(len(rest), dtype=np.int32), copies)
         state, number = _divided(rest, self.codes // self.states)
@@ -687,7 +676,7 @@ def _sorted(code: Ints) -> tuple[Ints, Ints]:
         order = np.argsort(code, kind="stable")
         return order, code[order]
     packed = (code << bits) | np.arange(len(code))
-    packed.sort()
+    packed.sort(kind="stable")  # they come in long rising runs, which only this kind sees
     return packed & ((1 << bits) - 1), packed >> bits
 
 

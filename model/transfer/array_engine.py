@@ -20,7 +20,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import AgentError
 from kaju.model.scene import Scene
 
-from .stage import History, Ledger, News, Stage, TakenRows, Totals, collect_boundary
+from .stage import History, Ledger, News, Stage, TakenRows, Totals
 from .transfer import Transfer
 
 MOST_INDEXED = 1 << 27
@@ -113,7 +113,7 @@ class AgentTable:
             self._sorted_agent = np.insert(self._sorted_agent, place, newborn)
         if now > len(self._columns["key"]):
             for name, column in self._columns.items():
-                larger = np.zeros((now + now // 2, *column.shape[1:]), dtype=column.dtype)
+                larger = np.zeros((2 * now, *column.shape[1:]), dtype=column.dtype)
                 larger[:before] = column[:before]
                 self._columns[name] = larger
         self.count = now
@@ -194,14 +194,14 @@ class BoundaryRows(NamedTuple):
         The boundary agents' cells.
     load : array of float
         What they gave back (N).
-    state : array of int
+    state : array of 8-bit int
         In which state it came.
     """
 
     generation: int
     key: Ints
     load: Floats
-    state: Ints
+    state: NDArray[np.int8]
 
 
 class Rule(NamedTuple):
@@ -502,7 +502,7 @@ class ArrayEngine:
         table = self.agents
         key = table.key[agent]
         beside = key + self.lattice.key_steps[table.form[agent] % self.lattice.forms, arm]
-        self.boundary.append(BoundaryRows(self.generation, beside, load, state))
+        self.boundary.append(BoundaryRows(self.generation, beside, load, state.astype(np.int8)))
         self.returned += float(load.sum())
         turned = self.rule.turned[table.beyond[agent, arm], arm, state]
         place = key if self.names is None else np.searchsorted(self.names, key)
@@ -561,7 +561,7 @@ class ArrayEngine:
         if len(new):
             woken_by = np.bitwise_or.reduceat(rows.bits, first)[new]
             agent[new] = self.agents.spawn(cells[new], woken_by, self.generation + 1)
-        agent = np.repeat(agent, np.concatenate((first[1:], [len(key)])) - first)
+        agent = np.repeat(agent, _lengths(first, len(key)))
         if self.accumulate:
             return Rows(agent * self.states + rest, np.arange(len(rest), dtype=np.int32), copies)
         state, number = _divided(rest, self.codes // self.states)
@@ -594,15 +594,24 @@ class ArrayEngine:
             table.woken_by[agents:],
         )
 
-    def _at_boundary(self, key: Ints) -> Floats:
-        """Return what boundary agents took by direction (N)."""
-        taken: Floats = np.zeros((len(key), self.directions))
-        if len(key):
-            order = np.argsort(key)
-            for rows in self.boundary:
-                agent = order[np.searchsorted(key, rows.key, sorter=order)]
-                np.add.at(taken, (agent, rows.state % self.directions), rows.load)
-        return taken
+    def _boundary_agents(self) -> tuple[Ints, Ints, Floats, Floats]:
+        """Return the boundary agents, by spawn step and key: what each gave back, and took (N)."""
+        nothing = BoundaryRows(0, np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, np.int8))
+        columns: Any = zip(*(rows[1:] for rows in (nothing, *self.boundary)), strict=True)
+        every, load, state = map(np.concatenate, columns)
+        generation = [np.full(len(rows.key), rows.generation) for rows in self.boundary]
+        order, rising = _sorted(every)
+        first = _firsts(rising)
+        number = np.empty_like(order)
+        number[order] = np.repeat(np.arange(len(first)), _lengths(first, len(order)))
+        # A load handed over in generation g (counted from 1) is taken again in g + 1.
+        step = np.concatenate([nothing.key, *generation])[order[first]] + 1
+        returned = np.bincount(number, load, len(first))
+        code = number * self.directions + state % self.directions
+        taken = np.bincount(code, load, len(first) * self.directions)
+        by_step = np.lexsort((rising[first], step))
+        table = taken.reshape(-1, self.directions)
+        return rising[first][by_step], step[by_step], returned[by_step], table[by_step]
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""
@@ -618,7 +627,7 @@ class ArrayEngine:
     def stage(self, factor: float, outcome: Callable[[Ledger], str]) -> Stage:
         """Return what the stage has left behind so far; its ledger tells how it ended."""
         table = self.agents
-        key, boundary_step, returned = collect_boundary([rows[:3] for rows in self.boundary])
+        key, boundary_step, returned, arrived = self._boundary_agents()
         boundary_cells = self.lattice.cells(key)
         taken = table.taken.sum(axis=1)
         pulled = table.taken[:, self.directions :]
@@ -648,7 +657,7 @@ class ArrayEngine:
             boundary_kind=self.scene.kinds(boundary_cells),
             boundary_spawn_step=boundary_step,
             returned=returned,
-            arrived=self._at_boundary(key),
+            arrived=arrived,
             history=PackedHistory(self.record, self.states, self.directions),
             ledger=ledger,
         )
@@ -692,3 +701,8 @@ def _firsts(rising: Ints) -> Ints:
     begins[:1] = True
     np.not_equal(rising[1:], rising[:-1], out=begins[1:])
     return np.flatnonzero(begins)
+
+
+def _lengths(first: Ints, whole: int) -> Ints:
+    """Return the lengths of the parts that begin there."""
+    return np.concatenate((first[1:], [whole])) - first

@@ -183,28 +183,6 @@ class Stage:
     ledger: Ledger
 
 
-def collect_boundary(handed: list[tuple[int, Ints, Floats]]) -> tuple[Ints, Ints, Floats]:
-    """Gather what boundary agents gave back, from (generation, cell keys, loads).
-
-    Returns
-    -------
-    key, spawn_step, returned : arrays
-        One entry per boundary agent, ordered by spawn step and key.
-    """
-    if not handed:
-        nothing = np.empty(0, dtype=np.int64)
-        return nothing, nothing, np.empty(0)
-    every = np.concatenate([key for _, key, _ in handed])
-    # A load handed over in generation g (counted from 1) is taken again in g + 1.
-    step = np.concatenate([np.full(len(key), g + 1) for g, key, _ in handed])
-    load = np.concatenate([amount for _, _, amount in handed])
-    key, first, number = np.unique(every, return_index=True, return_inverse=True)
-    returned: Floats = np.zeros(len(key))
-    np.add.at(returned, number, load)
-    order = np.lexsort((key, step[first]))
-    return key[order], step[first][order], returned[order]
-
-
 class TakenRows(NamedTuple):
     """Loads taken: generation, cell (`Lattice.key`), state, and their sum (N)."""
 

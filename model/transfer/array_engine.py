@@ -431,7 +431,7 @@ class ArrayEngine:
             codes = self.states * max(len(values), 1)
         ended = np.where(loud, 0.0, size).cumsum(axis=0)[-1]  # one after another, unlike a sum
         delta = rule.step[:, column] * codes + code
-        return Sent(size, loud, code, delta, number, ended, loud.any(axis=0), values)
+        return Sent(size, loud, code, delta, number, ended, np.any(loud, axis=0), values)
 
     def _name_cells(self, slot: Ints) -> None:
         """Name the cells in reach anew where the numbers of all would be too large."""
@@ -598,20 +598,20 @@ class ArrayEngine:
         """Return the boundary agents, by spawn step and key: what each gave back, and took (N)."""
         nothing = BoundaryRows(0, np.empty(0, dtype=np.int64), np.empty(0), np.empty(0, np.int8))
         columns: Any = zip(*(rows[1:] for rows in (nothing, *self.boundary)), strict=True)
-        every, load, state = map(np.concatenate, columns)
+        every, load, state = (np.concatenate(column) for column in columns)
         generation = [np.full(len(rows.key), rows.generation) for rows in self.boundary]
         order, rising = _sorted(every)
         first = _firsts(rising)
         number = np.empty_like(order)
         number[order] = np.repeat(np.arange(len(first)), _lengths(first, len(order)))
         # A load handed over in generation g (counted from 1) is taken again in g + 1.
-        step = np.concatenate([nothing.key, *generation])[order[first]] + 1
-        returned = np.bincount(number, load, len(first))
+        step: Ints = np.concatenate([nothing.key, *generation])[order[first]] + 1
+        returned: Any = np.bincount(number, load, len(first))
         code = number * self.directions + state % self.directions
-        taken = np.bincount(code, load, len(first) * self.directions)
+        taken: Any = np.bincount(code, load, len(first) * self.directions)
+        taken = taken.reshape(-1, self.directions)
         by_step = np.lexsort((rising[first], step))
-        table = taken.reshape(-1, self.directions)
-        return rising[first][by_step], step[by_step], returned[by_step], table[by_step]
+        return rising[first][by_step], step[by_step], returned[by_step], taken[by_step]
 
     def totals(self) -> Totals:
         """Return what each agent has done by now."""

@@ -381,19 +381,13 @@ class ElasticResult(BodyResult):
         it is asked for, by one more solution with the children of all agents.
         """
         from kaju.model.elastic.spawning.displacement_error import told_error
-        from kaju.model.elastic.spawning.held import direct_limit
-        from kaju.model.elastic.spawning.nested import NestedMultigrid
         from kaju.model.elastic.spawning.quantities import DISPLACEMENT
 
         if self.tolerance_at == DISPLACEMENT:
             return self.goal_error_estimate
         spawning = self._spawning
-        hierarchy = spawning.hierarchy
-        if hierarchy is None:
-            hierarchy = NestedMultigrid(spawning.balance, direct_limit(self.found.tree.ground))
         state = (spawning.balance, spawning.displacement, spawning.indicator)
-        bracket = self.found.bracket if self.provable else ""
-        return told_error(*state, hierarchy, bracket)
+        return told_error(*state, self.found.bracket if self.provable else "")
 
     @property
     def goal_error_estimate(self) -> float:

@@ -96,7 +96,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
     assert "spawning" in out
     summary = json.loads(Path("agents/summary.json").read_text())
     assert (summary["method"], summary["tolerance"]) == ("spawning", 0.1)
-    assert summary["error_estimate"] <= 0.1
+    assert summary["error_bound"] <= 0.1
     names = {path.name for path in Path("agents").iterdir()}
     assert {"result.npz", "agents.png", "von_mises.png", "deformed.png"} <= names
     assert spawned_agents(load_answer("agents"))
@@ -118,7 +118,7 @@ def test_scene_is_solved_by_spawning_as_the_command_asks(kaju):
 def test_tolerance_alone_asks_for_the_solver(kaju):
     assert kaju("solve", PLATE, "--no-pictures", "--tolerance", "0.1", "--out", "here")[0] == 0
     summary = json.loads(Path("here/summary.json").read_text())
-    assert summary["error_estimate"] <= 0.1
+    assert summary["error_bound"] <= 0.1
     assert any("taken for a tolerance of 0.1" in note for note in summary["notes"])
     code, _, err = kaju("solve", PLATE, "--strategy", "clever", "--out", "there")
     assert (code, Path("there").exists()) == (2, False)

@@ -96,7 +96,7 @@ class EnergyAim:
     def look(self, spawner: Spawner) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         square = spawner.indicator.square
-        allowed = 2 * spawner.energy * (SPARE * spawner.tolerance) ** 2
+        allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
         chosen = choose(spawner.balance.grid, square, allowed)
         return Aimed(spawner.error, square, chosen, allowed)
 

@@ -12,7 +12,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.elastic.bracket import MOST_PROVED, Bracket, worth_proving
+from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
@@ -30,6 +30,7 @@ from .generations import (
     FIRST_GUESS,
     MOST_GENERATIONS,
     ROUGH,
+    TINY,
     Generation,
     Spawner,
     Spawning,
@@ -38,8 +39,8 @@ from .generations import (
 from .ground import Ground
 from .leaves import Flags, Index, Leaves, morton
 from .mirror import mirrors, symmetrise
-from .nested import WORST, NestedMultigrid
-from .previous import LEAST, SUITS, WORTHWHILE, answered
+from .nested import WORST
+from .previous import LEAST, SUITS, WORTHWHILE, answered, keeps
 from .retire import RETURN, share_of
 from .tree_boxes import bracket_of_agents
 
@@ -137,7 +138,8 @@ class BlockSpawning(Spawning):
         self.root = spawner.root
         self.energy, self.error = spawner.energy, spawner.error
         self.residuals, self.levels = spawner.residuals, spawner.blocks.forest.depth
-        self.reached = spawner.error <= spawner.tolerance and spawner.stopped != "iteration"
+        kept = spawner.error <= spawner.tolerance or spawner.proved
+        self.reached = kept and spawner.stopped != "iteration"
         self.stopped = "" if self.reached else spawner.stopped
         self.notes, self.retired = list(spawner.notes), 0
         self.bracket = spawner.bracket
@@ -146,7 +148,7 @@ class BlockSpawning(Spawning):
 
     def under(self, ground: Ground, tolerance: float) -> BlockSpawning | None:
         """Return this answer on ground that differs by the unit of its loads; else None."""
-        suits = self.reached and SUITS * tolerance <= self.error <= tolerance
+        suits = SUITS * tolerance <= self.error and keeps(self, tolerance)
         if not (suits and ground.loaded_like(self.ground) and self.stands_on(ground)):
             return None
         twin, last = copy(self), self._records[-1]
@@ -285,11 +287,6 @@ class BlockSpawning(Spawning):
         nobody = np.zeros(self.blocks.forest.agents, dtype=np.bool_)
         return Aimed(self.error, self.indicator.square, nobody, self._allowed)
 
-    @property
-    def hierarchy(self) -> NestedMultigrid | None:  # type: ignore[override]
-        """None: other questions to the same agents get a hierarchy of their own."""
-        return None
-
 
 def agents_errors(blocks: BlockBalance, u: Floats) -> Indicator:
     """Return what every agent of the leaf blocks leaves unbalanced."""
@@ -365,7 +362,7 @@ class BlockSpawner:
         self.error, self.energy = FIRST_GUESS, 0.0
         self.finished, self.stopped = False, ""
         self.bracket: Bracket | str | None = None
-        self._estimated = 0
+        self._estimated, self._share = 0, PROVED_AT[forest.dimension]
         self._chosen: Flags | None = None
         self._mirrors: tuple[int, ...] = ()
         self.residuals: list[float] = []
@@ -428,7 +425,19 @@ class BlockSpawner:
     @property
     def allowed(self) -> float:
         """What all agents may leave together."""
-        return 2 * self.energy * (SPARE * self.tolerance) ** 2
+        return 2 * self.energy * (SPARE * self.target) ** 2
+
+    @property
+    def target(self) -> float:
+        """The estimated error at which bounds, if there can be any, may keep the tolerance."""
+        forest = self.blocks.forest
+        few = forest.agents <= MOST_PROVED[forest.dimension]
+        return self.tolerance / self._share if few else self.tolerance
+
+    @property
+    def proved(self) -> bool:
+        """Whether the bound keeps the tolerance."""
+        return isinstance(self.bracket, Bracket) and self.bracket.error <= self.tolerance
 
     @property
     def leaves(self) -> Leaves:
@@ -455,7 +464,7 @@ class BlockSpawner:
             part, loads = self._look(run.errors[-1])
             self._ends(part)
             self._note_rest(run)
-            self._prove()
+            self._prove(part)
         self.residuals = run.residuals
         forest = self.blocks.forest
         chosen = np.zeros(len(part), dtype=np.bool_) if self._chosen is None else self._chosen
@@ -503,7 +512,7 @@ class BlockSpawner:
         full = agents > self.most_agents or len(self.records) + 1 == MOST_GENERATIONS
         if full or out_of_reach(self, self.blocks.forest.agents):
             self.stopped = "agents"
-        self.finished = self.error <= self.tolerance or bool(self.stopped)
+        self.finished = self.error <= self.target or bool(self.stopped)
         self._chosen = None if self.finished else chosen
 
     def _note_rest(self, run: Iteration) -> None:
@@ -515,28 +524,39 @@ class BlockSpawner:
             )
         self.finished, self._chosen = True, None
 
-    def _prove(self) -> None:
+    def _prove(self, part: Floats) -> None:
         """Go on where the mean stress may be further off than the tolerance."""
         forest = self.blocks.forest
-        if self.error > self.tolerance or self.stopped == "iteration":
+        if self.stopped == "iteration":
+            return
+        if self.error > self.target:
+            self._ends(part)
             return
         if forest.agents > MOST_PROVED[forest.dimension]:
             return
-        self._estimated = self._estimated or forest.agents
+        ratio = max(self.error / self.tolerance, 1.0) ** forest.dimension
+        self._estimated = self._estimated or round(ratio * forest.agents)
         window = Window(forest, forest.leaves)
         self.bracket = bracket_of_agents(window.balance, window.displacement(self.displacement))
-        if isinstance(self.bracket, str) or self.bracket.error <= self.tolerance:
+        if self.proved:
             return
-        shares, allowed = unproved(self.bracket, self.tolerance)
-        smallest = forest.size[forest.leaves] <= forest.ground.smallest
-        part = shares.reshape(len(smallest), -1).sum(axis=1)
-        chosen = choose_among(part, allowed, smallest, BULK[forest.dimension])
-        many = ((1 << forest.dimension) - 1) * len(forest.corners)
-        agents = forest.agents + many * np.count_nonzero(chosen)
-        worth = worth_proving(int(agents), self._estimated)
-        on = chosen.any() and worth and agents <= self.most_agents
-        if on and len(self.records) + 2 < MOST_GENERATIONS:
-            self._chosen, self.finished = chosen, False
+        if isinstance(self.bracket, Bracket):
+            self._share = min(self.bracket.error / max(self.error, TINY), 1.0)
+            shares, allowed = unproved(self.bracket, self.tolerance)
+            smallest = forest.size[forest.leaves] <= forest.ground.smallest
+            by_block = shares.reshape(len(smallest), -1).sum(axis=1)
+            chosen = choose_among(by_block, allowed, smallest, BULK[forest.dimension])
+            many = ((1 << forest.dimension) - 1) * len(forest.corners)
+            agents = forest.agents + many * np.count_nonzero(chosen)
+            worth = worth_proving(int(agents), self._estimated)
+            on = chosen.any() and worth and agents <= self.most_agents
+            if on and len(self.records) + 2 < MOST_GENERATIONS:
+                self._chosen, self.finished = chosen, False
+                return
+        # Without a proof the estimate has to do.
+        self._share = 1.0
+        if self.error > self.tolerance:
+            self._ends(part)
 
     def _spawn(self, chosen: Flags) -> None:
         self.bracket = None  # of those that were there before

@@ -81,7 +81,6 @@ def told_error(
     balance: Balance,
     u: Floats,
     indicator: Indicator,
-    hierarchy: NestedMultigrid,
     bracket: Bracket | str,
 ) -> float:
     """Return a displacement error that the true one hardly exceeds.
@@ -89,7 +88,7 @@ def told_error(
     Where stiff parts all but touch, not even children see what lies between them: the bounds of
     the energy do.
     """
-    grid = balance.grid
+    grid, hierarchy = balance.grid, NestedMultigrid(balance)
     if len(grid.leaves) > MOST_ASKED[grid.dimension]:
         error = SURE * displacement_error(balance, u, indicator, hierarchy).largest
     else:
@@ -101,14 +100,16 @@ def told_error(
 
 
 def changed_by_children(balance: Balance, u: Floats, hierarchy: NestedMultigrid) -> float:
-    """Return how far children of all agents move corners and middles of theirs, relative."""
+    """Return how far children of all agents move corners and middles of theirs, relative.
+
+    They become the finest level of the hierarchy.
+    """
     grid, leaves = balance.grid, balance.grid.leaves
     largest = float(np.linalg.norm(AgentFields(balance, u).displacement, axis=1).max())
     if largest == 0.0:
         return 0.0
     young = leaves.split(leaves.size > 1, 0, np.zeros(len(leaves))).balanced(0)
     finer = Balance(Composite(grid.ground, young))
-    hierarchy = hierarchy.loaded_by(balance)
     grown = hierarchy.grow(finer) @ u
     moved = np.where(finer.grid.state == ACTIVE, grown, finer.grid.value)
     settle(finer, hierarchy, moved, SETTLED)

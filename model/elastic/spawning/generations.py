@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kaju.model.elastic.bracket import MOST_PROVED, Bracket, worth_proving
+from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.solver import lost_digits, rounding_notes
@@ -22,9 +22,8 @@ from .composite import Composite, Floats
 from .curvature import Indicator, indicate
 from .goals import GoalAim
 from .ground import Ground
-from .held import direct_limit, first_agents
+from .held import first_agents
 from .leaves import Flags, Index, Leaves
-from .mirror import mean_of_images
 from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
 from .previous import Heirs, Standing
 from .tree_boxes import bracket_of_agents
@@ -36,8 +35,6 @@ ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
 ROUGH = 0.05
 """One cycle of previous agents is enough to tell within a per cent what they will leave."""
-KEPT = {2: 500_000, 3: 60_000}
-"""Answers of more agents give back the memory of their parents' matrices."""
 MOST_GENERATIONS = 60
 TELLING, FAR = 500, 100.0
 """From so many agents on they tell how many more it takes; so many times too many are not tried."""
@@ -45,6 +42,7 @@ TOLD = 1e-5
 """Share of the applied forces that may be left on agents without a word."""
 FIRST_GUESS = 0.3
 """Of the first generation's error."""
+TINY = 1e-300
 
 
 class Generation(NamedTuple):
@@ -105,8 +103,6 @@ class Spawning:
         Why it ended, if it is not: "depth" (the smallest agents allowed), "agents",
         "iteration", or "blind" (bounds say that agents do not see their errors).
     notes : list of str
-    hierarchy : NestedMultigrid, optional
-        Serves for other loads on the same agents, unless these are many.
     retired : int
         Agents of the previous answer for which a parent has come back.
     bracket : Bracket or str, optional
@@ -125,7 +121,6 @@ class Spawning:
     reached: bool
     stopped: str
     notes: list[str] = field(default_factory=list)
-    hierarchy: NestedMultigrid | None = field(default=None, repr=False)
     retired: int = 0
     bracket: Bracket | str | None = field(default=None, repr=False)
 
@@ -209,7 +204,6 @@ class Spawner:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
         self.aim = aim or EnergyAim()
         self._heirs = None
-        self._mirrors = tuple(range(ground.dimension))
         if previous is None:
             self._stand(_first(ground))
         else:
@@ -221,6 +215,7 @@ class Spawner:
         self.retired = 0
         self.bracket: Bracket | str | None = None
         self._estimated = 0
+        self._share = PROVED_AT[ground.dimension] if isinstance(self.aim, EnergyAim) else 1.0
         self._chosen: Flags | None = None
         self._stopped = ""
 
@@ -228,6 +223,16 @@ class Spawner:
     def leaves(self) -> Leaves:
         """The agents of this generation."""
         return self.balance.grid.leaves
+
+    @property
+    def target(self) -> float:
+        """The estimated error at which bounds, if there can be any, may keep the tolerance."""
+        few = len(self.leaves) <= MOST_PROVED[self.ground.dimension]
+        return self.tolerance / self._share if few else self.tolerance
+
+    @property
+    def _proved(self) -> bool:
+        return isinstance(self.bracket, Bracket) and self.bracket.error <= self.tolerance
 
     def _stand(self, standing: Standing) -> None:
         self.balance, self.hierarchy, self.displacement, self.notes = standing
@@ -282,23 +287,18 @@ class Spawner:
     def _ends(self) -> bool:
         """Tell whether no step is left."""
         self._stopped = self._reason_to_stop(self.aimed.chosen)
-        self.finished = self.aimed.error <= self.tolerance or bool(self._stopped)
+        self.finished = self.aimed.error <= self.target or bool(self._stopped)
         return self.finished
 
     def outcome(self) -> Spawning:
         """Return the agents as they are."""
-        reached = self.aimed.error <= self.tolerance and self._stopped != "iteration"
+        kept = self.aimed.error <= self.tolerance or self._proved
+        reached = kept and self._stopped != "iteration"
         return Spawning(
             self.balance, self.displacement, self.indicator, self.energy, self.error,
             self.aimed, list(self.generations), self._residuals, self.hierarchy.depth, reached,
-            "" if reached else self._stopped, list(self.notes),
-            self._kept_hierarchy(), self.retired, self.bracket,
+            "" if reached else self._stopped, list(self.notes), self.retired, self.bracket,
         )  # fmt: skip
-
-    def _kept_hierarchy(self) -> NestedMultigrid | None:
-        """Return a twin, for this one may grow; none of so many agents that it takes too much."""
-        few = len(self.balance.grid.leaves) <= KEPT[self.ground.dimension]
-        return self.hierarchy.loaded_by(self.balance) if few else None
 
     def _spawn(self, chosen: Flags) -> None:
         self.bracket = None  # of those that were there before
@@ -313,9 +313,7 @@ class Spawner:
 
     def _settle(self, share: float) -> Iteration:
         """Balance the forces to a relative algebraic error."""
-        run = settle(self.balance, self.hierarchy, self.displacement, share)
-        self._mirrors = mean_of_images(self.balance, self.displacement, self._mirrors)
-        return run
+        return settle(self.balance, self.hierarchy, self.displacement, share)
 
     def _look(self, algebraic: float | None) -> None:
         """See what is left unbalanced, besides an algebraic error."""
@@ -360,17 +358,26 @@ class Spawner:
         few = len(leaves) <= MOST_PROVED[self.ground.dimension]
         if not few or self._stopped == "iteration":
             return
-        self._estimated = self._estimated or len(leaves)
+        ratio = max(self.aimed.error / self.tolerance, 1.0) ** self.ground.dimension
+        self._estimated = self._estimated or round(ratio * len(leaves))
         if isinstance(self.aim, GoalAim):
             self._bound(self.aim)
-        if self.aimed.error > self.tolerance or not isinstance(self.aim, EnergyAim):
+        if not isinstance(self.aim, EnergyAim) or self.aimed.error > self.target:
             return
         self.bracket = bracket_of_agents(self.balance, self.displacement)
-        if isinstance(self.bracket, str) or self.bracket.error <= self.tolerance:
+        if self._proved:
             return
-        chosen = choose(self.balance.grid, *unproved(self.bracket, self.tolerance))
-        if self._worth(chosen):
-            self.aimed, self.finished = self.aimed._replace(chosen=chosen), False
+        if isinstance(self.bracket, Bracket):
+            self._share = min(self.bracket.error / max(self.aimed.error, TINY), 1.0)
+            chosen = choose(self.balance.grid, *unproved(self.bracket, self.tolerance))
+            if self._worth(chosen):
+                self.aimed, self.finished = self.aimed._replace(chosen=chosen), False
+                return
+        # Without a proof the estimate has to do.
+        self._share = 1.0
+        if self.aimed.error > self.tolerance:
+            self.aimed = self.aim.look(self)
+            self._ends()
 
     def _bound(self, aim: GoalAim) -> None:
         """Hold goals between bounds, and go on where these say that estimates are blind."""
@@ -410,5 +417,4 @@ def out_of_reach(spawner: Spawner | BlockSpawner, agents: int) -> bool:
 
 def _first(ground: Ground) -> Standing:
     balance, notes = first_agents(ground)
-    hierarchy = NestedMultigrid(balance, direct_limit(ground))
-    return Standing(balance, hierarchy, balance.grid.value.copy(), notes)
+    return Standing(balance, NestedMultigrid(balance), balance.grid.value.copy(), notes)

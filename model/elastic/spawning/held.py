@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from kaju.errors import SupportError
-from kaju.model.elastic.problem import FIXED, STIFF_PRESSURE
+from kaju.model.elastic.problem import FIXED
 from kaju.model.scene.kinds import DISPLACED, RIGID
 
 from .balance import Balance
@@ -18,14 +18,11 @@ from .composite import Composite, Floats
 from .field import oriented
 from .ground import Ground
 from .leaves import Flags, Index, Leaves
-from .nested import DIRECT
 
 FREE = 1e-13
 """A motion that strains supports by less than this share of what another one does is free."""
 HALVED = "were halved"
 """How the notes end that tell of halved cells."""
-RUBBER = {2: 400_000, 3: 15_000}
-"""Up to so many faces every generation is factorised if a material is nearly incompressible."""
 
 
 def check_held(balance: Balance) -> None:
@@ -210,11 +207,3 @@ def _stiff(ground: Ground, leaves: Leaves, notes: list[str]) -> Composite:
             notes.append(f"a member is one cell wide at ({place}): its cells {HALVED}")
         leaves = leaves.split(thin, 0, np.zeros(len(leaves))).balanced(0)
         grid = Composite(ground, leaves)
-
-
-def direct_limit(ground: Ground) -> int:
-    """Return up to how many faces a generation is factorised: all, if nearly incompressible."""
-    moduli = ground.moduli
-    d = ground.dimension
-    rubber = np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear)
-    return RUBBER[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from . import block_kernels as kernels
-from .balance import Balance
 from .blocks import BlockBalance, Floats
 from .forest import ACROSS, Forest, ways
 from .leaves import Index, morton
@@ -74,44 +73,3 @@ def _image(blocks: BlockBalance, u: Floats, axis: int, partner: Index) -> Floats
     normal = np.roll(image[:, axis], 1, axis=axis + 1)
     image[:, axis] = -normal
     return image.reshape(len(partner), d, -1)
-
-
-def mean_of_images(balance: Balance, u: Floats, axes: tuple[int, ...]) -> tuple[int, ...]:
-    """Replace the displacement of single agents by the mean of itself and its images: in place.
-
-    Returns the axes along which agents, supports and loads are symmetric, of those given.
-    """
-    grid, leaves = balance.grid, balance.grid.leaves
-    middle = 2 * leaves.lower + leaves.size[:, None]
-    place = np.rint(2 * grid.place).astype(np.int64)
-    found = []
-    for axis in axes:
-        ends = int((middle[:, axis] - leaves.size).min() + (middle[:, axis] + leaves.size).max())
-        if _images(np.column_stack([middle, leaves.size, leaves.kind]), axis, ends) is None:
-            continue
-        partner = _images(np.column_stack([place, grid.axis, grid.state]), axis, ends)
-        if partner is None:
-            continue
-        sign = np.where(grid.axis == axis, -1.0, 1.0)
-        given = (balance.load - balance.pull, grid.value, grid.spring * sign)
-        if all(_alike(one, sign * one[partner]) for one in given):
-            u[:] = 0.5 * (u + sign * u[partner])
-            found.append(axis)
-    return tuple(found)
-
-
-def _alike(one: Floats, other: Floats) -> bool:
-    largest = float(np.abs(one).max(initial=0.0))
-    return float(np.abs(one - other).max(initial=0.0)) <= ROUNDING * largest
-
-
-def _images(places: Index, axis: int, ends: int) -> Index | None:
-    """Return which rows are the images of rows, of which a column is turned; None if some miss."""
-    turned = places.copy()
-    turned[:, axis] = ends - turned[:, axis]
-    here, there = np.lexsort(places.T), np.lexsort(turned.T)
-    if not np.array_equal(places[here], turned[there]):
-        return None
-    found = np.empty_like(here)
-    found[there] = here
-    return found

@@ -10,31 +10,34 @@ condition), which copes with large contrasts; in one material their own does as 
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from math import inf, sqrt
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU
 
-from kaju.compiling import njit
 from kaju.factors import factors_of
 from kaju.model.elastic.krylov import Iteration, conjugate_gradients, dot
+from kaju.model.elastic.problem import STIFF_PRESSURE
 
 from .balance import Balance
 from .composite import Composite, Floats
 from .curvature import Indicator
 from .field import prolongation
+from .ground import Ground
 
 WORTHWHILE = 0.7
 """Parents that are more than this share of their children are not worth a level."""
-SWEEPS = 2
+DEGREE, LOW = 4, 0.15
+"""Of the smoothing polynomial, and the share of the spectrum, from above, that it leaves alone."""
 FACTORISED = {2: 400_000, 3: 30_000}
 PATIENCE, MOST = 40, {2: 100, 3: 400}
 """A generation of up to so many faces that does not settle in PATIENCE iterations is factorised;
 larger ones get MOST iterations: in the plane a hundred take a minute."""
-DIRECT = {2: 40_000, 3: 5_000}
+DIRECT = {2: 6_000, 3: 5_000}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
+RUBBER = {2: 400_000, 3: 15_000}
+"""Up to so many faces every generation is factorised if a material is nearly incompressible."""
 LAST = 1e-10
 """Share of an answer to which its last generation settles."""
 WORST = 0.05
@@ -44,8 +47,8 @@ WORST = 0.05
 class NestedMultigrid:
     """A hierarchy that grows by a generation at a time, the finest last."""
 
-    def __init__(self, balance: Balance, direct: int) -> None:
-        self._direct_limit = direct
+    def __init__(self, balance: Balance) -> None:
+        direct = self._direct_limit = _direct_limit(balance.grid.ground)
         self._levels: list[_Level] = []
         ancestors = [balance]
         while len(ancestors[-1].free) > direct:
@@ -68,12 +71,6 @@ class NestedMultigrid:
     def matrix(self) -> sp.csr_array:
         """Stiffness among the free faces of the finest generation."""
         return self._levels[-1].matrix
-
-    def loaded_by(self, balance: Balance) -> NestedMultigrid:
-        """Return the same hierarchy, to grow by itself, for the same agents under other loads."""
-        twin = copy(self)
-        twin._balance, twin._levels = balance, [copy(level) for level in self._levels]
-        return twin
 
     def grow(self, balance: Balance) -> sp.csr_array:
         """Add a generation; return the interpolation to all its faces."""
@@ -141,24 +138,18 @@ class NestedMultigrid:
         if level.prolong is None:
             return np.asarray(self._direct.solve(load))
         x = np.zeros_like(load)
-        for _ in range(SWEEPS):
-            level.sweep(load, x, backward=False)
+        level.smooth(load, x)
         left = load - level.matrix @ x
         x += level.prolong @ self._cycle(at - 1, np.asarray(level.prolong.T @ left))
-        for _ in range(SWEEPS):
-            level.sweep(load, x, backward=True)
+        level.smooth(load - level.matrix @ x, x)
         return x
 
 
-# Rows are short: sums that may be reordered become vectors, which costs more than it saves.
-@njit(cache=True)
-def _sweep(rows, start, column, value, inverse, load, x):  # type: ignore[no-untyped-def]
-    """Let some rows in turn yield to their residuals: one Gauss-Seidel sweep in place."""
-    for i in rows:
-        left = load[i]
-        for at in range(start[i], start[i + 1]):
-            left -= value[at] * x[column[at]]
-        x[i] += left * inverse[i]
+def _direct_limit(ground: Ground) -> int:
+    """Return up to how many faces a generation is factorised."""
+    moduli, d = ground.moduli, ground.dimension
+    rubber = np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear)
+    return RUBBER[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]
 
 
 class _Level:
@@ -188,13 +179,31 @@ class _Level:
     @matrix.setter
     def matrix(self, matrix: sp.csr_array) -> None:
         self._matrix = matrix
-        self._inverse = _inverse(matrix)
+        if self.prolong is None:
+            return
+        self._among = sp.csr_array(matrix[self.rows][:, self.rows])
+        self._inverse = _inverse(self._among)
+        # No eigenvalue of D⁻¹A is larger than a row's sum of sizes (Gershgorin).
+        sums = np.asarray(abs(self._among).sum(axis=1)).ravel() * self._inverse
+        self._most = float(sums.max(initial=1.0))
 
-    def sweep(self, load: Floats, x: Floats, *, backward: bool) -> None:
-        """One Gauss-Seidel sweep, in the opposite order if `backward`."""
-        rows = self.rows[::-1].copy() if backward else self.rows
-        m = self._matrix
-        _sweep(rows, m.indptr, m.indices, m.data, self._inverse, load, x)
+    def smooth(self, left: Floats, x: Floats) -> None:
+        """Let the faces that changed yield to a residual, in place, by Chebyshev's polynomial.
+
+        It is least for the upper part of the spectrum, which coarser cells do not see
+        (Adams et al. 2003).
+        """
+        centre, half = 0.5 * self._most * (1.0 + LOW), 0.5 * self._most * (1.0 - LOW)
+        left, inverse = left[self.rows], self._inverse
+        step, rho = inverse * left / centre, half / centre
+        total = step.copy()
+        for _ in range(DEGREE - 1):
+            left -= self._among @ step
+            # The recurrence of Chebyshev's polynomials (Saad 2003, algorithm 12.1).
+            last, rho = rho, 1.0 / (2.0 * centre / half - rho)
+            step = rho * (last * step + 2.0 / half * (inverse * left))
+            total += step
+        x[self.rows] += total
 
 
 def _level(balance: Balance, prolong: sp.csr_array | None = None) -> _Level:

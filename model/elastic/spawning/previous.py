@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from .balance import Balance
 from .composite import Composite, Floats
 from .field import interpolation
 from .ground import Ground
-from .held import HALVED, direct_limit, first_agents
+from .held import HALVED, first_agents
 from .leaves import Leaves
 from .nested import NestedMultigrid
 from .retire import even_share, retired
@@ -73,21 +74,26 @@ def check_previous(previous: Ground, ground: Ground) -> None:
 def answered(previous: Spawning, ground: Ground, tolerance: float) -> Spawning | None:
     """Return the previous answer on ground that differs by the unit of its loads; else None."""
     old, error = previous.balance, previous.error
-    suits = previous.reached and SUITS * tolerance <= error <= tolerance
+    suits = SUITS * tolerance <= error and keeps(previous, tolerance)
     if not (suits and error == previous.aimed.error and ground.loaded_like(old.grid.ground)):
         return None
     if not of_same_body(old, ground):
         return None
-    balance, hierarchy = _loaded(previous, ground)
     return replace(
         previous,
-        balance=balance,
+        balance=_loaded(previous, ground),
         generations=[previous.generations[-1]._replace(iterations=0)],
         residuals=previous.residuals[-1:],
         notes=_lasting(previous.notes),
-        hierarchy=hierarchy,
         retired=0,
     )
+
+
+def keeps(previous: Spawning, tolerance: float) -> bool:
+    """Tell whether an answer keeps a tolerance: by its bound, or by its estimated error."""
+    bracket = previous.bracket
+    certain = inf if bracket is None or isinstance(bracket, str) else bracket.error
+    return previous.reached and min(previous.error, certain) <= tolerance
 
 
 class Heirs:
@@ -111,16 +117,15 @@ class Heirs:
     def take_up(self, previous: Spawning) -> Standing:
         """Return the agents of the previous answer.
 
-        On the same body they stay as they are, with all their matrices. Where the body
-        changed they are kept as far as they lie inside of what the first agents would be.
+        On the same body they stay as they are. Where it changed they are kept as far as they lie
+        inside of what the first agents would be.
         """
         old, ground = previous.balance, self.ground
         if of_same_body(old, ground):
-            balance, kept = _loaded(previous, ground)
-            hierarchy = kept or NestedMultigrid(balance, direct_limit(ground))
+            balance = _loaded(previous, ground)
             start = previous.displacement * _unit(old.grid.ground, ground)
             notes = _lasting(previous.notes)
-            return Standing(balance, hierarchy, _scaled(balance, start), notes)
+            return Standing(balance, NestedMultigrid(balance), _scaled(balance, start), notes)
         return self._stand(self._placed(old.grid.leaves), old, previous.displacement)
 
     def regroup(self, balance: Balance, u: Floats, aimed: Aimed) -> Standing | None:
@@ -151,18 +156,16 @@ class Heirs:
         return refined_by(self.first[0].grid.leaves, leaves, self.ground.smallest).balanced(0)
 
     def _stand(self, leaves: Leaves, old: Balance, u: Floats) -> Standing:
-        grid = Composite(self.ground, leaves)
-        balance = Balance(grid)
-        hierarchy = NestedMultigrid(balance, direct_limit(self.ground))
-        start = _scaled(balance, carried(old, u, grid))
-        return Standing(balance, hierarchy, start, list(self.first[1]))
+        balance = Balance(Composite(self.ground, leaves))
+        start = _scaled(balance, carried(old, u, balance.grid))
+        return Standing(balance, NestedMultigrid(balance), start, list(self.first[1]))
 
 
-def _loaded(previous: Spawning, ground: Ground) -> tuple[Balance, NestedMultigrid | None]:
-    """Return the previous agents with their matrices, as the first ones, under new loads."""
-    balance, kept = previous.balance.loaded_by(ground), previous.hierarchy
+def _loaded(previous: Spawning, ground: Ground) -> Balance:
+    """Return the previous agents, as the first ones, under new loads."""
+    balance = previous.balance.loaded_by(ground)
     balance.grid.leaves = balance.grid.leaves.as_first()
-    return balance, None if kept is None else kept.loaded_by(balance)
+    return balance
 
 
 def _lasting(notes: list[str]) -> list[str]:

@@ -1,0 +1,62 @@
+"""Agents stop to spawn when the bound keeps the tolerance, whatever the estimate says."""
+
+import pytest
+
+from kaju import Deflection, Scene, solve
+
+STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
+
+
+def plate(**changes):
+    described = {
+        "body": {"size": [0.2, 0.2], "cells": [10, 10], "material": "a"},
+        "materials": {"a": STEEL},
+        "sides": {"bottom": "rigid"},
+        "loads": [{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -2.0]}],
+    }
+    return Scene(**(described | changes))
+
+
+def spawned(tolerance, scene=None, **how):
+    return solve(scene or plate(), tolerance=tolerance, strategy="spawning", **how)
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.03])
+def test_the_bound_is_what_ends_it(tolerance):
+    result = spawned(tolerance)
+    assert result.tolerance_kept == "proved"
+    assert result.error_bound <= tolerance < result.error_estimate
+    assert not any("above the tolerance" in note for note in result.notes)
+    fewest = result.agents
+    for looser in (1.15, 1.3, 1.45, 1.6):
+        other = spawned(looser * tolerance)
+        if other.error_bound <= tolerance:
+            fewest = min(fewest, other.agents)
+    assert result.agents <= 1.4 * fewest
+
+
+def test_in_blocks_the_same_bound_ends_it():
+    result = spawned(0.008)
+    assert type(result.found.spawning).__name__ == "BlockSpawning"
+    assert 0.5 * 0.008 < result.error_bound <= 0.008 < result.error_estimate
+
+
+def test_without_a_bound_the_estimate_ends_it():
+    sides = {"bottom": "rigid", "left": {"displacement": [1e-6, 0.0]}}
+    result = spawned(0.2, plate(sides=sides))
+    assert result.no_bound
+    assert result.tolerance_kept == "estimated"
+    assert result.error_estimate <= 0.2
+
+
+def test_what_a_bound_keeps_is_kept_again():
+    first = spawned(0.05)
+    twice = plate(loads=[{"region": {"box": [[0.08, 0.2], [0.12, 0.2]]}, "force": [0.0, -4.0]}])
+    again = spawned(0.05, twice, previous=first)
+    assert [g.iterations for g in again.generations] == [0]
+    assert again.error_bound == pytest.approx(first.error_bound)
+
+
+def test_goals_are_not_ended_by_the_bound_of_the_energy():
+    result = spawned(0.05, tolerance_at=Deflection("top", "y"))
+    assert result.goals[0].relative_error <= 0.05

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from .composite import Composite, Floats
+from kaju.model.elastic.bracket import Bracket
+
+from .balance import Balance
+from .composite import Floats
+from .curvature import Indicator
 from .leaves import Flags
-
-if TYPE_CHECKING:
-    from kaju.model.elastic.bracket import Bracket
-
-    from .generations import Spawner
+from .nested import NestedMultigrid
 
 BULK = {2: 0.85, 3: 0.75}
 """The agents that spawn children stand for this share of the error (Dörfler 1996)."""
@@ -73,6 +73,27 @@ class Aimed(NamedTuple):
     answers: tuple[Answer, ...] = ()
 
 
+class State(Protocol):
+    """Agents that have settled: see `spawner.Spawner`. Only single ones have the last four."""
+
+    tolerance: float
+    energy: float
+    error: float
+    square: Floats
+    aimed: Aimed
+    balance: Balance
+    displacement: Floats
+    indicator: Indicator
+    hierarchy: NestedMultigrid
+
+    @property
+    def target(self) -> float:
+        """The estimated error to reach."""
+
+    def choose(self, part: Floats, allowed: float) -> Flags:
+        """Choose who spawns."""
+
+
 class Aim(Protocol):
     """Something that the tolerance can be about.
 
@@ -84,8 +105,11 @@ class Aim(Protocol):
 
     adds_up: bool
 
-    def look(self, spawner: Spawner) -> Aimed:
+    def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
+
+    def bounded(self, spawner: State) -> Aimed:
+        """Return the same with what is certain of it."""
 
 
 class EnergyAim:
@@ -93,12 +117,15 @@ class EnergyAim:
 
     adds_up = True
 
-    def look(self, spawner: Spawner) -> Aimed:
+    def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
-        square = spawner.indicator.square
         allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
-        chosen = choose(spawner.balance.grid, square, allowed)
-        return Aimed(spawner.error, square, chosen, allowed)
+        chosen = spawner.choose(spawner.square, allowed)
+        return Aimed(spawner.error, spawner.square, chosen, allowed)
+
+    def bounded(self, spawner: State) -> Aimed:
+        """Return the same: bounds of the energy are looked for by the agents themselves."""
+        return spawner.aimed
 
 
 def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:
@@ -109,26 +136,22 @@ def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:
     return bracket.shares, 2 * bracket.lower * (2 * SPARE * tolerance) ** 2
 
 
-def choose(grid: Composite, part: Floats, allowed: float) -> Flags:
-    """Choose the agents that spawn children: those with the largest parts in an error.
+def choose_among(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
+    """Choose who spawns: those with the largest parts in an error, but none of the smallest.
 
-    What the smallest agents leave cannot be helped: the others make up for it, unless it is
-    more than what is allowed.
+    What the smallest leave cannot be helped: the others make up for it, unless it is more than
+    what is allowed.
 
     Parameters
     ----------
-    grid : Composite
-    part : array, shape (agents,)
+    part : array
         What every agent contributes; parts add up.
     allowed : float
         What may be left of them all.
+    smallest : bool array
+    bulk : float
+        Share of the error that those chosen stand for.
     """
-    smallest = grid.leaves.size <= grid.ground.smallest
-    return choose_among(part, allowed, smallest, BULK[grid.dimension])
-
-
-def choose_among(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
-    """Choose those with the largest parts in an error, but none of the `smallest`."""
     helpless = float(part[smallest].sum())
     part = np.where(smallest, 0.0, part)
     total = float(part.sum())

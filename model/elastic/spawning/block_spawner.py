@@ -1,4 +1,4 @@
-"""Agents that spawn in blocks: the same steps as in `generations`, on a forest."""
+"""Agents that spawn in blocks, on a forest."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, sqrt
 from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
+from kaju.model.elastic.bracket import Bracket
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
@@ -20,28 +19,21 @@ from kaju.stopping import stopped
 
 from . import block_kernels as kernels
 from .agent_fields import AgentFields
-from .aims import BULK, SPARE, Aim, Aimed, choose_among, unproved
+from .aims import Aim, Aimed
 from .balance import Balance
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
 from .curvature import Indicator
 from .forest import ACROSS, Forest, evenly_loaded, first_forest
-from .generations import (
-    FIRST_GUESS,
-    MOST_GENERATIONS,
-    ROUGH,
-    TINY,
-    Generation,
-    Spawner,
-    Spawning,
-    out_of_reach,
-)
+from .generations import Generation, Spawning
 from .ground import Ground
+from .leaf_spawner import ROUGH, LeafSpawner
 from .leaves import Flags, Index, Leaves, morton
 from .mirror import mirrors, symmetrise
-from .nested import WORST
+from .nested import WORST, relative_error
 from .previous import LEAST, SUITS, WORTHWHILE, answered, keeps
 from .retire import RETURN, share_of
+from .spawner import Spawner
 from .tree_boxes import bracket_of_agents
 
 Floats = NDArray[np.float64]
@@ -138,12 +130,11 @@ class BlockSpawning(Spawning):
         self.root = spawner.root
         self.energy, self.error = spawner.energy, spawner.error
         self.residuals, self.levels = spawner.residuals, spawner.blocks.forest.depth
-        kept = spawner.error <= spawner.tolerance or spawner.proved
-        self.reached = kept and spawner.stopped != "iteration"
+        self.reached = spawner.reached
         self.stopped = "" if self.reached else spawner.stopped
         self.notes, self.retired = list(spawner.notes), 0
         self.bracket = spawner.bracket
-        self._allowed = spawner.allowed
+        self._allowed = spawner.aimed.allowed
         self._records = list(spawner.records)
 
     def under(self, ground: Ground, tolerance: float) -> BlockSpawning | None:
@@ -305,7 +296,7 @@ def spawner_of(
     most_agents: int,
     aim: Aim | None = None,
     previous: Spawning | None = None,
-) -> Spawner | BlockSpawner:
+) -> Spawner:
     """Return agents that will spawn: in blocks, where these can do what is asked."""
     forest = blocks_for(ground, tolerance) if aim is None else None
     if forest is not None and forest.agents <= most_agents:
@@ -313,7 +304,7 @@ def spawner_of(
         if before is not None and not before.stands_on(ground):
             before = None
         return BlockSpawner(forest, tolerance, most_agents, before)
-    return Spawner(ground, tolerance, most_agents, aim, previous)
+    return LeafSpawner(ground, tolerance, most_agents, aim, previous)
 
 
 def spawn(
@@ -342,11 +333,8 @@ def spawn(
     return spawning
 
 
-class BlockSpawner:
-    """Blocks of agents that settle, look for what they leave unbalanced, and spawn, step by step.
-
-    See `generations.Spawner`, whose steps and attributes these are.
-    """
+class BlockSpawner(Spawner):
+    """Blocks of agents that spawn together; see `Spawner`."""
 
     def __init__(
         self,
@@ -355,17 +343,10 @@ class BlockSpawner:
         most_agents: int,
         previous: BlockSpawning | None = None,
     ) -> None:
-        self.ground, self.tolerance, self.most_agents = forest.ground, tolerance, most_agents
+        super().__init__(forest.ground, tolerance, most_agents)
         self._rest = CYCLE[forest.dimension]
         self.records: list[Record] = []
-        self.notes: list[str] = []
-        self.error, self.energy = FIRST_GUESS, 0.0
-        self.finished, self.stopped = False, ""
-        self.bracket: Bracket | str | None = None
-        self._estimated, self._share = 0, PROVED_AT[forest.dimension]
-        self._chosen: Flags | None = None
         self._mirrors: tuple[int, ...] = ()
-        self.residuals: list[float] = []
         if previous is None:
             blocks = BlockBalance(forest)
             self.root = Root(blocks)
@@ -375,6 +356,32 @@ class BlockSpawner:
             self.root = previous.root
             self._take_up(previous)
         self._mirrors = mirrors(self.blocks)
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents of this generation."""
+        forest = self.blocks.forest
+        return forest.cells(forest.leaves)
+
+    @property
+    def agents(self) -> int:
+        """How many agents there are."""
+        return self.blocks.forest.agents
+
+    @property
+    def smallest(self) -> Flags:
+        """Which blocks are as small as may be."""
+        forest = self.blocks.forest
+        return np.asarray(forest.size[forest.leaves] <= self.ground.smallest)
+
+    @property
+    def generations(self) -> Records:
+        """The steps so far."""
+        return Records(self.records)
+
+    def outcome(self) -> BlockSpawning:
+        """Return the agents as they are."""
+        return BlockSpawning(self)
 
     def _stand(self, blocks: BlockBalance, old: Floats | None = None) -> None:
         """Take blocks for the agents of this generation, `old` being how those before moved."""
@@ -391,17 +398,17 @@ class BlockSpawner:
         previous.blocks.everywhere(old)
         forest = evenly_loaded(previous.blocks.forest.loaded_by(self.ground)).as_first()
         self._stand(BlockBalance(forest), old)
-        part, _ = self._look(self._rest * self._settle(ROUGH).errors[-1])
-        fewer = self._regrouped(part)
+        self._settled(ROUGH)
+        fewer = self._regrouped()
         if fewer is not None:
             self._stand(BlockBalance(fewer), self.displacement)
 
-    def _regrouped(self, part: Floats) -> Forest | None:
+    def _regrouped(self) -> Forest | None:
         """Return the forest in which agents that leave little retire, and those with much spawn.
 
         None if those that stand may as well stay.
         """
-        forest, smallest = self.blocks.forest, self.ground.smallest
+        forest, smallest, part = self.blocks.forest, self.ground.smallest, self.square
         parts = np.zeros(len(forest))
         parts[forest.leaves] = part
         for level in range(forest.depth - 2, -1, -1):
@@ -410,69 +417,31 @@ class BlockSpawner:
             parts[block] = RETURN * parts[forest.child[block]].sum(axis=1)
         stuck = forest.leaf & (forest.size <= smallest)
         spread = float(parts[forest.leaf & ~stuck].sum())
-        allowed = max(self.allowed, LEAST * float(part.sum()))
+        allowed = max(self.aimed.allowed, LEAST * float(part.sum()))
         share = share_of(parts[~stuck], spread / RETURN + float(parts[stuck].sum()), allowed)
         pruned = evenly_loaded(forest.pruned(parts <= share))
         much = parts[pruned.origin] > share
         fewer = pruned.refined(much & (pruned.origin >= 0) & (pruned.size > smallest), 0)
-        chosen = choose_among(part, self.allowed, stuck[forest.leaves], BULK[forest.dimension])
         many = (1 << forest.dimension) - 1
-        otherwise = len(part) + many * np.count_nonzero(chosen)
+        otherwise = len(part) + many * np.count_nonzero(self.aimed.chosen)
         if len(fewer.leaves) > WORTHWHILE * otherwise:
             return None
         return fewer.after(pruned).as_first()
 
-    @property
-    def allowed(self) -> float:
-        """What all agents may leave together."""
-        return 2 * self.energy * (SPARE * self.target) ** 2
+    def _spawn(self, chosen: Flags) -> None:
+        before = self.blocks.forest
+        marked = np.zeros(len(before), dtype=np.bool_)
+        marked[before.leaves[chosen]] = True
+        self._stand(BlockBalance(before.refined(marked, len(self.records))), self.displacement)
 
-    @property
-    def target(self) -> float:
-        """The estimated error at which bounds, if there can be any, may keep the tolerance."""
-        forest = self.blocks.forest
-        few = forest.agents <= MOST_PROVED[forest.dimension]
-        return self.tolerance / self._share if few else self.tolerance
+    def _settle(self, *, for_good: bool) -> Iteration:
+        return self._settled(None if for_good else min(ON_THE_WAY * self.error, WORST))
 
-    @property
-    def proved(self) -> bool:
-        """Whether the bound keeps the tolerance."""
-        return isinstance(self.bracket, Bracket) and self.bracket.error <= self.tolerance
+    def _settled(self, share: float | None) -> Iteration:
+        """Balance the forces, and see what is left unbalanced.
 
-    @property
-    def leaves(self) -> Leaves:
-        """The agents of this generation."""
-        forest = self.blocks.forest
-        return forest.cells(forest.leaves)
-
-    @property
-    def generations(self) -> Records:
-        """The steps so far."""
-        return Records(self.records)
-
-    def step(self) -> None:
-        """Spawn, but for the first time, and settle."""
-        if self._chosen is not None:
-            self._spawn(self._chosen)
-        run = self._settle(min(ON_THE_WAY * self.error, WORST))
-        part, loads = self._look(self._rest * run.errors[-1])
-        iterations = len(run.residuals)
-        self._ends(part)
-        if self.finished:
-            run = self._settle()
-            iterations += len(run.residuals) - 1
-            part, loads = self._look(run.errors[-1])
-            self._ends(part)
-            self._note_rest(run)
-            self._prove(part)
-        self.residuals = run.residuals
-        forest = self.blocks.forest
-        chosen = np.zeros(len(part), dtype=np.bool_) if self._chosen is None else self._chosen
-        record = Record(self.error, self.energy, iterations, forest, loads, chosen)
-        self.records.append(record)
-
-    def _settle(self, share: float | None = None) -> Iteration:
-        """Balance the forces: to a relative error that one more cycle leaves, or for good."""
+        To a relative error that one more cycle leaves, or for good.
+        """
 
         def done(run: Iteration) -> bool:
             if share is not None:
@@ -484,87 +453,25 @@ class BlockSpawner:
         if not run.converged and self.multigrid.real is not np.float64:
             self.multigrid = BlockMultigrid(self.blocks, self.root, np.float64)
             run = self.multigrid.solve(load, u, done, onward=onward)
-        symmetrise(self.blocks, self.displacement, self._mirrors)
+        symmetrise(self.blocks, u, self._mirrors)
+        self._look((self._rest if onward else 1.0) * run.errors[-1])
         return run
 
-    def _look(self, algebraic: float) -> tuple[Floats, NDArray[np.float32]]:
-        """See what is left unbalanced; return the blocks' squares and the agents' loads."""
+    def _look(self, algebraic: float) -> None:
         forest, u = self.blocks.forest, self.displacement
         self.energy = 0.5 * float(kernels.dot(self.blocks.load, u, self.blocks.loaded))
         self.blocks.everywhere(u)
         loads = np.empty((len(forest.leaves), len(forest.corners)), dtype=np.float32)
-        part = self.blocks.errors(u, np.empty((0, 0)), loads)
+        self.square = self.blocks.errors(u, np.empty((0, 0)), loads)
         order = forest.corners @ ACROSS ** np.arange(forest.dimension)[::-1]
-        total = float(part.sum())
-        if self.energy > 0.0:
-            self.error = float(np.hypot(sqrt(total / (2 * self.energy)), algebraic))
-        else:
-            self.error = 0.0 if total == 0.0 else inf
-        return part, loads[:, order]
+        self._loads = loads[:, order]
+        self.error = float(np.hypot(relative_error(self.square, self.energy), algebraic))
+        self.aimed = self.aim.look(self)
 
-    def _ends(self, part: Floats) -> None:
-        forest = self.blocks.forest
-        smallest = forest.size[forest.leaves] <= forest.ground.smallest
-        chosen = choose_among(part, self.allowed, smallest, BULK[forest.dimension])
-        many = (1 << forest.dimension) - 1
-        agents = forest.agents + many * np.count_nonzero(chosen) * len(forest.corners)
-        self.stopped = "" if chosen.any() else "depth"
-        full = agents > self.most_agents or len(self.records) + 1 == MOST_GENERATIONS
-        if full or out_of_reach(self, self.blocks.forest.agents):
-            self.stopped = "agents"
-        self.finished = self.error <= self.target or bool(self.stopped)
-        self._chosen = None if self.finished else chosen
+    def _bounds(self) -> Bracket | str:
+        window = Window(self.blocks.forest, self.blocks.forest.leaves)
+        return bracket_of_agents(window.balance, window.displacement(self.displacement))
 
-    def _note_rest(self, run: Iteration) -> None:
-        if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
-            self.stopped = "iteration"
-        if not run.converged:
-            self.notes.append(
-                f"the forces on the agents balance to {run.residuals[-1]:.1g} of the loads only"
-            )
-        self.finished, self._chosen = True, None
-
-    def _prove(self, part: Floats) -> None:
-        """Go on where the mean stress may be further off than the tolerance."""
-        forest = self.blocks.forest
-        if self.stopped == "iteration":
-            return
-        if self.error > self.target:
-            self._ends(part)
-            return
-        if forest.agents > MOST_PROVED[forest.dimension]:
-            return
-        ratio = max(self.error / self.tolerance, 1.0) ** forest.dimension
-        self._estimated = self._estimated or round(ratio * forest.agents)
-        window = Window(forest, forest.leaves)
-        self.bracket = bracket_of_agents(window.balance, window.displacement(self.displacement))
-        if self.proved:
-            return
-        if isinstance(self.bracket, Bracket):
-            self._share = min(self.bracket.error / max(self.error, TINY), 1.0)
-            shares, allowed = unproved(self.bracket, self.tolerance)
-            smallest = forest.size[forest.leaves] <= forest.ground.smallest
-            by_block = shares.reshape(len(smallest), -1).sum(axis=1)
-            chosen = choose_among(by_block, allowed, smallest, BULK[forest.dimension])
-            many = ((1 << forest.dimension) - 1) * len(forest.corners)
-            agents = forest.agents + many * np.count_nonzero(chosen)
-            worth = worth_proving(int(agents), self._estimated)
-            on = chosen.any() and worth and agents <= self.most_agents
-            if on and len(self.records) + 2 < MOST_GENERATIONS:
-                self._chosen, self.finished = chosen, False
-                return
-        # Without a proof the estimate has to do.
-        self._share = 1.0
-        if self.error > self.tolerance:
-            self._ends(part)
-
-    def _spawn(self, chosen: Flags) -> None:
-        self.bracket = None  # of those that were there before
-        before = self.blocks.forest
-        marked = np.zeros(len(before), dtype=np.bool_)
-        marked[before.leaves[chosen]] = True
-        self._stand(BlockBalance(before.refined(marked, len(self.records))), self.displacement)
-
-    def outcome(self) -> BlockSpawning:
-        """Return the agents as they are."""
-        return BlockSpawning(self)
+    def _remember(self, iterations: int, chosen: Flags) -> None:
+        cost = (self.error, self.energy, iterations + 1)  # a cycle is gone along as well
+        self.records.append(Record(*cost, self.blocks.forest, self._loads, chosen))

@@ -29,10 +29,11 @@ from kaju.model.scene.selection import AppliedLoads
 from kaju.model.study.solving import SMALLEST_TOLERANCE, check_numbers
 from kaju.stopping import stopped
 
-from .block_spawner import FEWEST, BlockSpawner, spawner_of
-from .generations import Spawner, Spawning
+from .block_spawner import FEWEST, spawner_of
+from .generations import Spawning
 from .ground import ground_of
 from .solve import MOST_AGENTS, answer_of
+from .spawner import Spawner
 
 FAVOUR = 1.25
 """Equal cells have to be quicker by this factor: agents tell more about the body."""
@@ -321,7 +322,7 @@ class Agents:
         self.resolution, self.stage = resolution, stage
         self.limit = most_agents or MOST_AGENTS[scene.lattice.dimension]
         self._cost = cost_of_agents(scene)
-        self._spawner: Spawner | BlockSpawner | None = None
+        self._spawner: Spawner | None = None
 
     @property
     def agents(self) -> float:

@@ -19,25 +19,21 @@ move things when every agent has spawned once.
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from kaju.model.elastic.bracket import Bracket
 from kaju.model.elastic.krylov import Iteration, dot
 from kaju.model.elastic.problem import ACTIVE
 
 from .agent_fields import AgentFields, displacement_at
-from .aims import SPARE, Aimed, choose
+from .aims import SPARE, Aimed, State
 from .balance import Balance
 from .composite import Composite, Floats
 from .curvature import Curvature, Indicator
 from .leaves import Flags
 from .nested import NestedMultigrid, settle
-
-if TYPE_CHECKING:
-    from kaju.model.elastic.bracket import Bracket
-
-    from .generations import Spawner
 
 FAR, LOCAL = 1.6, 1.1
 """Factors of the two parts."""
@@ -175,7 +171,7 @@ class DisplacementAim:
 
     adds_up = False
 
-    def look(self, spawner: Spawner) -> Aimed:
+    def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         balance, square = spawner.balance, spawner.indicator.square
         error = displacement_error(
@@ -188,10 +184,14 @@ class DisplacementAim:
         worst = int((error.far + error.local).argmax())
         allowed = max(wanted - float(error.local[worst]), 0.5 * wanted)
         if error.largest > wanted and far > allowed:
-            chosen |= choose(balance.grid, square, allowed / far * float(square.sum()))
+            chosen |= spawner.choose(square, allowed / far * float(square.sum()))
         part = far * _share(square) + local * _share(error.local**2)
         allowed = wanted / error.largest if error.largest > 0.0 else 1.0
         return Aimed(error.largest, part, chosen, allowed * float(part.sum()))
+
+    def bounded(self, spawner: State) -> Aimed:
+        """Return the same: there is no bound of the largest displacement error."""
+        return spawner.aimed
 
 
 def _follows_badly(error: DisplacementError, wanted: float) -> Flags:

@@ -15,7 +15,7 @@ spawns for the product of the two errors, η(u)·η(z), which has no sign to cha
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from kaju.model.elastic.boxes import Boxes
 from kaju.model.elastic.krylov import Iteration, dot
 
 from .agent_fields import AgentFields
-from .aims import SPARE, Aim, Aimed, Answer, choose
+from .aims import SPARE, Aim, Aimed, Answer, State
 from .balance import Balance
 from .composite import Floats
 from .curvature import Curvature
@@ -44,9 +44,6 @@ from .quantities import (
     quantity_from,
 )
 from .tree_boxes import boxes_of_agents
-
-if TYPE_CHECKING:
-    from .generations import Spawner
 
 FACTOR = 1.25
 """Of the estimate, found on the bodies of `benchmarks/goals.py`."""
@@ -162,7 +159,7 @@ class GoalAim:
         self._functionals = [functional_of(quantity, ground) for quantity in quantities]
         self._influences = [[Influence() for _ in f.ways] for f in self._functionals]
 
-    def look(self, spawner: Spawner) -> Aimed:
+    def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         grid = spawner.balance.grid
         large = np.any([f.coarse(grid) for f in self._functionals], axis=0)
@@ -181,7 +178,7 @@ class GoalAim:
             parts.append(part / scale)
         return _aimed(spawner, answers, parts)
 
-    def bounded(self, spawner: Spawner) -> Aimed:
+    def bounded(self, spawner: State) -> Aimed:
         """Return the answers with what is certain of them.
 
         Where agents lie on both sides of the rim of a place these have to spawn first.
@@ -205,7 +202,7 @@ class GoalAim:
         return found if found.part.any() else found._replace(part=spawner.aimed.part)
 
     def _between(
-        self, spawner: Spawner, own: Boxes, number: int, place: Parts
+        self, spawner: State, own: Boxes, number: int, place: Parts
     ) -> list[Between] | str:
         """Hold the components of a quantity between bounds; in words why that is not possible."""
         found, error = [], float(spawner.indicator.square.sum())
@@ -233,7 +230,7 @@ def _certain(answer: Answer, found: list[Between] | str) -> Answer:
 class _Felt:
     """The errors of agents that have settled, as quantities feel them."""
 
-    def __init__(self, spawner: Spawner) -> None:
+    def __init__(self, spawner: State) -> None:
         self._balance, self._hierarchy = spawner.balance, spawner.hierarchy
         self._square = spawner.indicator.square
         self._curvature = Curvature(spawner.balance)
@@ -261,14 +258,14 @@ class _Felt:
         return errors, part
 
 
-def _aimed(spawner: Spawner, answers: list[Answer], parts: list[Floats]) -> Aimed:
+def _aimed(spawner: State, answers: list[Answer], parts: list[Floats]) -> Aimed:
     """Return what is left to do for the quantities that are not within the tolerance."""
     wanted = SPARE * spawner.tolerance
     worst = max(answer.relative_error for answer in answers)
     open_parts = [p for p, a in zip(parts, answers, strict=True) if a.relative_error > wanted]
     part = np.sum(open_parts or parts, axis=0)
     allowed = float(part.sum()) * (wanted / worst if worst > 0.0 else 1.0)
-    chosen = choose(spawner.balance.grid, part, allowed)
+    chosen = spawner.choose(part, allowed)
     return Aimed(worst, part, chosen, allowed, tuple(answers))
 
 

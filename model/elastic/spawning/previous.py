@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,14 +17,12 @@ from .aims import Aimed
 from .balance import Balance
 from .composite import Composite, Floats
 from .field import interpolation
+from .generations import Spawning
 from .ground import Ground
 from .held import HALVED, first_agents
 from .leaves import Leaves
 from .nested import NestedMultigrid
 from .retire import even_share, retired
-
-if TYPE_CHECKING:
-    from .generations import Spawning
 
 WORTHWHILE = 0.85
 """Agents retire if no more than this share is left of those that there would be otherwise."""

@@ -14,9 +14,9 @@ from kaju.model.scene import scene_needed
 from kaju.model.study.solving import check_numbers
 from kaju.stepping import Until
 
-from .block_spawner import BlockSpawner, spawner_of
+from .block_spawner import spawner_of
 from .family import Family
-from .generations import Generation, Spawner
+from .generations import Generation
 from .goals import aim_of, asked
 from .ground import ground_of
 from .quantities import ToleranceAt
@@ -102,7 +102,7 @@ class SpawningModel(SteppedModel):
         self._objects = []
         aim = aim_of(self.tolerance_at, self.ground)
         how = (self.ground, self.tolerance, self.most_agents, aim)
-        self.spawner: Spawner | BlockSpawner = spawner_of(*how)
+        self.spawner = spawner_of(*how)
         metre = self.ground.scene.lattice.cell_size / self.ground.cell
         self.family = Family(self.ground.dimension, metre)
         leaves = self.spawner.leaves

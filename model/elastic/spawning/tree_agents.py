@@ -318,7 +318,7 @@ def tree_of_cells(agents: CellAgents) -> TreeAgents:
         u[own] = unit * values[tuple(index[own].T)]
     indicator = indicate(balance, u)
     energy = agents.energy * unit * agents.scales.force / ground.scales.force
-    error = relative_error(indicator, energy)
+    error = relative_error(indicator.square, energy)
     nobody = np.zeros(agents.count, dtype=np.bool_)
     aimed = Aimed(error, indicator.square, nobody, 0.0)
     runs = max(len(agents.residuals) - 1, 0)

@@ -1,0 +1,256 @@
+"""From the first agents to the last: solve, look for unbalanced load, spawn, and again."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from math import isfinite
+
+import numpy as np
+
+from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
+from kaju.model.elastic.krylov import Iteration
+
+from .aims import BULK, Aim, Aimed, EnergyAim, choose_among, unproved
+from .balance import Balance
+from .composite import Floats
+from .curvature import Indicator
+from .generations import Generation, Spawning
+from .ground import Ground
+from .leaves import Flags, Leaves
+from .nested import NestedMultigrid
+
+MOST_GENERATIONS = 60
+TELLING, FAR = 500, 100.0
+"""From so many agents on they tell how many more it takes; so many times too many are not tried."""
+TOLD = 1e-5
+"""Share of the applied forces that may be left on agents without a word."""
+FIRST_GUESS = 0.3
+"""Of the first generation's error."""
+
+
+class Spawner(ABC):
+    """Agents that settle, look for what they leave unbalanced, and spawn, step by step.
+
+    They spawn one by one, or the agents of a block together.
+
+    Parameters
+    ----------
+    ground : Ground
+    tolerance : float
+        Relative error.
+    most_agents : int
+        End, short of the tolerance, before there are more agents than this.
+    aim : Aim, optional
+        What the tolerance is about; by default the error in the energy norm.
+
+    Attributes
+    ----------
+    square : array
+        The energy of the error, by those who spawn together.
+    energy : float
+    error : float
+        Estimated error of this generation in the energy norm; its target before it settles.
+    aimed : Aimed
+        The error that the tolerance is about, and who has to spawn for it.
+    finished : bool
+        Whether no step is left.
+    stopped : str
+        Why it ended short of the tolerance: "depth", "agents", "iteration" or "blind".
+    retired : int
+        Agents of the previous answer for which a parent has come back.
+    balance, displacement, indicator, hierarchy
+        Of single agents alone: what goals are asked of.
+    """
+
+    square: Floats
+    aimed: Aimed
+    balance: Balance
+    displacement: Floats
+    indicator: Indicator
+    hierarchy: NestedMultigrid
+
+    def __init__(
+        self, ground: Ground, tolerance: float, most_agents: int, aim: Aim | None = None
+    ) -> None:
+        self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
+        self.aim = aim or EnergyAim()
+        self.error, self.energy, self.retired = FIRST_GUESS, 0.0, 0
+        self.finished, self.stopped = False, ""
+        self.bracket: Bracket | str | None = None
+        self.notes: list[str] = []
+        self.residuals: list[float] = []
+        self._estimated = 0
+        self._share = PROVED_AT[ground.dimension] if isinstance(self.aim, EnergyAim) else 1.0
+        self._chosen: Flags | None = None
+
+    @property
+    @abstractmethod
+    def leaves(self) -> Leaves:
+        """The agents of this generation."""
+
+    @property
+    @abstractmethod
+    def generations(self) -> Sequence[Generation]:
+        """The steps so far."""
+
+    @property
+    @abstractmethod
+    def smallest(self) -> Flags:
+        """Which of those who spawn together are as small as may be."""
+
+    @property
+    @abstractmethod
+    def agents(self) -> int:
+        """How many agents there are."""
+
+    @abstractmethod
+    def outcome(self) -> Spawning:
+        """Return the agents as they are."""
+
+    @abstractmethod
+    def _spawn(self, chosen: Flags) -> None:
+        """Replace agents by their children, who begin as their parents stand."""
+
+    @abstractmethod
+    def _settle(self, *, for_good: bool) -> Iteration:
+        """Balance the forces, to a share of the error before or for good, and look."""
+
+    @abstractmethod
+    def _bounds(self) -> Bracket | str:
+        """Hold the true energy between two that can be computed."""
+
+    @abstractmethod
+    def _remember(self, iterations: int, chosen: Flags) -> None:
+        """Note this generation."""
+
+    @property
+    def target(self) -> float:
+        """The estimated error at which bounds, if there can be any, may keep the tolerance."""
+        few = self.agents <= MOST_PROVED[self.ground.dimension]
+        return self.tolerance / self._share if few else self.tolerance
+
+    @property
+    def proved(self) -> bool:
+        """Whether the bound keeps the tolerance."""
+        return isinstance(self.bracket, Bracket) and self.bracket.error <= self.tolerance
+
+    @property
+    def reached(self) -> bool:
+        """Whether the tolerance is kept, by the bound or the estimate."""
+        return (self.aimed.error <= self.tolerance or self.proved) and self.stopped != "iteration"
+
+    def step(self) -> None:
+        """Spawn, but for the first time, and settle."""
+        if self._chosen is not None:
+            self.bracket = None  # of those that were there before
+            self._spawn(self._chosen)
+        runs = self._begin()
+        if self._ends():
+            runs.append(self._settle(for_good=True))
+            self._ends()
+            self._note_rest(runs[-1])
+            self._prove()
+        # A few large agents may turn about a hinge that their children stiffen.
+        if self.finished or self.agents >= TELLING:
+            said = self._rounding()
+            self.notes += said if self.finished else []
+        self.residuals = runs[-1].residuals
+        nobody = np.zeros(len(self.square), dtype=np.bool_)
+        self._chosen = None if self.finished else self.aimed.chosen
+        chosen = nobody if self._chosen is None else self._chosen
+        self._remember(sum(run.iterations for run in runs), chosen)
+
+    def choose(self, part: Floats, allowed: float) -> Flags:
+        """Choose who spawns: those with the largest parts in an error (see `choose_among`)."""
+        return choose_among(part, allowed, self.smallest, BULK[self.ground.dimension])
+
+    def _begin(self) -> list[Iteration]:
+        return [self._settle(for_good=False)]
+
+    def _ends(self) -> bool:
+        """Tell whether no step is left."""
+        self.stopped = self._reason_to_stop()
+        self.finished = self.aimed.error <= self.target or bool(self.stopped)
+        return self.finished
+
+    def _after(self, chosen: Flags) -> int:
+        """Return how many agents there are when some have spawned."""
+        more = ((1 << self.ground.dimension) - 1) * (self.agents // max(len(chosen), 1))
+        return self.agents + more * int(np.count_nonzero(chosen))
+
+    def _reason_to_stop(self) -> str:
+        chosen = self.aimed.chosen
+        many = self._after(chosen) > self.most_agents
+        if many or len(self.generations) + 1 == MOST_GENERATIONS or self._out_of_reach():
+            return "agents"
+        return "" if chosen.any() else "depth"
+
+    def _out_of_reach(self) -> bool:
+        """Tell whether a tolerance takes far more agents than allowed.
+
+        Their number grows at least with the error's fall to the power of the dimension, unless a
+        resolution does not let them be smaller.
+        """
+        if self.ground.smallest > 1 or not isinstance(self.aim, EnergyAim):
+            return False
+        expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension
+        return self.agents >= TELLING and expected > FAR * self.most_agents
+
+    def _note_rest(self, run: Iteration) -> None:
+        if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
+            self.stopped, self.finished = "iteration", True
+        left = run.residuals[-1] if not run.converged else self._left_of_loads()
+        if self.finished and (not run.converged or left > TOLD):
+            self.notes.append(f"the forces on the agents balance to {left:.1g} of the loads only")
+
+    def _left_of_loads(self) -> float:
+        """Return what is left beside the applied forces; those of moved sides may be far larger."""
+        return 0.0
+
+    def _rounding(self) -> list[str]:
+        """Say what rounding leaves unbalanced; refuse what it hides before more agents spawn."""
+        return []
+
+    def _prove(self) -> None:
+        """Go on where the mean stress may be further off than the tolerance."""
+        dimension = self.ground.dimension
+        if self.agents > MOST_PROVED[dimension] or self.stopped == "iteration":
+            return
+        ratio = max(self.aimed.error / self.tolerance, 1.0) ** dimension
+        self._estimated = self._estimated or round(ratio * self.agents)
+        if not isinstance(self.aim, EnergyAim):
+            self._bound_goals()
+            return
+        if self.aimed.error > self.target:
+            return
+        self.bracket = self._bounds()
+        if self.proved:
+            return
+        if isinstance(self.bracket, Bracket):
+            self._share = min(self.bracket.error / max(self.error, self.tolerance), 1.0)
+            shares, allowed = unproved(self.bracket, self.tolerance)
+            chosen = self.choose(shares.reshape(len(self.square), -1).sum(axis=1), allowed)
+            if self._worth(chosen):
+                self.aimed, self.finished = self.aimed._replace(chosen=chosen), False
+                return
+        # Without a proof the estimate has to do.
+        self._share = 1.0
+        if self.aimed.error > self.tolerance:
+            self.aimed = self.aim.look(self)
+            self._ends()
+
+    def _bound_goals(self) -> None:
+        """Hold goals between bounds, and go on where these say that estimates are blind."""
+        estimated, self.aimed = self.aimed, self.aim.bounded(self)
+        if self.aimed.error > self.tolerance >= estimated.error:
+            self.finished = not self._worth(self.aimed.chosen)
+            self.stopped = "blind" if self.finished else ""
+        if self.finished and not isfinite(self.aimed.error):
+            self.aimed = estimated
+
+    def _worth(self, chosen: Flags) -> bool:
+        """Tell whether to go on for a proof if these spawn."""
+        agents = self._after(chosen)
+        worth = worth_proving(agents, self._estimated) and agents <= self.most_agents
+        return bool(chosen.any()) and worth and len(self.generations) + 2 < MOST_GENERATIONS

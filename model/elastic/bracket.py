@@ -46,13 +46,11 @@ ROUGH = 0.3
 """Relative error above which corners sink all over the body."""
 FEW = 20_000
 """So many boxes may be spent in any case."""
-
-
 PROVED_AT = {2: 0.65, 3: 0.9}
 """Of the estimate: what bounds mostly say, until they have been asked."""
 
 
-def worth_proving(boxes: int, estimated: int) -> bool:
+def worth_proving(boxes: int, estimated: float) -> bool:
     """Tell whether to go on for a proof, of boxes of which so many do by the estimate."""
     return boxes <= max(MORE * estimated, FEW)
 

@@ -109,7 +109,8 @@ def test_own_cells_do_where_these_are_many_and_agents_would_be_more():
 )
 def test_cells_that_would_pose_another_problem_are_not_divided(changes, monkeypatch):
     """Smaller cells make round holes rounder and point loads sharper; agents keep both."""
-    monkeypatch.setattr(choice, "FAVOUR", 0.0)  # equal cells, if there is any way
+    worth = dict.fromkeys(choice.WORTH, 1_000_000)  # equal cells, if there is any way
+    monkeypatch.setattr(choice, "WORTH", worth)
     assert not spawned_agents(solve(plate(), tolerance=0.05))
     result = solve(plate(**changes), tolerance=0.05)
     assert spawned_agents(result)

@@ -1,9 +1,8 @@
 """`kaju.solve` with a tolerance and no strategy: equal cells, or agents that spawn.
 
-Both go on step by step, equal cells from one size to the next, agents from generation to
-generation. Every step tells more of what the rest will cost, and the one that is expected to
-be done first takes the next. So cells that are equal everywhere are found to do where nothing
-is local, and little has been spent on the other way.
+The scene's own cells are solved first, unless these are more than agents would be. Their error
+tells how many of a smaller size it takes: where nothing is local these are few, and they are
+solved. Elsewhere, or when they turn out to be more, agents spawn.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import inf, log, sqrt
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,65 +28,31 @@ from kaju.model.scene.selection import AppliedLoads
 from kaju.model.study.solving import SMALLEST_TOLERANCE, check_numbers
 from kaju.stopping import stopped
 
-from .block_spawner import FEWEST, spawner_of
-from .generations import Spawning
-from .ground import ground_of
-from .solve import MOST_AGENTS, answer_of
-from .spawner import Spawner
+from .block_spawner import FEWEST, SPREAD
+from .solve import MOST_AGENTS, solve_spawning
 
-FAVOUR = 1.25
-"""Equal cells have to be quicker by this factor: agents tell more about the body."""
+WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
+"""An agent, spawned generation by generation, costs as much as so many equal cells."""
 TAKEN = "equal cells were taken"
 SPARE = 0.9
 """Cells are chosen for this share of the tolerance."""
 STRIDE = {2: 4, 3: 2}
 """Cells this many times smaller tell how the error falls, where many more may be needed."""
-QUICK = 0.1
-"""Seconds for which it is not worth while to find out."""
-PATIENT = 10.0
-"""Seconds that equal cells may cost where there may not be as many agents as it takes."""
+QUICK = {2: 100_000, 3: 20_000}
+"""So few cells are solved without finding out."""
 ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
 """Powers of the cells' size with which the error is taken to fall: before it is known, the
 least and the greatest."""
-HARDLY_MORE = 1.1
-"""Smaller cells are taken if they cost less than so many times as much."""
 DIVISIONS = sorted({1, *(1 << n for n in range(1, 15)), *(3 << n for n in range(14))})
 """How often a cell may be divided; even numbers suit multigrid."""
-Method = Literal["box", "matrices", "pressures"]
-"""Equal cells of full boxes, of other bodies, and with pressures of their own (rubber)."""
-
-
-class Cost(NamedTuple):
-    """Seconds for a run, and for each of its cells or agents."""
-
-    fixed: float
-    each: float
-
-    def of(self, count: float) -> float:
-        """Return the seconds for so many."""
-        return self.fixed + self.each * count
-
-
-CELLS: dict[tuple[Method, int], Cost] = {
-    ("box", 2): Cost(0.02, 0.37e-6),
-    ("box", 3): Cost(0.055, 0.85e-6),
-    ("matrices", 2): Cost(0.013, 0.7e-6),
-    ("matrices", 3): Cost(0.03, 4.8e-6),
-    ("pressures", 2): Cost(0.02, 15e-6),
-    ("pressures", 3): Cost(0.05, 66e-6),
-}
-"""What runs of equal cells and their bounds are expected to cost, by `benchmarks/costs.py`. Only
-ratios count, and answers do not depend on them: they decide which way to the tolerance is tried
-first."""
 MOST_CELLS: dict[Method, int] = {
     "box": 40_000_000,
     "matrices": 8_000_000,
     "pressures": 1_000_000,
 }
 """More equal cells do not fit in some 10 GB, and are not considered."""
-AGENTS = {2: Cost(0.027, 6.9e-6), 3: Cost(0.045, 48e-6)}
-MIXED_AGENTS = {2: Cost(0.02, 22e-6), 3: Cost(0.015, 115e-6)}
-"""Where materials differ, the parents' matrices are projected from their children's."""
+Method = Literal["box", "matrices", "pressures"]
+"""Equal cells of full boxes, of other bodies, and with pressures of their own (rubber)."""
 
 
 def method_of(scene: Scene) -> Method:
@@ -99,12 +64,6 @@ def method_of(scene: Scene) -> Method:
     if scene.plane != "stress" and np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear):
         return "pressures"
     return "box" if scene.uniform else "matrices"
-
-
-def cost_of_agents(scene: Scene) -> Cost:
-    """Return what agents that spawn in a scene cost."""
-    table = AGENTS if len(scene.cell_materials) == 1 else MIXED_AGENTS
-    return table[scene.lattice.dimension]
 
 
 class EqualCells:
@@ -148,7 +107,7 @@ class EqualCells:
         self.error = inf
         self._order: float | None = None
         self._estimated = 0
-        self._method = method_of(scene)
+        self.method = method_of(scene)
         lower, upper = scene.bounds()
         self._cells = float(np.prod((upper - lower).astype(np.float64)))
         self._allowed = DIVISIONS
@@ -164,11 +123,9 @@ class EqualCells:
         return inf if not self._allowed else self._count(self._last_division())
 
     @property
-    def seconds(self) -> float:
-        """What they are expected to cost; infinite if they cannot do."""
-        if self.cells > MOST_CELLS[self._method]:
-            return inf
-        return self._cost.of(self.cells)
+    def fit(self) -> bool:
+        """Whether so many can be solved."""
+        return self.cells <= MOST_CELLS[self.method]
 
     @property
     def continues(self) -> bool:
@@ -178,7 +135,8 @@ class EqualCells:
     def step(self) -> ElasticResult | None:
         """Run once; return the answer if it is within the tolerance, or the finest allowed."""
         division = self._last_division()
-        if self.last is not None and self._order is None and self.seconds > QUICK:
+        many = self.cells > QUICK[self.scene.lattice.dimension]
+        if self.last is not None and self._order is None and many:
             stride = STRIDE[self.scene.lattice.dimension]
             division = self._at_least(min(division, stride * self.last.subdivision))
         result = self._solved(division)
@@ -203,10 +161,6 @@ class EqualCells:
         self.error = bound
         return False
 
-    @property
-    def _cost(self) -> Cost:
-        return CELLS[self._method, self.scene.lattice.dimension]
-
     def _count(self, division: int) -> float:
         return self._cells * float(division) ** self.scene.lattice.dimension
 
@@ -219,11 +173,7 @@ class EqualCells:
             return self._at_least(1 if self.previous is None else self.previous.subdivision)
         ratio = self.error / (SPARE * self.tolerance)
         needed = self.last.subdivision * max(ratio, 1.0) ** (1.0 / (self._order or ORDER))
-        fewest = self._at_least(max(needed, self.last.subdivision + 1))
-        worth = HARDLY_MORE * self._cost.of(self._count(fewest))
-        return max(
-            k for k in self._allowed if k <= fewest or self._cost.of(self._count(k)) <= worth
-        )
+        return self._at_least(max(needed, self.last.subdivision + 1))
 
     def _solved(self, division: int) -> ElasticResult | None:
         """Return the answer of cells so small, None if they cannot do."""
@@ -260,7 +210,7 @@ class EqualCells:
         """
         if division == 1 or self._divides:
             return True
-        if self._count(division) > MOST_CELLS[self._method]:
+        if self._count(division) > MOST_CELLS[self.method]:
             return False
         fine = self.scene.refine(division)
         if not self.scene.uniform:
@@ -307,72 +257,6 @@ def _keys(scene: Scene, cells: Cells, direction: NDArray[np.int64]) -> NDArray[n
     return lattice.key(cells) * (2 * lattice.dimension + 1) + direction + 1
 
 
-class Agents:
-    """Agents that spawn, generation by generation."""
-
-    def __init__(
-        self,
-        scene: Scene,
-        tolerance: float,
-        resolution: int | None,
-        stage: int | None,
-        most_agents: int | None,
-    ) -> None:
-        self.scene, self.tolerance = scene, tolerance
-        self.resolution, self.stage = resolution, stage
-        self.limit = most_agents or MOST_AGENTS[scene.lattice.dimension]
-        self._cost = cost_of_agents(scene)
-        self._spawner: Spawner | None = None
-
-    @property
-    def agents(self) -> float:
-        """How many are expected to do."""
-        d = self.scene.lattice.dimension
-        if self._spawner is None:
-            return FEWEST[d] / self.tolerance**d
-        last = self._spawner.generations[-1]
-        return float(last.agents * max(last.error / self.tolerance, 1.0) ** self._power)
-
-    @property
-    def most_seconds(self) -> float:
-        """What as many as allowed would cost."""
-        return self._cost.of(self.limit)
-
-    @property
-    def seconds(self) -> float:
-        """What is expected to be left to do."""
-        if self.agents > self.limit:
-            return inf
-        if self._spawner is None:
-            return self._cost.of(self.agents)
-        done = self._spawner.generations[-1].agents
-        return self._cost.each * max(self.agents - 0.5 * done, 0.0)
-
-    @property
-    def _power(self) -> float:
-        """With which agents are expected to grow by the error's fall.
-
-        In the end it is the dimension. The first agents stand everywhere, and the next ones
-        where they are needed: there it is less.
-        """
-        d = float(self.scene.lattice.dimension)
-        assert self._spawner is not None
-        if len(self._spawner.generations) < 2:
-            return 1.0
-        before, last = self._spawner.generations[-2:]
-        fall = log(before.error / last.error) if 0.0 < last.error < before.error else 0.0
-        growth = log(last.agents / before.agents)
-        return d if d * fall <= growth else 0.5 * (d + growth / fall)
-
-    def step(self) -> Spawning | None:
-        """Let one more generation spawn; return the agents if it is the last."""
-        if self._spawner is None:
-            ground = ground_of(self.scene, self.stage, self.resolution)
-            self._spawner = spawner_of(ground, self.tolerance, self.limit)
-        self._spawner.step()
-        return self._spawner.outcome() if self._spawner.finished or stopped() else None
-
-
 def solve_cheaply(
     scene: Scene,
     tolerance: float,
@@ -391,22 +275,18 @@ def solve_cheaply(
     start = perf_counter()
     check_numbers(tolerance, resolution)
     cells = EqualCells(scene, tolerance, resolution, stage, previous)
-    agents = Agents(scene, tolerance, resolution, stage, most_agents)
-    # Who limits the agents does not want to wait for as many cells as fit either.
-    dear = inf if most_agents is None else max(agents.most_seconds, PATIENT)
-    while True:
-        if cells.continues or FAVOUR * cells.seconds < min(agents.seconds, dear):
-            equal = cells.step()
-            if equal is not None:
-                notes = [note for note in equal.found.notes if TAKEN not in note]
-                notes += cells_notes(equal, agents, tolerance)
-                return with_notes(equal, notes, tolerance, perf_counter() - start)
-        else:
-            spawning = agents.step()
-            if spawning is not None:
-                spawning.notes.append(agents_note(cells, tolerance))
-                how = (tolerance, resolution, agents.limit)
-                return answer_of(spawning, scene, stage, *how, perf_counter() - start)
+    d = scene.lattice.dimension
+    expected = SPREAD * FEWEST[d] / tolerance**d
+    allowed = expected <= SPREAD * (most_agents or MOST_AGENTS[d])
+    most = WORTH[cells.method] * expected if allowed else inf
+    while cells.fit and (cells.continues or cells.cells <= most):
+        equal = cells.step()
+        if equal is not None:
+            notes = [note for note in equal.found.notes if TAKEN not in note]
+            notes += cells_notes(equal, expected, tolerance)
+            return with_notes(equal, notes, tolerance, perf_counter() - start)
+    how = {"stage": stage, "most_agents": most_agents}
+    return solve_spawning(scene, tolerance, resolution, **how, note=agents_note(cells, tolerance))
 
 
 def solve_equal(
@@ -433,7 +313,7 @@ def solve_equal(
         notes = [*result.found.notes, *above_note(result, tolerance)]
         return with_notes(result, notes, tolerance, perf_counter() - start)
     cells = EqualCells(scene, tolerance, None, stage, previous, divides=True)
-    while cells.seconds < inf:
+    while cells.fit:
         result_or_none = cells.step()
         if result_or_none is not None:
             return with_notes(
@@ -471,11 +351,11 @@ def with_notes(
     return replace(equal, found=found, tolerance=tolerance, seconds=seconds)
 
 
-def cells_notes(equal: ElasticResult, agents: Agents, tolerance: float) -> list[str]:
+def cells_notes(equal: ElasticResult, expected: float, tolerance: float) -> list[str]:
     """Say why equal cells were taken, and whether they do."""
     return [
         f"{equal.agents:,} {TAKEN} for a tolerance of {tolerance:g}; of agents that "
-        f"spawn about {agents.agents:,.0f} were expected",
+        f"spawn about {expected:,.0f} were expected",
         *above_note(equal, tolerance),
     ]
 

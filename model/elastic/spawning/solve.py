@@ -35,6 +35,7 @@ def solve_spawning(
     stage: int | None = None,
     most_agents: int | None = None,
     previous: ElasticResult | None = None,
+    note: str = "",
 ) -> ElasticResult:
     """Solve a scene by agents of many sizes: `kaju.solve` with the strategy "spawning".
 
@@ -54,6 +55,8 @@ def solve_spawning(
         The answer to a scene on the same cells, of which something was changed. Its agents
         are those to begin with; where the body is the same they keep their matrices, where
         fewer would do they retire and a parent comes back.
+    note : str
+        What else is to be said of the answer.
 
     Raises
     ------
@@ -73,6 +76,7 @@ def solve_spawning(
     if before is not None:
         check_previous(before.ground, ground)
     spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), before)
+    spawning.notes += [note] if note else []
     seconds = perf_counter() - start
     how = (scene, stage, tolerance, resolution)
     return answer_of(spawning, *how, limit, seconds, goals)

@@ -80,7 +80,7 @@ class Spawner(ABC):
         self.bracket: Bracket | str | None = None
         self.notes: list[str] = []
         self.residuals: list[float] = []
-        self._estimated = 0
+        self._estimated = 0.0
         self._share = PROVED_AT[ground.dimension] if isinstance(self.aim, EnergyAim) else 1.0
         self._chosen: Flags | None = None
 
@@ -218,7 +218,7 @@ class Spawner(ABC):
         if self.agents > MOST_PROVED[dimension] or self.stopped == "iteration":
             return
         ratio = max(self.aimed.error / self.tolerance, 1.0) ** dimension
-        self._estimated = self._estimated or round(ratio * self.agents)
+        self._estimated = self._estimated or ratio * self.agents
         if not isinstance(self.aim, EnergyAim):
             self._bound_goals()
             return

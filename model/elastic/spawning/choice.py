@@ -285,8 +285,10 @@ def solve_cheaply(
             notes = [note for note in equal.found.notes if TAKEN not in note]
             notes += cells_notes(equal, expected, tolerance)
             return with_notes(equal, notes, tolerance, perf_counter() - start)
-    how = {"stage": stage, "most_agents": most_agents}
-    return solve_spawning(scene, tolerance, resolution, **how, note=agents_note(cells, tolerance))
+    note = agents_note(cells, tolerance)
+    return solve_spawning(
+        scene, tolerance, resolution, stage=stage, most_agents=most_agents, note=note
+    )
 
 
 def solve_equal(

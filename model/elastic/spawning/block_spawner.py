@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import overload
@@ -31,7 +30,7 @@ from .leaf_spawner import ROUGH, LeafSpawner
 from .leaves import Flags, Index, Leaves, morton
 from .mirror import mirrors, symmetrise
 from .nested import WORST, relative_error
-from .previous import LEAST, SUITS, WORTHWHILE, answered, keeps
+from .previous import LEAST, WORTHWHILE
 from .retire import RETURN, share_of
 from .spawner import Spawner
 from .tree_boxes import bracket_of_agents
@@ -136,22 +135,6 @@ class BlockSpawning(Spawning):
         self.bracket = spawner.bracket
         self._allowed = spawner.aimed.allowed
         self._records = list(spawner.records)
-
-    def under(self, ground: Ground, tolerance: float) -> BlockSpawning | None:
-        """Return this answer on ground that differs by the unit of its loads; else None."""
-        suits = SUITS * tolerance <= self.error and keeps(self, tolerance)
-        if not (suits and ground.loaded_like(self.ground) and self.stands_on(ground)):
-            return None
-        twin, last = copy(self), self._records[-1]
-        for name in ("_cells", "_window", "displacement", "indicator", "fields", "stress"):
-            twin.__dict__.pop(name, None)
-        forest = self.blocks.forest.loaded_by(ground)
-        twin.blocks = copy(self.blocks)
-        twin.blocks.forest = forest
-        twin.blocks.__dict__.pop("_entered", None)
-        twin._records = [replace(last, iterations=0, forest=forest)]
-        twin.residuals, twin.retired = self.residuals[-1:], 0
-        return twin
 
     def stands_on(self, ground: Ground) -> bool:
         """Tell whether the agents may stay as they are, whatever their loads."""
@@ -315,13 +298,6 @@ def spawn(
     previous: Spawning | None = None,
 ) -> Spawning:
     """Solve with agents that are small only where the error asks for it; see `Spawner`."""
-    if previous is not None and aim is None:
-        if isinstance(previous, BlockSpawning):
-            answer: Spawning | None = previous.under(ground, tolerance)
-        else:
-            answer = answered(previous, ground, tolerance)
-        if answer is not None:
-            return answer
     spawner = spawner_of(ground, tolerance, most_agents, aim, previous)
     while not spawner.finished:
         spawner.step()
@@ -468,9 +444,9 @@ class BlockSpawner(Spawner):
         self.error = float(np.hypot(relative_error(self.square, self.energy), algebraic))
         self.aimed = self.aim.look(self)
 
-    def _bounds(self) -> Bracket | str:
+    def _bounds(self, *, settled: bool = True) -> Bracket | str:
         window = Window(self.blocks.forest, self.blocks.forest.leaves)
-        return bracket_of_agents(window.balance, window.displacement(self.displacement))
+        return bracket_of_agents(window.balance, window.displacement(self.displacement), settled)
 
     def _remember(self, iterations: int, chosen: Flags) -> None:
         cost = (self.error, self.energy, iterations + 1)  # a cycle is gone along as well

@@ -23,8 +23,6 @@ Floats = NDArray[np.float64]
 
 ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
 """The first agents are at least this many along the body's longest and shortest side."""
-ROUNDING = 1e-14
-"""Loads that differ by less, of their largest, are the same."""
 DEEPEST = 16
 """An agent's edge is at least the scene's cell divided by 2 to this power."""
 
@@ -100,12 +98,6 @@ class Ground:
         """Return the scaled stiffness per area of the foundation beyond a side."""
         stiffness = self.scene.side_condition(self.scene.lattice.sides[side]).stiffness
         return (stiffness or 0.0) * self.scales.length / self.scales.modulus
-
-    def loaded_like(self, other: Ground) -> bool:
-        """Tell whether the loads are those on other ground, but for their unit."""
-        if not np.array_equal(self._key, other._key):
-            return False
-        return float(np.abs(self._force - other._force).max(initial=0.0)) <= ROUNDING
 
     def start(self) -> Leaves:
         """Return the first agents: as large as body, supports and loads let them be."""

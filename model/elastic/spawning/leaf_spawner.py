@@ -96,14 +96,14 @@ class LeafSpawner(Spawner):
         if self._heirs is None or self.generations:
             return super()._begin()
         runs = [self._settled(ROUGH, known=False)]
-        within = self.aimed.error <= self.tolerance
+        within = self.aimed.error <= self.target
         # Only an error that adds up can be shared out; another is mended from the start.
         standing = _first(self.ground) if not (within or self.aim.adds_up) else self._regroup()
         while standing is not None:
             self._stand(standing)
             runs.append(self._settle(for_good=False))
             standing = self._regroup() if within else None
-            within = self.aimed.error <= self.tolerance
+            within = self.aimed.error <= self.target
         self.retired = self._heirs.retired(self.leaves)
         return runs
 
@@ -149,8 +149,8 @@ class LeafSpawner(Spawner):
         stiffness = self.hierarchy.matrix.diagonal()
         return rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
 
-    def _bounds(self) -> Bracket | str:
-        return bracket_of_agents(self.balance, self.displacement)
+    def _bounds(self, *, settled: bool = True) -> Bracket | str:
+        return bracket_of_agents(self.balance, self.displacement, settled)
 
     def _remember(self, iterations: int, chosen: Flags) -> None:
         leaves, load = self.leaves, self.indicator.load

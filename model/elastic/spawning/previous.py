@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
-from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +24,6 @@ from .retire import even_share, retired
 
 WORTHWHILE = 0.85
 """Agents retire if no more than this share is left of those that there would be otherwise."""
-SUITS = 0.7
-"""An answer with less than this share of the tolerance lets agents retire."""
 LEAST = 0.4
 """Spawning once leaves at least this share of an error."""
 
@@ -67,31 +63,6 @@ def check_previous(previous: Ground, ground: Ground) -> None:
             f"previous: its agents stand on {cells[0]}, those of the scene on {cells[1]}; solve "
             "without it, or at the same resolution"
         )
-
-
-def answered(previous: Spawning, ground: Ground, tolerance: float) -> Spawning | None:
-    """Return the previous answer on ground that differs by the unit of its loads; else None."""
-    old, error = previous.balance, previous.error
-    suits = SUITS * tolerance <= error and keeps(previous, tolerance)
-    if not (suits and error == previous.aimed.error and ground.loaded_like(old.grid.ground)):
-        return None
-    if not of_same_body(old, ground):
-        return None
-    return replace(
-        previous,
-        balance=_loaded(previous, ground),
-        generations=[previous.generations[-1]._replace(iterations=0)],
-        residuals=previous.residuals[-1:],
-        notes=_lasting(previous.notes),
-        retired=0,
-    )
-
-
-def keeps(previous: Spawning, tolerance: float) -> bool:
-    """Tell whether an answer keeps a tolerance: by its bound, or by its estimated error."""
-    bracket = previous.bracket
-    certain = inf if bracket is None or isinstance(bracket, str) else bracket.error
-    return previous.reached and min(previous.error, certain) <= tolerance
 
 
 class Heirs:

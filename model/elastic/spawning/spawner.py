@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 
@@ -25,6 +25,10 @@ TELLING, FAR = 500, 100.0
 """From so many agents on they tell how many more it takes; so many times too many are not tried."""
 TOLD = 1e-5
 """Share of the applied forces that may be left on agents without a word."""
+ASKED = 4_000
+"""So many at most are asked for bounds before they have settled: more take too long."""
+LEAST_SHARE = 0.5
+"""Of the estimate, that bounds are expected to be."""
 FIRST_GUESS = 0.3
 """Of the first generation's error."""
 
@@ -117,8 +121,8 @@ class Spawner(ABC):
         """Balance the forces, to a share of the error before or for good, and look."""
 
     @abstractmethod
-    def _bounds(self) -> Bracket | str:
-        """Hold the true energy between two that can be computed."""
+    def _bounds(self, *, settled: bool = True) -> Bracket | str:
+        """Hold the true energy between two that can be computed; estimate them if not settled."""
 
     @abstractmethod
     def _remember(self, iterations: int, chosen: Flags) -> None:
@@ -146,6 +150,7 @@ class Spawner(ABC):
             self.bracket = None  # of those that were there before
             self._spawn(self._chosen)
         runs = self._begin()
+        self._expect()
         if self._ends():
             runs.append(self._settle(for_good=True))
             self._ends()
@@ -167,6 +172,16 @@ class Spawner(ABC):
 
     def _begin(self) -> list[Iteration]:
         return [self._settle(for_good=False)]
+
+    def _expect(self) -> None:
+        """Ask bounds once, long before the end, for which share of the estimate they will be."""
+        known = self._share != PROVED_AT[self.ground.dimension]
+        some = TELLING <= self.agents <= ASKED
+        if known or not some or not self.target < self.error < inf:
+            return
+        bracket = self._bounds(settled=False)
+        if isinstance(bracket, Bracket):
+            self._share = min(max(bracket.error / self.error, LEAST_SHARE), 1.0)
 
     def _ends(self) -> bool:
         """Tell whether no step is left."""

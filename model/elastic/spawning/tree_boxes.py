@@ -28,13 +28,13 @@ from .composite import Composite, Floats
 from .leaves import Flags, Index, morton
 
 
-def bracket_of_agents(balance: Balance, u: Floats) -> Bracket | str:
+def bracket_of_agents(balance: Balance, u: Floats, settled: bool = True) -> Bracket | str:
     """Hold the true energy between two that can be computed; see `bracket_of`."""
     leaves = balance.grid.leaves
     across = int((leaves.lower + leaves.size[:, None]).max()) // int(leaves.size.min())
     if across >= 1 << (30 if balance.grid.dimension == 2 else 20):
         return "the smallest agents are too small beside the body to number their corners"
-    return bracket_of(boxes_of_agents(balance, u))
+    return bracket_of(boxes_of_agents(balance, u), settled)
 
 
 def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:

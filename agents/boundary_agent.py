@@ -76,6 +76,20 @@ class FreeBoundaryAgent(BoundaryAgent):
 
     Where loads have a sense, what arrives straight travels back: a push comes back as a pull,
     a pull as a push, as a wave does at a free end.
+
+    Examples
+    --------
+    >>> from kaju import FreeBoundaryAgent, LoadModel, Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = LoadModel(scene)
+    >>> result = model.run()
+    >>> walls = model.agents_by_type[FreeBoundaryAgent]
+    >>> round(sum(wall.returned for wall in walls), 3)  # N
+    0.479
     """
 
     name = "free"
@@ -87,7 +101,22 @@ class FreeBoundaryAgent(BoundaryAgent):
 
 
 class RigidBoundaryAgent(BoundaryAgent):
-    """Ground, a wall or a punch: it pushes or pulls back, so the load comes back reversed."""
+    """Ground, a wall or a punch: it pushes or pulls back, so the load comes back reversed.
+
+    Examples
+    --------
+    >>> from kaju import LoadModel, RigidBoundaryAgent, Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -20.0]}],
+    ... )
+    >>> model = LoadModel(scene)
+    >>> result = model.run()
+    >>> walls = model.agents_by_type[RigidBoundaryAgent]
+    >>> round(sum(wall.returned for wall in walls), 3)  # N
+    4.648
+    """
 
     name = "rigid"
 
@@ -97,7 +126,22 @@ class RigidBoundaryAgent(BoundaryAgent):
 
 
 class RollerBoundaryAgent(BoundaryAgent):
-    """A smooth wall: it reverses what presses on it and lets slide what runs along it."""
+    """A smooth wall: it reverses what presses on it and lets slide what runs along it.
+
+    Examples
+    --------
+    >>> from kaju import LoadModel, RollerBoundaryAgent, Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [0, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = LoadModel(scene.replace(sides={"bottom": "rigid", "left": "roller"}))
+    >>> result = model.run()
+    >>> walls = model.agents_by_type[RollerBoundaryAgent]
+    >>> round(sum(wall.returned for wall in walls), 3)  # N
+    1.922
+    """
 
     name = "roller"
 

@@ -161,6 +161,13 @@ class ElasticRule:
     ------
     ParameterError
         If a number is out of its range, or a share is given to another order than "wave".
+
+    Examples
+    --------
+    >>> from kaju import ElasticRule
+    >>> rule = ElasticRule(order="wave", threshold=1e-3)
+    >>> rule.order, rule.threshold
+    ('wave', 0.001)
     """
 
     threshold: float | None = None

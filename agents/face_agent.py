@@ -105,6 +105,24 @@ class FaceAgent(FixedAgent):
         Where the agent stands, and to whom it passes what.
     spawn_step : int
         Step in which the agent spawned, counted from 1.
+
+    Examples
+    --------
+    >>> from kaju import ElasticModel, FaceAgent, Scene
+    >>> class Lazy(FaceAgent):
+    ...     def due(self, asked):
+    ...         return 0.5 * super().due(asked)
+    ...
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> rule = {"kind": "elastic", "order": "wave", "threshold": 0.1}
+    >>> model = ElasticModel(scene.replace(rule=rule), face_agent=Lazy)
+    >>> result = model.run().result
+    >>> round(1e12 * result.max_displacement)  # pm
+    13
     """
 
     def __init__(self, model: FaceModel, cell: Cell, place: Place, faces: Faces) -> None:

@@ -87,6 +87,25 @@ class MaterialAgent(PlacedAgent):
         Pushes, and pulls, to take in the next step: (direction, magnitude) → copies.
     form : int
         Which of the lattice's forms the cell has; see `kaju.Lattice`.
+
+    Examples
+    --------
+    >>> from kaju import LoadModel, MaterialAgent, Scene
+    >>> class Counting(MaterialAgent):
+    ...     loads = 0
+    ...     def take(self, load):
+    ...         super().take(load)
+    ...         self.loads += 1
+    ...
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = LoadModel(scene, material_agent=Counting)
+    >>> result = model.run()
+    >>> max(agent.loads for agent in model.agents_by_type[Counting])
+    7
     """
 
     def __init__(self, model: Any, cell: Cell, material: Material, shares: Shares) -> None:

@@ -40,6 +40,13 @@ class Material:
     ------
     ParameterError
         If a number is out of its range or not a number.
+
+    Examples
+    --------
+    >>> from kaju import Material
+    >>> mine = Material("resin", youngs_modulus=3e9, poissons_ratio=0.35)
+    >>> mine.density is None
+    True
     """
 
     name: str
@@ -171,6 +178,12 @@ def material(name: str) -> Material:
     ------
     ParameterError
         If the library has no such material; the message suggests a near spelling.
+
+    Examples
+    --------
+    >>> from kaju import material
+    >>> material("steel").youngs_modulus  # Pa
+    206000000000.0
     """
     try:
         return LIBRARY[name]

@@ -80,6 +80,13 @@ class Coefficients:
     ------
     ParameterError
         If a share is negative or not a number, or beta lies outside [0, 1].
+
+    Examples
+    --------
+    >>> from kaju import Coefficients, PrescribedRule
+    >>> soft = Coefficients(alpha=(0.6, 0.3, 0.1))
+    >>> PrescribedRule(materials={"rubber": soft}).materials["rubber"].beta
+    0.5
     """
 
     alpha: tuple[float, float, float] | None = None
@@ -152,6 +159,13 @@ class PrescribedRule(Coefficients):
     ------
     ParameterError
         If a coefficient is out of range or the threshold is not above 0.
+
+    Examples
+    --------
+    >>> from kaju import PrescribedRule
+    >>> rule = PrescribedRule(alpha=(0.5, 0.5, 0.25), threshold=1e-3)
+    >>> rule.threshold, rule.accumulate
+    (0.001, False)
     """
 
     threshold: float = 0.01

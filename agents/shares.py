@@ -112,6 +112,13 @@ class Shares:
         which only a rule that knows pulls allows, a push pulls these neighbours inwards.
     widening : float
         How much the agent widens freely when it is shortened by 1: βν.
+
+    Examples
+    --------
+    >>> from kaju import Shares
+    >>> shares = Shares(own=0.5, forward=0.5, backward=0.0, friction=0.25, poisson=0.075)
+    >>> shares.own + shares.forward  # of each newton
+    1.0
     """
 
     own: float

@@ -142,6 +142,22 @@ def animate(
         If an MP4 is asked for and there is no ffmpeg, or a series and there is no meshio.
     ResultFileError
         If the file cannot be written, or the folder is there already.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from kaju import LoadModel, Scene, animate
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> result = LoadModel(scene).run()
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     animate(result, Path(folder) / "loads.gif").name
+    ...
+    'loads.gif'
     """
     target = Path(path)
     ending = target.suffix.lower()

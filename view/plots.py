@@ -221,6 +221,18 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
     ParameterError
         If there is no such picture, it has no such option, or the option's value breaks its
         rule.
+
+    Examples
+    --------
+    >>> from kaju import LoadModel, Scene, plot
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> figure = plot(LoadModel(scene).run())
+    >>> len(figure.axes) > 0
+    True
     """
     subject = answer_of(subject)
     known = pictures_of(subject)

@@ -78,6 +78,20 @@ class ElasticResult(BodyResult):
         Smallest agents allowed, per cell of the scene; None is no limit.
     tolerance_at : str or tuple of Deflection, Stress and Reaction, or None
         What the tolerance is about, if not the energy norm.
+
+    Examples
+    --------
+    >>> from kaju import Scene, solve
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> answer = solve(scene)
+    >>> round(1e12 * answer.displacement_at([[0.025, 0.05]])[0, 1])  # pm
+    -15
+    >>> answer.stress.shape
+    (25, 2, 2)
     """
 
     kind: ClassVar[str] = "elastic"

@@ -109,6 +109,17 @@ class NetworkModel(SteppedModel):
         If an argument is outside its rule.
     MechanismError, BucklingError
         If the network gives way before it is loaded.
+
+    Examples
+    --------
+    >>> from kaju import NetworkModel
+    >>> from kaju.model.network import triangular
+    >>> model = NetworkModel(triangular(5, force=0.1), increments=4)
+    >>> model.step()
+    >>> model.running
+    True
+    >>> model.run().summary()["increments"]
+    4
     """
 
     def __init__(

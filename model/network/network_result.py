@@ -94,6 +94,14 @@ class NetworkResult(Result):
         How the linear systems were solved.
     seconds : float
         Time taken (s).
+
+    Examples
+    --------
+    >>> from kaju import solve
+    >>> from kaju.model.network import triangular
+    >>> result = solve(triangular(5, force=0.1))
+    >>> round(float(result.displacement[-1, :, 1].min()), 4)
+    -0.1145
     """
 
     kind: ClassVar[str] = "spring network"

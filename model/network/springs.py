@@ -233,6 +233,16 @@ class SpringNetwork:
     Notes
     -----
     A spring between the nodes i and j pulls i by −K (|xᵢ−xⱼ| − λ) (xᵢ−xⱼ)/|xᵢ−xⱼ|.
+
+    Examples
+    --------
+    >>> from kaju import SpringNetwork, solve
+    >>> net = SpringNetwork.build(
+    ...     positions=[[0.0, 0.0], [0.0, -1.0]], springs=[[0, 1]], stiffness=10.0,
+    ...     held=[[True, True], [True, False]], forces=[[0.0, 0.0], [0.0, -2.0]],
+    ... )
+    >>> round(float(solve(net).displacement[-1, 1, 1]), 6)
+    -0.2
     """
 
     positions: Floats

@@ -100,6 +100,20 @@ class Result:
         Time that the computation took (s).
     pictures, films : tuple of str
         What `kaju.plot` and `kaju.animate` can draw of it, the usual one first.
+
+    Examples
+    --------
+    >>> from kaju import LoadModel, Result, Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> result = LoadModel(scene).run()
+    >>> isinstance(result, Result), result.kind
+    (True, 'load transfer')
+    >>> result.pictures[:3]
+    ('agents', 'loads', 'deformed')
     """
 
     kind: ClassVar[str]
@@ -437,6 +451,22 @@ def load_result(path: str | Path) -> Result:
     ------
     ResultFileError
         If the file is missing, or is no result of kaju's.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from kaju import LoadModel, Scene, load_result
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = LoadModel(scene).run().save(Path(folder) / "plate.kaju")
+    ...     load_result(path).last.generations
+    ...
+    8
     """
     file = Path(path)
     if file.suffix == ".pvti" or is_there(file / "result.pvti"):

@@ -69,13 +69,13 @@ class CreepModel(SteppedModel):
     >>> dough = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=20.0)
     >>> model = kaju.CreepModel(dough, kaju.History.step().hold(10.0), times=[0, 1, 5, 10])
     >>> model.run(2).displacement.round(3)
-    array([0.   , 0.482])
+    array([0.   , 0.482, 0.75 ])
     >>> model.step()
     >>> model.moment
-    5.0
+    10.0
     >>> model.back()
     >>> model.moment
-    1.0
+    5.0
     """
 
     def __init__(

@@ -125,6 +125,14 @@ def creep(  # type: ignore[misc]
         If the tolerance cannot be kept or a time step finds no balance.
     TangentError
         If the network buckles or is a mechanism.
+
+    Examples
+    --------
+    >>> from kaju import History, ThreeElement, creep
+    >>> noodle = ThreeElement(K_f=2.0, D_f=1.0, D_d=10.0)
+    >>> result = creep(noodle, History.step().hold(4.0), times=[1.0, 4.0])
+    >>> print(f"{result.displacement[-1]:.2f}")
+    0.90
     """
     task = TimeTask(
         subject,

@@ -81,6 +81,13 @@ class ThreeElement:
     ------
     ParameterError
         If a number is outside its range, or K_f and D_f are both 0.
+
+    Examples
+    --------
+    >>> from kaju import ThreeElement
+    >>> noodle = ThreeElement(K_f=2.0, D_f=1.0, D_d=10.0)
+    >>> noodle.K_f / noodle.D_f  # 1/s
+    2.0
     """
 
     K_f: float

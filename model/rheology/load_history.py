@@ -49,6 +49,13 @@ class History:
     ------
     ParameterError
         If the times fall, do not start at 0, or a number is not finite.
+
+    Examples
+    --------
+    >>> from kaju import History
+    >>> pressed = History().ramp(to=1.0, duration=2.0).hold(3.0).release()
+    >>> pressed.at([1.0, 4.0, 6.0]).tolist()
+    [0.5, 1.0, 0.0]
     """
 
     times: tuple[float, ...] = (0.0,)

@@ -66,6 +66,16 @@ class Lattice(ABC):
         2; only cubes have 3.
     boxes : bool
         Whether cells are squares or cubes, which have smaller ones in them and a staggered grid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kaju import Lattice, Squares
+    >>> squares = Squares((2, 2), 0.01)
+    >>> isinstance(squares, Lattice)
+    True
+    >>> squares.centres(np.array([[0, 1]])).tolist()
+    [[0.005, 0.015]]
     """
 
     shape: tuple[int, ...]

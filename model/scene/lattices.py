@@ -118,13 +118,29 @@ class Boxes(Lattice):
 
 
 class Squares(Boxes):
-    """Squares."""
+    """Squares.
+
+    Examples
+    --------
+    >>> from kaju import Squares
+    >>> squares = Squares((2, 3), 0.01)
+    >>> squares.size, squares.dimension
+    (6, 2)
+    """
 
     kind: ClassVar[str] = "square"
 
 
 class Cubes(Boxes):
-    """Cubes."""
+    """Cubes.
+
+    Examples
+    --------
+    >>> from kaju import Cubes
+    >>> cubes = Cubes((2, 3, 4), 0.01)
+    >>> cubes.size, cubes.dimension
+    (24, 3)
+    """
 
     kind: ClassVar[str] = "cube"
     dimension: ClassVar[int] = 3

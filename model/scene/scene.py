@@ -75,6 +75,17 @@ class Scene(Description):
         If the description breaks a rule; the message names key, rule, value and remedy.
     SupportError
         If nothing holds the body, or a part of it.
+
+    Examples
+    --------
+    >>> from kaju import Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> scene.lattice.size, scene.with_overrides({"loads.0.force.1": -3.0}).loads[0].force
+    (25, (0.0, -3.0))
     """
 
     @model_validator(mode="after")
@@ -376,6 +387,23 @@ def load_scene(path: str | Path, overrides: Mapping[str, Any] | None = None) -> 
         If the file, or one that it names, cannot be read.
     SceneError
         If the scene breaks a rule; the message starts with the file's name.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from kaju import Scene, load_scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "plate.toml"
+    ...     _ = path.write_text(scene.to_toml())
+    ...     load_scene(path) == scene
+    ...
+    True
     """
     hint = "; a scene is a TOML file (images: Scene.from_image, arrays: Scene.from_array)"
     text = text_of_file(path, SceneFileError, LONGEST, hint=hint)

@@ -372,6 +372,18 @@ def compare(
     ------
     ResultError
         If the bodies or their loads differ, the points lie outside, or the reference is 0.
+
+    Examples
+    --------
+    >>> from kaju import LoadModel, Scene, compare, solve
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> rough = LoadModel(scene).run()
+    >>> print(f"{compare(rough, solve(scene)).displacement.misfit:.2f}")
+    0.57
     """
     judged, believed = _answer(result), _answer(reference)
     if isinstance(judged, Reference):

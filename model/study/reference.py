@@ -48,6 +48,21 @@ class Reference:
     ------
     ParameterError
         If the arrays do not fit together or hold anything but finite numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kaju import Reference, Scene, compare, solve
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> answer = solve(scene)
+    >>> points = np.array([[0.015, 0.035], [0.025, 0.045]])
+    >>> measured = Reference(points, 1.1 * answer.displacement_at(points), source="test: made up")
+    >>> print(f"{compare(answer, measured).displacement.misfit:.3f}")
+    0.091
     """
 
     points: Floats

@@ -134,6 +134,18 @@ def solve(
         If there is not enough memory.
     Interrupted
         After Ctrl-C, a KeyboardInterrupt; `best` holds the result so far.
+
+    Examples
+    --------
+    >>> from kaju import Scene, solve
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> answer = solve(scene, tolerance=0.05)
+    >>> answer.error_estimate < 0.05
+    True
     """
     subject = question_of(subject)
     if isinstance(subject, Scene):

@@ -94,6 +94,20 @@ class LoadModel(LoadTransfer, SteppedModel):
         If the scene asks for something that only the elastic rule can do.
     ParameterError
         If a boundary or engine does not exist, or a class is none for its task.
+
+    Examples
+    --------
+    >>> from kaju import LoadModel, Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = LoadModel(scene)
+    >>> model.step()
+    >>> result = model.run()
+    >>> result.last.generations, round(result.last.ledger.taken, 3)
+    (8, 12.879)
     """
 
     def __init__(

@@ -82,6 +82,18 @@ def stability(scene: Scene) -> Certificate:
     -------
     Certificate
         Bounds, spectral radius, the number of generations at most, and a verdict.
+
+    Examples
+    --------
+    >>> from kaju import Scene, stability
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> certificate = stability(scene)
+    >>> certificate.stable
+    True
     """
     return certify(scene, Transfer(scene))
 

@@ -11,7 +11,18 @@ from typing import Any
 
 
 class KajuError(Exception):
-    """Base class of everything that kaju raises on purpose."""
+    """Base class of everything that kaju raises on purpose.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> try:
+    ...     kaju.material("stele")
+    ... except kaju.KajuError as error:
+    ...     print(str(error).partition(";")[0])
+    ...
+    material: the library has no 'stele' (did you mean 'steel'?)
+    """
 
 
 class ParameterError(KajuError, ValueError):

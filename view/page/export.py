@@ -157,6 +157,21 @@ def export_page(
         If there is nothing that a page can show, or the file's name does not end in ``.html``.
     ResultFileError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from kaju import Scene, export_page
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     export_page(scene, Path(folder) / "plate.html").name
+    ...
+    'plate.html'
     """
     target = Path(path)
     if target.suffix not in (".html", ".htm"):

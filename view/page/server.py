@@ -61,6 +61,16 @@ def watch(of: Watched, port: int = 8000, *, browser: bool = True, idle: float = 
         If Starlette or uvicorn are not installed.
     ParameterError
         If it is none of these, or the port is taken.
+
+    Examples
+    --------
+    >>> from kaju import Scene, watch
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> watch(scene)  # doctest: +SKIP
     """
     try:
         import uvicorn

@@ -97,6 +97,20 @@ class ElasticModel(SteppedModel):
         If the cells are neither squares nor cubes, or the rule is another one.
     SupportError
         If a part of the body could move without straining.
+
+    Examples
+    --------
+    >>> from kaju import ElasticModel, Scene
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = ElasticModel(scene.replace(rule={"kind": "elastic"}))
+    >>> model.step()
+    >>> result = model.run().result
+    >>> round(1e12 * result.max_displacement)  # pm
+    19
     """
 
     def __init__(

@@ -35,6 +35,19 @@ class Deflection:
     along : str or sequence of float, optional
         An axis such as "y", or a direction such as (1, -1), whose length does not count. By
         default the displacement as a vector.
+
+    Examples
+    --------
+    >>> from kaju import Deflection, Scene, solve
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> down = Deflection((0.025, 0.05), along="y")
+    >>> answer = solve(scene, tolerance=0.02, tolerance_at=down)
+    >>> round(1e12 * answer.value_of(down))  # pm
+    -19
     """
 
     at: Place
@@ -56,6 +69,19 @@ class Stress:
         The mean counts, unless it is a point.
     component : str
         Such as "yy" or "xy", or "von_mises": the equivalent stress.
+
+    Examples
+    --------
+    >>> from kaju import Scene, Stress, solve
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> answer = solve(scene, tolerance=0.1, strategy="spawning")
+    >>> middle = Stress({"box": [[0.02, 0.02], [0.03, 0.03]]}, "yy")
+    >>> round(answer.value_of(middle) / 1e2)  # hPa
+    -1
     """
 
     at: Place
@@ -76,6 +102,18 @@ class Reaction:
         Such as "bottom"; "rigid" are the rigid cells inside the array.
     along : str or sequence of float, optional
         An axis or a direction, as for a `Deflection`. By default the force as a vector.
+
+    Examples
+    --------
+    >>> from kaju import Reaction, Scene, solve
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> answer = solve(scene, tolerance=0.1, strategy="spawning")
+    >>> round(answer.value_of(Reaction("bottom", "y")), 6)  # N
+    2.0
     """
 
     side: str

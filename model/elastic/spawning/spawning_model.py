@@ -69,6 +69,19 @@ class SpawningModel(SteppedModel):
         If a part of the body could move without straining.
     ParameterError, SceneError
         If an argument or the scene breaks a rule.
+
+    Examples
+    --------
+    >>> from kaju import Scene, SpawningModel
+    >>> scene = Scene(
+    ...     body={"cells": [5, 5], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"bottom": "rigid"},
+    ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
+    ... )
+    >>> model = SpawningModel(scene, tolerance=0.1)
+    >>> result = model.run()
+    >>> result.error_estimate < 0.1, result.agents < 2000
+    (True, True)
     """
 
     def __init__(

@@ -11,7 +11,11 @@ from kaju.model.study.reference import Reference
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 CASES = [(name, t) for name in PLANE for t in (0.1, 0.05)]
-CASES += [(name, t) for name in SOLID for t in (0.2, 0.1)]
+CASES += [
+    pytest.param(name, t, marks=pytest.mark.slow if name == "cube-rubber" else ())
+    for name in SOLID
+    for t in (0.2, 0.1)
+]
 
 
 @pytest.mark.parametrize(("name", "tolerance"), CASES)

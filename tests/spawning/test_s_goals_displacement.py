@@ -43,7 +43,10 @@ def test_estimate_is_within_its_factors_of_the_true_error(body):
         assert 0.8 < effectivity < 4.5
 
 
-@pytest.mark.parametrize("name", BODIES)
+LONG = {"cube-rubber": pytest.mark.slow}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=LONG.get(n, ())) for n in BODIES])
 def test_the_estimate_is_never_much_too_small(name):
     truth = Reference.load(DATA / f"{name}.npz")
     result = spawned_by(BODIES[name](), tolerance=0.2)

@@ -102,7 +102,7 @@ def test_energy_of_the_plate_tends_to_the_finite_elements_limit():
 
 
 def test_corner_of_the_L_does_not_spoil_the_order():
-    """Nearly N^(-1/2), where equal cells fall more slowly (`benchmarks/spawning.py L`)."""
+    """Nearly N^(-1/2), where equal cells fall more slowly."""
     results = [spawned_by(problem("L"), tolerance=t) for t in (0.1, 0.02)]
     fall = np.log(results[1].error_estimate / results[0].error_estimate)
     assert fall / np.log(results[1].agents / results[0].agents) < -0.45

@@ -48,11 +48,11 @@ def slow(x):
     return {"square": x * x, "worker": "dead" if x < 0 else "alive"}
 
 
-def run_slow(out):
+def run_slow(out, workers=2):
     import kaju
 
     print("go", flush=True)
-    return kaju.sweep(slow, {"x": list(range(RUNS))}, workers=2, out=out, progress=False)
+    return kaju.sweep(slow, {"x": list(range(RUNS))}, workers=workers, out=out, progress=False)
 
 
 def start(out):
@@ -124,7 +124,7 @@ def kill_often(kills, folder, seed=0):
             whom = ("parent", "parent", "worker")[number % 3]
             orphans += len(kill_once(out, whom, random.uniform(0.0, 2.6)))
             number += 1
-        table = run_slow(out)
+        table = run_slow(out, workers=1)
         tables += 1
         assert table["run"].tolist() == list(range(RUNS))  # nothing lost, nothing doubled
         assert table["square"].tolist() == [x * x for x in range(RUNS)]

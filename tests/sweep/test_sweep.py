@@ -132,11 +132,11 @@ def test_a_failed_point_is_a_row_with_its_error():
 
 
 def test_a_run_that_kills_its_process_is_known_by_it():
-    table = sweep(sweep_work.deadly, {"x": list(range(10, 20))}, workers=2, progress=False)
-    assert table["run"].tolist() == list(range(10))
+    table = sweep(sweep_work.deadly, {"x": [12, 13, 14]}, workers=2, progress=False)
+    assert table["run"].tolist() == [0, 1, 2]
     dead = table["x"] == 13
     assert table["error"][dead].item() == "WorkerError: the process that computed it died, twice"
-    assert table["square"][~dead].tolist() == [x * x for x in range(10, 20) if x != 13]
+    assert table["square"][~dead].tolist() == [144, 196]
 
 
 def test_seeds_are_independent_and_repeatable():

@@ -14,6 +14,7 @@ import sweep_work
 
 import kaju
 from kaju import Scene, sweep
+from kaju.model.study.sweep_store import load_sweep
 
 POINTS = {"x": [0.5 * k for k in range(200)]}
 HERE = str(Path(sweep_work.__file__).parent)
@@ -62,6 +63,7 @@ def dask(folder):
             process.wait(30)
 
 
+@pytest.mark.slow
 def test_dask_over_tcp(tmp_path):
     here = own()
     with dask(tmp_path), joblib.parallel_config(backend="dask"):
@@ -84,6 +86,5 @@ def test_an_executor_that_fails_is_named_and_its_rows_are_kept(tmp_path):
         pytest.raises(kaju.KajuError, match="executor: failed with BrokenProcessPool"),
     ):
         sweep(sweep_work.deadly, points, executor=executor, workers=1, out=tmp_path, progress=False)
-    table = sweep(sweep_work.deadly, points, workers=2, out=tmp_path, progress=False)
-    assert table["run"].tolist() == list(range(40))
-    assert (table["error"] != "").sum() == 1
+    rows = load_sweep(tmp_path)
+    assert rows["square"].tolist() == [x * x for x in rows["x"]]

@@ -89,32 +89,31 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path, monkeypatch):
 
 
 @linux
-def test_killed_at_any_moment_it_goes_on(tmp_path):
-    found = sweep_work.kill_often(3, tmp_path)
-    assert found["kills"] == 3
-    assert found["orphans"] == 0
+def test_killed_it_goes_on(tmp_path):
+    found = sweep_work.kill_often(1, tmp_path)
+    assert found == {"kills": 1, "tables": 1, "orphans": 0}
 
 
 @linux
 @pytest.mark.slow
-def test_killed_often_it_still_goes_on(tmp_path):
+def test_killed_at_any_moment_it_still_goes_on(tmp_path):
     assert sweep_work.kill_often(30, tmp_path, seed=1)["orphans"] == 0
 
 
 @linux
-def test_ten_thousand_runs_need_no_more_memory_than_a_thousand(tmp_path):
+def test_many_runs_need_no_more_memory_than_a_few(tmp_path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     table = sweep(
         sweep_work.heavy,
-        {"x": range(10_000)},
+        {"x": range(2_000)},
         sweep_work.memory,
         workers=2,
         out=tmp_path,
         progress=False,
     )
-    assert table["sum"].sum() == pytest.approx(200_000 * sum(range(10_000)))
-    early = table["memory"][:1000].max()
-    assert table["memory"].max() < early + 20_000  # kB; the results themselves are 16 GB
+    assert table["sum"].sum() == pytest.approx(200_000 * sum(range(2_000)))
+    early = table["memory"][:200].max()
+    assert table["memory"].max() < early + 20_000  # kB; the results themselves are 3.2 GB
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < before + 100_000
 
 

@@ -69,7 +69,8 @@ $(VENV)/.dev: $(SETUP)
 pictures: $(VENV)/.test
 	for script in docs/draw_*.py; do $(BIN)/python $$script || exit 1; done
 
-# Time against error of every method: a quarter of an hour; `make bench-quick` a minute.
+# Time against error of every method, and the record in docs: half an hour on a quiet machine or
+# more; `make bench-quick` some minutes, without a record.
 bench: $(VENV)/.test
 	$(BIN)/python benchmarks/work_precision.py --publish benchmarks/results
 

@@ -2,11 +2,12 @@
 
 python benchmarks/work_precision.py [--quick] [--resume] [--problem=plate] [--publish] [FOLDER]
 
---quick takes about a minute. --resume keeps the rows that the folder has and measures the others.
+--quick takes some minutes. --resume keeps the rows that the folder has and measures the others.
 --publish makes it the record in docs (table, page, picture) that README and docs/comparison.md
 quote; a test compares them.
 
-The finite elements are those of scikit-fem; they need the extra fem (pyamg comes with it).
+The peers need scikit-fem (the mesh of quadratic elements), pyamg (extra amg) and pypardiso; what is
+not installed is told in its rows.
 """
 
 from __future__ import annotations

@@ -13,6 +13,27 @@ HEAD = """# Command line
 
 `kaju COMMAND --help` says the same. Results go into a folder of their own; `--json` prints the
 summary for other programs and nothing else, `--quiet` prints nothing.
+
+## In this order
+
+```
+kaju new my.toml                              # write a commented scene to start from
+kaju check my.toml                            # will its loads end? (or a result: is it whole?)
+kaju run my.toml                              # let its agents act: my-result
+kaju run my.toml --set rule.threshold=0.001 --set loads.0.steps=1 --out finer
+kaju run my.toml --set rule.kind=elastic --out elastic-agents
+kaju solve my.toml                            # the answer of elasticity: my-solved
+kaju solve my.toml --tolerance 0.05 --out kept
+kaju creep my.toml --hold 10                  # in time, if its materials flow: my-creep
+kaju animate my-result                        # a film of the stored run
+kaju compare my-result kept                   # how far is one answer from another?
+kaju compare my.toml                          # the rule beside elasticity: figures and words
+kaju page my.toml --out my.html               # one file to watch, touch and hand on
+kaju materials                                # the materials that scenes know by name
+```
+
+`run` lets agents act by the scene's rule, `solve` gives the answer of elasticity whatever the rule.
+A scene is a TOML file; [scenes](scenes.md) lists all that it can say.
 """
 
 

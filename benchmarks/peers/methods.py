@@ -1,24 +1,24 @@
 """The ways to an answer that are compared: agents, kaju's solver, finite elements.
 
-Each takes a problem and how often the picture's cells are split, and returns the
-displacements at the problem's points. What is timed starts from the description and ends
-with the displacements of the whole body: cells or mesh, assembly, set-up, solution.
+Each takes a problem and how often the picture's cells are split, and answers with a function that
+looks the displacements at the problem's points up. What is timed starts from the description and
+ends with the displacements of the whole body: cells or mesh, assembly, set-up, solution.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
+import kaju
 from kaju.arrays import Floats
 
+from . import bilinear, quadratic
 from .problems import Problem
-
-if TYPE_CHECKING:
-    from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.scene import Scene
+from .sparse import Solver
 
 Answer = Callable[[], Floats]
 """Looks the displacements at the problem's points up."""
@@ -29,6 +29,8 @@ WAVE_TOLERANCE = 2e-4
 FIT_EVALUATIONS = 300
 SPAWNED = 0.4
 """Tolerance of agents that spawn, times the division."""
+ESTIMATED = 1.6
+"""Estimated error at which quadratic elements end, times the division."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,10 @@ class Method:
         timed. The job returns a function that looks the answer up.
     divisions : mapping
         By problem, into how many parts every edge of the picture's cells is split.
-    quick : mapping
-        The same for a short look.
+    quick : int
+        Cells of the largest body in a short look.
+    style : tuple of str
+        Colour, marker and line in the picture.
     needs : tuple of str
         Packages that must be installed.
     """
@@ -54,7 +58,8 @@ class Method:
     title: str
     prepare: Prepare
     divisions: Mapping[str, tuple[int, ...]]
-    quick: Mapping[str, tuple[int, ...]]
+    quick: int
+    style: tuple[str, str, str]
     needs: tuple[str, ...] = ()
 
     @property
@@ -63,12 +68,24 @@ class Method:
         return tuple(package for package in self.needs if find_spec(package) is None)
 
 
-def multigrid(problem: Problem, division: int) -> Callable[[], Answer]:
+@dataclass(frozen=True, eq=False)
+class Sized:
+    """An answer that tells how many agents or elements it took."""
+
+    parts: int
+    at: Callable[[Floats], Floats]
+    points: Floats
+
+    def __call__(self) -> Floats:
+        """Return the displacements at the problem's points."""
+        return self.at(self.points)
+
+
+def equal_cells(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let `kaju.solve` answer on equal cells."""
-    from kaju.model.elastic.solve import solve
 
     def job() -> Answer:
-        result = solve(problem.scene(division))
+        result: Any = kaju.solve(problem.scene(division), strategy="uniform", resolution=1)
         return lambda: result.displacement_at(problem.points)
 
     return job
@@ -76,54 +93,32 @@ def multigrid(problem: Problem, division: int) -> Callable[[], Answer]:
 
 def spawning(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let agents spawn to a tolerance that falls as the equal cells' error does."""
-    from kaju.model.study.solving import solve
 
     def job() -> Answer:
-        return Spawned(solve(problem.scene(1), SPAWNED / division, strategy="spawning"), problem)
+        result: Any = kaju.solve(problem.scene(1), SPAWNED / division, strategy="spawning")
+        return Sized(result.agents, result.displacement_at, problem.points)
 
     return job
 
 
-@dataclass(frozen=True, eq=False)
-class Spawned:
-    """An answer that tells how many agents it took."""
+def agents(
+    order: Literal["wave", "largest first"], problem: Problem, division: int
+) -> Callable[[], Answer]:
+    """Let the agents of the elastic rule push until they rest."""
+    rule = kaju.ElasticRule(order=order, tolerance=WAVE_TOLERANCE)
+    pushes = 1000 if order == "largest first" else 1
 
-    result: ElasticResult
-    problem: Problem
+    def job() -> Answer:
+        scene = problem.scene(division).replace(rule=rule)
+        run = kaju.ElasticModel(scene, engine="arrays", pushes_per_step=pushes).run()
+        return lambda: run.result.displacement_at(problem.points)
 
-    @property
-    def agents(self) -> int:
-        """Number of agents."""
-        return self.result.agents
-
-    def __call__(self) -> Floats:
-        """Return the displacements at the problem's points."""
-        return self.result.displacement_at(self.problem.points)
-
-
-def _agents(
-    order: Literal["wave", "largest first"],
-) -> Callable[[Problem, int], Callable[[], Answer]]:
-    def prepare(problem: Problem, division: int) -> Callable[[], Answer]:
-        from kaju.agents.rules import ElasticRule
-        from kaju.model.elastic.settling.elastic_model import ElasticModel
-
-        rule = ElasticRule(order=order, tolerance=WAVE_TOLERANCE)
-        pushes = 1000 if order == "largest first" else 1
-
-        def job() -> Answer:
-            scene = problem.scene(division).replace(rule=rule)
-            run = ElasticModel(scene, engine="arrays", pushes_per_step=pushes).run()
-            return lambda: run.result.displacement_at(problem.points)
-
-        return job
-
-    return prepare
+    return job
 
 
 def prescribed(problem: Problem, division: int) -> Callable[[], Answer]:
     """Let agents pass load on by the default coefficients."""
-    return lambda: _transfer(problem, problem.scene(division, "prescribed"))
+    return lambda: _transferred(problem, problem.scene(division, "prescribed"))
 
 
 def fitted(problem: Problem, division: int) -> Callable[[], Answer]:
@@ -131,98 +126,88 @@ def fitted(problem: Problem, division: int) -> Callable[[], Answer]:
 
     The search for them is not timed.
     """
-    from kaju.model.study.fitting import fit_rule
-
-    fit = fit_rule(
-        problem.scene(1, "prescribed"),
-        problem.truth(),
-        points=problem.points,
-        evaluations=FIT_EVALUATIONS,
+    scene, end = problem.scene(1, "prescribed"), FIT_EVALUATIONS
+    fit = kaju.fit_rule(scene, problem.truth(), points=problem.points, evaluations=end)
+    return lambda: _transferred(
+        problem, problem.scene(division, "prescribed").replace(rule=fit.rule)
     )
-    return lambda: _transfer(problem, problem.scene(division, "prescribed").replace(rule=fit.rule))
 
 
-def _transfer(problem: Problem, scene: Scene) -> Answer:
-    from kaju.model.transfer.load_model import LoadModel
-
-    result = LoadModel(scene, engine="arrays").run()
+def _transferred(problem: Problem, scene: kaju.Scene) -> Answer:
+    result = kaju.LoadModel(scene, engine="arrays").run()
     _ = result.displacement_field
     return lambda: result.displacement_at(problem.points)
 
 
-def finite_elements_direct(problem: Problem, division: int) -> Callable[[], Answer]:
-    """Let scikit-fem's bilinear elements answer, by SciPy's sparse factorisation."""
-    from . import finite_elements
-
-    return lambda: finite_elements.solve(problem, division, "direct")
+def elements(solver: Solver, problem: Problem, division: int) -> Callable[[], Answer]:
+    """Let bilinear elements answer on the same cells."""
+    return lambda: bilinear.solve(problem, division, solver)
 
 
-def finite_elements_multigrid(problem: Problem, division: int) -> Callable[[], Answer]:
-    """Let scikit-fem's bilinear elements answer, by pyamg's smoothed aggregation."""
-    from . import finite_elements
+def adaptive(problem: Problem, division: int) -> Callable[[], Answer]:
+    """Let quadratic triangles be refined from a coarse start; every mesh on the way counts."""
+    solver: Solver = "pardiso" if find_spec("pypardiso") else "superlu"
 
-    return lambda: finite_elements.solve(problem, division, "multigrid")
+    def job() -> Answer:
+        answers = quadratic.adaptive(problem, solver)
+        last = next(a for a in answers if a.error_estimate <= ESTIMATED / division)
+        return Sized(last.mesh.nelements, last.at, problem.points)
+
+    return job
 
 
-def _elsewhere(problem: Problem, division: int) -> Callable[[], Answer]:
-    raise NotImplementedError("dolfinx is run by `measure.by_dolfinx`, in its own Python")
+def _on(plate: int, block: int, pixels: int, first: int = 1) -> dict[str, tuple[int, ...]]:
+    """Return powers of two up to the largest division of each problem; none if that is 0."""
+    largest = {"plate": plate, "block": block, "pixels": pixels}
+    powers = [2**power for power in range(8)]
+    return {name: tuple(p for p in powers if first <= p <= end) for name, end in largest.items()}
 
 
-_NONE: tuple[int, ...] = ()
-_AGENTS = {"plate": (1, 2), "block": (1,), "pixels": (1,)}
-_AGENTS_QUICK = {"plate": (1,), "block": _NONE, "pixels": _NONE}
-_TRANSFER = {"plate": (1, 2, 4), "block": (1, 2, 4), "pixels": (1, 2, 4)}
-_TRANSFER_QUICK = {"plate": (1,), "block": (1,), "pixels": (1,)}
-_ITERATED = {"plate": (2, 4, 8, 16, 32), "block": (2, 4), "pixels": (2, 4, 8, 16, 32)}
-_ITERATED_QUICK = {"plate": (4,), "block": (2,), "pixels": (4,)}
+_PUSHED, _PASSED = _on(2, 1, 1), _on(4, 4, 4)
+_FEM = ("skfem",)
 
 METHODS = {
     method.name: method
     for method in (
         Method(
-            "multigrid",
-            "kaju.solve, equal cells",
-            multigrid,
-            {
-                "plate": (1, 2, 4, 8, 16, 32, 64, 128),
-                "block": (1, 2, 4, 8, 16),
-                "pixels": (1, 2, 4, 8, 16, 32),
-            },
-            {"plate": (1, 4, 16), "block": (2, 4), "pixels": (1, 4)},
+            "multigrid", "kaju.solve, equal cells", equal_cells, _on(128, 16, 32), 102_400,
+            ("#0b5394", "o", "-"),
         ),
         Method(
-            "spawning",
-            "kaju.solve, agents that spawn",
-            spawning,
-            {"plate": (2, 4, 8, 16, 32, 64), "block": (2, 4, 8), "pixels": (2, 4, 8, 16)},
-            {"plate": (4, 16), "block": (2,), "pixels": (4,)},
-        ),
-        Method("wave", "agents, elastic rule, wave", _agents("wave"), _AGENTS, _AGENTS_QUICK),
-        Method(
-            "largest_first",
-            "agents, elastic rule, largest first",
-            _agents("largest first"),
-            _AGENTS,
-            _AGENTS_QUICK,
-        ),
-        Method("prescribed", "agents, prescribed rule", prescribed, _TRANSFER, _TRANSFER_QUICK),
-        Method("fitted", "agents, prescribed rule, fitted", fitted, _TRANSFER, _TRANSFER_QUICK),
-        Method(
-            "direct",
-            "scikit-fem, spsolve",
-            finite_elements_direct,
-            {"plate": (2, 4, 8, 12, 16), "block": (2,), "pixels": (2, 4, 8, 16)},
-            {"plate": (2, 4), "block": _NONE, "pixels": (4,)},
-            ("skfem",),
+            "spawning", "kaju.solve, agents that spawn", spawning, _on(64, 8, 16, first=2), 25_600,
+            ("#0b5394", "o", "--"),
         ),
         Method(
-            "algebraic",
-            "scikit-fem, pyamg",
-            finite_elements_multigrid,
-            _ITERATED,
-            _ITERATED_QUICK,
-            ("skfem", "pyamg"),
+            "wave", "agents, elastic rule, wave", partial(agents, "wave"), _PUSHED, 0,
+            ("#5fa8d3", "^", "-"),
         ),
-        Method("dolfinx", "dolfinx, hypre", _elsewhere, _ITERATED, _ITERATED_QUICK),
+        Method(
+            "largest_first", "agents, elastic rule, largest first",
+            partial(agents, "largest first"), _PUSHED, 0, ("#5fa8d3", "v", "--"),
+        ),
+        Method(
+            "prescribed", "agents, prescribed rule", prescribed, _PASSED, 1_600,
+            ("#c8963e", "s", "-"),
+        ),
+        Method(
+            "fitted", "agents, prescribed rule, fitted", fitted, _PASSED, 1_600,
+            ("#c8963e", "D", "--"),
+        ),
+        Method(
+            "superlu", "bilinear elements, SuperLU", partial(elements, "superlu"),
+            _on(16, 2, 16, first=2), 102_400, ("#7a7a7a", "x", "-"),
+        ),
+        Method(
+            "pardiso", "bilinear elements, PARDISO", partial(elements, "pardiso"),
+            _on(32, 4, 32, first=2), 102_400, ("#7a7a7a", "*", "--"), ("pypardiso",),
+        ),
+        Method(
+            "pyamg", "bilinear elements, pyamg", partial(elements, "pyamg"),
+            _on(32, 4, 32, first=2), 102_400, ("#b2340b", "+", "-"), ("pyamg",),
+        ),
+        Method(
+            "quadratic", "adaptive quadratic triangles", adaptive, _on(64, 0, 64, first=2), 409_600,
+            ("#4d8b57", "P", "-"), _FEM,
+        ),
     )
-}
+}  # fmt: skip

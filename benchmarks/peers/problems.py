@@ -106,16 +106,40 @@ class Problem:
                 "material": "solid",
             }
             return Scene(body=body, **described)
-        codes = self.picture.astype(np.int64)
-        for axis in range(self.dimension):
-            codes = codes.repeat(division, axis=axis)
         return Scene.from_array(
-            codes,
+            self.split(division).astype(np.int64),
             legend={0: "air", 1: "solid"},
             cell_size=self.edge / division,
             **body,
             **described,
         )
+
+    def split(self, division: int) -> Flags:
+        """Return the picture with every cell split `division` times per axis."""
+        return np.kron(self.picture, np.ones((division,) * self.dimension, dtype=np.bool_))
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Both moduli of Lamé (Pa), in the plane those of plane stress times the thickness."""
+        shear = self.youngs_modulus / (2.0 * (1.0 + self.poissons_ratio))
+        ratio = self.poissons_ratio
+        if self.dimension == 2:
+            return 2.0 * shear * ratio / (1.0 - ratio) * self.thickness, shear * self.thickness
+        return 2.0 * shear * ratio / (1.0 - 2.0 * ratio), shear
+
+    def pressed(self, middles: Floats, size: float) -> Flags:
+        """Tell which cells or facets lie below the load, by their middles (m).
+
+        Parameters
+        ----------
+        size : float
+            Height of what lies there (m): its top is half of that above the middle.
+        """
+        lower, upper = np.array(self.patch)
+        near = 1e-9 * self.edge
+        across = (middles[:, :-1] > lower[:-1] - near) & (middles[:, :-1] < upper[:-1] + near)
+        at_top = np.abs(middles[:, -1] + 0.5 * size - lower[-1]) < near
+        return np.asarray(across.all(axis=1) & at_top)
 
     @property
     def _material(self) -> dict[str, float]:

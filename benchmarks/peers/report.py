@@ -18,11 +18,11 @@ import pandas as pd
 from kaju.view.files import save
 from kaju.view.style import FAINT, INK, new_figure
 
-from .measure import Measurement, python_with_dolfinx
+from .measure import Measurement
 from .methods import METHODS
 from .problems import PROBLEMS
 
-PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg")
+PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg", "pypardiso")
 
 HEADER = "| method | cells | time (s) | memory (MB) | largest error | r.m.s. error |"
 
@@ -33,6 +33,9 @@ def environment() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(os.cpu_count()),
         "system": platform.platform(),
+        "load when it ended": f"{os.getloadavg()[0]:.1f}"
+        if hasattr(os, "getloadavg")
+        else "unknown",
         "python": platform.python_version(),
     }
     for package in PACKAGES:
@@ -40,8 +43,6 @@ def environment() -> dict[str, str]:
             found[package] = version(package)
         except PackageNotFoundError:
             found[package] = "not installed"
-    python = python_with_dolfinx()
-    found["dolfinx"] = f"in {python}" if python else "not installed"
     return found
 
 
@@ -77,9 +78,10 @@ which machine at the end. The same rows as a table: `work_precision.csv`.
 
 
 PEERS = {
-    "direct": "scikit-fem with a sparse direct solver",
-    "algebraic": "with algebraic multigrid",
-    "dolfinx": "dolfinx with hypre",
+    "superlu": "bilinear elements with SuperLU",
+    "pardiso": "with PARDISO",
+    "pyamg": "with pyamg",
+    "quadratic": "adaptive quadratic triangles",
 }
 QUOTED = (
     ("README.md", r"On that plate, with the load spread.*?\n\n"),
@@ -108,7 +110,7 @@ def quotations(found: Sequence[Measurement]) -> tuple[str, str]:
     target = 2e-4
     ours = cost_at(target, _of(plate, "multigrid"))
     theirs = {words: cost_at(target, _of(plate, name)) for name, words in PEERS.items()}
-    told = [f"{w} {t / ours:.0f} times as long" for w, t in theirs.items() if ours and t]
+    told = [f"{w} {t / ours:.2g} times as long" for w, t in theirs.items() if ours and t]
     readme = (
         "On that plate, with the load spread over 20 mm, at a largest error of 2e-4, `solve` took "
         f"{1e3 * (ours or 0.0):.0f} ms; {', '.join(told)} "
@@ -132,11 +134,11 @@ def markdown(found: Sequence[Measurement], conditions: dict[str, str]) -> str:
             parts.append("\n".join([f"## {problem.title}", "", *rows, "", *ratios(mine)]))
     told = "\n".join(f"- {name}: {value}" for name, value in conditions.items())
     parts.append(
-        "Times are medians of three runs (of one, if it takes over 10 s), warm: imports and "
-        "compilation excluded; mesh or cells, assembly, set-up and solution included. Every job "
-        "had a process of its own, with BLAS on one thread, which is quicker for the peers; "
-        "memory is its peak above what was in use before. Errors are taken in the middles of "
-        "the picture's cells, as shares of the largest true "
+        "Times are the processor's, medians of three runs (of one, if it takes over 10 s), warm: "
+        "imports and compilation excluded; mesh or cells, assembly, set-up and solution included, "
+        "of adaptive elements all meshes on the way. Every job had a process of its own with one "
+        "thread; memory is its peak above what was in use before. Errors are taken in the middles "
+        "of the picture's cells, as shares of the largest true "
         f"displacement.\n\n{told}"
     )
     return "\n\n".join(parts) + "\n"
@@ -186,17 +188,6 @@ def cost_at(target: float, found: Sequence[Measurement]) -> float | None:
     return float(np.exp(np.interp(np.log(target), np.log(error), np.log(spent))))
 
 
-STYLES = {
-    "multigrid": ("#0b5394", "o", "-"),
-    "spawning": ("#0b5394", "o", "--"),
-    "wave": ("#5fa8d3", "^", "-"),
-    "largest_first": ("#5fa8d3", "v", "--"),
-    "prescribed": ("#c8963e", "s", "-"),
-    "fitted": ("#c8963e", "D", "--"),
-    "direct": ("#7a7a7a", "x", "-"),
-    "algebraic": ("#b2340b", "+", "-"),
-    "dolfinx": ("#4d8b57", "*", "-"),
-}
 COSTS = {"seconds": "time (s)", "memory": "memory (MB)"}
 
 
@@ -216,7 +207,7 @@ def draw(found: Sequence[Measurement], path: Path) -> Path:
                     if (m.problem, m.method) == (name, method) and getattr(m, cost)
                 ]
                 if points:
-                    colour, marker, line = STYLES[method]
+                    colour, marker, line = METHODS[method].style
                     (handles[method],) = ax.loglog(
                         *zip(*points, strict=True),
                         color=colour,

@@ -140,9 +140,9 @@ def test_figures_have_units_and_four_digits(kaju):
     assert "load taken                   12.88 N" in out
 
 
-def test_the_commands_of_the_readme_work_in_their_order(kaju):
-    text = (EXAMPLES.parent / "README.md").read_text()
-    block = text.partition("## The command")[2].split("```")[1]
+def test_the_commands_work_in_their_order(kaju):
+    text = (EXAMPLES.parent / "docs" / "commands.md").read_text()
+    block = text.partition("## In this order")[2].split("```")[1]
     commands = [line.partition("#")[0].split() for line in block.strip().splitlines()]
     assert len(commands) >= 10
     drawn = set()

@@ -144,8 +144,8 @@ def solve(
     ...     loads=[{"cell": [2, 4], "force": [0.0, -2.0]}],
     ... )
     >>> answer = solve(scene, tolerance=0.05)
-    >>> answer.error_estimate < 0.05
-    True
+    >>> answer.tolerance_kept, answer.error_bound < 0.05
+    ('proved', True)
     """
     subject = question_of(subject)
     if isinstance(subject, Scene):

@@ -80,8 +80,8 @@ class SpawningModel(SteppedModel):
     ... )
     >>> model = SpawningModel(scene, tolerance=0.1)
     >>> result = model.run()
-    >>> result.error_estimate < 0.1, result.agents < 2000
-    (True, True)
+    >>> result.tolerance_kept, result.error_bound < 0.1
+    ('proved', True)
     """
 
     def __init__(

@@ -66,7 +66,10 @@ def table_of(record: dict[str, Any]) -> str:
         "",
         "| put to | answered | refused | failed |",
         "|---|---|---|---|",
-        *(f"| {name} | {a} | {r} | {f} |" for name, (a, r, f) in record["engines"].items()),
+        *(
+            f"| {name} | {' | '.join(map(str, row[:3]))} |"
+            for name, row in record["engines"].items()
+        ),
         "",
         "| refused because | trials |",
         "|---|---|",

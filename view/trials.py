@@ -16,8 +16,13 @@ if TYPE_CHECKING:
     from kaju.model.study.trials.stability_map import StabilityMap
     from kaju.model.study.trials.trial import Outcome
 
-COLOURS = {"answered": "#3b6a8f", "refused": "#d9d4c5", "failed": "#b2340b"}
-WORDS = {"answered": "answered", "refused": "refused by a named error", "failed": "failed"}
+COLOURS = {
+    "answered": "#3b6a8f",
+    "refused": "#d9d4c5",
+    "failed": "#b2340b",
+    "not finished": "#e8b04a",
+}
+WORDS = {name: name for name in COLOURS} | {"refused": "refused by a named error"}
 
 SMALLEST = 1e-3
 """True errors are drawn from here on: the elements that tell them are off by less."""

@@ -278,7 +278,7 @@ class ElasticResult(BodyResult):
 
     def checks(self) -> list[Check]:
         """Return whether the supports bear the loads, as far as the notes do not say otherwise."""
-        applied = self.scene.applied(self.stage).force
+        applied = self.grid.applied(self.stage).force
         reactions = self.reactions.values()
         missing = sum(reactions, applied.sum(axis=0))
         forces = np.abs(applied).sum() + sum(np.abs(r).sum() for r in reactions)

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain, islice
-from math import inf, isfinite
+from math import isfinite
 from numbers import Real
+from operator import index
+from sys import float_info
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -353,7 +355,7 @@ class AgentEngine:
         for row in islice(rows, MOST_EMISSIONS + 1):
             try:
                 arm, direction, share, sense = row
-                fits = (arm, direction, sense) in known and _is_amount(share)
+                fits = (index(arm), index(direction), sense) in known and _is_amount(share)
             except (TypeError, ValueError):
                 raise self.wrong(agent, "emissions", f"returned {row!r:.60}{_EMISSION}") from None
             if not fits:
@@ -381,8 +383,8 @@ class AgentEngine:
             direction, magnitude, copies, sense = load
             arms = range(self.lattice.directions) if form is None else self.lattice.arms[form]
             fits = (
-                arm in arms
-                and direction in range(self.lattice.directions)
+                index(arm) in arms
+                and index(direction) in range(self.lattice.directions)
                 and sense in self.senses
                 and _is_amount(magnitude)
                 and _is_amount(copies)
@@ -604,7 +606,7 @@ _EMISSION = ", which is no Emission: (arm, direction, share, sense)"
 def _is_amount(value: Any) -> bool:
     """Tell whether a value is a number that is finite and not negative."""
     real = type(value) is float or isinstance(value, Real)  # the latter takes ten times as long
-    return real and 0.0 <= float(value) < inf
+    return real and bool(0.0 <= value <= float_info.max)
 
 
 def _table(amounts: list[dict[int, float]], columns: int) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -167,17 +168,20 @@ def stress(
     first: Annotated[int, typer.Option(min=0, metavar="N", help="Number of the first.")] = 0,
     workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
     limit: Annotated[
-        float, typer.Option(help="Seconds of processor time of a trial that has hung.")
+        float, typer.Option(help="Seconds of processor time that a trial may take.")
     ] = 30.0,
     pictures: Annotated[bool, typer.Option("--pictures/--no-pictures")] = True,
 ) -> None:
     """Put random and adversarial scenes to every rule and solver; exit code 1 if one fails.
 
-    A trial is answered, refused by a named error, or has failed: no number, hung, a raw error,
-    forces that do not balance, a certificate that did not hold. The same number is the same
-    trial on every machine: --first N --count 1 repeats one.
+    Every case that has ever failed runs first. A trial is answered, refused by a named error, or
+    has failed: no number, out of processor time, a raw error, forces that do not balance, a
+    certificate that did not hold. Exit code 3: none failed, but some did not finish on a machine
+    that is too busy. The same number is the same trial on every machine: --first N --count 1
+    repeats one.
     """
-    from kaju.model.study.trials.trial import FAILED
+    from kaju.model.study.trials.trial import FAILED, UNFINISHED
+    from kaju.model.study.trials.trial_corpus import CORPUS
     from kaju.model.study.trials.trial_workers import bounded, record, tally, trials
 
     try:
@@ -189,16 +193,19 @@ def stress(
     began = perf_counter()
     number = count or (QUICK if quick else ALL)
     outcomes: list[Outcome] = []
-    for outcome in record(trials(range(first, first + number), workers, limit), table):
+    kept = [] if count else list(CORPUS)
+    cases = chain(kept, range(first, first + number))
+    number += len(kept)
+    for outcome in record(trials(cases, workers, limit), table):
         outcomes.append(outcome)
-        if outcome.verdict == FAILED:
+        if outcome.verdict in (FAILED, UNFINISHED):
             typer.echo(f"trial {outcome.number}, {outcome.family}: {outcome.engine} {outcome.what}")
         elif len(outcomes) % 500 == 0:
             typer.echo(f"{len(outcomes)} of {number}")
-    typer.echo(f"{'':16}{'answered':>10}{'refused':>10}{'failed':>10}")
     counts = tally(outcomes)
-    for row in counts:
-        typer.echo(f"{row.engine:16}{row.answered:10}{row.refused:10}{row.failed:10}")
+    typer.echo(f"{'':28}{'answered':>10}{'refused':>10}{'failed':>10}{'not finished':>14}")
+    for engine, *row, unfinished in counts:
+        typer.echo(f"{engine:28}{row[0]:10}{row[1]:10}{row[2]:10}{unfinished:14}")
     known, proven, inside = bounded(outcomes)
     typer.echo(f"truth known of {known} answers, bounds of {proven}, truth within {inside} of them")
     told = {
@@ -207,7 +214,7 @@ def stress(
         "workers": workers,
         "minutes": round((perf_counter() - began) / 60.0, 1),
         "processor_minutes": round(sum(outcome.seconds for outcome in outcomes) / 60.0, 1),
-        "engines": {row.engine: [row.answered, row.refused, row.failed] for row in counts},
+        "engines": {engine: row for engine, *row in counts},
         "bounds": [known, proven, inside],
     }
     (out / "summary.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
@@ -216,7 +223,7 @@ def stress(
         from kaju.view.trials import plot_trials
 
         typer.echo(plot_trials(outcomes, out / "outcomes.png"))
-    failed = sum(row.failed for row in counts)
-    if failed:
-        typer.echo(f"{failed} of {number} trials failed", err=True)
-        raise typer.Exit(1)
+    failed, unfinished = sum(row.failed for row in counts), sum(row.unfinished for row in counts)
+    if failed or unfinished:
+        typer.echo(f"{failed} of {number} trials failed, {unfinished} not finished", err=True)
+        raise typer.Exit(1 if failed else 3)

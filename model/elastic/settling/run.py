@@ -18,7 +18,7 @@ from kaju.model.elastic.staggered import strain_energy
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
 from kaju.model.results.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
-from kaju.model.results.result import ROUNDING, BodyResult, Check, Curves, idle_rheology
+from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
 
 from .records import BoundaryAgents, FaceAgents, Moments, PushLedger, StepRecord
 from .stability import WaveCertificate
@@ -154,7 +154,7 @@ class ElasticRun(BodyResult):
 
     def checks(self) -> list[Check]:
         """Return whether every newton is accounted for."""
-        return [Check("every newton is accounted for", self.ledger.imbalance, ROUNDING)]
+        return [Check("every newton is accounted for", self.ledger.imbalance, BALANCE)]
 
     def curves(self) -> list[Curves]:
         """Return energy, largest load left, and the error meter after every step."""

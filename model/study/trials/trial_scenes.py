@@ -7,13 +7,16 @@ give trouble. The same number gives the same scene on every machine.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from kaju.errors import SceneError
 from kaju.model.scene import Scene
+from kaju.model.scene.pictures import embedded
 
 Codes = NDArray[np.int64]
 """0 is air, 1, 2, … are materials, -1 is rigid; [column, row from the bottom]."""
@@ -310,3 +313,122 @@ def _rule(rng: Generator, dimension: int, force: float) -> dict[str, Any]:
         "threshold": float(force * rng.choice([10 ** rng.uniform(-4, 1), 1e-280, 1e30], p=odds)),
         "accumulate": accumulate,
     }
+
+
+DRAWS = 6
+"""How often a described scene is drawn until one describes something; the last may be refused."""
+
+
+def described_scene(
+    rng: Generator, family: str, rule: str = "elastic", pace: float | None = None
+) -> Scene:
+    """Return a body of shapes and an image, with weight, beds, moved sides and loads of all kinds.
+
+    Parameters
+    ----------
+    rng : Generator
+    family : str
+        Of the body in the image.
+    rule : {"elastic", "prescribed"}
+    pace : float, optional
+        Time (s) in which its materials creep.
+    """
+    for _ in range(DRAWS - 1):
+        with suppress(SceneError):
+            scene = _described(rng, family, rule, pace)
+            scene.applied()
+            return scene
+    return _described(rng, family, rule, pace)
+
+
+def _described(rng: Generator, family: str, rule: str, pace: float | None) -> Scene:
+    solid = rng.random() < 0.15
+    codes = BODIES[family](rng)
+    shape = tuple(int(n) for n in (rng.integers(2, 6, 3) if solid else codes.shape))
+    h = 0.01
+    size = h * np.array(shape)
+    names = {"a", "b"} | ({"c"} if rng.random() < 0.3 else set())
+    materials = _materials(rng, sorted(names))
+    for table in materials.values():
+        table["density"] = float(rng.uniform(10.0, 1e4))
+        if pace is not None:
+            k, d_f, d_d = (float(10 ** rng.uniform(-1, 1)) for _ in range(3))
+            table["rheology"] = {"K_f": k, "D_f": d_f * pace, "D_d": d_d * pace * 10.0}
+    body: dict[str, Any] = {"cell_size": h, "cells": shape, "material": "a"}
+    body["regions"] = [] if solid else _pictured(codes)
+    body["regions"] += [_region(rng, size, names) for _ in range(int(rng.integers(0, 3)))]
+    if not solid:
+        body |= {"plane": str(rng.choice(["stress", "strain"])), "thickness": 0.01}
+    if rng.random() < 0.4:
+        body["gravity"] = [*(float(g) for g in rng.normal(0, 1, len(shape) - 1)), -9.81]
+    return Scene(
+        body=body,
+        materials=materials,
+        sides=_sides(rng, len(shape)) if rule == "elastic" else {"bottom": "rigid"},
+        loads=[_described_load(rng, size, rule) for _ in range(int(rng.integers(1, 4)))],
+        rule={"kind": "elastic"} if rule == "elastic" else _rule(rng, len(shape), 1.0),
+    )
+
+
+def _pictured(codes: Codes) -> list[dict[str, Any]]:
+    """Return a body's cells as images that are filled, one for each of its materials."""
+    kinds = {0: "air", -1: "rigid", 2: "b"}
+    found = [(name, codes == code) for code, name in kinds.items()]
+    images = [(name, {"file": embedded(dark)}) for name, dark in found if dark.any()]
+    return [{"image": image, "material": name} for name, image in images]
+
+
+def _region(rng: Generator, size: NDArray[np.float64], names: set[str]) -> dict[str, Any]:
+    """Return a shape anywhere in or beside the body, filled with anything."""
+    material = str(rng.choice([*sorted(names), "air"]))
+    low, span = size * rng.uniform(-0.1, 0.8, len(size)), size * rng.uniform(0.1, 0.5, len(size))
+    round_ = {"centre": (low + span / 2).tolist(), "radius": float(span.min() / 2)}
+    shapes: list[dict[str, Any]] = [
+        {"box": [low.tolist(), (low + span).tolist()]},
+        {"ball" if len(size) == 3 else "disk": round_},
+    ]
+    if len(size) == 2:
+        turned = low + span * rng.uniform(0.0, 1.0, (int(rng.integers(3, 7)), 2))
+        shapes.append({"polygon": turned.tolist()})
+    return {**shapes[rng.integers(len(shapes))], "material": material}
+
+
+def _described_load(rng: Generator, size: NDArray[np.float64], rule: str) -> dict[str, Any]:
+    """Return a load by point, side or region: a force, a couple, or a pressure that may slope."""
+    d = len(size)
+    force = [float(f) for f in rng.normal(0.0, 1.0, d) * 10 ** rng.uniform(-1, 3)]
+    low, high = np.sort(size * rng.uniform(0.0, 1.0, (2, d)), axis=0)
+    flat = low.copy(), high.copy()
+    for end in flat:  # a box without thickness, on the top: its ends lie anywhere on the faces
+        end[-1] = size[-1]
+    places: list[dict[str, Any]] = [
+        {"side": str(rng.choice(_names(d)[: 2 * d]))},
+        {"region": {"box": [end.tolist() for end in flat]}},
+        {"region": {"box": [low.tolist(), high.tolist()]}},
+        {"point": (size * rng.uniform(0.0, 1.0, d)).tolist()},
+    ]
+    kind = int(rng.integers(4))
+    place = places[rng.integers(4 if kind == 0 else 2)]
+    if kind == 0:
+        return {**place, "force": force}
+    if kind == 1 and rule == "elastic":
+        return {**place, "couple": force[0] * 0.01 if d == 2 else [0.01 * f for f in force]}
+    load = {**place, "pressure": float(rng.normal(0.0, 1e4))}
+    if kind == 3:
+        load["pressure_slope"] = [float(s) for s in rng.normal(0.0, 1e5, d)]
+    return load
+
+
+def large_scene(rng: Generator) -> Scene:
+    """Return a plate or a block of 10⁵ cells with holes and two materials."""
+    solid = rng.random() < 0.25
+    shape = (46, 46, 47) if solid else (316, 317)
+    size = 0.01 * np.array(shape)
+    regions = [_region(rng, size, {"a", "b"}) for _ in range(int(rng.integers(0, 12)))]
+    return Scene(
+        body={"cell_size": 0.01, "cells": shape, "material": "a", "regions": regions},
+        materials=_materials(rng, ["a", "b"]),
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [float(f) for f in rng.normal(0.0, 1e3, len(shape))]}],
+        rule={"kind": "elastic"},
+    )

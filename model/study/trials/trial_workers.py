@@ -6,17 +6,18 @@ import csv
 import signal
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import astuple, dataclass, fields
-from math import ceil, isfinite
+from dataclasses import astuple, fields
+from math import ceil, inf, isfinite
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from time import monotonic, process_time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 from kaju.errors import ParameterError
 
-from .trial import FAILED, TRUTH, Outcome, attempt, put_to
+from .trial import FAILED, UNFINISHED, VERDICTS, Outcome, attempt, family_of, put_to
+from .trial_kinds import TRUTH
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
@@ -24,27 +25,33 @@ if TYPE_CHECKING:
 COLUMNS = tuple(field.name for field in fields(Outcome))
 MOST_MEMORY = 6 * 2**30
 """Address space of a worker (bytes): a scene that wants more is a finding."""
-PATIENCE = 10
+PATIENCE = 20
 """Times its processor time that a trial may take by the clock: the machine may be busy."""
 OUT_OF_TIME = getattr(signal, "SIGXCPU", 0)
+WARM = (0, 1, 2, 5, 12, 19, 38)
+"""Trials by which a worker loads, or compiles, what trials need: no trial's time counts that."""
+
+Case = tuple[int, str]
+"""A trial's number, and what it is put to; "" is whose turn it is."""
 
 
 def trials(
-    numbers: Iterable[int], workers: int = 2, limit: float = 30.0, beyond: float = 10.0
+    numbers: Iterable[int | Case], workers: int = 2, limit: float = 30.0, *, warm: bool = True
 ) -> Iterator[Outcome]:
     """Yield the outcome of every trial as it ends, in no particular order.
 
     Parameters
     ----------
-    numbers : iterable of int
-        Which trials.
+    numbers : iterable of int or (int, str)
+        Which trials; with a name, put to that kind.
     workers : int
         Processes side by side.
     limit : float
-        A trial that takes more seconds of processor time than this has hung: its process is
-        killed. One that only waits is, after ten times as many.
-    beyond : float
-        Seconds more for a process's first trial, in which much is compiled.
+        A trial that takes more seconds of processor time than this has failed: its process is
+        killed. One that does not come to that in twenty times as long by the clock is not
+        finished, for which the machine may be too busy.
+    warm : bool
+        Whether workers warm up before the clock starts.
 
     Raises
     ------
@@ -55,13 +62,12 @@ def trials(
         raise ParameterError(f"workers: must be 1 or more, got {workers}")
     if not limit > 0.0:
         raise ParameterError(f"limit: must be above 0 s, got {limit}")
-    left = iter(numbers)
-    crew = [_Worker(limit, beyond) for _ in range(workers)]
+    left = ((case, "") if isinstance(case, int) else case for case in numbers)
+    crew = [_Worker(limit, warm) for _ in range(workers)]
     try:
         for worker in crew:
             worker.give(next(left, None))
-        while any(worker.busy for worker in crew):
-            busy = [worker for worker in crew if worker.busy]
+        while busy := [worker for worker in crew if worker.case]:
             wait([worker.pipe for worker in busy], timeout=0.2)
             for worker in busy:
                 outcome = worker.ended()
@@ -74,55 +80,54 @@ def trials(
 
 
 class _Worker:
-    """A process that makes one trial after the other, and is replaced when it hangs or dies."""
+    """A process that makes one trial after the other, and is replaced when it is killed or dies."""
 
-    def __init__(self, limit: float, beyond: float) -> None:
-        self._limit, self._beyond = limit, beyond
-        self._number: int | None = None
+    def __init__(self, limit: float, warm: bool) -> None:
+        self._limit, self._warm = limit, warm
+        self.case: Case | None = None
         self._hire()
 
     def _hire(self) -> None:
         # Mesa's batch runner changes the process-wide way to start; this one does not care.
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self._process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True)
+        serving = (theirs, self._limit, self._warm)
+        self._process: BaseProcess = context.Process(target=_serve, args=serving, daemon=True)
         self._process.start()
         theirs.close()
-        self._allowance = self._limit + self._beyond
+        self._since = inf  # it warms up
 
-    @property
-    def busy(self) -> bool:
-        return self._number is not None
-
-    def give(self, number: int | None) -> None:
-        self._number, self._since = number, monotonic()
-        if number is not None:
-            self.pipe.send((number, self._allowance))
+    def give(self, case: Case | None) -> None:
+        self.case = case
+        if self._since < inf:
+            self._since = monotonic()
+        if case is not None:
+            self.pipe.send(case)
 
     def ended(self) -> Outcome | None:
         """Return the trial's outcome if it has ended, or must end."""
-        assert self._number is not None
-        if self.pipe.poll():
+        while self.pipe.poll():
             try:
-                outcome: Outcome = self.pipe.recv()
-            except EOFError:
+                told: Outcome | None = self.pipe.recv()
+            except (EOFError, ConnectionResetError):
                 self._process.join()
-                hung = self._process.exitcode == -OUT_OF_TIME
-                return self._lost(self._hung() if hung else "the process died")
-            self._allowance = self._limit
-            return outcome
+                if self._process.exitcode == -OUT_OF_TIME:
+                    return self._lost(FAILED, f"took more than {self._limit:g} s of processor time")
+                return self._lost(FAILED, "the process died")
+            self._since = monotonic()
+            if told is not None:
+                return told
         spent = monotonic() - self._since
-        return self._lost(self._hung()) if spent > PATIENCE * self._allowance else None
+        if spent > PATIENCE * self._limit:
+            return self._lost(UNFINISHED, f"waited for {spent:.0f} s, by the clock")
+        return None
 
-    def _hung(self) -> str:
-        return f"hung: killed after {monotonic() - self._since:.0f} s"
-
-    def _lost(self, what: str) -> Outcome:
-        number, spent = self._number, monotonic() - self._since
+    def _lost(self, verdict: str, what: str) -> Outcome:
+        assert self.case is not None
+        number, engine = self.case
         self.dismiss()
         self._hire()
-        assert number is not None
-        return Outcome(number, *put_to(number), FAILED, what, seconds=spent)
+        return Outcome(number, family_of(number), engine or put_to(number), verdict, what)
 
     def dismiss(self) -> None:
         self._process.kill()
@@ -130,36 +135,35 @@ class _Worker:
         self.pipe.close()
 
 
-def _serve(pipe: Connection) -> None:
-    with suppress(ImportError, ValueError):
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+def _serve(pipe: Connection, limit: float, warm: bool) -> None:
+    for number in WARM if warm else ():
+        attempt(number)
+    _limited("RLIMIT_AS", MOST_MEMORY)
+    pipe.send(None)
     with suppress(EOFError, KeyboardInterrupt):
         while True:
-            number, seconds = pipe.recv()
-            _end_after(seconds)
-            pipe.send(attempt(number))
+            case = pipe.recv()
+            _limited("RLIMIT_CPU", ceil(process_time() + limit))
+            pipe.send(attempt(*case))
 
 
-def _end_after(seconds: float) -> None:
-    """Let the system end this process after so many more seconds of its own work, if it can."""
+def _limited(what: str, most: int) -> None:
+    """Let the system refuse this process more of something, if it can."""
     with suppress(ImportError, ValueError):
         import resource
 
-        whole = ceil(process_time() + seconds)
-        _, hard = resource.getrlimit(resource.RLIMIT_CPU)
-        resource.setrlimit(resource.RLIMIT_CPU, (whole, hard))
+        kind = getattr(resource, what)
+        resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
 
 
-@dataclass(frozen=True)
-class Tally:
-    """How many trials of an engine were answered, refused by name, and failed."""
+class Tally(NamedTuple):
+    """How many trials of an engine were answered, refused by name, failed, and not finished."""
 
     engine: str
     answered: int
     refused: int
     failed: int
+    unfinished: int
 
 
 def record(outcomes: Iterable[Outcome], path: Path) -> Iterator[Outcome]:
@@ -168,13 +172,9 @@ def record(outcomes: Iterable[Outcome], path: Path) -> Iterator[Outcome]:
         rows = csv.writer(file)
         rows.writerow(COLUMNS)
         for outcome in outcomes:
-            rows.writerow(_cells(outcome))
+            rows.writerow([f"{v:.6g}" if isinstance(v, float) else v for v in astuple(outcome)])
             file.flush()
             yield outcome
-
-
-def _cells(outcome: Outcome) -> list[Any]:
-    return [f"{v:.6g}" if isinstance(v, float) else v for v in astuple(outcome)]
 
 
 def bounded(outcomes: Iterable[Outcome]) -> tuple[int, int, int]:
@@ -193,6 +193,6 @@ def tally(outcomes: Iterable[Outcome]) -> list[Tally]:
         engine = counts.setdefault(outcome.engine, {})
         engine[outcome.verdict] = engine.get(outcome.verdict, 0) + 1
     return [
-        Tally(name, *(n.get(v, 0) for v in ("answered", "refused", "failed")))
+        Tally(name, *(n.get(verdict, 0) for verdict in VERDICTS))
         for name, n in sorted(counts.items())
     ]

@@ -1,0 +1,18 @@
+"""Every trial that has ever failed, with why: they run first, and must not fail again."""
+
+from __future__ import annotations
+
+CORPUS: dict[tuple[int, str], str] = {
+    (732, "tolerance"): "a solid on which 10,000 agents were given millions of cells",
+    (1262, "tolerance"): "forces beside those of a moved side, which left them hardly any digits",
+    (2962, "tolerance"): "a solid next to ν = -1 that hardly balanced",
+    (5162, "tolerance"): "forces that did not balance, without a word",
+    (5219, "tolerance"): "leftovers that no side passes on: a proof without end",
+    (6589, "tolerance"): "forces that nobody passes on",
+    (8529, "tolerance"): "a solid given to millions of cells",
+    (1124, "equal cells"): "factors of a part on a soft bed",
+    (287, "equal cells"): "rounding that leaves nothing of an answer",
+    (796, "network"): "a network that crept for ever",
+    (5036, "network"): "a network that buckled while it crept",
+}
+"""By number and kind, as `trials` takes them."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain, islice
-from math import isfinite
+from math import inf, isfinite
 from numbers import Real
 from operator import index
 from sys import float_info

@@ -16,7 +16,8 @@ VERDICTS = """
 import { certifying } from "./rule.js";
 import { say, verdictOf } from "./words.js";
 const last = (steps) => { let one; do one = steps.next(); while (!one.done); return one.value; };
-tell(data.map(({ scene, cells }) => verdictOf(last(certifying(scene, cells)), scene.rule, say("en"))));
+const told = ({ scene, cells }) => verdictOf(last(certifying(scene, cells)), scene.rule, say("en"));
+tell(data.map(told));
 """
 
 

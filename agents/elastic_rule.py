@@ -48,13 +48,7 @@ class Moduli(NamedTuple):
 
 
 def moduli_of(youngs_modulus: ArrayLike, poissons_ratio: ArrayLike, plane: Plane | None) -> Moduli:
-    """Return the moduli for plane stress, plane strain or (None) three dimensions.
-
-    Raises
-    ------
-    ParameterError
-        For E ≤ 0 or ν outside (−1, ½); in plane stress ν = ½ is allowed.
-    """
+    """Return the moduli for plane stress, plane strain or (None) three dimensions."""
     youngs = np.asarray(youngs_modulus, dtype=np.float64)
     ratio = np.asarray(poissons_ratio, dtype=np.float64)
     limit = ratio <= 0.5 if plane == "stress" else ratio < 0.5
@@ -80,21 +74,15 @@ class DerivedShares(Shares):
     The own share means the same as α₁: the cells beside the face are strained by
     own·P/(A E). The Poisson share goes outwards to the faces round the cell ahead, and
     inwards, with the opposite sign, to those round the cell behind.
-
-    Attributes
-    ----------
-    material : Material
-        What the shares were derived from.
-    plane : {"stress", "strain"} or None
-        Two-dimensional state; None in three dimensions.
-    growth : float
-        λmax(D⁻¹K) of an endless body: if all agents yield by ω P/k at once, the sharpest
-        pattern of loads is multiplied by 1 − ω·growth in a wave.
     """
 
     material: Material
+    """What the shares were derived from."""
     plane: Plane | None
+    """Two-dimensional state; None in three dimensions. One of "stress", "strain"."""
     growth: float
+    """λmax(D⁻¹K) of an endless body: if all agents yield by ω P/k at once, the sharpest pattern of
+    loads is multiplied by 1 − ω·growth in a wave."""
 
     @property
     def stable_share(self) -> float:

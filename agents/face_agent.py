@@ -58,39 +58,26 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where a face agent stands.
-
-    Attributes
-    ----------
-    level : int
-        0 for the cells' own faces, 1 for those of 2×2(×2) blocks, and so on.
-    number : int
-        The face's number on its level.
-    axis : int
-        Axis of the normal, along which the face moves.
-    index : tuple of int
-        Cell on the upper side of the face; of parents, block, counted from the body's box.
-    position : array
-        Middle of the face (m).
-    materials : tuple of Material
-        What the cells beside the face are made of; empty for parents.
-    stiffness : float
-        k (N/m): load that moves the face by 1 m while all others hold still.
-    links : tuple of Link
-        Shares handed to other faces and to supports.
-    open_to : tuple of Link
-        Shares that air beside the face gives back.
-    """
+    """Where a face agent stands."""
 
     level: int
+    """0 for the cells' own faces, 1 for those of 2×2(×2) blocks, and so on."""
     number: int
+    """The face's number on its level."""
     axis: int
+    """Axis of the normal, along which the face moves."""
     index: tuple[int, ...]
+    """Cell on the upper side of the face; of parents, block, counted from the body's box."""
     position: Floats
+    """Middle of the face (m)."""
     materials: tuple[Material, ...]
+    """What the cells beside the face are made of; empty for parents."""
     stiffness: float
+    """K (N/m): load that moves the face by 1 m while all others hold still."""
     links: tuple[Link, ...]
+    """Shares handed to other faces and to supports."""
     open_to: tuple[Link, ...] = ()
+    """Shares that air beside the face gives back."""
 
 
 class FaceAgent(FixedAgent):

@@ -126,13 +126,7 @@ class Parameter:
 
 
 def declared(classes: Iterable[type]) -> dict[str, Parameter]:
-    """Return the parameters that classes of agents and their bases declare, by name.
-
-    Raises
-    ------
-    ParameterError
-        If two classes declare different ones under one name.
-    """
+    """Return the parameters that classes of agents and their bases declare, by name."""
     found: dict[str, Parameter] = {}
     for agent in classes:
         for name in dir(agent):

@@ -34,17 +34,7 @@ __all__ = [
 
 
 class ShareRule(Protocol):
-    """What `LoadModel` asks of a rule; any object that answers will do.
-
-    Attributes
-    ----------
-    threshold : float
-        γ (N): loads up to it end.
-    accumulate : bool
-        Whether loads that meet are added up before they are judged.
-    sense : bool
-        Whether loads push or pull, or all squeeze.
-    """
+    """What `LoadModel` asks of a rule; any object that answers will do."""
 
     @property
     def threshold(self) -> float:

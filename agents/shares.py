@@ -57,18 +57,12 @@ class Emissions(tuple[Emission, ...]):
 
 
 class Split(NamedTuple):
-    """What becomes of the emissions of a load.
-
-    Attributes
-    ----------
-    sent : list of (arm, (direction, magnitude), sense)
-        Those that go on.
-    ended : list of float
-        Those that end here (N).
-    """
+    """What becomes of the emissions of a load."""
 
     sent: list[tuple[int, tuple[int, float], Sense]]
+    """Those that go on."""
     ended: list[float]
+    """Those that end here (N)."""
 
 
 class Beside(NamedTuple):
@@ -80,19 +74,13 @@ class Beside(NamedTuple):
 
 
 class Way(NamedTuple):
-    """The neighbours of a cell as a load sees them that travels through it.
-
-    Attributes
-    ----------
-    ahead, behind : tuple of (arm, weight)
-        Over which arms the forward and the backward share leave, and in which parts.
-    beside : tuple of Beside
-        The neighbours beside.
-    """
+    """The neighbours of a cell as a load sees them that travels through it."""
 
     ahead: tuple[tuple[int, float], ...]
     behind: tuple[tuple[int, float], ...]
+    """Over which arms the forward and the backward share leave, and in which parts."""
     beside: tuple[Beside, ...]
+    """The neighbours beside."""
 
 
 @dataclass(frozen=True)

@@ -49,13 +49,6 @@ def run(
         Is told a line about each job.
     resume : bool
         Keep the rows that the folder has, and measure the others.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such problem.
-    ResultFileError
-        If the folder cannot be written.
     """
     for name in problems:
         if name not in PROBLEMS:

@@ -43,21 +43,14 @@ _FOLDED = 64  # agents smaller than this part of the picture may be drawn so
 
 
 class Joined(NamedTuple):
-    """Cells that share corners, and how to find the displacement of these.
-
-    Attributes
-    ----------
-    points : array, shape (points, dimension)
-        The corners (m), each once.
-    parts : int array, shape (n, corners)
-        The corners of every cell.
-    inside : array, shape (n corners, dimension)
-        Where cells are asked for the displacement of their corners.
-    """
+    """Cells that share corners, and how to find the displacement of these."""
 
     points: Floats
+    """The corners (m), each once. Shape (points, dimension)."""
     parts: Ints
+    """The corners of every cell. Shape (n, corners)."""
     inside: Floats
+    """Where cells are asked for the displacement of their corners. Shape (n corners, dimension)."""
 
     def moved(self, moved_at: MovedAt) -> Floats:
         """Return the displacement of the points: the mean of what their cells say."""
@@ -105,22 +98,15 @@ def _within(result: BodyResult, points: Floats, moved_at: MovedAt | None) -> Flo
 
 
 class Moving(NamedTuple):
-    """Tiles that move in a picture.
-
-    Attributes
-    ----------
-    rest, moved : array, shape (n, corners, 2)
-        Corners at rest, and by how much they move (m).
-    size : array, shape (n,)
-        How far the tiles' middles move (m).
-    edge : array, shape (n,)
-        How wide they are (m).
-    """
+    """Tiles that move in a picture."""
 
     rest: Floats
     moved: Floats
+    """Corners at rest, and by how much they move (m). Shape (n, corners, 2)."""
     size: Floats
+    """How far the tiles' middles move (m). Shape (n,)."""
     edge: Floats
+    """How wide they are (m). Shape (n,)."""
 
     @property
     def largest(self) -> float:

@@ -16,13 +16,7 @@ RESOLUTION = 150
 
 
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a picture; the ending of the name decides the format.
-
-    Raises
-    ------
-    ResultFileError
-        If the file cannot be written, or its ending is no format of pictures.
-    """
+    """Write a picture; the ending of the name decides the format."""
     target = Path(path)
     known = figure.canvas.get_supported_filetypes()
     if target.suffix.lstrip(".").lower() not in known:
@@ -37,13 +31,7 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 @contextmanager
 def new_folder(target: Path) -> Iterator[Path]:
-    """Yield a folder to fill, which takes the target's name only if all goes well.
-
-    Raises
-    ------
-    ResultFileError
-        If something is there already, or nothing can be written.
-    """
+    """Yield a folder to fill, which takes the target's name only if all goes well."""
     if target.exists() and not (target.is_dir() and not any(target.iterdir())):
         raise ResultFileError(f"{target}: is there already; take another name, or remove it")
     with scratch_folder(target, ResultFileError) as scratch:

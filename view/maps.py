@@ -43,13 +43,7 @@ class Quantity(NamedTuple):
 def quantity_of(
     result: ElasticResult | TransferResult, what: str, component: str | None
 ) -> Quantity:
-    """Return a field of a result, or one component of it.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such component.
-    """
+    """Return a field of a result, or one component of it."""
     if what == "von_mises":
         return Quantity(result.von_mises, "Von Mises stress", "Pa", signed=False)
     if what == "taken":

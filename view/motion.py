@@ -51,22 +51,15 @@ class Frame(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Points, what they are the corners of, and where they are in every frame.
-
-    Attributes
-    ----------
-    points : array, shape (n, dimension)
-        Places at rest (m).
-    parts : array of int, shape (parts, corners)
-        Springs (2 corners), triangles (3), squares (4) or hexagons (6) in turn, or cubes (8, as
-        VTK has them).
-    frames : sequence of Frame
-        From rest to the end.
-    """
+    """Points, what they are the corners of, and where they are in every frame."""
 
     points: Floats
+    """Places at rest (m). Shape (n, dimension)."""
     parts: Ints
+    """Springs (2 corners), triangles (3), squares (4) or hexagons (6) in turn, or cubes (8, as VTK
+    has them). Shape (parts, corners)."""
     frames: Sequence[Frame]
+    """From rest to the end."""
 
     @property
     def farthest(self) -> float:

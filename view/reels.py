@@ -59,27 +59,18 @@ TWO_LINES = ["…", "…"]  # kept free for the text of the frames
 
 @dataclass
 class Reel:
-    """Frames of one figure.
-
-    Attributes
-    ----------
-    figure : Figure
-        With everything that stays.
-    last : int
-        Frames are numbered from 0 to this.
-    draw : callable
-        Draws what moves in a frame and returns its artists.
-    notes : Text
-        The text under the title.
-    words : callable
-        Returns that text for a frame.
-    """
+    """Frames of one figure."""
 
     figure: Figure
+    """With everything that stays."""
     last: int
+    """Frames are numbered from 0 to this."""
     draw: Callable[[int], list[Artist]]
+    """Draws what moves in a frame and returns its artists."""
     notes: Text
+    """The text under the title."""
     words: Callable[[int], str]
+    """Returns that text for a frame."""
     _moving: list[Artist] = field(default_factory=list)
 
     def show(self, frame: int) -> None:

@@ -43,31 +43,21 @@ def one_a_place(
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A rectangle of tiles in a plane of a body.
-
-    Attributes
-    ----------
-    scene : Scene
-        The body.
-    lower, upper : arrays of int, shape (2,)
-        The cells shown: lower <= cell < upper, rightwards and upwards.
-    axes : tuple of two ints
-        The body's axes that run rightwards and upwards.
-    cut : tuple (axis, index) or None
-        The layer of cells shown of a three-dimensional body.
-    block : int
-        A tile is block × block cells.
-    cropped : bool
-        Whether there is more body outside the picture.
-    """
+    """A rectangle of tiles in a plane of a body."""
 
     scene: Scene
+    """The body."""
     lower: Ints
     upper: Ints
+    """The cells shown: lower <= cell < upper, rightwards and upwards. Shape (2,)."""
     axes: tuple[int, int]
+    """The body's axes that run rightwards and upwards."""
     cut: tuple[int, int] | None
+    """The layer of cells shown of a three-dimensional body."""
     block: int
+    """A tile is block × block cells."""
     cropped: bool
+    """Whether there is more body outside the picture."""
 
     @property
     def outlined(self) -> bool:
@@ -269,11 +259,6 @@ def section_of(
         Where more cells than this lie side by side, tiles are blocks of cells.
     whole_up_to : int
         Bodies of up to this many cells across are shown as a whole.
-
-    Raises
-    ------
-    ParameterError
-        If the cut names no axis, or lies outside the body.
     """
     if cells is None:
         cells, crop = np.empty((0, scene.lattice.dimension), dtype=np.int64), False
@@ -330,13 +315,7 @@ def _cut_of(scene: Scene, cells: Ints, cut: Mapping[str, float] | None) -> tuple
 
 
 def layer_at(scene: Scene, axis: int, place: float) -> int:
-    """Return the layer of cells that a plane through a body lies in.
-
-    Raises
-    ------
-    ParameterError
-        If the place (m) along the axis lies outside of the array of cells.
-    """
+    """Return the layer of cells that a plane through a body lies in."""
     edge, count = scene.lattice.cell_size, scene.lattice.shape[axis]
     number = isinstance(place, (int, float, np.number)) and not isinstance(place, bool)
     if not (number and 0.0 <= place <= edge * count):

@@ -47,22 +47,15 @@ _EDGES = np.array(
 
 
 class Box(NamedTuple):
-    """The part of a body that a picture in space shows.
-
-    Attributes
-    ----------
-    lower, upper : arrays of int, shape (3,)
-        The cells shown: lower <= cell < upper.
-    block : int
-        A voxel is a cube of this many cells along each edge.
-    notes : list of str
-        What a reader must be told.
-    """
+    """The part of a body that a picture in space shows."""
 
     lower: Ints
     upper: Ints
+    """The cells shown: lower <= cell < upper. Shape (3,)."""
     block: int
+    """A voxel is a cube of this many cells along each edge."""
     notes: list[str]
+    """What a reader must be told."""
 
 
 def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> Box:

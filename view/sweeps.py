@@ -36,11 +36,6 @@ def plot_effects(table: pandas.DataFrame, measure: str) -> Figure:
     -------
     matplotlib Figure
         One panel per quantity, with a common scale.
-
-    Raises
-    ------
-    ResultError
-        If the table is of no sweep, or the measure no number of any run.
     """
     keys, good = _varied(table), _worked(table, measure)
     figure = new_figure((max(4.6, 2.9 * len(keys)), 3.6))
@@ -85,13 +80,6 @@ def plot_sweep_map(
     Returns
     -------
     matplotlib Figure
-
-    Raises
-    ------
-    ParameterError
-        If there are no two such quantities.
-    ResultError
-        If the table is of no sweep, or the measure no number of any run.
     """
     keys = _varied(table)
     x, y = x or keys[0], y or next((key for key in keys if key != (x or keys[0])), "")

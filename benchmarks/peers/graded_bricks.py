@@ -41,11 +41,6 @@ def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) ->
         Along each axis the grid planes, counted in cells, towards which bricks get thinner.
     parts : int
         Bricks along a cell that such a plane bounds; along others half as many.
-
-    Raises
-    ------
-    ParameterError
-        If a side is held in another way.
     """
     import skfem
 

@@ -34,37 +34,25 @@ ALONE = {
 
 @dataclass(frozen=True)
 class Measurement:
-    """What an answer cost, and how good it is.
-
-    Attributes
-    ----------
-    problem, method : str
-    division : int
-        Parts into which every edge of the picture's cells was split.
-    cells : int
-        Cells, agents or elements of the body.
-    seconds : float or None
-        Median processor time (s); None if there is no answer.
-    memory : float or None
-        Peak above what was in use before (MB).
-    max_error, l2_error : float or None
-        As shares of the largest true displacement.
-    runs : int
-        How many runs the median is of.
-    failure : str
-        Why there is no answer.
-    """
+    """What an answer cost, and how good it is."""
 
     problem: str
     method: str
     division: int
+    """Parts into which every edge of the picture's cells was split."""
     cells: int
+    """Cells, agents or elements of the body."""
     seconds: float | None = None
+    """Median processor time (s); None if there is no answer."""
     memory: float | None = None
+    """Peak above what was in use before (MB)."""
     max_error: float | None = None
     l2_error: float | None = None
+    """As shares of the largest true displacement."""
     runs: int = 0
+    """How many runs the median is of."""
     failure: str = ""
+    """Why there is no answer."""
 
 
 def jobs(quick: bool, problems: tuple[str, ...] = ()) -> Iterator[tuple[str, str, int]]:

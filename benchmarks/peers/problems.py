@@ -46,33 +46,23 @@ _PIXELS = """
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A body of cells on rigid ground, pressed on part of its top.
-
-    Attributes
-    ----------
-    name, title : str
-        For files and for people.
-    picture : array of bool
-        Which cells are material, indexed [x, y(, z)].
-    edge : float
-        Edge of the picture's cells (m).
-    youngs_modulus, poissons_ratio, thickness : float
-        SI units; the thickness counts in two dimensions.
-    patch : pair of points
-        Lower and upper corner (m) of the loaded part of the top.
-    force : float
-        Total force (N), downwards.
-    """
+    """A body of cells on rigid ground, pressed on part of its top."""
 
     name: str
     title: str
+    """For files and for people."""
     picture: Flags
+    """Which cells are material, indexed [x, y(, z)]."""
     edge: float
+    """Edge of the picture's cells (m)."""
     youngs_modulus: float
     poissons_ratio: float
     thickness: float
+    """SI units; the thickness counts in two dimensions."""
     patch: tuple[tuple[float, ...], tuple[float, ...]]
+    """Lower and upper corner (m) of the loaded part of the top."""
     force: float
+    """Total force (N), downwards."""
 
     @property
     def dimension(self) -> int:

@@ -60,23 +60,15 @@ AT_VERTICES = np.array([slopes(point) for point in VERTICES])
 
 @dataclass(frozen=True, eq=False)
 class QuadraticAnswer:
-    """Displacements on a mesh.
-
-    Attributes
-    ----------
-    mesh : skfem.MeshTri
-    displacement : array, shape (nodes, 2)
-        Of the vertices, then of the middles of sides (m).
-    energy : float
-        Strain energy (J).
-    squares : array, shape (triangles,)
-        η² (J).
-    """
+    """Displacements on a mesh."""
 
     mesh: Any
     displacement: Floats
+    """Of the vertices, then of the middles of sides (m). Shape (nodes, 2)."""
     energy: float
+    """Strain energy (J)."""
     squares: Floats
+    """η² (J). Shape (triangles,)."""
 
     @property
     def error_estimate(self) -> float:

@@ -32,27 +32,18 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class CellAgents:
-    """Agents of one size: arrays over the box around the body.
-
-    Attributes
-    ----------
-    grid : Scene
-        The scene on the cells that were solved.
-    stage : int or None
-    problem : ElasticProblem
-        The scaled arrays that were solved.
-    origin : tuple of int
-        The grid's cell that is the arrays' first.
-    solution : Solution
-        Displacements of the faces and the history of the iteration.
-    """
+    """Agents of one size: arrays over the box around the body."""
 
     storage: ClassVar[str] = "cells"
     grid: Scene
+    """The scene on the cells that were solved."""
     stage: int | None
     problem: ElasticProblem
+    """The scaled arrays that were solved."""
     origin: tuple[int, ...]
+    """The grid's cell that is the arrays' first."""
     solution: Solution
+    """Displacements of the faces and the history of the iteration."""
 
     @property
     def scales(self) -> Scales:

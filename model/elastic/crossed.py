@@ -26,23 +26,17 @@ STIFFEST = 1e6
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """Energy and mean stress within a box of unit edge by its tractions and the force within.
-
-    Attributes
-    ----------
-    quadratic : array, shape (data, data)
-    linear : array, shape (d (d + 1) / 2, data)
-        Mean normal stresses, then shear stresses pair by pair.
-    parts : array, shape (2^d, data of a part, data)
-        The data of every part.
-    stress : array, shape (simplices, d + 1, d (d + 1) / 2, data of a part)
-        Stresses at the corners of the simplices of a part.
-    """
+    """Energy and mean stress within a box of unit edge by its tractions and the force within."""
 
     quadratic: Floats
+    """Shape (data, data)."""
     linear: Floats
+    """Mean normal stresses, then shear stresses pair by pair. Shape (d (d + 1) / 2, data)."""
     parts: Floats
+    """The data of every part. Shape (2^d, data of a part, data)."""
     stress: Floats
+    """Stresses at the corners of the simplices of a part. Shape (simplices, d + 1, d (d + 1) / 2,
+    data of a part)."""
 
     @classmethod
     def of_laws(cls, dimension: int, law: Law, box: Index) -> list[tuple[Index, Form]]:

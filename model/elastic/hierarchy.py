@@ -64,27 +64,18 @@ from each other, which leaves a load in balance but not their places."""
 
 
 class Level(NamedTuple):
-    """One grid, as `sweeps` wants it, and the space to work in.
-
-    Attributes
-    ----------
-    cells : tuple of int
-    arrays : tuple
-    stencil : Stencil, optional
-        None where moduli of cells and edges are all there is.
-    u, load : arrays
-        Displacement and load of all places.
-    outside : array, shape (sides, 2)
-        On parents of a full box: weights of the first two faces beside a side, from which the
-        ghosts beyond it follow. Empty: ghosts are parents like any others.
-    """
+    """One grid, as `sweeps` wants it, and the space to work in."""
 
     cells: tuple[int, ...]
     arrays: tuple[Any, ...]
     stencil: Stencil | None
+    """None where moduli of cells and edges are all there is."""
     u: Vector
     load: Vector
+    """Displacement and load of all places."""
     outside: NDArray[np.float64]
+    """On parents of a full box: weights of the first two faces beside a side, from which the ghosts
+    beyond it follow. Empty: ghosts are parents like any others. Shape (sides, 2)."""
 
 
 class Hierarchy:

@@ -39,29 +39,19 @@ def best_of(
 
 @dataclass
 class Iteration:
-    """How an iteration went.
-
-    Attributes
-    ----------
-    solution : array
-        The last iterate.
-    residuals : list of float
-        Norm of the residual, relative to the right-hand side, before every iteration.
-    errors : list of float
-        Estimated energy norm of the error that is left, relative to the solution's.
-    converged : bool
-    held_back : float
-        Work that the residual at the start would do on the start.
-    left : array
-        The residual, of conjugate gradients.
-    """
+    """How an iteration went."""
 
     solution: Vector
+    """The last iterate."""
     residuals: list[float] = field(default_factory=list)
+    """Norm of the residual, relative to the right-hand side, before every iteration."""
     errors: list[float] = field(default_factory=list)
+    """Estimated energy norm of the error that is left, relative to the solution's."""
     converged: bool = False
     held_back: float = 0.0
+    """Work that the residual at the start would do on the start."""
     left: Vector = field(default_factory=lambda: np.zeros(0), repr=False)
+    """The residual, of conjugate gradients."""
 
     @property
     def iterations(self) -> int:

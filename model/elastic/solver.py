@@ -66,30 +66,23 @@ class Solution:
 
     Attributes
     ----------
-    displacement : tuple of arrays
-        Faces' displacements, rim included.
-    energy : float
-        Energy stored in body and foundation.
     method : str
         "direct", "full multigrid", "Galerkin multigrid", "mixed form".
-    discretisation, algebraic : float
-        Estimated relative errors in the energy norm: of the grid, and of the iteration.
-    levels : int
-    residuals : list of float
-    converged : bool
-    notes : list of str
-        What the solver decided by itself.
     """
 
     displacement: FaceFields
+    """Faces' displacements, rim included."""
     energy: float
+    """Energy stored in body and foundation."""
     method: str
     discretisation: float
     algebraic: float
+    """Estimated relative errors in the energy norm: of the grid, and of the iteration."""
     levels: int
     residuals: list[float]
     converged: bool
     notes: list[str] = field(default_factory=list)
+    """What the solver decided by itself."""
 
     @property
     def iterations(self) -> int:
@@ -427,15 +420,7 @@ def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Vector) -> Iterati
 
 
 def factorise(matrix: sp.csr_array) -> SuperLU:
-    """Return the factors of a symmetric positive definite matrix.
-
-    Raises
-    ------
-    SceneError
-        If it is singular.
-    OutOfMemoryError
-        If the factors do not fit in memory.
-    """
+    """Return the factors of a symmetric positive definite matrix."""
     try:
         return factors_of(matrix)
     except RuntimeError as error:
@@ -472,13 +457,7 @@ def lost_digits(stiffness_times_x: Vector, right: Vector) -> float:
 
 
 def rounding_notes(lost: float) -> list[str]:
-    """Return what is to be said of a share of the loads that rounding leaves unbalanced.
-
-    Raises
-    ------
-    SceneError
-        If it is too large for an answer.
-    """
+    """Return what is to be said of a share of the loads that rounding leaves unbalanced."""
     if lost > UNBALANCED:
         share = f"about {lost:.1g}" if lost < 1.0 else "all"
         raise SceneError(

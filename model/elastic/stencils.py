@@ -32,45 +32,31 @@ TOGETHER = 4
 
 
 class Terms(NamedTuple):
-    """Sums of weighted rows: `place` (sum, row, entry, shift) and `weight` of every term.
-
-    Attributes
-    ----------
-    place : int array, shape (terms, 4)
-        Ordered by sums, `TOGETHER` to the group.
-    weight : array, shape (terms,)
-    rows : int array, shape (n, 2)
-        The rows that terms name, by their distance along the first two axes.
-    sums : int
-        Number of sums.
-    """
+    """Sums of weighted rows: `place` (sum, row, entry, shift) and `weight` of every term."""
 
     place: Integers
+    """Ordered by sums, `TOGETHER` to the group. Shape (terms, 4)."""
     weight: NDArray[np.float64]
+    """Shape (terms,)."""
     rows: Integers
+    """The rows that terms name, by their distance along the first two axes. Shape (n, 2)."""
     sums: int
+    """Number of sums."""
 
 
 class Stencil(NamedTuple):
-    """The entries of one level and how they couple its faces.
-
-    Attributes
-    ----------
-    entries : tuple of Entry
-    couplings : int array, shape (couplings, 9)
-        Component, other component, offset of the other, entry, offset of where it is stored: an
-        entry serves its own row and, mirrored, the other one. A component's first is its own.
-    starts : int array
-        First coupling of every component, and the end.
-    own, next : int array
-        Entries of a face with itself, and with its next in the row.
-    """
+    """The entries of one level and how they couple its faces."""
 
     entries: tuple[Entry, ...]
     couplings: Integers
+    """Component, other component, offset of the other, entry, offset of where it is stored: an
+    entry serves its own row and, mirrored, the other one. A component's first is its own. Shape
+    (couplings, 9)."""
     starts: Integers
+    """First coupling of every component, and the end."""
     own: Integers
     next: Integers
+    """Entries of a face with itself, and with its next in the row."""
 
 
 def axes_of(dimension: int) -> tuple[int, ...]:

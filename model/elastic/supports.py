@@ -31,14 +31,7 @@ FREE = 1e-6
 def check_supports(
     problem: ElasticProblem, origin: tuple[int, ...] | None = None, division: int = 1
 ) -> None:
-    """Refuse a body of which a part could move without straining.
-
-    Raises
-    ------
-    SupportError
-        Naming a cell of the part (counted from `origin`, `division` times as large as the
-        problem's cells) and how it could move.
-    """
+    """Refuse a body of which a part could move without straining."""
     if is_box(problem):
         problem = _miniature(problem)
     parts, count = parts_of(problem.kinds >= 0)

@@ -179,18 +179,12 @@ class VolumeField:
 
 
 class _Form(NamedTuple):
-    """What follows from the data of a box of unit edge.
-
-    Attributes
-    ----------
-    shear : array, shape (24, 24)
-        The integral of ε:ε is data·shear·data.
-    mean : array, shape (2, 24)
-        Mean displacement.
-    """
+    """What follows from the data of a box of unit edge."""
 
     shear: Floats
+    """The integral of ε:ε is data·shear·data. Shape (24, 24)."""
     mean: Floats
+    """Mean displacement. Shape (2, 24)."""
 
 
 class _Least(NamedTuple):

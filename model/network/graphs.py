@@ -43,13 +43,6 @@ def network_from_graph(
     force, displacement : str or mapping
         Node attribute, or a mapping from nodes, with one vector (N, m) or one per stage;
         missing: 0.
-
-    Raises
-    ------
-    SceneError
-        If the graph is directed or empty, or an attribute is missing or of a wrong shape.
-    ParameterError, SupportError
-        As `SpringNetwork` says.
     """
     if graph.is_directed():
         raise SceneError(

@@ -44,32 +44,24 @@ _TYPES = {"f": ("f8",), "s": ("f4",), "i": ("i8", "u8"), "b": ("b1",)}
 
 
 class Column(NamedTuple):
-    """What an array of a stored result must be.
-
-    Attributes
-    ----------
-    kind : {"f", "s", "i", "b"}
-        Floating-point numbers, those of single precision, whole numbers, true and false.
-    shape : str
-        The sizes along its axes, each a number or a name; arrays that use a name agree.
-    low, high : float or str, optional
-        The smallest and the largest value; a name is the size that whole numbers stay below, and
-        that floating-point numbers reach at most.
-    finite : bool
-        Whether floating-point numbers must be finite.
-    optional : bool
-        Whether it may be missing: earlier versions did not write it, or not every result has it.
-    order : {"", "rising", "never falling"}
-        Of the values one after another; such an array has one at least.
-    """
+    """What an array of a stored result must be."""
 
     kind: Kind
+    """Floating-point numbers, those of single precision, whole numbers, true and false. One of "f",
+    "s", "i", "b"."""
     shape: str
+    """The sizes along its axes, each a number or a name; arrays that use a name agree."""
     low: float | None = None
     high: float | str | None = None
+    """The smallest and the largest value; a name is the size that whole numbers stay below, and
+    that floating-point numbers reach at most."""
     finite: bool = True
+    """Whether floating-point numbers must be finite."""
     optional: bool = False
+    """Whether it may be missing: earlier versions did not write it, or not every result has it."""
     order: Literal["", "rising", "never falling"] = ""
+    """Of the values one after another; such an array has one at least. One of "", "rising", "never
+    falling"."""
 
     def told(self) -> str:
         """Return the same in words."""
@@ -85,14 +77,7 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Archive:
-    """What a file holds, taken out by name and looked at.
-
-    Attributes
-    ----------
-    path : Path
-    arrays : dict of str to array
-    about : dict of str to plain values
-    """
+    """What a file holds, taken out by name and looked at."""
 
     path: Path
     arrays: dict[str, NDArray[Any]]
@@ -255,11 +240,6 @@ def write_archive(
         Numbers; no objects, so that reading needs no pickle.
     text : dict
         Anything that JSON can hold.
-
-    Raises
-    ------
-    ResultFileError
-        If the file cannot be written.
     """
     target = Path(path)
     if target.suffix != ".npz":
@@ -286,12 +266,6 @@ def open_archive(path: str | Path, *kinds: str) -> Archive:
         The file.
     *kinds : str
         The labels that are expected; without any, all are.
-
-    Raises
-    ------
-    ResultFileError
-        If the file is missing, is no archive of kaju's, is damaged or out of proportion, comes
-        from a later version, or holds another kind of result.
     """
     file = Path(path)
     try:
@@ -332,13 +306,7 @@ def seal_of(arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]) -> str
 
 
 def unpacked(file: Path) -> dict[str, NDArray[Any]]:
-    """Return all arrays, every one read to the end, where its checksum is.
-
-    Raises
-    ------
-    ResultFileError
-        If they would be out of proportion to the file.
-    """
+    """Return all arrays, every one read to the end, where its checksum is."""
     with zipfile.ZipFile(file_to_read(file, ResultFileError)) as archive:
         entries = archive.infolist()
         whole, packed = sum(entry.file_size for entry in entries), file.stat().st_size
@@ -362,13 +330,7 @@ def _array(stored: bytes) -> NDArray[Any]:
 
 @contextmanager
 def reading(path: str | Path) -> Iterator[None]:
-    """Turn whatever goes wrong while a file is taken apart into an error that names it.
-
-    Raises
-    ------
-    ResultFileError
-        Instead of the errors of what is built from the file's contents.
-    """
+    """Turn whatever goes wrong while a file is taken apart into an error that names it."""
     try:
         yield
     except ResultFileError:

@@ -28,56 +28,39 @@ _NEAR = 1e-6  # of a cell: places that are the same but for rounding
 
 
 class Carrying(NamedTuple):
-    """Parts of a body and the stress in each.
-
-    Attributes
-    ----------
-    middle : array, shape (n, dimension)
-        Middles (m).
-    height : array, shape (n,)
-        How far each reaches along the axis across which the body is cut (m).
-    volume : array, shape (n,)
-        Volumes (m³).
-    stress : array, shape (n, dimension, dimension)
-        Stress tensors (Pa).
-    """
+    """Parts of a body and the stress in each."""
 
     middle: Floats
+    """Middles (m). Shape (n, dimension)."""
     height: Floats
+    """How far each reaches along the axis across which the body is cut (m). Shape (n,)."""
     volume: Floats
+    """Volumes (m³). Shape (n,)."""
     stress: Floats
+    """Stress tensors (Pa). Shape (n, dimension, dimension)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """What an answer carries through every cut across one axis, and what it would have to carry.
-
-    Attributes
-    ----------
-    axis : str
-        Across which the body is cut: "x", "y" or "z".
-    at : array, shape (n,)
-        Where the cuts lie along it (m), ascending.
-    force : array, shape (n, dimension)
-        Force (N) by which the part beyond each cut presses on the part before it. Of
-        elasticity it is in equilibrium along the axis; the shear across it is told by the means
-        of cells, which smear it over two layers where a surface is dragged, and over agents of
-        different sizes.
-    needed : array, shape (n, dimension)
-        The force (N) that balances what acts on the part that no support holds; NaN where
-        supports hold both parts, for statics alone does not say what they share.
-    load : float
-        Sum of the applied forces along the axis (N).
-    sense : array, shape (n,)
-        1 where the part beyond a cut is the free one, or bears more of the load; else -1.
-    """
+    """What an answer carries through every cut across one axis, and what it would have to carry."""
 
     axis: str
+    """Across which the body is cut: "x", "y" or "z"."""
     at: Floats
+    """Where the cuts lie along it (m), ascending. Shape (n,)."""
     force: Floats
+    """Force (N) by which the part beyond each cut presses on the part before it. Of elasticity it
+    is in equilibrium along the axis; the shear across it is told by the means of cells, which smear
+    it over two layers where a surface is dragged, and over agents of different sizes. Shape (n,
+    dimension)."""
     needed: Floats
+    """The force (N) that balances what acts on the part that no support holds; NaN where supports
+    hold both parts, for statics alone does not say what they share. Shape (n, dimension)."""
     load: float
+    """Sum of the applied forces along the axis (N)."""
     sense: Floats
+    """1 where the part beyond a cut is the free one, or bears more of the load; else -1. Shape
+    (n,)."""
 
     @property
     def carried(self) -> Floats:
@@ -114,13 +97,7 @@ def main_axis(scene: Scene, stage: int | None = None) -> str:
 
 
 def axis_of_cuts(scene: Scene, axis: str | None, stage: int | None) -> int:
-    """Return the number of an axis across which bodies of a lattice can be cut.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such axis, or cells do not lie in layers across it.
-    """
+    """Return the number of an axis across which bodies of a lattice can be cut."""
     lattice = scene.lattice
     chosen = main_axis(scene, stage) if axis is None else axis
     names = "xyz"[: lattice.dimension]
@@ -136,13 +113,7 @@ def axis_of_cuts(scene: Scene, axis: str | None, stage: int | None) -> int:
 
 
 def cuts_of(scene: Scene, stage: int | None, axis: int, parts: Carrying) -> Cuts:
-    """Return the cuts across an axis through a body whose parts carry so much.
-
-    Raises
-    ------
-    ResultError
-        If the body has more than five million cells.
-    """
+    """Return the cuts across an axis through a body whose parts carry so much."""
     pitch = float(scene.lattice.pitch[axis, axis])
     ends = _layers(scene, axis, parts, pitch)
     lower, thick = ends[:-1], np.diff(ends)

@@ -60,13 +60,6 @@ def write_vtk(
         What is known of each.
     moved_at : callable, optional
         Displacements (m) at points (m), to be written for the corners.
-
-    Raises
-    ------
-    MissingExtraError
-        If meshio is missing.
-    ResultFileError
-        If the file cannot be written.
     """
     try:
         import meshio

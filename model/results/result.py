@@ -26,33 +26,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """Some quantities of one unit over one other quantity.
-
-    Attributes
-    ----------
-    title : str
-        What it is about.
-    along : str
-        What they are drawn over, such as "time".
-    along_unit : str
-        Its unit, "" if it is a number.
-    at : array, shape (k,)
-        Values of that.
-    lines : mapping of str to array, shape (k,)
-        The quantities, by what they are called.
-    unit : str
-        Their unit, "" if they are numbers.
-    logarithmic : bool
-        Whether they are told by their orders of magnitude; all are above 0 then.
-    """
+    """Some quantities of one unit over one other quantity."""
 
     title: str
+    """What it is about."""
     along: str
+    """What they are drawn over, such as "time"."""
     along_unit: str
+    """Its unit, "" if it is a number."""
     at: Floats
+    """Values of that. Shape (k,)."""
     lines: Mapping[str, Floats]
+    """The quantities, by what they are called. Shape (k,)."""
     unit: str
+    """Their unit, "" if they are numbers."""
     logarithmic: bool = False
+    """Whether they are told by their orders of magnitude; all are above 0 then."""
 
 
 _SCENE = "scene."
@@ -68,18 +57,12 @@ BALANCE_OF_ERROR = 1e-2
 
 
 class Check(NamedTuple):
-    """One thing that must hold in an answer.
-
-    Attributes
-    ----------
-    what : str
-    off, allowed : float
-        By what share it is missed, and by what it may be.
-    """
+    """One thing that must hold in an answer."""
 
     what: str
     off: float
     allowed: float
+    """By what share it is missed, and by what it may be."""
 
     @property
     def holds(self) -> bool:
@@ -203,32 +186,21 @@ class Result:
 
 
 class Tiles(NamedTuple):
-    """Squares or cubes with a value each: what maps, sections and solids are drawn of.
-
-    Attributes
-    ----------
-    lower : array, shape (n, dimension)
-        Lower corners (m).
-    size : array, shape (n,)
-        Edges (m).
-    value : array, shape (n,)
-    """
+    """Squares or cubes with a value each: what maps, sections and solids are drawn of."""
 
     lower: Floats
+    """Lower corners (m). Shape (n, dimension)."""
     size: Floats
+    """Edges (m). Shape (n,)."""
     value: Floats
+    """Shape (n,)."""
 
 
 class BodyResult(Result):
-    """An answer that knows displacement and stress everywhere in the body of a scene.
-
-    Attributes
-    ----------
-    scene : Scene
-        What was asked.
-    """
+    """An answer that knows displacement and stress everywhere in the body of a scene."""
 
     scene: Scene
+    """What was asked."""
 
     @property
     @abstractmethod
@@ -378,13 +350,7 @@ def idle_rheology(scene: Scene) -> list[str]:
 def line_of(
     start: Sequence[float], end: Sequence[float], dimension: int, caller: str
 ) -> tuple[Floats, Floats, float]:
-    """Return the first point (m), the unit vector and the length (m) of a line.
-
-    Raises
-    ------
-    ResultError
-        If the ends are the same, or of another dimension.
-    """
+    """Return the first point (m), the unit vector and the length (m) of a line."""
     first, last = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
     length = float(np.linalg.norm(last - first)) if first.shape == last.shape else 0.0
     if first.shape != (dimension,) or not length > 0.0:
@@ -396,13 +362,7 @@ def line_of(
 
 
 def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, Ints]:
-    """Return points (m) as an array, and the body cell that each lies in or on.
-
-    Raises
-    ------
-    ResultError
-        If the points have another dimension than the body, or lie outside of it.
-    """
+    """Return points (m) as an array, and the body cell that each lies in or on."""
     try:
         points = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:

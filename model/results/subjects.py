@@ -11,13 +11,7 @@ from .result import load_result
 
 
 def from_file(subject: Any) -> Any:
-    """Return the scene or result in a file; what is no path is returned as it is.
-
-    Raises
-    ------
-    SceneError, ResultFileError
-        If the file cannot be read.
-    """
+    """Return the scene or result in a file; what is no path is returned as it is."""
     if not isinstance(subject, (str, Path)):
         return subject
     return load_scene(subject) if Path(subject).suffix == ".toml" else load_result(subject)

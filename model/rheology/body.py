@@ -130,20 +130,15 @@ class TransferCreepResult(BodyCourse):
     Its energies are of what every agent is squeezed by its own loads; the expansion across
     them does no work. In every query `record` is the index of a time asked for; the default
     -1 is the last.
-
-    Attributes
-    ----------
-    static : TransferResult
-        The same scene without time, at a factor of 1.
-    growth : (k, materials) floats
-        Strain of each of the scene's materials, as a multiple of its elastic strain at a
-        factor of 1.
     """
 
     kind: ClassVar[str] = "load transfer in time"
     _static: ClassVar[type[BodyResult]] = TransferResult
     static: TransferResult
+    """The same scene without time, at a factor of 1."""
     growth: Floats
+    """Strain of each of the scene's materials, as a multiple of its elastic strain at a factor of
+    1. Shape (k, materials)."""
 
     def _sizes(self, record: int) -> Floats:
         if not len(self.static.last.cells):

@@ -303,28 +303,22 @@ class ElasticCreepResult(BodyCourse):
     """What became of an elastic body in time.
 
     In every query `record` is the index of a time asked for; the default -1 is the last.
-
-    Attributes
-    ----------
-    static : ElasticResult
-        The same scene without time, at a factor of 1.
-    growth : (k,) floats or None
-        Displacement as a multiple of the static one, where the correspondence principle holds.
-    body : SteppedBody or None
-        What was marched through time where it does not.
-    faces, cells, edges : arrays or None
-        Then: displacement of the active faces, stress of the cells along each axis, and shear
-        of the edges, in the scaled units of ``static.found.problem``, one row for each time.
     """
 
     kind: ClassVar[str] = "elasticity in time"
     _static: ClassVar[type[BodyResult]] = ElasticResult
     static: ElasticResult
+    """The same scene without time, at a factor of 1."""
     growth: Floats | None = None
+    """Displacement as a multiple of the static one, where the correspondence principle holds. Shape
+    (k,)."""
     body: SteppedBody | None = None
+    """What was marched through time where it does not."""
     faces: Floats | None = None
     cells: Floats | None = None
     edges: Floats | None = None
+    """Then: displacement of the active faces, stress of the cells along each axis, and shear of the
+    edges, in the scaled units of ``static.found.problem``, one row for each time."""
 
     def _sizes(self, record: int) -> Floats:
         return np.asarray(np.linalg.norm(self.cell_displacement(record), axis=-1))

@@ -34,34 +34,22 @@ Answer = Callable[[ArrayLike], Floats]
 
 
 class ElementState(NamedTuple):
-    """An element between two time steps; numbers, or arrays for many elements at once.
-
-    Attributes
-    ----------
-    q, d : float or array
-        Displacement of the Voigt part, and of the damper in series (m).
-    force : float or array
-        Force in the element (N), above 0 when it is pulled.
-    """
+    """An element between two time steps; numbers, or arrays for many elements at once."""
 
     q: Number = 0.0
     d: Number = 0.0
+    """Displacement of the Voigt part, and of the damper in series (m)."""
     force: Number = 0.0
+    """Force in the element (N), above 0 when it is pulled."""
 
 
 class StepNumbers(NamedTuple):
-    """The two numbers of an implicit step: see `ThreeElement.coefficients`.
-
-    Attributes
-    ----------
-    C : float
-        Velocity per force (m/(N s)).
-    D : float
-        What is left of the Voigt part's displacement as a velocity (1/s).
-    """
+    """The two numbers of an implicit step: see `ThreeElement.coefficients`."""
 
     C: float
+    """Velocity per force (m/(N s))."""
     D: float
+    """What is left of the Voigt part's displacement as a velocity (1/s)."""
 
 
 @dataclass(frozen=True)

@@ -130,11 +130,6 @@ def stops(
     """March over the corners of the drive; yield the state at each of the times `asked`.
 
     A run that is stopped yields where it is.
-
-    Raises
-    ------
-    ConvergenceError
-        If the tolerance cannot be kept, or takes more than `most_steps` steps.
     """
     corners = np.union1d(drive.forces.times, drive.displacements.times)
     nodes = np.union1d(asked, corners)

@@ -304,24 +304,17 @@ class CreepingNetwork:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class NetworkCreepResult(Course):
-    """What became of a spring network in time.
-
-    Attributes
-    ----------
-    network : SpringNetwork
-        What crept.
-    displacement : (k, n, dimension) floats
-        Displacement of the nodes (m).
-    force : (k, m) floats
-        Tension of the springs (N).
-    """
+    """What became of a spring network in time."""
 
     kind: ClassVar[str] = "network in time"
     pictures: ClassVar[tuple[str, ...]] = ("curves", "deformed")
     films: ClassVar[tuple[str, ...]] = ("times", "curves")
     network: SpringNetwork
+    """What crept."""
     displacement: Floats
+    """Displacement of the nodes (m). Shape (k, n, dimension)."""
     force: Floats
+    """Tension of the springs (N). Shape (k, m)."""
 
     def largest_displacement(self) -> Floats:
         """Return how far the node that ever moves most has moved (m) at every time."""

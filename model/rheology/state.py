@@ -27,41 +27,29 @@ STATE = "state in time"
 
 @dataclass(frozen=True, eq=False)
 class CreepState:
-    """Everything that a run needs to go on from a moment as if it had never paused.
-
-    Attributes
-    ----------
-    fields : tuple of numpy.ndarray
-        What creeps: stretches of the parts of every element, positions, velocities.
-    time : float
-        The moment (s).
-    next_step : float
-        Step to be tried next when a tolerance is kept (s); 0 before the first.
-    scale : float
-        Largest stretch so far (m, or strain), to which the tolerance refers; at first, what
-        one step over the first piece of the history leads to.
-    error_estimate : float
-        Sum of the estimated errors of all steps, in units of the stretch.
-    work, dissipated, numerical : float
-        Work done from outside, energy that went into the dampers, and what neither springs nor
-        dampers have (J), since time 0.
-    at_jumps : float
-        What of the last was set free in the steps that take up a jump (J).
-    steps, rejected : int
-        Steps made, and steps that were made again because they missed the tolerance.
-    """
+    """Everything that a run needs to go on from a moment as if it had never paused."""
 
     fields: tuple[Floats, ...]
+    """What creeps: stretches of the parts of every element, positions, velocities."""
     time: float = 0.0
+    """The moment (s)."""
     next_step: float = 0.0
+    """Step to be tried next when a tolerance is kept (s); 0 before the first."""
     scale: float = 0.0
+    """Largest stretch so far (m, or strain), to which the tolerance refers; at first, what one step
+    over the first piece of the history leads to."""
     error_estimate: float = 0.0
+    """Sum of the estimated errors of all steps, in units of the stretch."""
     work: float = 0.0
     dissipated: float = 0.0
     numerical: float = 0.0
+    """Work done from outside, energy that went into the dampers, and what neither springs nor
+    dampers have (J), since time 0."""
     steps: int = 0
     rejected: int = 0
+    """Steps made, and steps that were made again because they missed the tolerance."""
     at_jumps: float = 0.0
+    """What of the last was set free in the steps that take up a jump (J)."""
 
     def moved(
         self,
@@ -108,43 +96,34 @@ class CreepState:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Course(Result):
-    """What every run in time returns, at the times asked for.
-
-    Attributes
-    ----------
-    times, factors : (k,) floats
-        Times asked for (s) and the factor of the history there (at a jump, before it).
-    work, stored, dissipated, numerical : (k,) floats
-        Since time 0 (J): work from outside; energy that springs (and moving masses) can give
-        back; energy that went into the dampers, never falling; and what is neither. ``work =
-        stored + dissipated + numerical`` but for rounding.
-    at_jumps : (k,) floats
-        What of `numerical` (J) was set free where the load jumps. A load that is put on at once
-        does twice the work that a spring can store; what no damper beside the spring takes up of
-        it is set in motion in nature, and here has no place to go. A ramp leaves it out. The rest
-        of `numerical` is the time stepping's own, and vanishes with the step.
-    state : CreepState
-        Where the run stands at the last of the times; give it to `creep` as ``resume``. Also
-        has the number of steps and the sum of the estimated errors.
-    seconds : float
-        Time that the computation took (s).
-    notes : tuple of str
-        What a reader of the figures should know, in words.
-    """
+    """What every run in time returns, at the times asked for."""
 
     kind: ClassVar[str]
     pictures: ClassVar[tuple[str, ...]] = ("curves",)
     films: ClassVar[tuple[str, ...]] = ("times",)
     times: Floats
     factors: Floats
+    """Times asked for (s) and the factor of the history there (at a jump, before it). Shape
+    (k,)."""
     work: Floats
     stored: Floats
     dissipated: Floats
     numerical: Floats
+    """Since time 0 (J): work from outside; energy that springs (and moving masses) can give back;
+    energy that went into the dampers, never falling; and what is neither. ``work = stored +
+    dissipated + numerical`` but for rounding. Shape (k,)."""
     at_jumps: Floats
+    """What of `numerical` (J) was set free where the load jumps. A load that is put on at once does
+    twice the work that a spring can store; what no damper beside the spring takes up of it is set
+    in motion in nature, and here has no place to go. A ramp leaves it out. The rest of `numerical`
+    is the time stepping's own, and vanishes with the step. Shape (k,)."""
     state: CreepState
+    """Where the run stands at the last of the times; give it to `creep` as ``resume``. Also has the
+    number of steps and the sum of the estimated errors."""
     seconds: float = 0.0
+    """Time that the computation took (s)."""
     notes: tuple[str, ...] = ()
+    """What a reader of the figures should know, in words."""
 
     @abstractmethod
     def largest_displacement(self) -> Floats:
@@ -269,17 +248,12 @@ class Course(Result):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class BodyCourse(Course):
-    """What became of the body of a scene in time.
-
-    Attributes
-    ----------
-    static : BodyResult
-        The same scene without time, at a factor of 1.
-    """
+    """What became of the body of a scene in time."""
 
     pictures: ClassVar[tuple[str, ...]] = ("curves", "deformed", "scene")
     films: ClassVar[tuple[str, ...]] = ("times", "curves")
     static: BodyResult
+    """The same scene without time, at a factor of 1."""
     _static: ClassVar[type[BodyResult]]
 
     @property
@@ -333,19 +307,13 @@ class BodyCourse(Course):
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class CreepResult(Course):
-    """What became of an element in time.
-
-    Attributes
-    ----------
-    displacement : (k,) floats
-        Elongation (m).
-    force : (k,) floats
-        Force (N).
-    """
+    """What became of an element in time."""
 
     kind: ClassVar[str] = "element in time"
     displacement: Floats
+    """Elongation (m). Shape (k,)."""
     force: Floats
+    """Force (N). Shape (k,)."""
 
     def largest_displacement(self) -> Floats:
         """Return the elongation (m) at every time."""

@@ -58,8 +58,6 @@ class Piece:
 
     Attributes
     ----------
-    lower, upper : tuple of int
-        The box, in cells of the grid; `upper` is not included.
     nodes : dict of arrays
         "displacement" (m) at the cells' corners, shape (n + 1, ..., dimension).
     cells : dict of arrays
@@ -69,6 +67,7 @@ class Piece:
 
     lower: tuple[int, ...]
     upper: tuple[int, ...]
+    """The box, in cells of the grid; `upper` is not included."""
     nodes: Fields
     cells: Fields
 

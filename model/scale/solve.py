@@ -94,19 +94,6 @@ def solve_petsc(
     -------
     ElasticResult or PiecedResult
         The second on more processes than one; each has its own piece.
-
-    Raises
-    ------
-    MissingExtraError
-        If petsc4py or mpi4py is not installed.
-    SupportError
-        If a part of the body could move (looked for up to 1,000,000 cells).
-    ConvergenceError
-        If the iteration ends above the tolerance.
-    WorkerError
-        On all processes, if another one of them failed.
-    ParameterError, SceneError
-        If an argument or the scene breaks a rule.
     """
     comm = communicator()
     began = perf_counter()
@@ -153,28 +140,18 @@ def solve_petsc(
 
 @dataclass(frozen=True)
 class Window:
-    """A process's own cells and those around them, with their displacements.
-
-    Attributes
-    ----------
-    body : Body
-    problem : ElasticProblem
-    origin : array
-        Cell of the body at which the problem's rim begins.
-    cells : Box
-        The process's own cells, without the rim.
-    faces : tuple of arrays
-        Scaled displacements.
-    owned : tuple of arrays
-        Which faces belong to the process.
-    """
+    """A process's own cells and those around them, with their displacements."""
 
     body: Body
     problem: ElasticProblem
     origin: Index
+    """Cell of the body at which the problem's rim begins."""
     cells: Box
+    """The process's own cells, without the rim."""
     faces: FaceFields
+    """Scaled displacements."""
     owned: tuple[Flags, ...]
+    """Which faces belong to the process."""
 
     def energy(self) -> float:
         """Return what this process's faces contribute to the energy (scaled)."""
@@ -247,13 +224,7 @@ def window_of(body: Body, level: Level, local: Any) -> Window:
 
 
 def communicator() -> Any:
-    """Return all processes, as mpi4py has them.
-
-    Raises
-    ------
-    MissingExtraError
-        If petsc4py or mpi4py is not installed.
-    """
+    """Return all processes, as mpi4py has them."""
     try:
         import petsc4py
 
@@ -270,13 +241,7 @@ def communicator() -> Any:
 
 
 def together(comm: Any, step: Callable[[], Answer]) -> Answer:
-    """Take a step without messages on all processes; if it fails on any, fail on all.
-
-    Raises
-    ------
-    KajuError
-        What the first of them raised; WorkerError if that is none of kaju's.
-    """
+    """Take a step without messages on all processes; if it fails on any, fail on all."""
     failure: Exception | None = None
     answer: Answer | None = None
     try:

@@ -25,21 +25,14 @@ _FEW = 10_000
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """A body made ready to be asked.
-
-    Attributes
-    ----------
-    filling : Filling
-        What is where.
-    materials : tuple of Material
-        The materials that kinds from 0 upwards stand for.
-    picture : Picture or None
-        The body cell by cell, if it was given so.
-    """
+    """A body made ready to be asked."""
 
     filling: Filling
+    """What is where."""
     materials: tuple[Material, ...]
+    """The materials that kinds from 0 upwards stand for."""
     picture: Picture | None
+    """The body cell by cell, if it was given so."""
 
 
 def contents_of(
@@ -48,13 +41,7 @@ def contents_of(
     materials: Mapping[str, Material],
     sides: Mapping[str, SideCondition],
 ) -> Contents:
-    """Return what a described body consists of.
-
-    Raises
-    ------
-    SceneError
-        If parts of the description contradict each other or name what does not exist.
-    """
+    """Return what a described body consists of."""
     picture = _picture(body, legend)
     shape = body.cells if picture is None else picture.codes.shape
     assert shape is not None

@@ -32,24 +32,16 @@ class FilledShape:
 
 @dataclass(frozen=True, eq=False)
 class Filling:
-    """The kinds of the cells of an array and of what lies beyond its sides.
-
-    Attributes
-    ----------
-    lattice : Lattice
-        The array.
-    base : int or ndarray of int
-        Kind of every cell under the regions: one for all, or one each.
-    regions : tuple of FilledShape
-        What lies over it, the later over the earlier.
-    beyond : ndarray of int
-        Kind of what lies beyond each of the lattice's sides.
-    """
+    """The kinds of the cells of an array and of what lies beyond its sides."""
 
     lattice: Lattice
+    """The array."""
     base: int | NDArray[np.int16]
+    """Kind of every cell under the regions: one for all, or one each."""
     regions: tuple[FilledShape, ...]
+    """What lies over it, the later over the earlier."""
     beyond: Ints
+    """Kind of what lies beyond each of the lattice's sides."""
 
     @property
     def box(self) -> CellBox:

@@ -173,13 +173,7 @@ BUILT_IN: dict[str, type[Lattice]] = {each.kind: each for each in (Squares, Hexa
 
 
 def lattice_named(name: str) -> type[Lattice]:
-    """Return the lattice of a kind: one that kaju brings, or the last one defined.
-
-    Raises
-    ------
-    SceneError
-        If there is none.
-    """
+    """Return the lattice of a kind: one that kaju brings, or the last one defined."""
     if name in BUILT_IN:
         return BUILT_IN[name]
     known = [each for each in _subclasses(Lattice) if each.kind]

@@ -95,19 +95,13 @@ _MOST_DRAWN = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A body given cell by cell.
-
-    Attributes
-    ----------
-    codes : ndarray of int
-        For every cell an index into `names`; first index along x from the left, second
-        along y from the bottom (front in 3-D), third along z from the bottom.
-    names : tuple of str
-        Materials, "air" and "rigid" that the codes stand for.
-    """
+    """A body given cell by cell."""
 
     codes: NDArray[np.int16]
+    """For every cell an index into `names`; first index along x from the left, second along y from
+    the bottom (front in 3-D), third along z from the bottom."""
     names: tuple[str, ...]
+    """Materials, "air" and "rigid" that the codes stand for."""
 
     @property
     def drawable(self) -> bool:

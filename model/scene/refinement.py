@@ -27,11 +27,6 @@ def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) 
 
     Pictures repeat their cells; regions are asked again at the finer cells' centres, so
     that round shapes become rounder.
-
-    Raises
-    ------
-    SceneError
-        If the cells are neither squares nor cubes, or too many for a picture.
     """
     if isinstance(k, bool) or not isinstance(k, (int, np.integer)) or k < 1:
         raise ParameterError(f"k: must be a whole number from 1 upwards, got {k!r}")

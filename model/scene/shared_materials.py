@@ -23,13 +23,6 @@ def shared_materials(path: str | Path) -> dict[str, Material]:
 
     The file holds what a scene has under ``[materials]``: a table for each name. A scene will do,
     too.
-
-    Raises
-    ------
-    SceneFileError
-        If the file cannot be read.
-    SceneError
-        If it is no TOML, or a table makes no material.
     """
     return _read(Path(path))[1]
 

@@ -25,13 +25,6 @@ def check_body(filling: Filling, allow_floating: bool) -> None:
     """Refuse a body that is not there, and one that would float away.
 
     Bodies of more cells than `MOST_EXAMINED` are not examined for loose parts.
-
-    Raises
-    ------
-    SceneError
-        If no cell is body.
-    SupportError
-        If a part of the body touches nothing that holds it, and that is not allowed.
     """
     if filling.uniform or filling.lattice.size > MOST_EXAMINED:
         _check_samples(filling, allow_floating)

@@ -33,13 +33,7 @@ _DEEP_KEY = re.compile(rf"[\w-]+(?:[ \t]*\.[ \t]*[\w-]+){{{DEEPEST},}}")
 
 
 def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
-    """Return the table in a TOML text; paths in it start from `folder`.
-
-    Raises
-    ------
-    SceneError
-        If the text is not TOML, or larger or deeper than any scene is.
-    """
+    """Return the table in a TOML text; paths in it start from `folder`."""
     if len(text) > LONGEST:
         raise SceneError(
             f"is not a scene: {len(text)} characters are more than {LONGEST:.0e}; "
@@ -100,11 +94,6 @@ def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
         New values by key path, list items by their index. A text is read as TOML writes
         values; what TOML does not understand stays a text. A new ``rule.kind`` starts a new
         rule, since each kind has keys of its own.
-
-    Raises
-    ------
-    SceneError
-        If a path leads through something that has no parts, or to a missing list item.
     """
     for path in changes:
         if "." not in path:
@@ -228,13 +217,7 @@ def _entries(described: Any) -> dict[str, Any]:
 
 
 def text_of(table: Mapping[str, Any], picture: Picture | None) -> str:
-    """Return a scene's table as TOML.
-
-    Raises
-    ------
-    SceneError
-        If the body is an array too large for a drawing, which only a file can take.
-    """
+    """Return a scene's table as TOML."""
     table = _drawn(table, picture)
     if isinstance(table["body"].get("array"), np.ndarray):
         raise SceneError(
@@ -279,13 +262,7 @@ def _with_picture(
 
 
 def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) -> None:
-    """Write a scene to a file at once or not at all; large arrays go into a file beside it.
-
-    Raises
-    ------
-    SceneFileError
-        If the file cannot be written.
-    """
+    """Write a scene to a file at once or not at all; large arrays go into a file beside it."""
     path = Path(path)
     table = _drawn(table, picture)
     if picture is not None and "drawing" not in table["body"]:

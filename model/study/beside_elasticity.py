@@ -52,34 +52,23 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BesideElasticity:
-    """How a scene's rule does beside elasticity.
-
-    Attributes
-    ----------
-    scene : Scene
-        What was asked, all of its load applied at once.
-    believed : BodyResult
-        The answer of elasticity.
-    comparisons : mapping of str to Comparison
-        What is judged by it: agents of the prescribed rule, of the same rule with fitted
-        coefficients, and of the elastic rule.
-    fit : Fit or None
-        The coefficients that come closest.
-    axis : int
-        Along which the load presses most.
-    seconds : float
-        Time that all of it took (s).
-    notes : tuple of str
-        What is to be known of it, such as that it was interrupted.
-    """
+    """How a scene's rule does beside elasticity."""
 
     scene: Scene
+    """What was asked, all of its load applied at once."""
     believed: BodyResult
+    """The answer of elasticity."""
     comparisons: Mapping[str, Comparison]
+    """What is judged by it: agents of the prescribed rule, of the same rule with fitted
+    coefficients, and of the elastic rule."""
     fit: Fit | None
+    """The coefficients that come closest."""
     axis: int
+    """Along which the load presses most."""
     seconds: float
+    """Time that all of it took (s)."""
     notes: tuple[str, ...] = ()
+    """What is to be known of it, such as that it was interrupted."""
 
     @property
     def down(self) -> Way:
@@ -221,15 +210,6 @@ def beside_elasticity(
     Returns
     -------
     BesideElasticity
-
-    Raises
-    ------
-    ParameterError
-        If `evaluations` is between 0 and 10.
-    SceneError
-        If the scene cannot be solved as linear elasticity.
-    Interrupted
-        By Ctrl-C, with the comparisons made until then.
     """
     began = perf_counter()
     loads = tuple(load.model_copy(update={"steps": 1}) for load in scene.loads)

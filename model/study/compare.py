@@ -25,20 +25,15 @@ from kaju.model.study.reference import Reference
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """One quantity of two answers at the same points.
-
-    Attributes
-    ----------
-    name, unit : str
-        What it is.
-    values, reference : arrays, shape (n,), (n, dimension) or (n, dimension, dimension)
-        The answer that is judged, and the one that is believed.
-    """
+    """One quantity of two answers at the same points."""
 
     name: str
     unit: str
+    """What it is."""
     values: Floats
     reference: Floats
+    """The answer that is judged, and the one that is believed. Shape (n,), (n, dimension) or (n,
+    dimension, dimension)."""
 
     @property
     def scale(self) -> float:
@@ -110,20 +105,12 @@ def _size(values: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Two answers along a line.
-
-    Attributes
-    ----------
-    points : array, shape (n, dimension)
-        Where (m).
-    distance : array, shape (n,)
-        Way along the line (m).
-    displacement : Pair
-    stress : Pair or None
-    """
+    """Two answers along a line."""
 
     points: Floats
+    """Where (m). Shape (n, dimension)."""
     distance: Floats
+    """Way along the line (m). Shape (n,)."""
     displacement: Pair
     stress: Pair | None
 
@@ -143,13 +130,7 @@ class Stressed(Protocol):
 
 
 def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
-    """Return where to compare: the middles of the larger cells, as far as both know them.
-
-    Raises
-    ------
-    ResultError
-        If the answers are of different bodies, or the body has too many cells.
-    """
+    """Return where to compare: the middles of the larger cells, as far as both know them."""
     if isinstance(other, Reference):
         centres = cell_centres(result.scene, result.grid)
         known = other.rows(centres) >= 0
@@ -269,30 +250,20 @@ def _differ(one: Floats, other: Floats) -> Flags:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How far one answer is from another.
-
-    Attributes
-    ----------
-    result : BodyResult
-        The answer that is judged.
-    reference : BodyResult or Reference
-        The answer that is believed.
-    points : array, shape (n, dimension)
-        Where they are compared (m).
-    displacement : Pair
-    stress : Pair or None
-        None if one of the answers knows no stress.
-    energy_error : float or None
-        √(∫Δσ:ε(Δσ) / ∫σ:ε(σ)) over the points, each of them standing for the same volume;
-        Δσ is the difference of the stresses, σ the reference's.
-    """
+    """How far one answer is from another."""
 
     result: BodyResult
+    """The answer that is judged."""
     reference: BodyResult | Reference
+    """The answer that is believed."""
     points: Floats
+    """Where they are compared (m). Shape (n, dimension)."""
     displacement: Pair
     stress: Pair | None
+    """None if one of the answers knows no stress."""
     energy_error: float | None
+    """√(∫Δσ:ε(Δσ) / ∫σ:ε(σ)) over the points, each of them standing for the same volume; Δσ is the
+    difference of the stresses, σ the reference's."""
 
     @property
     def names(self) -> tuple[str, str]:
@@ -409,13 +380,7 @@ def compare(
 
 
 def load_answer(path: str | Path) -> BodyResult | Reference:
-    """Read a saved result or reference, whichever a file or a result's folder holds.
-
-    Raises
-    ------
-    ResultFileError
-        If there is no such file, or it holds something that cannot be compared.
-    """
+    """Read a saved result or reference, whichever a file or a result's folder holds."""
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
     if open_archive(source).about["kind"] == "reference":
         return Reference.load(source)

@@ -129,14 +129,10 @@ class ElementReference(Reference):
     """Displacement, stress and strain energy of finite elements, known all over the body.
 
     Its own points are the middles of the cells; these alone are saved and loaded again.
-
-    Attributes
-    ----------
-    field : ElementField or None
-        The elements' own unknowns; None if it comes from a file.
     """
 
     field: ElementField | None = None
+    """The elements' own unknowns; None if it comes from a file."""
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m) of the body, both (n, dimension)."""
@@ -149,27 +145,18 @@ class ElementReference(Reference):
 
 @dataclass(frozen=True, eq=False)
 class ElementField:
-    """The unknowns of elements, and what they say at points.
-
-    Attributes
-    ----------
-    basis : skfem.Basis
-        Vector-valued, on a mesh in cells.
-    displacement : array, shape (unknowns,)
-        m.
-    energy : float
-        J.
-    cell_size : float
-        m.
-    moduli : Moduli
-        Of every element (Pa).
-    """
+    """The unknowns of elements, and what they say at points."""
 
     basis: Any
+    """Vector-valued, on a mesh in cells."""
     displacement: Floats
+    """In m. Shape (unknowns,)."""
     energy: float
+    """In J."""
     cell_size: float
+    """In m."""
     moduli: Moduli
+    """Of every element (Pa)."""
 
     @property
     def unknowns(self) -> int:
@@ -240,13 +227,7 @@ def _depth_within(basis: Any, place: Floats, element: Index) -> Floats:
 
 
 def surroundings(scene: Scene) -> Index:
-    """Return the kinds of all cells and of one layer of cells around them.
-
-    Raises
-    ------
-    ParameterError
-        If cells are neither squares nor cubes, or sides neither free, rigid nor rollers.
-    """
+    """Return the kinds of all cells and of one layer of cells around them."""
     if not scene.lattice.boxes:
         raise ParameterError(
             f"scene: finite elements need square cells or cubes, got {scene.lattice.kind}s"
@@ -311,11 +292,6 @@ def densities(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
     """Return forces per facet of the boundary and per element, each for unit area or volume.
 
     Forces in the middle of cells are spread over these.
-
-    Raises
-    ------
-    ParameterError
-        If a force enters by a face between two cells of the body.
     """
     d, shape = scene.lattice.dimension, scene.lattice.shape
     applied = scene.applied()

@@ -45,52 +45,35 @@ CELLS_ACROSS = {2: 160, 3: 48}
 
 
 class Misfit(NamedTuple):
-    """How far one quantity of one scene was off before the fit, and is after it.
-
-    Attributes
-    ----------
-    scene : int
-        Number of the scene, from 0.
-    quantity : {"displacement", "stress"}
-    weight : float
-        How much it counted; 0 if it was only watched.
-    before, after : float
-        Norm of the difference over that of the reference: 1 is no better than nothing.
-    """
+    """How far one quantity of one scene was off before the fit, and is after it."""
 
     scene: int
+    """Number of the scene, from 0."""
     quantity: Quantity
+    """One of "displacement", "stress"."""
     weight: float
+    """How much it counted; 0 if it was only watched."""
     before: float
     after: float
+    """Norm of the difference over that of the reference: 1 is no better than nothing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The coefficients that were found.
-
-    Attributes
-    ----------
-    rule : PrescribedRule
-        The first scene's with the fitted α and β, ready for `Scene.replace(rule=...)`.
-    comparisons : tuple of (Comparison, Comparison)
-        For every scene its own rule, and the fitted one, against the reference.
-    misfits : tuple of Misfit
-        What every quantity of every scene has gained or lost, whether it was fitted or not.
-    history : array, shape (evaluations,)
-        Least weighted misfit found up to each run of the rule.
-    seconds : float
-        Time that the search took (s).
-    notes : tuple of str
-        What a reader of the figures should know, in words.
-    """
+    """The coefficients that were found."""
 
     rule: PrescribedRule
+    """The first scene's with the fitted α and β, ready for `Scene.replace(rule=...)`."""
     comparisons: tuple[tuple[Comparison, Comparison], ...]
+    """For every scene its own rule, and the fitted one, against the reference."""
     misfits: tuple[Misfit, ...]
+    """What every quantity of every scene has gained or lost, whether it was fitted or not."""
     history: Floats
+    """Least weighted misfit found up to each run of the rule. Shape (evaluations,)."""
     seconds: float
+    """Time that the search took (s)."""
     notes: tuple[str, ...] = ()
+    """What a reader of the figures should know, in words."""
 
     @property
     def before(self) -> Comparison:

@@ -28,24 +28,16 @@ _NOT_REPEATABLE = ("seconds", "kaju_version")
 
 @dataclass(frozen=True)
 class SweepJob:
-    """What is done at every point.
-
-    Attributes
-    ----------
-    subject : Scene or callable
-        What is changed by the point's keys; a function is called with them by name.
-    run : callable
-        Takes the subject, and the keys that begin with "run." as options.
-    measure : str, sequence, callable, mapping or None
-        What of the result goes into the row.
-    seed : int
-        From which the runs' own seeds are made.
-    """
+    """What is done at every point."""
 
     subject: Scene | Callable[..., Any]
+    """What is changed by the point's keys; a function is called with them by name."""
     run: Callable[..., Any]
+    """Takes the subject, and the keys that begin with "run." as options."""
     measure: Measure
+    """What of the result goes into the row."""
     seed: int
+    """From which the runs' own seeds are made."""
 
     def row(self, number: int, point: Mapping[str, Any]) -> Row:
         """Return the row of one point; one that fails has its error in it."""

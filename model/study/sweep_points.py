@@ -30,18 +30,12 @@ MOST_POINTS = 10_000_000
 
 @dataclass(frozen=True)
 class SweepPoints:
-    """The points of a sweep, by column.
-
-    Attributes
-    ----------
-    columns : mapping of str to sequence
-        The values that each varied quantity takes, one per point.
-    method : str
-        How they were chosen.
-    """
+    """The points of a sweep, by column."""
 
     columns: Mapping[str, Sequence[Any]]
+    """The values that each varied quantity takes, one per point."""
     method: str
+    """How they were chosen."""
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))

@@ -91,13 +91,6 @@ def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
         A new or empty folder, or the one in which the same sweep was begun; None: in memory.
     about : dict
         What the sweep is; its "identity" tells it from others.
-
-    Raises
-    ------
-    MissingExtraError
-        If pyarrow, which writes the table, is missing.
-    ResultFileError
-        If the folder holds something else, is being written to, or cannot be written.
     """
     if out is None:
         with closing(sqlite3.connect(":memory:", isolation_level=None)) as database:
@@ -150,11 +143,6 @@ def load_sweep(folder: str | Path) -> pandas.DataFrame:
     -------
     DataFrame
         As `sweep` returns it.
-
-    Raises
-    ------
-    ResultFileError
-        If there is no sweep, or it cannot be read.
     """
     place = Path(folder)
     if not is_there(place / STORE):

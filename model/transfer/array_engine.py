@@ -31,35 +31,25 @@ PIECE = 1 << 16
 
 
 class AgentTable:
-    """Material agents as columns, ordered by spawn step and key.
-
-    Attributes
-    ----------
-    key : array of int
-        Number of the cell, as the lattice counts.
-    material, spawn_step, woken_by : arrays of int
-        As in `Stage`.
-    form : array of int
-        Row of the rule's tables: material, then form of the cell.
-    taken : array of float, shape (agents, states)
-        Loads taken (N), by state as `Transfer` numbers them.
-    passed : array of float, shape (agents, directions)
-        Loads handed over by arm (N).
-    dropped : array of float
-        Emissions that were too small (N).
-    beyond : array of int, shape (agents, directions)
-        What lies over each arm: a material's number, or a kind of boundary.
-    """
+    """Material agents as columns, ordered by spawn step and key."""
 
     key: Ints
+    """Number of the cell, as the lattice counts."""
     material: Ints
     spawn_step: Ints
     woken_by: Ints
+    """As in `Stage`."""
     form: Ints
+    """Row of the rule's tables: material, then form of the cell."""
     taken: Floats
+    """Loads taken (N), by state as `Transfer` numbers them. Shape (agents, states)."""
     passed: Floats
+    """Loads handed over by arm (N). Shape (agents, directions)."""
     dropped: Floats
+    """Emissions that were too small (N)."""
     beyond: NDArray[np.int16]
+    """What lies over each arm: a material's number, or a kind of boundary. Shape (agents,
+    directions)."""
 
     def __init__(self, scene: Scene, states: int) -> None:
         self.scene, self.lattice = scene, scene.lattice
@@ -132,21 +122,14 @@ class AgentTable:
 
 
 class Rows(NamedTuple):
-    """Waiting loads, ordered by cell, state and magnitude.
-
-    Attributes
-    ----------
-    slot : array of int
-        Agent and state: agent times the number of states, plus the state.
-    number : array of int
-        Number of the magnitude in the engine's table.
-    copies : array of float
-        How many equal loads the row stands for.
-    """
+    """Waiting loads, ordered by cell, state and magnitude."""
 
     slot: Ints
+    """Agent and state: agent times the number of states, plus the state."""
     number: NDArray[np.int32]
+    """Number of the magnitude in the engine's table."""
     copies: Floats
+    """How many equal loads the row stands for."""
 
     def part(self, chosen: Any) -> Rows:
         """Return some of the rows."""
@@ -154,21 +137,14 @@ class Rows(NamedTuple):
 
 
 class Arrivals(NamedTuple):
-    """Loads on their way into cells.
-
-    Attributes
-    ----------
-    code : array of int
-        Cell, state and number of the magnitude, as one number.
-    amount : array of float
-        Copies; where loads that meet are added up, their sum (N).
-    bits : array of 8-bit int
-        Arms over which they come, one bit each; 0 from a boundary.
-    """
+    """Loads on their way into cells."""
 
     code: Ints
+    """Cell, state and number of the magnitude, as one number."""
     amount: Floats
+    """Copies; where loads that meet are added up, their sum (N)."""
     bits: NDArray[np.uint8]
+    """Arms over which they come, one bit each; 0 from a boundary."""
 
     def part(self, chosen: Any) -> Arrivals:
         """Return some of the arrivals."""
@@ -184,24 +160,16 @@ class Arrivals(NamedTuple):
 
 
 class BoundaryRows(NamedTuple):
-    """Loads that boundary agents gave back.
-
-    Attributes
-    ----------
-    generation : int
-        When they were handed over.
-    key : array of int
-        The boundary agents' cells.
-    load : array of float
-        What they gave back (N).
-    state : array of 8-bit int
-        In which state it came.
-    """
+    """Loads that boundary agents gave back."""
 
     generation: int
+    """When they were handed over."""
     key: Ints
+    """The boundary agents' cells."""
     load: Floats
+    """What they gave back (N)."""
     state: NDArray[np.int8]
+    """In which state it came."""
 
 
 class Rule(NamedTuple):
@@ -219,36 +187,24 @@ class Rule(NamedTuple):
 
 
 class Sent(NamedTuple):
-    """What kinds of load send out; the first axis of arrays is the emission, the last the kind.
-
-    Attributes
-    ----------
-    size : array of float
-        Magnitude (N).
-    loud : array of bool
-        Whether it goes on.
-    code : array of int
-        State and number of the magnitude, as codes of arrivals tell them.
-    delta : array of int
-        The same, and the step to the neighbour.
-    number : array of int
-        Number of the magnitude among those that travel next.
-    ended : array of float, shape (kinds,)
-        Sum of what ends (N).
-    heard : array of bool, shape (kinds,)
-        Whether anything goes on.
-    values : array of float
-        Magnitudes that travel next (N).
-    """
+    """What kinds of load send out; the first axis of arrays is the emission, the last the kind."""
 
     size: Floats
+    """Magnitude (N)."""
     loud: Flags
+    """Whether it goes on."""
     code: Ints
+    """State and number of the magnitude, as codes of arrivals tell them."""
     delta: Ints
+    """The same, and the step to the neighbour."""
     number: Ints
+    """Number of the magnitude among those that travel next."""
     ended: Floats
+    """Sum of what ends (N). Shape (kinds,)."""
     heard: Flags
+    """Whether anything goes on. Shape (kinds,)."""
     values: Floats
+    """Magnitudes that travel next (N)."""
 
 
 class PackedHistory(History):

@@ -31,24 +31,17 @@ _MOST_AT_ONCE = 2**20
 
 @dataclass(frozen=True, eq=False)
 class Squeeze:
-    """How much the agents of a stage are squeezed along the axes of the lattice.
-
-    Attributes
-    ----------
-    lattice : Lattice
-        Gives the axes.
-    pressure : array, shape (agents, axes)
-        Pₖ / A (Pa); below 0 where pulls prevail.
-    strain : array, shape (agents, axes)
-        eₖ: of agents that have no law of their own, the pressure over Young's modulus.
-    widening : array, shape (agents, axes)
-        βν eₖ, by which the other axes lengthen.
-    """
+    """How much the agents of a stage are squeezed along the axes of the lattice."""
 
     lattice: Lattice
+    """Gives the axes."""
     pressure: Floats
+    """Pₖ / A (Pa); below 0 where pulls prevail. Shape (agents, axes)."""
     strain: Floats
+    """Eₖ: of agents that have no law of their own, the pressure over Young's modulus. Shape
+    (agents, axes)."""
     widening: Floats
+    """βν eₖ, by which the other axes lengthen. Shape (agents, axes)."""
 
     def strains(self) -> Floats:
         """Return the strain (1) of every agent, shape (agents, dim, dim)."""
@@ -88,33 +81,25 @@ class LineDisplacement:
     """Displacement along one axis, on all lines of cells that agents lie on.
 
     Agents are sorted by line and position. A *run* is an unbroken row of body cells.
-
-    Attributes
-    ----------
-    lines : array of int, shape (lines,)
-        Numbers of the lines, ascending.
-    code : array of int, shape (agents,)
-        Index of the line times `stride`, plus position: ascending.
-    elongation, before : arrays of float, shape (agents,)
-        Elongation of each agent's cell (m), and the sum of those before it on its line.
-    run : array of int, shape (agents,)
-        Run that each agent belongs to.
-    start, stop : arrays of int, shape (runs,)
-        First position of a run, and the one after its last.
-    offset, slope : arrays of float, shape (runs,)
-        What is added at the run's start (m), and what is taken away per cell (m).
     """
 
     lines: Ints
+    """Numbers of the lines, ascending. Shape (lines,)."""
     stride: int
     code: Ints
+    """Index of the line times `stride`, plus position: ascending. Shape (agents,)."""
     elongation: Floats
     before: Floats
+    """Elongation of each agent's cell (m), and the sum of those before it on its line. Shape
+    (agents,)."""
     run: Ints
+    """Run that each agent belongs to. Shape (agents,)."""
     start: Ints
     stop: Ints
+    """First position of a run, and the one after its last. Shape (runs,)."""
     offset: Floats
     slope: Floats
+    """What is added at the run's start (m), and what is taken away per cell (m). Shape (runs,)."""
 
     def at(self, line: Ints, position: Ints, fraction: Floats) -> Floats:
         """Return the displacement (m) at a fraction (0 to 1) of the way through cells."""

@@ -24,13 +24,7 @@ BOUNDARIES_START = ("model", "cell")
 def own_classes(
     material_agent: object, boundary_agents: Mapping[str, object] | None
 ) -> tuple[type, ...]:
-    """Return the classes of agents of one's own.
-
-    Raises
-    ------
-    ParameterError
-        If one is no class for its task, or cannot be made of what a model makes it of.
-    """
+    """Return the classes of agents of one's own."""
     _check_class("material_agent", material_agent, MaterialAgent, AGENTS_START)
     if not isinstance(boundary_agents, Mapping | None):
         raise ParameterError(
@@ -59,11 +53,6 @@ def keywords_into(
         Whose own arguments no parameter may be called by.
     own_rule : bool
         Whether another rule stands in for the scene's.
-
-    Raises
-    ------
-    ParameterError
-        If a keyword belongs to nobody, to two, or is out of its range.
     """
     parameters = declared(classes)
     rule = {field.name for field in fields(scene.rule)}

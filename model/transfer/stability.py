@@ -30,35 +30,24 @@ MOST_CELLS_FOR_OPERATOR = 200_000
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is known of a run before it starts.
-
-    Attributes
-    ----------
-    lower, upper : float
-        Bounds of the spectral radius of the transfer operator, boundaries included.
-    spectral_radius : float or None
-        Growth of the loads' sum per generation when all are added; None if only the bounds
-        are known.
-    largest_share : float
-        Largest share of a load that is passed on in one piece.
-    generations : int or None
-        After how many generations every load has ended, at the latest; None if unknown.
-    stable : bool
-        Whether the run is sure to end.
-    verdict : str
-        The same in words, with a remedy if the run is unstable.
-    known : bool
-        Whether anything is known: of agents of one's own nothing is.
-    """
+    """What is known of a run before it starts."""
 
     lower: float
     upper: float
+    """Bounds of the spectral radius of the transfer operator, boundaries included."""
     spectral_radius: float | None
+    """Growth of the loads' sum per generation when all are added; None if only the bounds are
+    known."""
     largest_share: float
+    """Largest share of a load that is passed on in one piece."""
     generations: int | None
+    """After how many generations every load has ended, at the latest; None if unknown."""
     stable: bool
+    """Whether the run is sure to end."""
     verdict: str
+    """The same in words, with a remedy if the run is unstable."""
     known: bool = True
+    """Whether anything is known: of agents of one's own nothing is."""
 
 
 def not_known(agents: list[str]) -> Certificate:

@@ -17,36 +17,25 @@ class Ledger:
 
     Loads enter a cell from outside (`applied`) or from an agent (`emitted`); each of them is
     taken by an agent, dropped because it is too small, or still pending when the run stops.
-
-    Attributes
-    ----------
-    applied : float
-        Sum of the loads put on the body, split along the lattice's directions.
-    taken : float
-        Sum of the loads that material agents took.
-    kept : float
-        Part of the taken loads that deforms the agents.
-    emitted : float
-        Sum of what the taken loads sent out, whatever became of it.
-    passed, returned : float
-        Emissions that reached another material agent, and those that a boundary gave back.
-    dropped : float
-        Loads up to the threshold, which ended.
-    pending : float
-        Loads handed over but not yet taken; 0 when the stage has come to rest.
-    absorbed : float
-        Emissions that a boundary of one's own did not give back.
     """
 
     applied: float
+    """Sum of the loads put on the body, split along the lattice's directions."""
     taken: float
+    """Sum of the loads that material agents took."""
     kept: float
+    """Part of the taken loads that deforms the agents."""
     emitted: float
+    """Sum of what the taken loads sent out, whatever became of it."""
     passed: float
     returned: float
+    """Emissions that reached another material agent, and those that a boundary gave back."""
     dropped: float
+    """Loads up to the threshold, which ended."""
     pending: float
+    """Loads handed over but not yet taken; 0 when the stage has come to rest."""
     absorbed: float = 0.0
+    """Emissions that a boundary of one's own did not give back."""
 
     @property
     def imbalance(self) -> float:
@@ -79,26 +68,19 @@ class History:
 
 
 class News(NamedTuple):
-    """What has happened since a generation: loads taken, and agents that spawned.
-
-    Attributes
-    ----------
-    generation, key, channel : arrays of int, shape (rows,)
-        When, in which cell (`Lattice.key`), and along which direction; pulls are counted after
-        all directions.
-    load : array of float, shape (rows,)
-        Sum of the loads taken then (N).
-    born, spawn_step, woken_by : arrays of int, shape (agents,)
-        Cells of the new agents, and what `Stage` says of them.
-    """
+    """What has happened since a generation: loads taken, and agents that spawned."""
 
     generation: Ints
     key: Ints
     channel: Ints
+    """When, in which cell (`Lattice.key`), and along which direction; pulls are counted after all
+    directions. Shape (rows,)."""
     load: Floats
+    """Sum of the loads taken then (N). Shape (rows,)."""
     born: Ints
     spawn_step: Ints
     woken_by: Ints
+    """Cells of the new agents, and what `Stage` says of them. Shape (agents,)."""
 
 
 class Totals(NamedTuple):
@@ -115,72 +97,52 @@ class Totals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The agents of one stage of loading, in the order in which they spawned.
-
-    Attributes
-    ----------
-    factor : float
-        Share of the full loads that was applied.
-    outcome : str
-        How the stage ended, in words.
-    generations : int
-        Number of steps in which loads were taken.
-    cells : array of int, shape (agents, dimension)
-        Where the material agents are.
-    material : array of int, shape (agents,)
-        What they are made of: index into the scene's `cell_materials`.
-    spawn_step : array of int, shape (agents,)
-        Generation in which each took its first load, counted from 1.
-    woken_by : array of int, shape (agents,)
-        Bit a is set if a load that woke the agent came over its arm a; 0 for applied loads.
-    taken : array of float, shape (agents, directions)
-        Loads taken (N), by the direction their force points along, pushes and pulls.
-    pulled : array of float, shape (agents, directions)
-        The pulls among them (N); 0 unless the rule has a sense.
-    kept : array of float, shape (agents, axes)
-        Own shares along each axis (N), pushes less pulls.
-    shortened : array of float, shape (agents, axes)
-        By which part of its length each cell is shortened along each axis.
-    widened : array of float, shape (agents, axes)
-        By which part it is widened, for that, along the others.
-    passed : array of float, shape (agents, directions)
-        Loads handed over by arm (N), to neighbours and to boundaries.
-    dropped : array of float, shape (agents,)
-        Emissions that were too small (N).
-    boundary_cells, boundary_kind, boundary_spawn_step : arrays of int
-        Where the boundary agents are, what they are (`AIR`, `RIGID`, `ROLLER`), and the
-        generation in which each first gave a load back.
-    returned : array of float, shape (boundary agents,)
-        Loads given back (N).
-    arrived : array of float, shape (boundary agents, directions)
-        Loads that reached them (N), by the direction their force points along.
-    history : History
-        The loads taken, generation by generation.
-    ledger : Ledger
-        The account of every newton.
-    """
+    """The agents of one stage of loading, in the order in which they spawned."""
 
     factor: float
+    """Share of the full loads that was applied."""
     outcome: str
+    """How the stage ended, in words."""
     generations: int
+    """Number of steps in which loads were taken."""
     cells: Ints
+    """Where the material agents are. Shape (agents, dimension)."""
     material: Ints
+    """What they are made of: index into the scene's `cell_materials`. Shape (agents,)."""
     spawn_step: Ints
+    """Generation in which each took its first load, counted from 1. Shape (agents,)."""
     woken_by: Ints
+    """Bit a is set if a load that woke the agent came over its arm a; 0 for applied loads. Shape
+    (agents,)."""
     taken: Floats
+    """Loads taken (N), by the direction their force points along, pushes and pulls. Shape (agents,
+    directions)."""
     pulled: Floats
+    """The pulls among them (N); 0 unless the rule has a sense. Shape (agents, directions)."""
     kept: Floats
+    """Own shares along each axis (N), pushes less pulls. Shape (agents, axes)."""
     shortened: Floats
+    """By which part of its length each cell is shortened along each axis. Shape (agents, axes)."""
     widened: Floats
+    """By which part it is widened, for that, along the others. Shape (agents, axes)."""
     passed: Floats
+    """Loads handed over by arm (N), to neighbours and to boundaries. Shape (agents, directions)."""
     dropped: Floats
+    """Emissions that were too small (N). Shape (agents,)."""
     boundary_cells: Ints
     boundary_kind: Ints
     boundary_spawn_step: Ints
+    """Where the boundary agents are, what they are (`AIR`, `RIGID`, `ROLLER`), and the generation
+    in which each first gave a load back."""
     returned: Floats
+    """Loads given back (N). Shape (boundary agents,)."""
     arrived: Floats
+    """Loads that reached them (N), by the direction their force points along. Shape (boundary
+    agents, directions)."""
     history: History
+    """The loads taken, generation by generation."""
     ledger: Ledger
+    """The account of every newton."""
 
 
 class TakenRows(NamedTuple):

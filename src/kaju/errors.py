@@ -116,13 +116,7 @@ class BucklingError(TangentError):
 
 
 def check_type(name: str, value: object, form: Any) -> None:
-    """Refuse an argument that is not of a type, texts that are no Unicode among them.
-
-    Raises
-    ------
-    ParameterError
-        Naming the argument, what it must be, and what it is.
-    """
+    """Refuse an argument that is not of a type, texts that are no Unicode among them."""
     from pydantic import TypeAdapter, ValidationError
 
     try:

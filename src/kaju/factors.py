@@ -21,13 +21,6 @@ def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
     matrix : sparse array
     order : str
         Order of elimination, as `scipy.sparse.linalg.splu` names it.
-
-    Raises
-    ------
-    OutOfMemoryError
-        If they do not fit in memory.
-    RuntimeError
-        If a pivot is zero.
     """
     how: dict[str, Any] = {"permc_spec": order, "diag_pivot_thresh": 0.0}
     columns = sp.csc_array(matrix)

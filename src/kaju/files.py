@@ -43,12 +43,6 @@ def file_to_read(
         Bytes that it may have.
     key : str
         What of a scene names it.
-
-    Raises
-    ------
-    KajuError
-        If there is none, it is a folder, a pipe or a device (which may never end), it is
-        larger than it may be, or the name is none.
     """
     try:
         about = Path(path).stat()
@@ -67,13 +61,7 @@ def file_to_read(
 def text_of_file(
     path: str | Path, error: type[KajuError], most: int, *, key: str = "", hint: str = ""
 ) -> str:
-    """Return the text (UTF-8) in a file; `hint` says what to do if it is no text.
-
-    Raises
-    ------
-    KajuError
-        As `file_to_read`, or if it is no text.
-    """
+    """Return the text (UTF-8) in a file; `hint` says what to do if it is no text."""
     file = file_to_read(path, error, most=most, key=key)
     try:
         return file.read_text(encoding="utf-8")
@@ -136,11 +124,6 @@ def take_place(scratch: Path, target: Path, *, replace: bool) -> None:
     target : Path
         Its name: of nothing, or of an empty folder; of anything with `replace`.
     replace : bool
-
-    Raises
-    ------
-    OSError
-        If there is something at the target, and `replace` is False.
     """
     for path in scratch.rglob("*"):
         _to_disk(path)

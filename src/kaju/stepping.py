@@ -29,13 +29,7 @@ class Steps(Protocol):
 
 
 def chosen(order: Order[A], waiting: list[A]) -> list[A]:
-    """Return whom an order of one's own lets act, each once.
-
-    Raises
-    ------
-    ParameterError
-        If it chooses nobody, or others than it was given, or does not end.
-    """
+    """Return whom an order of one's own lets act, each once."""
     answer = order(list(waiting))
     try:
         named = list(islice(answer, 10 * len(waiting) + 10))
@@ -62,11 +56,6 @@ def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
         Class of the agents, and the one that arrays know.
     small : bool
         Whether "auto" can afford objects.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such engine, or arrays are to run agents of one's own.
     """
     own_class = agent is not usual
     if engine not in ("auto", "agents", "arrays"):

@@ -45,13 +45,7 @@ def stopped() -> bool:
 
 
 def keeping(compute: Callable[[], Answer]) -> Answer:
-    """Return what is computed, by steps between which it may be stopped.
-
-    Raises
-    ------
-    Interrupted
-        If it was stopped, with what there is.
-    """
+    """Return what is computed, by steps between which it may be stopped."""
     global _asked
     usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if _asked is not None or not usual or current_thread() is not main_thread():

@@ -29,13 +29,7 @@ MOST_CELLS = 1_000_000
 
 
 def scene_data(scene: Scene) -> tuple[dict[str, Any], Columns]:
-    """Return the scene as plain data, and its cells as a column.
-
-    Raises
-    ------
-    SceneError
-        If the array has more than a million cells, or they are of a lattice of one's own.
-    """
+    """Return the scene as plain data, and its cells as a column."""
     lattice = scene.lattice
     if lattice.kind not in BUILT_IN:
         raise SceneError(
@@ -119,20 +113,14 @@ def _loads(scene: Scene) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Rows:
-    """Amounts, ready to be sent: one row a generation and place.
-
-    Attributes
-    ----------
-    generation, place : arrays of int
-        When, and where: of loads taken the cell's key times the number of channels, plus the
-        channel; of what agents did with them see `Account`.
-    amount : array of float
-        Newtons, of elongations metres.
-    """
+    """Amounts, ready to be sent: one row a generation and place."""
 
     generation: Ints
     place: Ints
+    """When, and where: of loads taken the cell's key times the number of channels, plus the
+    channel; of what agents did with them see `Account`."""
     amount: Floats
+    """Newtons, of elongations metres."""
 
     def columns(self, first: int, last: int, exact: bool = False, name: str = "") -> Columns:
         """Return the history's columns for the generations `first` to `last`."""

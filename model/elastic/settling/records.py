@@ -22,104 +22,73 @@ class StepRecord(NamedTuple):
 
     Attributes
     ----------
-    level : int
-        Level that was visited.
     way : str
         "up" if loads were handed up to parents afterwards, "down" if what parents yielded
         was handed down, "" in orders without levels.
-    energy : float
-        Energy of body and loads (J), 0 at the start.
-    loudest : float
-        Largest load left, as it counts against γ (N); as of the last visit to level 0.
-    error_estimate : float
-        √(Σ P²/k) over √(load · displacement), then.
-    pushes : int
-        How often agents have yielded so far.
     """
 
     level: int
+    """Level that was visited."""
     way: str
     energy: float
+    """Energy of body and loads (J), 0 at the start."""
     loudest: float
+    """Largest load left, as it counts against γ (N); as of the last visit to level 0."""
     error_estimate: float
+    """√(Σ P²/k) over √(load · displacement), then."""
     pushes: int
+    """How often agents have yielded so far."""
 
 
 @dataclass(frozen=True, eq=False)
 class FaceAgents:
-    """The face agents, ordered by level, spawn step and number.
-
-    Attributes
-    ----------
-    level, spawn_step, number : arrays of int, shape (agents,)
-        Level, 0 for the cells' own faces; step of spawning, from 1; number of the face.
-    axis : array of int, shape (agents,)
-        Axis of the face's normal.
-    position : array, shape (agents, dimension)
-        Middle of the face (m).
-    taken : array, shape (agents,)
-        Sum of the sizes of the loads taken (N).
-    left : array, shape (agents,)
-        Load left (N).
-    displacement : array, shape (agents,)
-        Displacement (m) along the axis; of parents, in their last visit.
-    """
+    """The face agents, ordered by level, spawn step and number."""
 
     level: Integers
     spawn_step: Integers
     number: Integers
+    """Level, 0 for the cells' own faces; step of spawning, from 1; number of the face. Shape
+    (agents,)."""
     axis: Integers
+    """Axis of the face's normal. Shape (agents,)."""
     position: Floats
+    """Middle of the face (m). Shape (agents, dimension)."""
     taken: Floats
+    """Sum of the sizes of the loads taken (N). Shape (agents,)."""
     left: Floats
+    """Load left (N). Shape (agents,)."""
     displacement: Floats
+    """Displacement (m) along the axis; of parents, in their last visit. Shape (agents,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoundaryAgents:
-    """The boundary agents: supports, then air; each ordered by spawn step and cell.
-
-    Attributes
-    ----------
-    cells : array of int, shape (agents, dimension)
-        Where they are.
-    kind : array of int, shape (agents,)
-        What they are, from `kaju.model.scene.kinds`.
-    spawn_step : array of int, shape (agents,)
-        Step in which a load first reached them.
-    reaction : array, shape (agents, dimension)
-        Force on the body (N); none from air.
-    returned : array, shape (agents,)
-        Sum of the sizes of the loads (N) that air gave back; none by supports.
-    """
+    """The boundary agents: supports, then air; each ordered by spawn step and cell."""
 
     cells: Integers
+    """Where they are. Shape (agents, dimension)."""
     kind: Integers
+    """What they are, from `kaju.model.scene.kinds`. Shape (agents,)."""
     spawn_step: Integers
+    """Step in which a load first reached them. Shape (agents,)."""
     reaction: Floats
+    """Force on the body (N); none from air. Shape (agents, dimension)."""
     returned: Floats
+    """Sum of the sizes of the loads (N) that air gave back; none by supports. Shape (agents,)."""
 
 
 @dataclass(frozen=True)
 class PushLedger:
-    """An account of every newton, per axis (N).
-
-    Attributes
-    ----------
-    applied : array, shape (dimension,)
-        Sum of the applied forces.
-    resting : array
-        Sum of the loads left on faces.
-    carried : array
-        Sum of what the supports carry.
-    turnover : float
-        Sum of the sizes of all these loads, to compare the imbalance with.
-    """
+    """An account of every newton, per axis (N)."""
 
     applied: Floats
+    """Sum of the applied forces. Shape (dimension,)."""
     resting: Floats
+    """Sum of the loads left on faces."""
     carried: Floats
+    """Sum of what the supports carry."""
     turnover: float
+    """Sum of the sizes of all these loads, to compare the imbalance with."""
 
     @property
     def imbalance(self) -> float:
@@ -130,26 +99,18 @@ class PushLedger:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """How things stood after some of the steps, from before the first to the last.
-
-    Attributes
-    ----------
-    step : array of int, shape (k,)
-        Steps taken; 0 is before the first.
-    level : array of int, shape (k,)
-        Level that the step visited.
-    energy : array, shape (k,)
-        Energy of body and loads (J).
-    left, taken : arrays of single precision, shape (k, agents)
-        Load left on, and sum of the sizes of the loads taken by, each agent (N), agents as in
-        the run's table. Parents hold what was handed up to them last.
-    """
+    """How things stood after some of the steps, from before the first to the last."""
 
     step: Integers
+    """Steps taken; 0 is before the first. Shape (k,)."""
     level: Integers
+    """Level that the step visited. Shape (k,)."""
     energy: Floats
+    """Energy of body and loads (J). Shape (k,)."""
     left: NDArray[np.float32]
     taken: NDArray[np.float32]
+    """Load left on, and sum of the sizes of the loads taken by, each agent (N), agents as in the
+    run's table. Parents hold what was handed up to them last. Shape (k, agents)."""
 
 
 class Recorder:

@@ -26,30 +26,20 @@ MOST_FACES_TO_ITERATE = 200_000
 
 @dataclass(frozen=True)
 class WaveCertificate:
-    """What is known of waves on a scene.
-
-    Attributes
-    ----------
-    largest_eigenvalue : float
-        λmax(D⁻¹K) of the scene's own agents, or its bound if there are too many of them.
-    bound : float
-        What no body of these materials exceeds.
-    limit : float
-        Waves calm down for every share below: 2/λmax.
-    share : float
-        ω, the share that is used.
-    stable : bool
-        Whether it lies below the limit.
-    verdict : str
-        The same in words, with a remedy if waves would grow.
-    """
+    """What is known of waves on a scene."""
 
     largest_eigenvalue: float
+    """λmax(D⁻¹K) of the scene's own agents, or its bound if there are too many of them."""
     bound: float
+    """What no body of these materials exceeds."""
     limit: float
+    """Waves calm down for every share below: 2/λmax."""
     share: float
+    """ω, the share that is used."""
     stable: bool
+    """Whether it lies below the limit."""
     verdict: str
+    """The same in words, with a remedy if waves would grow."""
 
 
 def certify_waves(table: PushTable, share: float | None = None) -> WaveCertificate:

@@ -21,28 +21,19 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The faces of one level.
-
-    Attributes
-    ----------
-    left : array, shape (places,)
-        Load (N) left on each face, along its normal; on the finest level followed by what
-        the supports carry.
-    displacement : array, shape (faces,)
-        How far each face has moved (m); for parents, in their current visit.
-    taken : array, shape (faces,)
-        Sum of the sizes of the loads (N) that its agent has taken.
-    spawn_step : array of int, shape (faces,)
-        Step in which its agent spawned, 0 while there is none.
-    weight : array, shape (faces,)
-        By how much a load on the face counts against the threshold.
-    """
+    """The faces of one level."""
 
     left: Floats
+    """Load (N) left on each face, along its normal; on the finest level followed by what the
+    supports carry. Shape (places,)."""
     displacement: Floats
+    """How far each face has moved (m); for parents, in their current visit. Shape (faces,)."""
     taken: Floats
+    """Sum of the sizes of the loads (N) that its agent has taken. Shape (faces,)."""
     spawn_step: Integers
+    """Step in which its agent spawned, 0 while there is none. Shape (faces,)."""
     weight: Floats
+    """By how much a load on the face counts against the threshold. Shape (faces,)."""
 
 
 class PushState:

@@ -39,25 +39,17 @@ FEWEST_FACES = 12
 
 @dataclass(frozen=True, eq=False)
 class PushLevel:
-    """The agents of one level and their links, as arrays.
-
-    Attributes
-    ----------
-    numbering : Numbering
-        Which faces there are, and their numbers.
-    stiffness : array, shape (faces,)
-        Load (N) that moves a face by 1 m while all others hold still.
-    shares : sparse array, shape (faces, places)
-        Row i: what becomes of each newton that agent i takes. On the finest level the
-        columns go on with the supports.
-    prolong : sparse array or None
-        The way from the parents; the way to them is its transpose.
-    """
+    """The agents of one level and their links, as arrays."""
 
     numbering: Numbering
+    """Which faces there are, and their numbers."""
     stiffness: Floats
+    """Load (N) that moves a face by 1 m while all others hold still. Shape (faces,)."""
     shares: sp.csr_array
+    """Row i: what becomes of each newton that agent i takes. On the finest level the columns go on
+    with the supports. Shape (faces, places)."""
     prolong: sp.csr_array | None = None
+    """The way from the parents; the way to them is its transpose."""
 
     @property
     def size(self) -> int:

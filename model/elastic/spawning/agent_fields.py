@@ -25,17 +25,11 @@ SURFACE_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class AgentFields:
-    """What follows from the faces' displacements.
-
-    Attributes
-    ----------
-    balance : Balance
-    u : array, shape (faces,)
-        Displacements of the faces.
-    """
+    """What follows from the faces' displacements."""
 
     balance: Balance
     u: Floats
+    """Displacements of the faces. Shape (faces,)."""
 
     @cached_property
     def stretch(self) -> Floats:

@@ -27,50 +27,34 @@ GAIN = 0.7
 
 
 class Answer(NamedTuple):
-    """What has been found of a quantity; scaled.
-
-    Attributes
-    ----------
-    value : array, shape (components,)
-    error, relative_error : float
-        Estimated; the latter is the share of the scale.
-    scale : float
-    bound : float, optional
-        What the error is at most.
-    no_bound : str
-        Why that is not known.
-    """
+    """What has been found of a quantity; scaled."""
 
     value: Floats
+    """Shape (components,)."""
     error: float
     relative_error: float
+    """Estimated; the latter is the share of the scale."""
     scale: float = 1.0
     bound: float | None = None
+    """What the error is at most."""
     no_bound: str = ""
+    """Why that is not known."""
 
 
 class Aimed(NamedTuple):
-    """How far off a generation is.
-
-    Attributes
-    ----------
-    error : float
-        Estimated error, relative: what the tolerance is compared with.
-    part : array, shape (agents,)
-        What every agent contributes to it.
-    chosen : bool array, shape (agents,)
-        Who has to spawn children, if the tolerance is to be kept; nobody, if none may.
-    allowed : float
-        What all may contribute together.
-    answers : tuple of Answer
-        The quantities that the tolerance is about, if it is about any.
-    """
+    """How far off a generation is."""
 
     error: float
+    """Estimated error, relative: what the tolerance is compared with."""
     part: Floats
+    """What every agent contributes to it. Shape (agents,)."""
     chosen: Flags
+    """Who has to spawn children, if the tolerance is to be kept; nobody, if none may. Shape
+    (agents,)."""
     allowed: float
+    """What all may contribute together."""
     answers: tuple[Answer, ...] = ()
+    """The quantities that the tolerance is about, if it is about any."""
 
 
 class State(Protocol):
@@ -95,15 +79,10 @@ class State(Protocol):
 
 
 class Aim(Protocol):
-    """Something that the tolerance can be about.
-
-    Attributes
-    ----------
-    adds_up : bool
-        Whether the error, or its square, is the sum of the agents' parts.
-    """
+    """Something that the tolerance can be about."""
 
     adds_up: bool
+    """Whether the error, or its square, is the sum of the agents' parts."""
 
     def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""

@@ -29,21 +29,17 @@ class Ahead(NamedTuple):
     """Leaves and their neighbours along an axis, of the same material.
 
     Of the small neighbours on one side all count alike, each by its share of that side.
-
-    Attributes
-    ----------
-    leaf, beyond : int array, shape (pairs,)
-        A leaf, and its neighbour of the same size or larger.
-    distance : array, shape (pairs,)
-    own, other : array, shape (pairs,)
-        Weight of the pair in the mean over the leaf's neighbours, and over the neighbour's.
     """
 
     leaf: Index
     beyond: Index
+    """A leaf, and its neighbour of the same size or larger. Shape (pairs,)."""
     distance: Floats
+    """Shape (pairs,)."""
     own: Floats
     other: Floats
+    """Weight of the pair in the mean over the leaf's neighbours, and over the neighbour's. Shape
+    (pairs,)."""
 
     @classmethod
     def of(cls, grid: Composite, axis: int) -> Ahead:
@@ -82,23 +78,16 @@ class Ahead(NamedTuple):
 
 
 class Beside(NamedTuple):
-    """∂²u_a/∂b² of the leaves, as a sum over the slopes at their edges.
-
-    Attributes
-    ----------
-    axes : pair of int
-        a and b.
-    gradients : pair of Gradient
-        ∂u_a/∂b and ∂u_b/∂a.
-    edge : int array, shape (4, leaves)
-    weight : array, shape (2, 4, leaves)
-        Of either gradient at each edge.
-    """
+    """∂²u_a/∂b² of the leaves, as a sum over the slopes at their edges."""
 
     axes: tuple[int, int]
+    """A and b."""
     gradients: tuple[Gradient, Gradient]
+    """∂u_a/∂b and ∂u_b/∂a."""
     edge: Index
+    """Shape (4, leaves)."""
     weight: Floats
+    """Of either gradient at each edge. Shape (2, 4, leaves)."""
 
     @classmethod
     def of(cls, grid: Composite, a: int, b: int) -> Beside:
@@ -141,19 +130,13 @@ class Beside(NamedTuple):
 
 
 class Bends(NamedTuple):
-    """Second differences of a displacement.
-
-    Attributes
-    ----------
-    along, volume : tuple of array, shape (pairs,)
-        Axis by axis, slopes of the strain along it and of the change in volume.
-    beside : tuple of array, shape (leaves,)
-        ∂²u_a/∂b² for every axis a and every other one b.
-    """
+    """Second differences of a displacement."""
 
     along: tuple[Floats, ...]
     volume: tuple[Floats, ...]
+    """Axis by axis, slopes of the strain along it and of the change in volume. Shape (pairs,)."""
     beside: tuple[Floats, ...]
+    """∂²u_a/∂b² for every axis a and every other one b. Shape (leaves,)."""
 
 
 class Curvature:

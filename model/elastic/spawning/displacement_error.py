@@ -54,18 +54,12 @@ BEHIND = 0.125
 
 
 class DisplacementError(NamedTuple):
-    """Estimated displacement errors of the agents, relative to the largest displacement.
-
-    Attributes
-    ----------
-    far : array, shape (agents,)
-        What comes from the curvature of all agents.
-    local : array, shape (agents,)
-        What each cannot follow within itself.
-    """
+    """Estimated displacement errors of the agents, relative to the largest displacement."""
 
     far: Floats
+    """What comes from the curvature of all agents. Shape (agents,)."""
     local: Floats
+    """What each cannot follow within itself. Shape (agents,)."""
 
     @property
     def largest(self) -> float:

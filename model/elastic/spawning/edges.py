@@ -30,54 +30,38 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Gradient:
-    """∂u_a/∂b at the edges of a pair of axes: ``matrix @ u + constant``.
-
-    Attributes
-    ----------
-    matrix : sparse array, shape (edges, faces)
-    constant : array, shape (edges,)
-        From displaced walls.
-    valid : bool array, shape (edges,)
-        Whether there is a face, or a wall, on both sides.
-    one_sided : array, shape (edges,)
-        1; 2 at a wall, where the face is only half the distance away.
-    wall : int array, shape (edges,)
-        Side of the array on which the wall lies, 2·dimension inside, -1 without a wall.
-    pull : array, shape (edges,)
-        Derivative by the wall's displacement.
-    jump : bool array, shape (edges,)
-        Whether the material changes along b, so that ∂u_a/∂b differs on both sides.
-    """
+    """∂u_a/∂b at the edges of a pair of axes: ``matrix @ u + constant``."""
 
     matrix: sp.csr_array
+    """Shape (edges, faces)."""
     constant: Floats
+    """From displaced walls. Shape (edges,)."""
     valid: Flags
+    """Whether there is a face, or a wall, on both sides. Shape (edges,)."""
     one_sided: Floats
+    """1; 2 at a wall, where the face is only half the distance away. Shape (edges,)."""
     wall: Index
+    """Side of the array on which the wall lies, 2·dimension inside, -1 without a wall. Shape
+    (edges,)."""
     pull: Floats
+    """Derivative by the wall's displacement. Shape (edges,)."""
     jump: Flags
+    """Whether the material changes along b, so that ∂u_a/∂b differs on both sides. Shape
+    (edges,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The edges along one axis (in two dimensions: the corners), between a pair of axes.
-
-    Attributes
-    ----------
-    gradients : pair of Gradient
-        ∂u_a/∂b and ∂u_b/∂a for the pair (a, b).
-    modulus : array, shape (edges,)
-        Shear modulus, zero at free surfaces.
-    weight : array, shape (edges,)
-        Volume that each edge stands for.
-    of_leaf : int array, shape (leaves, 2, 2)
-        Edge at the lower or upper end of a leaf along a and along b.
-    """
+    """The edges along one axis (in two dimensions: the corners), between a pair of axes."""
 
     gradients: tuple[Gradient, Gradient]
+    """∂u_a/∂b and ∂u_b/∂a for the pair (a, b)."""
     modulus: Floats
+    """Shear modulus, zero at free surfaces. Shape (edges,)."""
     weight: Floats
+    """Volume that each edge stands for. Shape (edges,)."""
     of_leaf: Index
+    """Edge at the lower or upper end of a leaf along a and along b. Shape (leaves, 2, 2)."""
 
 
 def lay_edges(grid: Composite, pair: Pair) -> Edges:

@@ -19,83 +19,54 @@ from .leaves import Flags, Index, Leaves
 
 
 class Generation(NamedTuple):
-    """One step of spawning.
-
-    Attributes
-    ----------
-    agents : int
-    error : float
-        Estimated error in the energy norm, relative.
-    energy : float
-    iterations : int
-    aimed_error : float
-        Estimated error that the tolerance is about, relative.
-    code, size : int array, shape (agents,)
-        Morton code of the lower corner and edge (units) of every agent.
-    load : array, shape (agents,)
-        Load that every agent left unbalanced.
-    chosen : bool array, shape (agents,)
-        Who of them spawns children for that load in the next step.
-    """
+    """One step of spawning."""
 
     agents: int
     error: float
+    """Estimated error in the energy norm, relative."""
     energy: float
     iterations: int
     aimed_error: float
+    """Estimated error that the tolerance is about, relative."""
     code: Index
     size: Index
+    """Morton code of the lower corner and edge (units) of every agent. Shape (agents,)."""
     load: Floats
+    """Load that every agent left unbalanced. Shape (agents,)."""
     chosen: Flags
+    """Who of them spawns children for that load in the next step. Shape (agents,)."""
 
 
 @dataclass
 class Spawning:
-    """The agents and how they came to be; scaled.
-
-    Attributes
-    ----------
-    balance : Balance
-        The last generation's grid.
-    displacement : array, shape (faces,)
-    indicator : Indicator
-        What each agent leaves unbalanced.
-    energy : float
-    error : float
-        Estimated error in the energy norm, relative.
-    aimed : Aimed
-        The error that the tolerance is about, and who contributes to it.
-    generations : list of Generation
-    residuals : list of float
-        History of the last generation's iteration.
-    levels : int
-        Levels of the last multigrid cycle.
-    reached : bool
-        Whether the error is within the tolerance.
-    stopped : str
-        Why it ended, if it is not: "depth" (the smallest agents allowed), "agents",
-        "iteration", or "blind" (bounds say that agents do not see their errors).
-    notes : list of str
-    retired : int
-        Agents of the previous answer for which a parent has come back.
-    bracket : Bracket or str, optional
-        What is certain of the answer, if that has been looked for; in words why nothing is.
-    """
+    """The agents and how they came to be; scaled."""
 
     balance: Balance
+    """The last generation's grid."""
     displacement: Floats
+    """Shape (faces,)."""
     indicator: Indicator
+    """What each agent leaves unbalanced."""
     energy: float
     error: float
+    """Estimated error in the energy norm, relative."""
     aimed: Aimed
+    """The error that the tolerance is about, and who contributes to it."""
     generations: Sequence[Generation]
     residuals: list[float]
+    """History of the last generation's iteration."""
     levels: int
+    """Levels of the last multigrid cycle."""
     reached: bool
+    """Whether the error is within the tolerance."""
     stopped: str
+    """Why it ended, if it is not: "depth" (the smallest agents allowed), "agents", "iteration", or
+    "blind" (bounds say that agents do not see their errors)."""
     notes: list[str] = field(default_factory=list)
     retired: int = 0
+    """Agents of the previous answer for which a parent has come back."""
     bracket: Bracket | str | None = field(default=None, repr=False)
+    """What is certain of the answer, if that has been looked for; in words why nothing is."""
 
     @property
     def leaves(self) -> Leaves:

@@ -60,31 +60,21 @@ Asked = str | tuple[Quantity, ...] | None
 
 
 class Goal(NamedTuple):
-    """What has been found of a quantity.
-
-    Attributes
-    ----------
-    quantity : Deflection, Stress or Reaction
-    value : float, or array of shape (dimension,)
-        In m, Pa or N.
-    error_estimate : float
-        Estimated error of the value, of a vector in length.
-    relative_error : float
-        The same relative to the value or, where that is smaller, to a hundredth of the largest
-        displacement, stress or reaction of all.
-    error_bound, relative_bound : float or None
-        What the error of the value is at most, and the same relative; a theorem.
-    no_bound : str
-        Why there is none; empty if there is.
-    """
+    """What has been found of a quantity."""
 
     quantity: Quantity
     value: float | Floats
+    """In m, Pa or N. Shape (dimension,)."""
     error_estimate: float
+    """Estimated error of the value, of a vector in length."""
     relative_error: float
+    """The same relative to the value or, where that is smaller, to a hundredth of the largest
+    displacement, stress or reaction of all."""
     error_bound: float | None = None
     relative_bound: float | None = None
+    """What the error of the value is at most, and the same relative; a theorem."""
     no_bound: str = ""
+    """Why there is none; empty if there is."""
 
     def doubt(self, tolerance: float) -> str:
         """Say what is not proved of it; empty if it is within the tolerance for certain."""
@@ -270,13 +260,7 @@ def _aimed(spawner: State, answers: list[Answer], parts: list[Floats]) -> Aimed:
 
 
 def aim_of(tolerance_at: Asked, ground: Ground) -> Aim | None:
-    """Return what the tolerance is about, None for the energy norm.
-
-    Raises
-    ------
-    ParameterError
-        If a quantity is of another dimension, outside of the body, or unknown.
-    """
+    """Return what the tolerance is about, None for the energy norm."""
     if tolerance_at is None:
         return None
     if isinstance(tolerance_at, str):
@@ -285,13 +269,7 @@ def aim_of(tolerance_at: Asked, ground: Ground) -> Aim | None:
 
 
 def asked(tolerance_at: ToleranceAt | None) -> Asked:
-    """Return what the tolerance is about in its shortest form.
-
-    Raises
-    ------
-    ParameterError
-        If it is nothing that a tolerance could be about, or too much.
-    """
+    """Return what the tolerance is about in its shortest form."""
     if tolerance_at is None or (isinstance(tolerance_at, str) and tolerance_at == DISPLACEMENT):
         return tolerance_at
     quantities = quantities_of(tolerance_at)

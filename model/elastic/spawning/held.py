@@ -26,13 +26,7 @@ HALVED = "were halved"
 
 
 def check_held(balance: Balance) -> None:
-    """Refuse a body of which a part could move without straining.
-
-    Raises
-    ------
-    SupportError
-        Naming a cell of the part and how it could move.
-    """
+    """Refuse a body of which a part could move without straining."""
     loose = loose_part(balance)
     if loose is not None:
         leaf, motion = loose
@@ -177,11 +171,6 @@ def first_agents(ground: Ground) -> tuple[Balance, list[str]]:
     """Return the first agents, and what is to be noted.
 
     Members one agent wide and pins get smaller ones.
-
-    Raises
-    ------
-    SupportError
-        If a part of the body could move without straining.
     """
     leaves, notes = ground.start(), list[str]()
     balance = Balance(_stiff(ground, leaves, notes))

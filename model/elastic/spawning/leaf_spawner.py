@@ -37,7 +37,6 @@ class LeafSpawner(Spawner):
         This generation's grid.
     displacement : array, shape (faces,)
     hierarchy : NestedMultigrid
-    indicator : Indicator
     """
 
     indicator: Indicator

@@ -30,43 +30,29 @@ MANY = 10_000
 
 
 class Spots(NamedTuple):
-    """Points that stand for parts of a place.
-
-    Attributes
-    ----------
-    points : array, shape (n, dimension)
-        The middles of the parts (units).
-    leaf : int array, shape (n,)
-        A leaf in or on which each lies.
-    weight : array, shape (n,)
-        Adds up to 1.
-    span : array, shape (n, dimension)
-        How far each part reaches along every axis (units).
-    """
+    """Points that stand for parts of a place."""
 
     points: Floats
+    """The middles of the parts (units). Shape (n, dimension)."""
     leaf: Index
+    """A leaf in or on which each lies. Shape (n,)."""
     weight: Floats
+    """Adds up to 1. Shape (n,)."""
     span: Floats
+    """How far each part reaches along every axis (units). Shape (n, dimension)."""
 
 
 class Parts(NamedTuple):
-    """Leaves of which a place is made up exactly, or sides of theirs.
-
-    Attributes
-    ----------
-    leaf, side : int arrays, shape (n,)
-        Side -1 is the whole leaf.
-    share : array, shape (n,)
-        Of the place; adds up to 1.
-    cut : bool array, shape (leaves,)
-        Leaves on both sides of the place's rim: as long as there are any, it is not made up.
-    """
+    """Leaves of which a place is made up exactly, or sides of theirs."""
 
     leaf: Index
     side: Index
+    """Side -1 is the whole leaf. Shape (n,)."""
     share: Floats
+    """Of the place; adds up to 1. Shape (n,)."""
     cut: Flags
+    """Leaves on both sides of the place's rim: as long as there are any, it is not made up. Shape
+    (leaves,)."""
 
 
 class Site(Protocol):
@@ -245,13 +231,7 @@ def located(ground: Ground, points: NDArray[np.float64], cells: Index) -> tuple[
 
 
 def site_of(at: Place, ground: Ground) -> Site:
-    """Return a place on some ground.
-
-    Raises
-    ------
-    ParameterError
-        If it lies outside of the body, or is of another dimension.
-    """
+    """Return a place on some ground."""
     if isinstance(at, str):
         return _side(at, ground)
     if isinstance(at, dict):

@@ -29,31 +29,17 @@ LEAST = 0.4
 
 
 class Standing(NamedTuple):
-    """Agents before they settle.
-
-    Attributes
-    ----------
-    balance : Balance
-    hierarchy : NestedMultigrid
-    displacement : array, shape (faces,)
-        Where they start from.
-    notes : list of str
-    """
+    """Agents before they settle."""
 
     balance: Balance
     hierarchy: NestedMultigrid
     displacement: Floats
+    """Where they start from. Shape (faces,)."""
     notes: list[str]
 
 
 def check_previous(previous: Ground, ground: Ground) -> None:
-    """Refuse agents that stand on other cells.
-
-    Raises
-    ------
-    ParameterError
-        Naming the cells of both.
-    """
+    """Refuse agents that stand on other cells."""
     cells = [
         f"{' x '.join(map(str, g.scene.lattice.shape))} cells of {g.scene.lattice.cell_size:g} m"
         for g in (previous, ground)

@@ -131,13 +131,7 @@ ToleranceAt = str | Quantity | Mapping[str, Any] | Sequence[Any]
 
 
 def quantities_of(tolerance_at: ToleranceAt) -> tuple[Quantity, ...]:
-    """Return the quantities that `tolerance_at` asks for: of places the displacement.
-
-    Raises
-    ------
-    ParameterError
-        If it asks for nothing that a tolerance could be about.
-    """
+    """Return the quantities that `tolerance_at` asks for: of places the displacement."""
     if isinstance(tolerance_at, Quantity):
         return (tolerance_at,)
     if isinstance(tolerance_at, (str, Mapping)) or _is_point(tolerance_at):

@@ -57,11 +57,6 @@ def solve_spawning(
         fewer would do they retire and a parent comes back.
     note : str
         What else is to be said of the answer.
-
-    Raises
-    ------
-    SupportError, ConvergenceError, ParameterError, SceneError
-        As `kaju.solve`.
     """
     start = perf_counter()
     before, tolerance, resolution = _continued(previous, tolerance, resolution)
@@ -92,13 +87,7 @@ def answer_of(
     seconds: float,
     tolerance_at: Asked = None,
 ) -> ElasticResult:
-    """Return agents that have ended as a result.
-
-    Raises
-    ------
-    ConvergenceError
-        If they ended early; `best` holds the result.
-    """
+    """Return agents that have ended as a result."""
     spawning.notes += [NOTE] if stopped() else []
     spawning.notes += rest_of(spawning, tolerance, resolution)
     spawning.notes += doubts_of(spawning, tolerance_at)

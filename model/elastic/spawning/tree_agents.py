@@ -39,17 +39,11 @@ _LEAVES = ("lower", "size", "kind", "step", "cause")
 
 @dataclass(frozen=True, eq=False)
 class TreeAgents:
-    """Agents as the leaves of a tree, along a space-filling curve.
-
-    Attributes
-    ----------
-    spawning : Spawning
-        Agents, displacements and history.
-    stage : int or None
-    """
+    """Agents as the leaves of a tree, along a space-filling curve."""
 
     storage: ClassVar[str] = "tree"
     spawning: Spawning
+    """Agents, displacements and history."""
     stage: int | None
 
     @property

@@ -20,25 +20,18 @@ FIRST = 300
 
 @dataclass(frozen=True)
 class StabilityMap:
-    """Growth of loads that are added up, over the coefficients of a rule.
-
-    Attributes
-    ----------
-    forward, friction : arrays, shape (n,), (m,)
-        α₂ and α₃.
-    beta, poissons_ratio : float
-    radius : array, shape (n, m)
-        Spectral radius by the certificate.
-    growth : array, shape (n, m)
-        What the loads' sum was multiplied by a generation, in a run; 0 where all had ended.
-    """
+    """Growth of loads that are added up, over the coefficients of a rule."""
 
     forward: Floats
     friction: Floats
+    """α₂ and α₃. Shape (n,), (m,)."""
     beta: float
     poissons_ratio: float
     radius: Floats
+    """Spectral radius by the certificate. Shape (n, m)."""
     growth: Floats
+    """What the loads' sum was multiplied by a generation, in a run; 0 where all had ended. Shape
+    (n, m)."""
 
     @property
     def contradicted(self) -> int:

@@ -44,41 +44,29 @@ EXACT = 1e-6
 """Relative error below which no corner has to sink."""
 ROUGH = 0.3
 """Relative error above which corners sink all over the body."""
-FEW = 20_000
-"""So many boxes may be spent in any case."""
+FEW = {2: 20_000, 3: 4_000}
+"""So many boxes may be spent in any case: a second or two."""
 PROVED_AT = {2: 0.65, 3: 0.9}
 """Of the estimate: what bounds mostly say, until they have been asked."""
 
 
-def worth_proving(boxes: int, estimated: float) -> bool:
+def worth_proving(boxes: int, estimated: float, dimension: int) -> bool:
     """Tell whether to go on for a proof, of boxes of which so many do by the estimate."""
-    return boxes <= max(MORE * estimated, FEW)
+    return boxes <= max(MORE * estimated, FEW[dimension])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bracket:
-    """What is certain about an answer, scaled.
+    """What is certain about an answer, scaled."""
 
-    Attributes
-    ----------
-    lower, upper : float
-        Bounds of the true energy.
-    error : float
-        Error of the mean stress in the energy norm, relative to the true stress, at most.
-    potential : tuple of float
-        Bounds of the potential energy, which supports that move do not widen.
-    norm : float
-        What that is relative to: the least norm of the true stress.
-    make : callable
-        Works `middle` out.
-    """
-
-    lower: float
+    lower: float  # Bounds of the true energy
     upper: float
+    # Error of the mean stress in the energy norm, relative to the true stress, at most
     error: float
+    # Bounds of the potential energy, which supports that move do not widen
     potential: tuple[float, float]
-    norm: float
-    make: Callable[[], MiddleStress]
+    norm: float  # What that is relative to: the least norm of the true stress
+    make: Callable[[], MiddleStress]  # Works `middle` out
 
     @cached_property
     def middle(self) -> MiddleStress:
@@ -184,22 +172,12 @@ def _middle(stress: BalancedStress, field: CompatibleField | VolumeField) -> Mid
 
 @dataclass(frozen=True, eq=False)
 class MiddleStress:
-    """The middle of the circle: the mean of a stress that balances and that of a displacement.
-
-    Attributes
-    ----------
-    balanced : BalancedStress
-    field : CompatibleField or VolumeField
-    order : int array, optional
-        Numbers of the boxes in the order in which they are asked for.
-    unit, energy : float
-        By what stresses and energies are multiplied.
-    """
+    """The middle of the circle: the mean of a stress that balances and that of a displacement."""
 
     balanced: BalancedStress
     field: CompatibleField | VolumeField
-    order: Index | None = None
-    unit: float = 1.0
+    order: Index | None = None  # Numbers of the boxes in the order in which they are asked for
+    unit: float = 1.0  # By what stresses and energies are multiplied
     energy: float = 1.0
 
     def at(self, box: Index, inside: Floats) -> Floats:

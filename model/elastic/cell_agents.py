@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from kaju.errors import ResultFileError
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
+from kaju.model.scene.kinds import INSIDE
 
 from . import fields
 from .grid import problem_of_scene
 from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
-from .reactions import INSIDE, reactions
+from .reactions import reactions
 from .solver import Solution, settled
 from .staggered import Strains
 

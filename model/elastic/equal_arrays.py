@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ParameterError, ResultError
-from kaju.model.results.result import body_cells
+from kaju.model.scene.body_cells import body_cells
 
 from .cell_agents import CellAgents
 from .problem import Floats

@@ -90,27 +90,13 @@ def _rim_of(
 
 
 class Grid(NamedTuple):
-    """A scene on the cells on which it is solved.
+    """A scene on the cells on which it is solved."""
 
-    Attributes
-    ----------
-    scene : Scene
-        The scene, refined.
-    problem : ElasticProblem
-        Its arrays.
-    origin : tuple of int
-        Cell of the scene at which the arrays start.
-    division : int
-        Cells per cell of the scene that was asked about, along every axis.
-    notes : tuple of str
-        What was changed by itself, in words.
-    """
-
-    scene: Scene
-    problem: ElasticProblem
-    origin: Origin
-    division: int
-    notes: tuple[str, ...] = ()
+    scene: Scene  # The scene, refined
+    problem: ElasticProblem  # Its arrays
+    origin: Origin  # Cell of the scene at which the arrays start
+    division: int  # Cells per cell of the scene that was asked about, along every axis
+    notes: tuple[str, ...] = ()  # What was changed by itself, in words
 
 
 def grid_of(

@@ -85,39 +85,21 @@ def _order(size: float) -> float:
 
 @dataclass(frozen=True)
 class ElasticProblem:
-    """A body on the staggered grid with its supports and loads, in scaled units.
+    """A body on the staggered grid with its supports and loads, in scaled units."""
 
-    Attributes
-    ----------
-    kinds : int array, shape ``n + 2`` along every axis
-        Per cell the index of its material, or AIR, RIGID, ROLLER, FOUNDATION; rim included.
-    moduli : Moduli
-        Scaled moduli, one entry per material.
-    force : tuple of arrays
-        External force on every face, scaled; shape of `kinds` plus one along the normal.
-    fixed : tuple of arrays
-        Displacement of the fixed faces, scaled (zero elsewhere).
-    spring : tuple of arrays
-        Stiffness of the foundation beneath each face, scaled.
-    surface_shear : dict from pair of axes to array
-        Shear stress that loads along the surface put on the edges, scaled.
-    scales : Scales
-        What one scaled unit is in SI.
-    plane : {"stress", "strain", None}
-        Two-dimensional assumption; None in three dimensions.
-    thickness : float
-        Thickness (m); 1 in three dimensions.
-    """
-
+    # Per cell the index of its material, or AIR, RIGID, ROLLER, FOUNDATION; rim included
     kinds: NDArray[np.int32]
-    moduli: Moduli
+    moduli: Moduli  # Scaled moduli, one entry per material
+    # External force on every face, scaled; shape of `kinds` plus one along the normal
     force: FaceFields
-    fixed: FaceFields
-    spring: FaceFields
+    fixed: FaceFields  # Displacement of the fixed faces, scaled (zero elsewhere)
+    spring: FaceFields  # Stiffness of the foundation beneath each face, scaled
+    # Shear stress that loads along the surface put on the edges, scaled
     surface_shear: dict[tuple[int, int], Floats]
-    scales: Scales
+    scales: Scales  # What one scaled unit is in SI
+    # Two-dimensional assumption; None in three dimensions
     plane: Literal["stress", "strain"] | None
-    thickness: float = 1.0
+    thickness: float = 1.0  # Thickness (m); 1 in three dimensions
 
     @property
     def dimension(self) -> int:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.results.result import INSIDE as INSIDE
-from kaju.model.scene.kinds import FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.kinds import FOUNDATION, INSIDE, RIGID, ROLLER
 
 from .problem import FIXED, ElasticProblem, FaceFields, Floats
 from .staggered import internal_force

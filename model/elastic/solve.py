@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from time import perf_counter
 
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, stopped
 
+from .arguments import SMALLEST, check_numbers
 from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
 from .grid import Grid, grid_of
 from .problem import FaceFields
 from .solver import Solution, solve_problem
-
-SMALLEST_TOLERANCE = 1e-13
 
 
 def solve(
@@ -61,7 +59,7 @@ def solve(
         If an argument or the scene breaks a rule.
     """
     start = perf_counter()
-    _check(tolerance, resolution)
+    check_numbers(tolerance, resolution, least=SMALLEST)
     grid, before = _grid(scene, stage, resolution, previous)
     solution = solve_problem(grid.problem, tolerance, before)
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
@@ -92,19 +90,6 @@ def _grid(
         return grid, None
     unit = found.scales.displacement / grid.problem.scales.displacement
     return grid, tuple(unit * values for values in found.solution.displacement)
-
-
-def _check(tolerance: float | None, resolution: int | None) -> None:
-    if tolerance is not None and not (
-        isfinite(tolerance) and SMALLEST_TOLERANCE <= tolerance < 1.0
-    ):
-        raise ParameterError(
-            f"tolerance: must lie between {SMALLEST_TOLERANCE:g} and 1, got {tolerance}"
-        )
-    if resolution is not None and (isinstance(resolution, bool) or resolution != int(resolution)):
-        raise ParameterError(f"resolution: must be a whole number, got {resolution}")
-    if resolution is not None and resolution < 1:
-        raise ParameterError(f"resolution: must be 1 or more, got {resolution}")
 
 
 def _remedy(solution: Solution, tolerance: float | None) -> str:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, product
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.files import is_there
 from kaju.model.scene import Scene
+from kaju.model.scene.body_cells import body_cells
 
 from .archive import Archive, open_archive, reading, write_archive
 from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
@@ -45,9 +46,6 @@ class Curves:
 
 
 _SCENE = "scene."
-
-INSIDE = "rigid"
-"""Name of the support that rigid cells inside the array give."""
 
 
 BOOKS, ROUNDING, BALANCE = 1e-12, 1e-9, 1e-6
@@ -380,22 +378,6 @@ def cells_of_points(scene: Scene, points: Floats) -> tuple[Floats, Ints]:
         where = ", ".join(f"{value:g}" for value in points[np.argmin(inside)])
         raise ResultError(f"points: ({where}) m lies outside the body")
     return points, cells
-
-
-def body_cells(scene: Scene, points: Floats) -> tuple[Ints, Flags]:
-    """Return the body cell that each point (m) lies in or on, and whether there is one."""
-    lattice = scene.lattice
-    cells = lattice.locate(points)
-    outside = scene.kinds(cells) < 0
-    # A point on the surface belongs to the body, on whichever side rounding has put it.
-    corners = np.array(list(product((-1.0, 1.0), repeat=lattice.dimension)))
-    for shift in np.concatenate([lattice.normals, corners]):
-        moved = lattice.locate(points[outside] + 1e-6 * lattice.cell_size * shift)
-        inside = scene.kinds(moved) >= 0
-        place = np.flatnonzero(outside)[inside]
-        cells[place] = moved[inside]
-        outside[place] = False
-    return cells, ~outside
 
 
 def load_result(path: str | Path) -> Result:

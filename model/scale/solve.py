@@ -37,10 +37,11 @@ from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import grid_of
 from kaju.model.elastic.problem import ACTIVE, ElasticProblem, FaceFields
-from kaju.model.elastic.reactions import INSIDE, reactions
+from kaju.model.elastic.reactions import reactions
 from kaju.model.elastic.solver import Solution
 from kaju.model.elastic.staggered import internal_force
 from kaju.model.scene import Scene
+from kaju.model.scene.kinds import INSIDE
 
 from .partition import (
     HALO,

@@ -26,3 +26,5 @@ NAMES: Final = {
     FOUNDATION: "a foundation",
     DISPLACED: "a displaced wall",
 }
+INSIDE: Final = "rigid"
+"""Name of the support that rigid cells inside the array give."""

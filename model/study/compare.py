@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.results.archive import open_archive
-from kaju.model.results.result import BodyResult, body_cells, line_of, load_result
+from kaju.model.results.result import BodyResult, line_of, load_result
 from kaju.model.scene import Scene
+from kaju.model.scene.body_cells import body_cells
 from kaju.model.scene.filling import CellBox
 from kaju.model.study.reference import Reference
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-import numpy as np
-
 from kaju.errors import OutOfMemoryError, ParameterError
+from kaju.model.elastic.arguments import SMALLEST, check_numbers
 from kaju.model.results.subjects import question_of
 from kaju.model.scene import Scene
 from kaju.stopping import keeping
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
 
 Strategy = Literal["auto", "uniform", "spawning"]
 STRATEGIES = ("auto", "uniform", "spawning")
-SMALLEST_TOLERANCE, TOLERANCE = 1e-6, 1e-2
 
 
 @overload
@@ -229,7 +226,7 @@ def _solve_scene(
         raise ParameterError(
             f"previous: an ElasticResult is needed to start from, got {type(previous).__name__}"
         )
-    check_numbers(tolerance, resolution, stage, most_agents, least=1e-13)
+    check_numbers(tolerance, resolution, stage, most_agents, least=SMALLEST)
     spawned = previous is not None and previous.found.storage == "tree"
     if strategy == "auto" and (tolerance_at is not None or spawned):
         strategy = "spawning"
@@ -260,32 +257,3 @@ def _solve_scene(
     return solve_cheaply(
         scene, tolerance, resolution, stage=stage, most_agents=most_agents, previous=previous
     )
-
-
-def check_numbers(
-    tolerance: float | None,
-    resolution: int | None,
-    stage: int | None = None,
-    most_agents: int | None = None,
-    least: float = SMALLEST_TOLERANCE,
-) -> None:
-    """Refuse numbers that break a rule."""
-    if tolerance is not None:
-        number = isinstance(tolerance, (int, float, np.number)) and not isinstance(tolerance, bool)
-        if not (number and isfinite(tolerance) and least <= tolerance < 1.0):
-            remedy = (
-                ""
-                if least < SMALLEST_TOLERANCE
-                else (
-                    "; equal cells at a resolution (strategy='uniform', resolution=4) solve their "
-                    "equations to less"
-                )
-            )
-            raise ParameterError(
-                f"tolerance: must be a number from {least:g} to 1, got {tolerance!r}{remedy}"
-            )
-    whole = {"resolution": resolution, "stage": stage, "most_agents": most_agents}
-    for name, value in whole.items():
-        integer = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-        if value is not None and not (integer and value >= 1):
-            raise ParameterError(f"{name}: must be a whole number from 1 upwards, got {value!r}")

@@ -22,14 +22,13 @@ from kaju.model.results.formats import HISTORY, STAGE, sizes_of
 from kaju.model.results.mesh import corner_order, write_vtk
 from kaju.model.results.result import (
     BOOKS,
-    INSIDE,
     BodyResult,
     Check,
     cells_of_points,
     idle_rheology,
 )
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR, RIGID, ROLLER
+from kaju.model.scene.kinds import AIR, INSIDE, RIGID, ROLLER
 
 from .deformation import DisplacementField, Squeeze, squeeze
 from .stability import Certificate

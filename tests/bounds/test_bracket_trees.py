@@ -121,7 +121,7 @@ def test_a_proof_that_would_cost_too_much_is_missed_and_said(monkeypatch):
     from kaju.model.elastic import bracket
 
     monkeypatch.setattr(bracket, "MORE", 1)
-    monkeypatch.setattr(bracket, "FEW", 0)
+    monkeypatch.setattr(bracket, "FEW", {2: 0})
     result = solve(BODIES["two materials"], strategy="spawning", tolerance=0.06)
     assert result.error_estimate < 0.06 < result.error_bound
     assert result.tolerance_kept == "missed"

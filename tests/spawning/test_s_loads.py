@@ -9,12 +9,13 @@ from scipy.sparse.linalg import spsolve
 from kaju import Scene
 from kaju.errors import SceneError, SupportError
 from kaju.model.elastic.grid import problem_of_scene
-from kaju.model.elastic.reactions import INSIDE, reactions
+from kaju.model.elastic.reactions import reactions
 from kaju.model.elastic.spawning.balance import Balance
 from kaju.model.elastic.spawning.composite import Composite
 from kaju.model.elastic.spawning.ground import Ground
 from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 from kaju.model.elastic.supports import check_supports, slender_cell
+from kaju.model.scene.kinds import INSIDE
 
 SOME_ARE_LOOSE = [HealthCheck.filter_too_much, HealthCheck.too_slow]
 LEGEND = {0: "air", 1: "a", 2: "b", 3: "rigid"}

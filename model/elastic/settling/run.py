@@ -39,51 +39,23 @@ ROUGH = 1e4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ElasticRun(BodyResult):
-    """What the agents of the elastic rule have done.
-
-    Attributes
-    ----------
-    scene : Scene
-        What was asked.
-    result : ElasticResult
-        Displacements, stresses and reactions, as of `kaju.solve`.
-    outcome : str
-        How the run ended, in words.
-    threshold : float
-        γ (N).
-    agents : FaceAgents
-        Who spawned.
-    boundary : BoundaryAgents
-        Supports and air that loads have reached.
-    history : tuple of StepRecord
-        How things stood after every step.
-    ledger : PushLedger
-        The account of every newton.
-    most_pushes : float
-        What the order "largest first" cannot exceed: load·displacement·k₀/γ².
-    certificate : WaveCertificate or None
-        What was known of waves before the run.
-    moments : Moments
-        What was left, and who had taken how much, on the way.
-    seconds : float
-        Time that the run took (s).
-    """
+    """What the agents of the elastic rule have done."""
 
     kind: ClassVar[str] = "elastic agents"
     films: ClassVar[tuple[str, ...]] = ("waves",)
     name: ClassVar[str] = "elastic agents"
-    scene: Scene
-    result: ElasticResult
-    outcome: str
-    threshold: float
-    agents: FaceAgents
-    boundary: BoundaryAgents
-    history: tuple[StepRecord, ...]
-    ledger: PushLedger
-    most_pushes: float
-    certificate: WaveCertificate | None
-    moments: Moments
-    seconds: float
+    scene: Scene  # What was asked
+    result: ElasticResult  # Displacements, stresses and reactions, as of `kaju.solve`
+    outcome: str  # How the run ended, in words
+    threshold: float  # γ (N)
+    agents: FaceAgents  # Who spawned
+    boundary: BoundaryAgents  # Supports and air that loads have reached
+    history: tuple[StepRecord, ...]  # How things stood after every step
+    ledger: PushLedger  # The account of every newton
+    most_pushes: float  # What the order "largest first" cannot exceed: load·displacement·k₀/γ²
+    certificate: WaveCertificate | None  # What was known of waves before the run
+    moments: Moments  # What was left, and who had taken how much, on the way
+    seconds: float  # Time that the run took (s)
 
     @property
     def pictures(self) -> tuple[str, ...]:

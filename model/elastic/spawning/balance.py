@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from kaju.model.elastic.krylov import dot
 from kaju.model.elastic.problem import ACTIVE, FIXED
-from kaju.model.elastic.reactions import INSIDE
 from kaju.model.elastic.staggered import Pair
+from kaju.model.scene.kinds import INSIDE
 
 from .composite import Composite, Floats
 from .ground import Ground

@@ -29,24 +29,16 @@ Floats = NDArray[np.float64]
 
 
 class Layout(NamedTuple):
-    """Where things lie in a block's places.
+    """Where things lie in a block's places."""
 
-    Attributes
-    ----------
-    stride : int array, shape (dimension,)
-    layer : tuple of int arrays
-        Ways, and for each the faces that a neighbour owns, and where they are there; then
-        the same for the last faces of neighbours at corners (`_ends`).
-    ties : tuple of arrays
-        For every child: fine faces, faces of the parent, and weights; then the faces that lie
-        between two such, and how far apart these are.
-    halves : tuple of int arrays
-        For every child and axis: fine faces, and the parent's faces of which they are parts.
-    """
-
-    stride: Index
+    stride: Index  # shape (dimension,)
+    # Ways, and for each the faces that a neighbour owns, and where they are there; then the same
+    # for the last faces of neighbours at corners (`_ends`)
     layer: tuple[Index, ...]
+    # For every child: fine faces, faces of the parent, and weights; then the faces that lie between
+    # two such, and how far apart these are
     ties: tuple[Index, Index, Index, Floats, Index]
+    # For every child and axis: fine faces, and the parent's faces of which they are parts
     halves: tuple[Index, Index, Index]
 
 
@@ -158,23 +150,13 @@ def _halves(d: int, stride: Index) -> tuple[Index, Index, Index]:
 
 
 class Rows(NamedTuple):
-    """Strains where agents of two sizes meet, level by level of the smaller ones.
+    """Strains where agents of two sizes meet, level by level of the smaller ones."""
 
-    Attributes
-    ----------
-    level : int array, shape (levels + 1,)
-        First row of every level.
-    start, column, value : arrays
-        Compressed rows over all places of all blocks.
-    modulus : array, shape (rows,)
-        Times volumes.
-    """
-
-    level: Index
-    start: Index
+    level: Index  # shape (levels + 1,): First row of every level
+    start: Index  # Compressed rows over all places of all blocks
     column: Index
     value: Floats
-    modulus: Floats
+    modulus: Floats  # shape (rows,): Times volumes
 
 
 class Window:

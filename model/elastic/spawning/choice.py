@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.errors import ConvergenceError, SceneError
+from kaju.model.elastic.arguments import SMALLEST_TOLERANCE, check_numbers
 from kaju.model.elastic.bracket import worth_proving
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -25,7 +26,6 @@ from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import Cells
 from kaju.model.scene.selection import AppliedLoads
-from kaju.model.study.solving import SMALLEST_TOLERANCE, check_numbers
 from kaju.stopping import stopped
 
 from .block_spawner import FEWEST, SPREAD
@@ -152,11 +152,11 @@ class EqualCells:
         if self.error > self.tolerance:
             return False
         self._estimated = self._estimated or result.agents
-        many = 1 << self.scene.lattice.dimension
+        dimension = self.scene.lattice.dimension
         bound = result.error_bound if result.provable else None
         if bound is None or bound <= self.tolerance:
             return True
-        if not worth_proving(many * result.agents, self._estimated):
+        if not worth_proving(result.agents << dimension, self._estimated, dimension):
             return True
         self.error = bound
         return False

@@ -56,39 +56,20 @@ def _parent_table(dimension: int) -> tuple[Index, Index]:
 
 @dataclass(frozen=True, eq=False)
 class Forest:
-    """Blocks of all levels, level after level, the largest first.
-
-    Attributes
-    ----------
-    ground : Ground
-    start : int array, shape (levels + 1,)
-        First block of every level.
-    lower : int array, shape (blocks, dimension)
-        Lower corners (units).
-    parent : int array, shape (blocks,)
-    child : int array, shape (blocks, 2^d)
-        -1 for leaves.
-    beside : int array, shape (blocks, 3^d)
-        Blocks of the same level, by `ways`; -1 for none.
-    kinds : int array, shape (blocks, 3^d)
-        Material or kind of what is there, whatever its size.
-    origin : int array, shape (blocks,)
-        The same block in the forest that this one has grown from, -1 for new ones.
-    step : int array, shape (blocks,)
-        Spawning step in which its agents came to be.
-    cause : array, shape (blocks,)
-        1 for children of blocks that were chosen, NaN for those that keep neighbours alike.
-    """
+    """Blocks of all levels, level after level, the largest first."""
 
     ground: Ground
-    start: Index
-    lower: Index
-    parent: Index
-    child: Index
-    beside: Index
-    kinds: Index
+    start: Index  # shape (levels + 1,): First block of every level
+    lower: Index  # shape (blocks, dimension): Lower corners (units)
+    parent: Index  # shape (blocks,)
+    child: Index  # shape (blocks, 2^d): -1 for leaves
+    beside: Index  # shape (blocks, 3^d): Blocks of the same level, by `ways`; -1 for none
+    kinds: Index  # shape (blocks, 3^d): Material or kind of what is there, whatever its size
+    # shape (blocks,): The same block in the forest that this one has grown from, -1 for new ones
     origin: Index
-    step: Index
+    step: Index  # shape (blocks,): Spawning step in which its agents came to be
+    # shape (blocks,): 1 for children of blocks that were chosen, NaN for those that keep neighbours
+    # alike
     cause: NDArray[np.float64] = field(repr=False)
     edge: int = 0
 

@@ -11,7 +11,7 @@ from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError
 from kaju.model.elastic import fields as solid
 from kaju.model.elastic.problem import FIXED, Scales
-from kaju.model.elastic.reactions import INSIDE
+from kaju.model.scene.kinds import INSIDE
 
 from .agent_fields import AgentFields, displacement_at, stress_at, touching
 from .balance import Balance
@@ -27,27 +27,17 @@ NEGLIGIBLE = 0.01
 
 
 class Value(NamedTuple):
-    """A quantity and what it depends on; scaled.
+    """A quantity and what it depends on; scaled."""
 
-    Attributes
-    ----------
-    value : array, shape (components,)
-    scale : float
-        What its error is relative to.
-    derivatives : array, shape (components, faces)
-    doubt : float
-        By how much the mean over large agents may be off.
-    held : array, shape (components, faces), optional
-        Influence of forces on the faces that supports hold; by default none.
-    walls : array, shape (components, 2·dimension + 1, dimension), optional
-        The same for the sides of the array, and rigid cells inside.
-    """
-
-    value: Floats
-    scale: float
-    derivatives: Floats
-    doubt: float = 0.0
+    value: Floats  # shape (components,)
+    scale: float  # What its error is relative to
+    derivatives: Floats  # shape (components, faces)
+    doubt: float = 0.0  # By how much the mean over large agents may be off
+    # shape (components, faces): Influence of forces on the faces that supports hold; by default
+    # none
     held: Floats | None = None
+    # shape (components, 2·dimension + 1, dimension): The same for the sides of the array, and rigid
+    # cells inside
     walls: Floats | None = None
 
 

@@ -33,21 +33,13 @@ SMALL = 1e-12
 
 
 class Between(NamedTuple):
-    """A quantity that lies within `off` of `middle`; scaled.
-
-    Attributes
-    ----------
-    middle, off : float
-    blind : float
-        How far off it is known by the bounds, over what the errors' estimated energies say.
-    shares : array, shape (agents,)
-        Every agent's part of `off`.
-    """
+    """A quantity that lies within `off` of `middle`; scaled."""
 
     middle: float
     off: float
+    # How far off it is known by the bounds, over what the errors' estimated energies say
     blind: float
-    shares: Floats
+    shares: Floats  # shape (agents,): Every agent's part of `off`
 
 
 def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between | str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kaju.agents.materials import suggestion
 from kaju.errors import KajuError, ParameterError
-from kaju.model.results.result import body_cells
+from kaju.model.scene.body_cells import body_cells
 from kaju.model.scene.regions import Region
 from kaju.model.scene.shapes import Box, Shape
 

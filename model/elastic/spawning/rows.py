@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.sparse as sp
 
-if TYPE_CHECKING:
-    from .composite import Floats
-    from .leaves import Index
+from kaju.arrays import Floats
+
+from .leaves import Index
 
 
 def sum_rows(matrix: sp.csr_array, index: Index, weight: Floats) -> sp.csr_array:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from time import perf_counter
 
 from kaju.errors import ConvergenceError, ParameterError
+from kaju.model.elastic.arguments import TOLERANCE, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import Scene
-from kaju.model.study.solving import TOLERANCE, check_numbers
 from kaju.stopping import NOTE, stopped
 
 from .block_spawner import blocks_for, spawn

@@ -267,5 +267,6 @@ class Spawner(ABC):
     def _worth(self, chosen: Flags) -> bool:
         """Tell whether to go on for a proof if these spawn."""
         agents = self._after(chosen)
-        worth = worth_proving(agents, self._estimated) and agents <= self.most_agents
+        worth = worth_proving(agents, self._estimated, self.ground.dimension)
+        worth = worth and agents <= self.most_agents
         return bool(chosen.any()) and worth and len(self.generations) + 2 < MOST_GENERATIONS

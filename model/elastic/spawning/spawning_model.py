@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from kaju.agents.spawning_agent import Birth, SpawningAgent
 from kaju.errors import ResultError
 from kaju.mesa_model import SteppedModel
+from kaju.model.elastic.arguments import check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import scene_needed
-from kaju.model.study.solving import check_numbers
 from kaju.stepping import Until
 
 from .block_spawner import spawner_of

@@ -355,7 +355,7 @@ def _misbehaving(rng: Generator, number: int) -> Told:
     from kaju.agents.material_agent import MaterialAgent
     from kaju.model.transfer.load_model import LoadModel
 
-    worst = [nan, inf, -1.0, 1e308, 0.0, 3.0, None, "half", 1j, 10**400, [], True]
+    worst: list[Any] = [nan, inf, -1.0, 1e308, 0.0, 3.0, None, "half", 1j, 10**400, [], True]
     nonsense: Any = worst[rng.integers(len(worst))]
     field, turn = int(rng.integers(4)), float(rng.uniform(0.0, 0.5))
 

@@ -1,0 +1,117 @@
+"""Memory, disk or a file's end fail at the nth time: one sentence, and nothing half-written."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import kaju
+from kaju.errors import KajuError
+
+COMPILER = shutil.which("cc")
+pytestmark = [
+    pytest.mark.skipif(COMPILER is None or sys.platform != "linux", reason="needs cc on Linux"),
+]
+SOURCE = Path(__file__).parents[1] / "support" / "refusing.c"
+SCENE = """
+sides = { bottom = "rigid" }
+loads = [{ cell = [6, 11], force = [0.0, -2.0] }]
+[body]
+cell_size = 0.01
+cells = [12, 12]
+material = "steel"
+"""
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    made = tmp_path_factory.mktemp("refusing") / "refusing.so"
+    subprocess.run([COMPILER, "-shared", "-fPIC", "-o", made, SOURCE, "-ldl"], check=True)
+    return made
+
+
+COMMANDS = {
+    "run": ("run", "s.toml", "--no-pictures", "--out", "out"),
+    "solve": ("solve", "s.toml", "--no-pictures", "--out", "out"),
+    "picture": ("run", "s.toml", "--out", "out"),
+    "new": ("new", "out.toml"),
+    "page": ("page", "s.toml", "--out", "out.html"),
+    "check": ("check", "stored.npz"),
+    "check scene": ("check", "s.toml"),
+    "page of a result": ("page", "stored.npz", "--out", "out.html"),
+}
+
+
+def refused(library, folder, words, what, number):
+    """Run a command to which the system refuses something; judge how it ends."""
+    place = folder / f"{what} {number}"
+    place.mkdir()
+    shutil.copy(folder / "s.toml", place)
+    shutil.copy(folder / "stored.npz", place)
+    before = {path.name for path in place.iterdir()}
+    done = subprocess.run(
+        [sys.executable, "-m", "kaju", *words],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env={
+            **os.environ,
+            "LD_PRELOAD": str(library),
+            "KAJU_REFUSE": f"{what} {number}",
+            "KAJU_BELOW": str(place),
+            "OPENBLAS_NUM_THREADS": "1",
+        },
+    )
+    told = f"{words} {what} {number}: {done.returncode} {done.stderr[-300:]}"
+    assert done.returncode in (0, 2), told
+    assert "Traceback" not in done.stderr, told
+    written = {path.name for path in place.iterdir()} - before
+    assert not any(name.startswith(".kaju") for name in written), told
+    if done.returncode == 2:
+        assert "error: " in done.stderr, told
+    for path in place.rglob("*.npz"):
+        try:
+            kaju.load_result(path)
+        except KajuError as error:
+            raise AssertionError(told) from error
+    for path in place.rglob("*.html"):
+        assert path.read_text(encoding="utf-8").rstrip().endswith("</html>"), told
+    if (place / "out.toml").exists():
+        kaju.load_scene(place / "out.toml")
+    return done.returncode == 2
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("nth failures of ü🙂")
+    (place / "s.toml").write_text(SCENE)
+    kaju.LoadModel(kaju.load_scene(place / "s.toml")).run().save(place / "stored.npz")
+    return place
+
+
+def each_failure(library, folder, name, what, numbers):
+    """Let it fail at the first time, the second …; return how often that came through."""
+    place = folder / f"{name}, {what}"
+    place.mkdir()
+    for file in ("s.toml", "stored.npz"):
+        shutil.copy(folder / file, place)
+    return sum(refused(library, place, COMMANDS[name], what, n) for n in numbers)
+
+
+def test_the_first_failures_are_told_in_one_sentence(library, folder):
+    assert each_failure(library, folder, "new", "write", (0, 1)) == 1
+    assert each_failure(library, folder, "check", "read", (3, 4))  # the first are tried again
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("what", ["write", "read", "memory"])
+def test_the_nth_failure_is_told_in_one_sentence(library, folder, name, what):
+    numbers = range(12) if what != "memory" else (*range(8), *range(8, 120, 7))
+    came = each_failure(library, folder, name, what, numbers)
+    if (what, name) in {("write", "run"), ("read", "check"), ("memory", "solve")}:
+        assert came

@@ -29,6 +29,8 @@ PICTURES = (
     "response.png",
     "left.png",
     "curves.png",
+    "crack.png",
+    "avalanches.png",
 )
 """Names of all files that `plot_all` may write."""
 

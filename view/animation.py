@@ -25,6 +25,7 @@ from . import motion
 from .creep import curves_over_time, network_over_time
 from .face_agents import waves
 from .files import new_folder
+from .fracture_plots import breaking
 from .motion import film_of_motion
 from .network_plots import increments
 from .plots import check_options
@@ -53,6 +54,8 @@ TRANSFER = Animations(
 """A run of load transfer."""
 NETWORK = Animations({"increments": increments}, {"increments": motion.increments})
 """A loaded spring network."""
+FRACTURE = Animations({"breaks": breaking}, {})
+"""A spring network that breaks."""
 ELASTIC = Animations(
     {
         "generations": generations,
@@ -77,6 +80,7 @@ ANIMATIONS_OF = {
     "elastic agents": FACES,
     "elastic": ELASTIC,
     "spring network": NETWORK,
+    "fracture": FRACTURE,
     "element in time": ELEMENT_CREEP,
     "network in time": NETWORK_CREEP,
     "load transfer in time": CREEP,
@@ -112,9 +116,9 @@ def animate(
     what : str, optional
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
         loading; of agents of the elastic rule "waves"; of an elastic body "loading"; of a
-        spring network "increments"; of agents of many sizes "generations", or "loads", which
-        colours them by the load that they leave unbalanced (as meshes "loading"); of what
-        creeps "times", or "curves" with a dot that runs along them.
+        spring network "increments", of one that breaks "breaks"; of agents of many sizes
+        "generations", or "loads", which colours them by the load that they leave unbalanced (as
+        meshes "loading"); of what creeps "times", or "curves" with a dot that runs along them.
     fps : float
         Frames per second, up to 50.
     hold : float

@@ -25,6 +25,7 @@ from .cuts import plot_cuts
 from .deformed import plot_deformed
 from .face_agents import plot_face_agents, plot_left
 from .files import save
+from .fracture_plots import plot_avalanches, plot_crack, plot_load_and_displacement
 from .ledger import plot_ledger
 from .loads import plot_load_path, plot_loads
 from .maps import plot_map
@@ -105,6 +106,14 @@ NETWORK: dict[str, Picture] = {"deformed": plot_network, "response": plot_respon
 """Pictures of a loaded spring network."""
 
 
+FRACTURE: dict[str, Picture] = {
+    "crack": plot_crack,
+    "response": plot_load_and_displacement,
+    "avalanches": plot_avalanches,
+}
+"""Pictures of a network that breaks."""
+
+
 @wraps(plot_quadtree)
 def _many_sizes(result: ElasticResult, ax: Axes | None = None, **options: Any) -> Axes:
     whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
@@ -152,6 +161,7 @@ PICTURES_OF: dict[str, dict[str, Picture]] = {
     "elastic": ELASTIC,
     "elastic agents": FACES,
     "spring network": NETWORK,
+    "fracture": FRACTURE,
     "element in time": {"curves": plot_curves},
     "network in time": {"curves": plot_curves, "deformed": plot_network_at},
     "load transfer in time": BODY_IN_TIME,
@@ -187,7 +197,8 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
         "cuts", "ledger", "stages" or "scene". Of elastic results those of them that are fields or
         the scene, and of agents of many sizes "agents" as well; of agents of the elastic rule
         also "left" and "curves"; of what creeps "curves" and, but for a single element,
-        "deformed". Of a network's result "deformed" or "response".
+        "deformed". Of a network's result "deformed" or "response"; of one that breaks
+        "crack", "response" or "avalanches".
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     **options
@@ -208,6 +219,7 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
         - ``step`` of agents of many sizes in the plane: outline those that spawned then.
         - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...
         - ``record`` of networks and of what creeps: which state; the last unless given.
+        - ``breaks`` of "crack": after how many; the last state that resisted unless given.
         - ``axis`` of "cuts": across which the body is cut.
         - ``panel`` of "curves", ``quantity_shown`` ("displacement" or "agents") of "stages".
 

@@ -85,6 +85,16 @@ RECORDS = {
     "residual": Column("f", "records"),
     "corrections": Column("i", "records", 0),
 }
+BREAKS = {
+    "strengths": Column("f", "springs", 0.0),
+    "spring": Column("i", "breaks", 0, "springs"),
+    "load_factor": Column("f", "breaks", 0.0),
+    "displacement": Column("f", "breaks"),
+    "force": Column("f", "breaks"),
+    "stored": Column("f", "breaks", 0.0),
+    "released": Column("f", "breaks", 0.0),
+    "work": Column("f", "breaks"),
+}
 COURSE = {"times": Column("f", "times", 0.0, order="never falling")} | {
     name: Column("f", "times") for name in ("factors", "work", "stored", "dissipated", "numerical")
 }
@@ -127,6 +137,7 @@ TABLES = {
     "elastic agents, moments": MOMENTS,
     "spring network, network": NETWORK,
     "spring network": RECORDS,
+    "fracture": BREAKS,
     "anything in time, course": COURSE,
     "element in time": ELEMENT_IN_TIME,
     "network in time": NETWORK_IN_TIME,

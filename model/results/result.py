@@ -427,6 +427,7 @@ def load_result(path: str | Path) -> Result:
 def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.fracture.fracture_result import FractureResult
     from kaju.model.network import NetworkResult
     from kaju.model.rheology.body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
@@ -435,4 +436,5 @@ def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.transfer.transfer_result import TransferResult
 
     static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)
-    return *static, CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult
+    in_time = (CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult)
+    return *static, *in_time, FractureResult

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from kaju.model.elastic.spawning.quantities import Reaction as Reaction
     from kaju.model.elastic.spawning.quantities import Stress as Stress
     from kaju.model.elastic.spawning.spawning_model import SpawningModel as SpawningModel
+    from kaju.model.fracture.fracture_model import FractureModel as FractureModel
+    from kaju.model.fracture.fracture_result import FractureResult as FractureResult
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
     from kaju.model.network.network_model import NetworkModel as NetworkModel
@@ -75,6 +77,8 @@ _NAMES = {
     "model.elastic.settling.elastic_model": "ElasticModel",
     "model.elastic.spawning.quantities": "Deflection Reaction Stress",
     "model.elastic.spawning.spawning_model": "SpawningModel",
+    "model.fracture.fracture_model": "FractureModel",
+    "model.fracture.fracture_result": "FractureResult",
     "model.network": "NetworkResult SpringNetwork",
     "model.network.network_model": "NetworkModel",
     "model.results.result": "Result load_result",

@@ -47,6 +47,7 @@ for _verb in (
     commands_run.run,
     commands_run.solve,
     commands_run.creep,
+    commands_run.break_,
     commands_look.animate,
     commands_look.page,
     commands_look.watch,
@@ -56,7 +57,7 @@ for _verb in (
     commands_many.sweep,
     commands_scene.materials,
 ):
-    app.command()(_verb)
+    app.command(_verb.__name__.rstrip("_"))(_verb)
 
 
 @app.callback(invoke_without_command=True)

@@ -356,3 +356,62 @@ def creep(
         Drawn.NONE if no_pictures else pictures,
         force,
     )
+
+
+class MeasureName(Enum):
+    """What is exceeded where a spring breaks, for the shell to complete."""
+
+    FORCE = "force"
+    STRAIN = "strain"
+    ENERGY = "energy"
+
+
+def break_(
+    scene: SceneFile,
+    out: Out = None,
+    settings: Settings = None,
+    strength: Annotated[
+        float, typer.Option(help="Mean strength of the springs: N, a share, or J.")
+    ] = 1.0,
+    measure: Annotated[
+        MeasureName, typer.Option(help="What is exceeded where a spring breaks.")
+    ] = MeasureName.FORCE,
+    scatter: Annotated[
+        float | None,
+        typer.Option(
+            parser=fraction, metavar="SHARE", help="How far strengths scatter; 0.1 unless given."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the strengths.")] = 0,
+    most: Annotated[int | None, typer.Option(min=1, help="End after so many breaks.")] = None,
+    pictures: Draw = Drawn.ONE,
+    no_pictures: DrawNone = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Load a body of hexagonal cells until it parts: its springs break, one at a time.
+
+    The scene's loads are scaled to each next break. Writes summary.json, result.npz and
+    pictures: the crack, load and displacement, avalanches. `kaju animate` makes a film of the
+    folder.
+    """
+    console, described = Console(as_json, quiet), scene_of(scene, settings)
+
+    def answer() -> Result:
+        from kaju.model.fracture.fracture_model import FractureModel
+
+        spread = 0.1 if scatter is None else scatter
+        options: dict[str, Any] = {"measure": measure.value, "scatter": spread}
+        model = FractureModel(described, strength=strength, most_breaks=most, seed=seed, **options)
+        broken = model.run()
+        console.say(f"springs of the body's network break: {broken.outcome}")
+        return broken
+
+    into_folder(
+        out or Path(f"{scene.stem}-broken"),
+        console,
+        answer,
+        Drawn.NONE if no_pictures else pictures,
+        force,
+    )

@@ -1,0 +1,41 @@
+"""The verb `break`: a body of hexagons with a notch, pulled apart by its top."""
+
+import json
+
+from typer.testing import CliRunner
+
+import kaju
+from kaju.__main__ import app
+
+NOTCHED = """
+[body]
+lattice = "hexagon"
+cell_size = 0.01
+cells = [12, 10]
+thickness = 0.005
+material = "rubber"
+[sides]
+bottom = "rigid"
+top = { displacement = [0.0, 1e-4] }
+[[regions]]
+box = [[0.0, 0.03], [0.03, 0.045]]
+material = "air"
+"""
+
+
+def test_a_notched_body_parts_where_it_is_notched(tmp_path):
+    scene = tmp_path / "notched.toml"
+    scene.write_text(NOTCHED)
+    words = ["break", scene, "--out", tmp_path / "broken", "--strength", 0.1, "--scatter", "20%"]
+    told = CliRunner().invoke(app, [*map(str, words), "--json"], catch_exceptions=False)
+    assert told.exit_code == 0
+    figures = json.loads(told.stdout)
+    assert figures["outcome"].startswith("parted")
+    result = kaju.load_result(tmp_path / "broken")
+    assert result.breaks == figures["breaks"] > 10
+    ends = result.network.positions[result.network.springs[result.spring]]
+    height = ends[:, :, 1].mean()
+    assert 0.02 < height < 0.055
+    assert sorted(path.name for path in (tmp_path / "broken").iterdir()) == [
+        *("crack.png", "result.npz", "summary.json"),
+    ]

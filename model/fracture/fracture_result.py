@@ -17,7 +17,7 @@ from kaju.model.network.network_result import network_archive, network_from, siz
 from kaju.model.network.springs import spring_lengths_and_directions
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import BREAKS
-from kaju.model.results.result import Result
+from kaju.model.results.result import Check, Result
 
 from .breaking import BreakingNetwork
 from .strength import Measure
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     import pandas
 
 COLUMNS = ("spring", "load_factor", "displacement", "force", "stored", "released", "work")
+
+_DIGITS_LEFT = 1e-5
+"""Share of the work that may be missed: shortly before it parts, a network's equations are bad."""
 
 _RECORD = 1e-9
 """Loads that differ by less than this share are the same, but for rounding."""
@@ -219,6 +222,12 @@ class FractureResult(Result):
             "notes": list(self.network.notes),
             "seconds": self.seconds,
         }
+
+    def checks(self) -> list[Check]:
+        """Return whether the work of the load is what is stored and what was released."""
+        off = np.abs(self.work - self.stored - self.released).max(initial=0.0)
+        met = np.abs(self.work).max(initial=0.0)
+        return [Check("work is stored or released", float(off / (met or 1.0)), _DIGITS_LEFT)]
 
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, about = network_archive(self.network)

@@ -562,9 +562,10 @@ class ArrayEngine:
         number[order] = np.repeat(np.arange(len(first)), _lengths(first, len(order)))
         # A load handed over in generation g (counted from 1) is taken again in g + 1.
         step: Ints = np.concatenate([nothing.key, *generation])[order[first]] + 1
-        returned: Any = np.bincount(number, load, len(first))
+        # Of nothing, NumPy counts in whole numbers.
+        returned: Any = np.bincount(number, load, len(first)).astype(np.float64)
         code = number * self.directions + state % self.directions
-        taken: Any = np.bincount(code, load, len(first) * self.directions)
+        taken: Any = np.bincount(code, load, len(first) * self.directions).astype(np.float64)
         taken = taken.reshape(-1, self.directions)
         by_step = np.lexsort((rising[first], step))
         return rising[first][by_step], step[by_step], returned[by_step], taken[by_step]

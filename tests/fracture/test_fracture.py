@@ -1,5 +1,7 @@
 """Springs break in the right order, at the right load, and no energy is lost."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cut_networks import bundle, cut_network
@@ -171,6 +173,9 @@ def test_kept_watched_and_told(tmp_path):
     same = kaju.load_result(result.save(tmp_path / "broken.npz"))
     assert same.summary() == result.summary()
     assert same.history.equals(result.history)
+    assert [check.holds for check in same.checks()] == [True]
+    wrong = replace(same, released=1.001 * same.released)
+    assert [check.holds for check in wrong.checks()] == [False]
     assert list(result.history) == [
         *("spring", "first", "second", "load_factor", "displacement_m", "force_N"),
         *("stored_J", "released_J", "work_J", "avalanche"),

@@ -46,7 +46,7 @@ ROUGH = 0.3
 """Relative error above which corners sink all over the body."""
 FEW = {2: 20_000, 3: 4_000}
 """So many boxes may be spent in any case: a second or two."""
-PROVED_AT = {2: 0.65, 3: 0.9}
+PROVED_AT = {2: 0.71, 3: 0.9}
 """Of the estimate: what bounds mostly say, until they have been asked."""
 
 

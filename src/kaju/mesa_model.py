@@ -215,16 +215,17 @@ class SteppedModel(Model):
         """Go back to the start."""
         raise NotImplementedError
 
-    def again(self, scene: Any) -> Self:
+    def again(self, scene: Any, **changed: Any) -> Self:
         """Return a new model of another scene with the same kind of agents.
 
-        It runs loads that grow, too, until they threaten to overflow.
+        It runs loads that grow, too, until they threaten to overflow. `changed` are parameters of
+        the agents that it is given other values of.
         """
         options, own = self.checkpoint_options()
         options |= {name: value for name, value in own.items() if value is not None}
         if "allow_unstable" in options:
             options["allow_unstable"] = True
-        return type(self)(scene, **options)
+        return type(self)(scene, **options | changed)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the page, with what has happened so far."""

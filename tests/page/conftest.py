@@ -55,7 +55,9 @@ def chromium():
 class Opened:
     """A page in the browser, with what it asked for and said."""
 
-    def __init__(self, browser, path, width=1280, height=720, dark=False, language="en-GB"):
+    def __init__(
+        self, browser, path, width=1280, height=720, dark=False, language="en-GB", touch=False
+    ):
         scheme = "dark" if dark else "light"
         self.context = browser.new_context(
             viewport={"width": width, "height": height},
@@ -63,7 +65,10 @@ class Opened:
             locale=language,
             offline=True,
             accept_downloads=True,
+            has_touch=touch,
+            is_mobile=touch,
         )
+        self.context.set_default_timeout(120_000)
         self.tab = self.context.new_page()
         self.requests, self.messages = [], []
         self.tab.on("request", lambda request: self.requests.append(request.url))

@@ -1,6 +1,6 @@
 // Curves over the generations: agents, load on its way, the largest load, and where loads went.
 import { fitted, FONT, paintWord } from "./paint.js";
-import { PREFIXES, quantity } from "./words.js";
+import { prefixOf, quantity } from "./words.js";
 
 /** The curves of a run: [word, unit, lists, names of the lists]. */
 export function curvesOf(run) {
@@ -58,7 +58,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
   const first = over[0] ?? 0, reach = (over.at(-1) ?? first + 1) - first || 1;
   const X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
-  const [factor, prefix] = scaleOf(top, unit), short = (v) => String(Number((v / factor).toPrecision(2)));
+  const [factor, prefix] = prefixOf(top, unit), short = (v) => String(Number((v / factor).toPrecision(2)));
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft;
   ctx.textAlign = "right"; ctx.textBaseline = "middle";
   const ticks = log ? Array.from({ length: Math.floor(map(top)) - Math.ceil(from) + 1 }, (_, i) => 10 ** (Math.ceil(from) + i)) : ticksOf(low, top, 3);
@@ -95,6 +95,3 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   ctx.fillStyle = inks.ink; ctx.beginPath(); ctx.arc(px, py, 3.5, 0, 7); ctx.fill();
   paintWord(ctx, quantity(lists[0][here], unit), px + (left ? 6 : -6), level, inks.ink, inks, { align: left ? "left" : "right", font: `600 ${FONT}` });
 }
-
-/** A factor and its prefix that make numbers up to this one short. */
-const scaleOf = (top, unit) => (unit ? PREFIXES.find(([f]) => top >= 0.99995 * f) ?? PREFIXES.at(-1) : [1, ""]);

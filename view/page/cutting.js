@@ -107,9 +107,14 @@ function under(page, { offsetX, offsetY }) {
   return { at: Math.max(0, Math.min(shape[axis] - 1, Math.floor(x))), n: near[n] < Math.max(0.7, 14 / view.u) ? n : -1 };
 }
 const renew = (page) => { page.past.note(); page.later(); };
+function addCut(page, at) {
+  const cuts = placed(page);
+  cuts.chosen = cuts.rows.push(at) - 1;
+  renew(page);
+}
 
 MODES.push({
-  name: "cuts",
+  name: "cuts", letter: "c",
   offered: (page) => page.deformable && page.scene?.lattice.kind === "square" && page.run.taken && page.limit > 0,
   open(page) {
     page.cutCards = Array.from({ length: 3 }, () => make("section", { className: "card" }));
@@ -118,7 +123,7 @@ MODES.push({
   },
   changed(page) { if (page.solvable) askElastic(page); },
   tools(page) {
-    const { t } = page, add = () => { const { rows } = placed(page), n = page.run.lattice.shape[loadAxis(page.scene).axis]; rows.push(n >> 1); page.look.cuts.chosen = rows.length - 1; renew(page); };
+    const { t } = page, add = () => addCut(page, page.run.lattice.shape[loadAxis(page.scene).axis] >> 1);
     return [make("span", { className: "push" }), button(t("addCut"), add), button("CSV", () => page.announce(t("saved", { name: hand("cuts.csv", new Blob([csvOfCuts(page)], { type: "text/csv" })) })))];
   },
   cards: (page) => page.cutCards ?? [],
@@ -134,6 +139,7 @@ MODES.push({
     cut.replaceChildren(...cutCard(page, cuts));
     if (!page.playing) where.replaceChildren(...whereCard(page));
   },
+  double: (page, event) => addCut(page, under(page, event).at),
   press(page, event) {
     const { n, at } = under(page, event), { rows } = placed(page);
     if (n < 0) return false;

@@ -43,7 +43,6 @@ export function deformation(run, taken, generation = run.generation, { kept, str
   return { pressure, displacement };
 }
 
-
 /** Sum lengths along every unbroken row of body cells; tell each centre's displacement. */
 function alongLines(L, kinds, arm, length, tell) {
   const held = (k) => kinds[k] === RIGID || kinds[k] === ROLLER, row = [];

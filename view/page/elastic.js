@@ -90,10 +90,6 @@ class StaggeredGrid {
     const inside = i >= 0 && j >= 0 && i < this.X + (axis ? 0 : 1) && j < this.Y + (axis ? 1 : 0);
     return inside ? this.states[this.face(axis, i, j)] : ABSENT;
   }
-  eachFace(f) {
-    for (const axis of [0, 1])
-      for (let i = 0; i < this.X + 1 - axis; i++) for (let j = 0; j < this.Y + axis; j++) f(axis, i, j);
-  }
 
   /** Say what lies beyond a side: a word, {stiffness} (N/m³) or {displacement} (m). */
   layRim(side, condition = "free") {
@@ -123,12 +119,13 @@ class StaggeredGrid {
   }
   findStates() {
     this.states = new Int8Array(this.size);
-    this.eachFace((axis, i, j) => {
-      if (axis ? j === 0 || j === this.Y : i === 0 || i === this.X) return;
+    for (let f = 0; f < this.size; f++) {
+      const [axis, i, j] = this.place(f);
+      if (axis ? j === 0 || j === this.Y : i === 0 || i === this.X) continue;
       const a = this.kind(i - 1 + axis, j - axis), b = this.kind(i, j), body = a >= 0 || b >= 0;
       const rigid = a === _RIGID || b === _RIGID, roller = a === _ROLLER || b === _ROLLER;
-      this.states[this.face(axis, i, j)] = rigid || (roller && body) ? FIXED : body ? ACTIVE : ABSENT;
-    });
+      this.states[f] = rigid || (roller && body) ? FIXED : body ? ACTIVE : ABSENT;
+    }
   }
   /** Shear moduli of the corners: the harmonic mean of four cells, 0 beside air, twice μ at a wall. */
   findCorners() {

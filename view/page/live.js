@@ -23,7 +23,8 @@ export class Channel {
     for (const cell of cells) text += String.fromCharCode(cell & 255, cell >> 8 & 255);
     const { run, g } = this.page, generation = run.atRest ? AT_ONCE : Math.min(run.generation, 1000);
     this.wanted = g >= run.generation ? generation : g;
-    this.next = { type: "scene", scene, cells: btoa(text), stage, generation };
+    const parameters = Object.fromEntries((this.page.own?.parameters ?? []).map(({ name, value }) => [name, value]));
+    this.next = { type: "scene", scene, cells: btoa(text), stage, generation, ...(this.page.own ? { parameters } : {}) };
     this.page.given = {};
     this.ask();
   }

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-ModelOf = Callable[[Scene], LoadModel]
+ModelOf = Callable[..., LoadModel]
 
 MOST_GENERATIONS = 10_000
 """Of one message."""
@@ -90,7 +90,8 @@ class LiveRun(Session):
     scene : Scene
         With a prescribed rule.
     model_of : callable, optional
-        Returns a model of a scene, with agents of your own if you like.
+        Returns a model of a scene, with agents of your own if you like, and with the values of
+        their parameters that it is given by name.
     """
 
     def __init__(self, scene: Scene, model_of: ModelOf = usual_model) -> None:
@@ -130,15 +131,16 @@ class LiveRun(Session):
                 self._begin(at_stage(self.scene, self.scene.stages))
             case "scene":
                 stage = whole(asked, "stage", 1, 100_000, 1)
-                self._begin(scene_from(_table(asked, "scene"), _cells(asked), stage))
+                numbers = _table(asked, "parameters") if "parameters" in asked else {}
+                self._begin(scene_from(_table(asked, "scene"), _cells(asked), stage), numbers)
             case "step":
                 return False
             case other:
                 raise ParameterError(f"type: there is no message {other!r}")
         return True
 
-    def _begin(self, scene: Scene) -> None:
-        self._model = self.model_of(scene)
+    def _begin(self, scene: Scene, numbers: Mapping[str, Any] | None = None) -> None:
+        self._model = self.model_of(scene, **numbers or {})
         self._account = Account(scene, bool(own_parts(self._model)))
         self._sent = self._known = 0
 

@@ -10,11 +10,12 @@ const LABELLED = 12, GRIP = 22;               // so many arrows carry numbers; h
 
 export class Loads {
   constructor(page) { this.page = page; this.chosen = -1; this.spots = []; }
-  get list() { return this.page.scene?.loads ?? []; }
+  get list() { return this.page.scene?.loads ?? this.page.forces ?? []; }
+  get strongest() { return largestForce({ loads: this.list }) || 1; }
 
   /** Where arrows stand: their heads at the surface, as long as the root of the force; those on one cell side by side. */
-  placed(view, strongest = largestForce(this.page.scene) || 1) {
-    const seen = new Map(), { list } = this, every = Math.max(1, Math.ceil(list.length * 14 / Math.max(60, view.u * view.lattice.shape[0])));
+  placed(view) {
+    const seen = new Map(), { list, strongest } = this, every = Math.max(1, Math.ceil(list.length * 14 / Math.max(60, view.u * view.lattice.shape[0])));
     return list.flatMap((load, n) => {
       const size = Math.hypot(...load.force);
       if (!size || (n - (every >> 1)) % every) return [];
@@ -43,21 +44,26 @@ export class Loads {
       ctx.fillStyle = inks.paper; ctx.strokeStyle = n === chosen ? inks.accent : inks.load; ctx.lineWidth = n === chosen ? 3 : 2;
       ctx.beginPath(); ctx.arc(x, y, 5, 0, 7); ctx.fill(); ctx.stroke();
     }
+    this.said = [];
     if (list.length <= LABELLED) for (const { n, size, tail, dx, dy, length } of spots) this.label(view, size, tail, dx, dy, length, n);
     if (hold?.ghost) this.paintGhost(view, hold);
   }
   label(view, size, [x, y], dx, dy, length, n) {
     const { ctx, w } = view, { inks } = this.page, text = quantity(Number(size.toPrecision(4)), "N"), font = `600 ${FONT.replace("12px", "14px")}`;
     ctx.font = font;
-    const wide = ctx.measureText(text).width, mx = x + dx * length * 0.4, my = y + dy * length * 0.4;
-    const others = this.spots.some((s) => s.n !== n && Math.abs(s.tail[1] - y) < 30 && s.tail[0] > x && s.tail[0] - x < wide + 24);
-    const lies = Math.abs(dx) > Math.abs(dy), right = !others && mx + 12 + wide < w - 4;
-    if (lies) paintWord(ctx, text, mx - wide / 2, my - 14, inks.load, inks, { font });
-    else paintWord(ctx, text, right ? mx + 11 : mx - 11, my, inks.load, inks, { font, align: right ? "left" : "right" });
+    const wide = ctx.measureText(text).width, mx = x + dx * length * 0.4, lies = Math.abs(dx) > Math.abs(dy), my = y + dy * length * 0.4 - (lies ? 14 : 0);
+    for (const left of lies ? [mx - wide / 2] : [mx + 11, mx - 11 - wide]) {   // where it meets no other arrow and no other word
+      const meets = ([a, b]) => a > left - 6 && a < left + wide + 6 && Math.abs(b - my) < 16;
+      const free = left > 4 && left + wide < w - 4 && !this.spots.some((s) => s.n !== n && (meets(s.tail) || meets(s.head))) && !this.said.some(([from, to, at]) => from < left + wide + 6 && to > left - 6 && Math.abs(at - my) < 16);
+      if (!free) continue;
+      this.said.push([left, left + wide, my]);
+      paintWord(ctx, text, left, my, inks.load, inks, { font });
+      return;
+    }
   }
   paintGhost(view, { ghost, grip, n }) {
     const { ctx } = view, { inks } = this.page, size = Math.hypot(...ghost.force);
-    const { tail: [x, y], dx, dy, length } = this.ends(view, ghost, 18 + 26 * Math.sqrt(size / (largestForce(this.page.scene) || 1)));
+    const { tail: [x, y], dx, dy, length } = this.ends(view, ghost, 18 + 26 * Math.sqrt(size / this.strongest));
     ctx.globalAlpha = 0.6; ctx.setLineDash([5, 4]); ctx.strokeStyle = inks.load; ctx.lineWidth = 3;
     ctx.beginPath(); arrow(ctx, x, y, dx * length, dy * length, 9); ctx.stroke();
     ctx.setLineDash([]); ctx.globalAlpha = 1;

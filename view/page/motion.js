@@ -1,19 +1,17 @@
 // Recorded pictures: parts that move and change (springs, creep, elastic agents, agents of many
 // sizes). The page is the same; what is drawn is not a rule's history but frames.
-import { arrow, colourOf, css, fillRimmed, packed, paintLegend, paintWord, rgb, SHEET, View } from "./paint.js";
+import { colourOf, css, fillBox, fillRimmed, packed, paintLegend, rgb, SHEET, View } from "./paint.js";
 import { paintGrid, partOf } from "./charts.js";
 import { quantity } from "./words.js";
 import { make } from "./controls.js";
 import { Page } from "./page.js";
-import { tellMarks } from "./panels.js";
 
-const FACES = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [2, 3, 7, 6], [1, 2, 6, 5], [0, 3, 7, 4]];
-const LIGHT = [0.75, 1, 0.85, 0.85, 0.7, 0.7], SHOWN = 0.066;
+const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
 export class MotionPage extends Page {
   begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, columns }) {
     const { points, parts, held, moved, born, gone } = columns;
-    Object.assign(this, { dimension, corners, at, along, units: colours, forces, outcome, visits, points, parts, held, born, gone });
+    Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, points, parts, held, born, gone });
     this.count = parts.length / corners;
     this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
     this.moved = moved && this.framesOf(moved, moved.length / at.length);
@@ -23,6 +21,7 @@ export class MotionPage extends Page {
     this.run = { generation: at.length - 1, atRest: this.kind !== "live" };
     this.sums = {}; this.scales = new Map();
     this.frame();
+    this.forces = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force }));
   }
   framesOf(column, size) { return Array.from({ length: column.length / size }, (_, f) => column.subarray(f * size, (f + 1) * size)); }
   /** A box round everything, in whose hundredths points are drawn. */
@@ -98,7 +97,7 @@ export class MotionPage extends Page {
     const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));
     const ink = (part) => (scale ? colourOf(this.value(part), scale, inks) : plain);
     if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
-    this.drawForces(view);
+    this.loads.paint(view);
     if (this.picked >= 0 && this.there(this.picked)) {
       const [x, y] = view.point(this.middle(this.picked));
       ctx.strokeStyle = inks.paper; ctx.lineWidth = 5; ctx.beginPath(); ctx.arc(x, y, 9, 0, 7); ctx.stroke();
@@ -124,14 +123,7 @@ export class MotionPage extends Page {
     order.sort((a, b) => far[b] - far[a]);
     for (const part of order) {
       const places = Array.from({ length: corners }, (_, i) => view.point(this.where(parts[part * corners + i])));
-      const colour = ink(part);
-      for (const [n, face] of FACES.entries()) {
-        let turn = 0;
-        face.forEach((c, i) => { px[i] = places[c][0] * r; py[i] = places[c][1] * r; });
-        for (let i = 0, j = face.length - 1; i < face.length; j = i++) turn += px[j] * py[i] - px[i] * py[j];
-        if (n === 0 || n === 3 || n === 4 ? turn < 0 : turn > 0) continue;
-        fillRimmed(view, px, py, face.length, colour, LIGHT[n]);
-      }
+      fillBox(view, places, ink(part));
     }
     ctx.putImageData(SHEET.image, 0, 0);
   }
@@ -168,32 +160,14 @@ export class MotionPage extends Page {
       ctx.fill();
     }
   }
-  drawForces(view) {
-    const { ctx } = view, { inks, low, unit, forces } = this, strongest = Math.max(1e-300, ...forces.map((f) => Math.hypot(...f.force)));
-    const every = Math.max(1, Math.ceil(forces.length / 60)), words = [];
-    for (const [colour, width] of [[inks.paper, 6], [inks.load, 3]]) {
-      ctx.strokeStyle = colour; ctx.lineWidth = width; ctx.lineCap = "round"; ctx.beginPath();
-      for (let n = every >> 1; n < forces.length; n += every) {
-        const { place, force } = forces[n], size = Math.hypot(...force), u = force.map((f) => f / size), length = 14 + 20 * size / strongest;
-        const [dx, dy] = view.way(u);
-        const [x, y] = view.point(place.map((p, a) => (p - low[a]) / unit));
-        arrow(ctx, x - dx * (length + 5), y - dy * (length + 5), dx * length, dy * length, 9);
-        if (colour === inks.load && forces.length <= 12) words.push([quantity(size, "N"), x - dx * (0.6 * length + 5) + 10, y - dy * (0.6 * length + 5)]);
-      }
-      ctx.stroke();
-    }
-    for (const [text, x, y] of words) paintWord(ctx, text, x, y, inks.load, inks);
-  }
   moment() {
     const { along, at, g, t } = this, value = at[g];
     if (along === "s") return `${t("time")} ${quantity(value, "s")}`;
     return `${t(`along_${along}`)} ${quantity(value, "")}`;
   }
   words() {
-    const { t, parts, g, run } = this, text = `${this.moment()} · ${t("moment", { g, n: run.generation })}`;
-    parts.count.textContent = text;
-    parts.time.max = run.generation; parts.time.value = g; parts.time.ariaValueText = text;
-    this.tellPlaying(); tellMarks(this); this.lesson?.tell();
+    const { t, g, run } = this, text = `${this.moment()} · ${t("moment", { g, n: run.generation })}`;
+    this.tellTime(text);
     this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
     this.tell();
     this.drawCurves();

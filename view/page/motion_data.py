@@ -310,7 +310,9 @@ def _spawned(result: ElasticResult) -> Pictures:
     over = ("generation", "", count)
     curves = [
         Curves("Agents", *over, {"agents": np.array([float(g.agents) for g in generations])}, ""),
-        Curves("Error", *over, {"error": np.array([g.error for g in generations])}, "", True),
+        Curves(
+            "Error", *over, {"error": np.array([100.0 * g.error for g in generations])}, "%", True
+        ),
         Curves("Strain energy", *over, {"energy": np.array([g.energy for g in generations])}, "J"),
     ]
     retired = rows["retired_step"].astype(np.int64)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.agents.parameter import declared
 from kaju.agents.rules import Coefficients, PrescribedRule
 from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
@@ -36,7 +37,24 @@ def own_data(model: Any) -> dict[str, Any]:
     parts = own_parts(model)
     if not parts:
         return {}
-    own = {"names": [part.__name__ for part in parts], "source": "\n\n".join(map(_source, parts))}
+    values = getattr(model, "parameters", {})
+    classes = [part for part in parts if isinstance(part, type)]
+    own = {
+        "names": [part.__name__ for part in parts],
+        "source": "\n\n".join(map(_source, parts)),
+        "parameters": [
+            {
+                "name": name,
+                "label": parameter.text or name,
+                "low": parameter.low,
+                "high": parameter.high,
+                "whole": parameter.whole,
+                "value": values[name],
+            }
+            for name, parameter in declared(classes).items()
+            if name in values
+        ],
+    }
     return {"own": own}
 
 

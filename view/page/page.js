@@ -14,7 +14,7 @@ import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./story.js";
 import { laySheet } from "./worksheet.js";
 import { LANGUAGES, quantity, say, verdictOf } from "./words.js";
-import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, tellMarks } from "./panels.js";
+import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
 const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "" };
 const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
@@ -48,7 +48,7 @@ export class Page {
     this.root.addEventListener("pointerdown", () => { this.past.gesture++; }, true);
     this.lesson?.begin();
     addEventListener("beforeprint", () => laySheet(this));
-    this.seek(this.kind === "runnable" && !this.lesson ? Infinity : 0);
+    this.seek(this.lesson || this.kind === "live" ? 0 : Infinity);   // a lesson asks first; else what came of it is seen first
     if (asked.get("s")) follow(this, asked.get("s"));
     this.draw();
     element.page = this;
@@ -303,12 +303,9 @@ export class Page {
   }
   words() {
     const { run, t, parts, g } = this, done = this.over;
-    parts.count.textContent = this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation });
-    parts.time.max = run.generation; parts.time.value = g; parts.time.ariaValueText = parts.count.textContent;
-    this.tellPlaying(); tellMarks(this);
+    this.tellTime(this.limit < run.generation ? t("generationOnly", { g }) : t(done ? "generation" : "running", { g, n: run.generation }));
     this.canvas.ariaLabel = t("picture", { g: parts.count.textContent, a: run.alive[g - 1] ?? 0 });
     if (!this.playing || this.picked >= 0) tellStory(this, parts.story);
-    this.lesson?.tell();
     const at = performance.now();
     if (!parts.charts.isConnected || (this.playing && at - this.charted < 100)) return;   // curves need not keep up with frames
     this.charted = at;
@@ -316,8 +313,12 @@ export class Page {
     const over = run.alive.map((_, i) => i + 1);
     paintGrid(parts.charts, this.curves.list.map(([word, unit, lists, names]) => ({ word: t(word), unit, over, lists, names: names.map(t), now: g || null })), this.inks, this.limit);
   }
-  tellPlaying() {
-    const { parts, t } = this, on = Boolean(this.playing);
+  /** Where the page stands, at the timeline and the button. */
+  tellTime(text) {
+    const { parts, t, run, g } = this, on = Boolean(this.playing);
+    parts.count.textContent = parts.time.ariaValueText = text;
+    parts.time.max = run.generation; parts.time.value = g;
+    tellMarks(this); this.lesson?.tell();
     if (parts.shows === on) return;
     parts.shows = on;
     parts.play.replaceChildren(icon(on ? "pause" : "play"), ` ${t(on ? "pause" : "play")}`);
@@ -344,7 +345,7 @@ export class Page {
     this.canvas.addEventListener("pointermove", (event) => this.move(event));
     this.canvas.addEventListener("pointerup", (event) => this.release(event));
     this.canvas.addEventListener("pointercancel", () => { this.hold = null; this.later(); });
-    this.canvas.addEventListener("dblclick", (event) => this.loads.double(event));
+    this.canvas.addEventListener("dblclick", (event) => { if (this.mode?.double) this.mode.double(this, event); else this.loads.double(event); });
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });
   }
   rebuild() {
@@ -460,7 +461,12 @@ export class Page {
     if (target === this.canvas && (this.mode?.key?.(this, event) || this.loads.key(event) || this.walk(event))) { event.preventDefault(); return; }
     if (event.key === " " && !(target.matches?.("button, select, summary, textarea, input[type=text], input[type=checkbox], input[type=radio]"))) { this.toggle(); event.preventDefault(); return; }
     if (typing) return;
-    if (this.look.letters && this.lesson && "1234".includes(event.key)) { this.lesson.open(Number(event.key) - 1); return; }
+    if (this.look.letters) {
+      const mode = offered(this).find(({ letter }) => letter === event.key.toLowerCase());
+      if (event.key === "?") { showKeys(this); return; }
+      if (this.lesson && "1234".includes(event.key)) { this.lesson.open(Number(event.key) - 1); return; }
+      if (mode) { if (this.mode !== mode) this.setMode(mode.name); mode.called?.(this); return; }
+    }
     const jump = { ArrowLeft: this.g - 1, ArrowRight: this.g + 1, Home: 0, End: Infinity, ",": this.g - 1, ".": this.g + 1 }[event.key];
     if (jump !== undefined) { this.seek(jump); event.preventDefault(); }
   }

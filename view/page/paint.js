@@ -156,20 +156,17 @@ export function paintCells(view, kinds, values, scale, inks, { moved = null, fac
 }
 
 /** The outline of where a value is: the palest colour differs little from a sleeping cell. */
-function paintFront({ ctx, u, lattice: L, ...view }, values, inks) {
+function paintFront(view, values, inks) {
+  const { ctx, u, lattice: L } = view, has = (k) => values[k] >= 0, r = u / 2;
   if (u < 4) return;
-  const { stride: [step] } = L, has = (k) => values[k] >= 0, at = (x, y) => [view.x0 + u * x, view.y0 - u * y];
-  let some = false, all = true;
-  L.each((k) => { if (has(k)) some = true; else all = false; });
-  if (!some || all) return;
   ctx.strokeStyle = inks.soft; ctx.lineWidth = 1.5; ctx.beginPath();
   L.each((k) => {
     if (!has(k)) return;
-    const [x, y] = L.cell(k), line = (a, b) => { ctx.moveTo(...at(...a)); ctx.lineTo(...at(...b)); };
-    if (!has(k - step)) line([x, y], [x, y + 1]);
-    if (!has(k + step)) line([x + 1, y], [x + 1, y + 1]);
-    if (!has(k - 1)) line([x, y], [x + 1, y]);
-    if (!has(k + 1)) line([x, y + 1], [x + 1, y + 1]);
+    const [x, y] = view.at(...view.centre(L.cell(k)));
+    L.normals.forEach(([nx, ny], arm) => {
+      if (has(L.neighbour(k, arm))) return;
+      ctx.moveTo(x + r * (nx - ny), y - r * (nx + ny)); ctx.lineTo(x + r * (nx + ny), y - r * (ny - nx));
+    });
   });
   ctx.stroke();
 }
@@ -231,28 +228,30 @@ function paintCubes(view, kinds, colour, cut, values, moved, factor) {
   const shown = view.shown = (k, cell) => kinds[k] >= 0 && !(cut?.only && !(values[k] >= 0))
     && !(cut && cut.axis >= 0 && (towards[cut.axis] > 0 ? cell[cut.axis] > cut.at : cell[cut.axis] < cut.at));
   const order = (n, a) => Array.from({ length: n }, (_, i) => (towards[a] > 0 ? i : n - 1 - i));
-  const faces = [0, 1, 2].map((a) => ({ a, arm: 2 * a + (towards[a] > 0 ? 1 : 0), light: [0.82, 0.68, 1][a] }));
   for (const x of order(nx, 0)) for (const y of order(ny, 1)) for (const z of order(nz, 2)) {
-    const cell = [x, y, z], k = L.key(cell);
+    const cell = [x, y, z], k = L.key(cell), beside = (step) => cell.map((c, a) => c + step[a]);
     if (!shown(k, cell)) continue;
-    const move = moved ? moved.displacement.map((u) => f * u[k]) : null;
-    for (const { a, arm, light } of faces) {
-      const beyond = cell.slice();
-      beyond[a] += arm & 1 ? 1 : -1;
-      if (L.contains(beyond) && shown(L.key(beyond), beyond)) continue;
-      const b = (a + 1) % 3, c = (a + 2) % 3;
-      for (let i = 0; i < 4; i++) {
-        const p = cell.slice();
-        p[a] += arm & 1; p[b] += i === 1 || i === 2 ? 1 : 0; p[c] += i > 1 ? 1 : 0;
-        if (move) for (let n = 0; n < 3; n++) p[n] += move[n];
-        [PX[i], PY[i]] = view.point(p).map((v) => v * r);
-      }
-      fillRimmed(view, PX, PY, 4, colour(k), light);
-    }
+    const hidden = STEPS_OUT.map((step) => L.contains(beside(step)) && shown(L.key(beside(step)), beside(step)));
+    if (hidden.every(Boolean)) continue;
+    const move = moved ? moved.displacement.map((u) => f * u[k]) : [0, 0, 0];
+    fillBox(view, CORNERS.map((corner) => view.point(cell.map((c, a) => c + corner[a] + move[a]))), colour(k), hidden);
   }
   ctx.putImageData(SHEET.image, 0, 0);
 }
 
+const CORNERS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
+const FACES = [[3, 2, 1, 0], [4, 5, 6, 7], [0, 1, 5, 4], [2, 3, 7, 6], [1, 2, 6, 5], [3, 0, 4, 7]], LIGHT = [0.75, 1, 0.7, 0.7, 0.84, 0.84];
+const STEPS_OUT = [[0, 0, -1], [0, 0, 1], [0, -1, 0], [0, 1, 0], [1, 0, 0], [-1, 0, 0]];   // from a box through each face
+/** The faces of a box that are turned to the eye, from its eight corners in pixels. */
+export function fillBox(view, corners, colour, hidden = []) {
+  for (const [n, face] of FACES.entries()) {
+    if (hidden[n]) continue;
+    let turn = 0;
+    face.forEach((c, i) => { [PX[i], PY[i]] = corners[c].map((v) => v * view.r); });
+    for (let i = 0, j = 3; i < 4; j = i++) turn += PX[j] * PY[i] - PX[i] * PY[j];
+    if (turn < 0) fillRimmed(view, PX, PY, 4, colour, LIGHT[n]);
+  }
+}
 /** A face with a thin darker rim, so that single parts can be told. */
 export function fillRimmed({ r }, px, py, n, colour, light) {
   let wide = 0, mx = 0, my = 0;
@@ -276,17 +275,14 @@ function hatch(view, kinds, inks) {
     const px = x < 0 ? cx + u / 2 - depth : cx - u / 2, py = y >= ny ? cy + u / 2 - depth : cy - u / 2;
     const w = x < 0 || x >= nx ? depth : u, h = y < 0 || y >= ny ? depth : u;
     if (kind === -3) { ctx.moveTo(px + w / 2 + 2, py + h / 2); ctx.arc(px + w / 2, py + h / 2, Math.min(2.5, u / 3), 0, 7); continue; }
-    if (inside) ctx.fillRect(px, py, w, h);
-    const n = Math.max(1, Math.round(Math.max(w, h) / 8)), long = w >= h;
+    if (inside) { ctx.fillRect(px, py, w, h); continue; }
+    const n = Math.max(1, Math.round(Math.max(w, h) / 8)), s = Math.min(w, h), step = Math.max(w, h) / n;
     for (let i = 0; i < n; i++) {              // short strokes at 45 degrees
-      const s = Math.min(w, h), t = i * Math.max(w, h) / n;
-      const [ax, ay] = long ? [px + t, py + s] : [px, py + t + s];
-      if (!inside) { ctx.moveTo(ax, ay); ctx.lineTo(ax + s, ay - s); }
+      const [ax, ay] = w >= h ? [px + i * step, py + s] : [px, py + i * step + s];
+      ctx.moveTo(ax, ay); ctx.lineTo(ax + s, ay - s);
     }
-    if (!inside && y < 0) { ctx.moveTo(px, py); ctx.lineTo(px + w, py); }
-    if (!inside && y >= ny) { ctx.moveTo(px, py + h); ctx.lineTo(px + w, py + h); }
-    if (!inside && x < 0) { ctx.moveTo(px + w, py); ctx.lineTo(px + w, py + h); }
-    if (!inside && x >= nx) { ctx.moveTo(px, py); ctx.lineTo(px, py + h); }
+    const [ex, ey] = [x < 0 ? px + w : px, y >= ny ? py + h : py];   // along the body
+    ctx.moveTo(ex, ey); ctx.lineTo(x < 0 || x >= nx ? ex : ex + w, x < 0 || x >= nx ? ey + h : ey);
   }
   ctx.stroke();
 }
@@ -327,27 +323,15 @@ export function paintLoads(view, rows, C, inks, shown = () => true) {
 
 /** Who handed how much to whom: lines between neighbours, thicker for more. */
 export function paintPath(view, passed, inks, shown = () => true) {
-  const { ctx, u, lattice: L } = view, { D } = L, bins = [[], [], [], []];
-  const top = passed.reduce((a, b) => Math.max(a, b), 0) || 1;
-  for (let i = 0; i < passed.length; i++) {
-    const f = passed[i] / top;
-    if (f > 0.004) bins[f > 0.3 ? 3 : f > 0.1 ? 2 : f > 0.03 ? 1 : 0].push(i);
-  }
+  const { ctx, u, lattice: L } = view, { D } = L, top = passed.reduce((a, b) => Math.max(a, b), 0) || 1, list = [];
+  for (let i = 0; i < passed.length; i++) if (passed[i] > 0.004 * top && shown(Math.floor(i / D), L.cell(Math.floor(i / D)))) list.push(i);
   ctx.lineCap = "round";
-  for (const [ink, wider] of [[inks.paper, 2], [inks.ink, 0]]) bins.forEach((list, b) => {
-    ctx.strokeStyle = ink; ctx.globalAlpha = 0.35 + 0.2 * b;
-    ctx.lineWidth = [0.6, 1.2, 2.4, 4][b] * Math.min(1.5, Math.max(0.5, u / 14)) + wider;
-    for (let i = 0; i < list.length; i += 60) {
-      ctx.beginPath();
-      for (const state of list.slice(i, i + 60)) {
-        const k = Math.floor(state / D), cell = L.cell(k);
-        if (!shown(k, cell)) continue;
-        const [px, py] = view.point(view.centre(cell)), [dx, dy] = view.way(L.normals[state - k * D]);
-        ctx.moveTo(px, py); ctx.lineTo(px + 0.92 * u * dx, py + 0.92 * u * dy);
-      }
-      ctx.stroke();
-    }
-  });
+  for (const [ink, wider] of [[inks.paper, 2], [inks.ink, 0]]) for (const state of list) {
+    const f = passed[state] / top, k = Math.floor(state / D), [px, py] = view.point(view.centre(L.cell(k))), [dx, dy] = view.way(L.normals[state - k * D]);
+    ctx.strokeStyle = ink; ctx.globalAlpha = 0.35 + 0.6 * Math.sqrt(f);
+    ctx.lineWidth = (0.6 + 3.4 * Math.sqrt(f)) * Math.min(1.5, Math.max(0.5, u / 14)) + wider;
+    ctx.beginPath(); ctx.moveTo(px, py); ctx.lineTo(px + 0.92 * u * dx, py + 0.92 * u * dy); ctx.stroke();
+  }
   ctx.globalAlpha = 1;
 }
 
@@ -365,8 +349,8 @@ export function paintWord(ctx, text, x, y, ink, inks, { font = FONT, align = "le
   ctx.fillStyle = ink; ctx.fillText(text, x, y);
 }
 
-/** The colour bar below a picture: its name, "linear" or "log", its ends and ticks between them. */
-export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks) {
+/** The colour bar below a picture: its name, "linear" or "log", its ends and ticks between them, or `ticks`: [value, words]. */
+export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks, ticks = null) {
   const n = Math.max(140, Math.min(300, 0.5 * w)), x = Math.round((w - n) / 2), y = h - 32, { low, high, log } = scale;
   const colours = low < 0 ? inks.differences : inks.steps;
   ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left";
@@ -382,6 +366,7 @@ export function paintLegend({ ctx, w, h }, scale, label, kind, show, inks) {
     ctx.textAlign = "center"; ctx.fillText(text, middle, y + 13); ctx.fillRect(Math.round(at), y + 10, 1, 3);
     free = middle + wide + 10;
   };
+  if (ticks) { for (const [v, text] of ticks) word(v, text); return; }
   const wideHigh = ctx.measureText(show(high)).width;
   word(low, (log ? "≤ " : "") + show(low));
   const between = log ? [0.01, 0.1].map((f) => f * high) : low < 0 ? [0] : [(low + high) / 2];

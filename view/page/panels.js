@@ -109,7 +109,7 @@ export function panelsOf(page) {
   panels.look = () => lookPanel(page);
   if (page.touchable && page.run.lattice.dimension === 2) panels.draw = () => drawPanel(page);
   if (page.text) panels.about = () => [rendered(page.say(page.text))];
-  if (page.own) panels.source = () => [make("pre", { tabIndex: 0, textContent: page.own.source })];
+  if (page.own) panels.source = () => [...(page.touchable ? [] : parameterRows(page)), make("pre", { tabIndex: 0, textContent: page.own.source })];
   return panels;
 }
 
@@ -151,10 +151,30 @@ export function buildTries(page) {
 
 const two = (v) => general(Number(v.toFixed(3)), 4);
 
+/** Numbers that agents of one's own declare: sliders where Python is behind the page, else what they were. */
+function parameterRows(page) {
+  const { t } = page;
+  return (page.own?.parameters ?? []).map((parameter) => {
+    const { label, low, high, whole, value } = parameter, put = (v) => page.change(() => { parameter.value = v; });
+    if (!page.touchable) return make("div", { className: "row" }, make("span", { textContent: label }), make("data", { value: String(value), textContent: String(value) }));
+    if (typeof value === "boolean") return tick(label, value, put);
+    return slider(label, { value, min: low, max: high, step: whole ? 1 : (high - low) / 100, show: (v) => general(v, 4), t }, put);
+  });
+}
+
+/** What keys do; those of one letter can be turned off. */
+export function showKeys(page) {
+  const { t, look } = page, rows = t("keys").split("\n").map((line) => line.split("|"));
+  const table = make("table", { className: "keys" }, ...rows.map(([key, does]) => make("tr", {}, make("th", { scope: "row", textContent: key }), make("td", { textContent: does }))));
+  const dialog = make("dialog", { ariaLabel: t("keyTable"), onclose: () => dialog.remove() }, tick(t("letters"), look.letters, (on) => page.set("letters", on)), table, button(t("close"), () => dialog.close(), { className: "main" }));
+  page.host.append(dialog);
+  dialog.showModal();
+}
+
 /** The sliders of the rule; `few`: its five numbers only. */
 export function rulePanel(page, few = false) {
   const { t } = page, { scene } = page, names = Object.keys(scene.rule.materials ?? {});
-  const list = [], acts = (key) => !page.controls || key === "loadFactor" || page.controls.includes(key);   // of agents of one's own some do nothing
+  const list = parameterRows(page), acts = (key) => !page.controls || key === "loadFactor" || page.controls.includes(key);   // of agents of one's own some do nothing
   const bar = (key, options, edit) => { if (acts(key)) list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v)))); };
   if (names.length) {
     page.material ||= "";
@@ -184,7 +204,7 @@ export function rulePanel(page, few = false) {
 }
 
 function lookPanel(page) {
-  const { t, look } = page, solid = page.run.lattice?.dimension === 3;
+  const { t, look } = page, solid = page.run.kinds && page.solid;
   const set = (key) => (value) => page.set(key, value), list = [];
   if (page.colours.length > 1) list.push(choice(t("colour"), look.colour, page.colours.map((key) => [key, page.word(key)]), set("colour")));
   if (page.deformable) list.push(tick(t("deformed"), look.deformed, set("deformed")),
@@ -198,8 +218,7 @@ function lookPanel(page) {
       tick(t("only"), look.cut.only, (on) => put({ only: on })));
   }
   if (page.solid) list.push(make("p", { className: "hint", textContent: t("turn") }));
-  list.push(tick(t("letters"), look.letters, set("letters")), make("p", { className: "hint", textContent: t("keys") }));
-  return list;
+  return [...list, make("div", { className: "tools" }, button(t("keyTable"), () => showKeys(page)))];
 }
 
 function drawPanel(page) {

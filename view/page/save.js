@@ -23,14 +23,10 @@ function onPaper(page) {                       // the picture on its background
   return sheet;
 }
 
-export async function savePng(page) {
-  return hand(fileName(page, "png"), await new Promise((done) => onPaper(page).toBlob(done, "image/png")));
-}
+export const savePng = async (page) => hand(fileName(page, "png"), await new Promise((done) => onPaper(page).toBlob(done, "image/png")));
 
 /** The picture as an SVG: cells as polygons while they are few, else as an image inside. */
-export function saveSvg(page) {
-  return hand(fileName(page, "svg"), new Blob([svgOf(page)], { type: "image/svg+xml" }));
-}
+export const saveSvg = (page) => hand(fileName(page, "svg"), new Blob([svgOf(page)], { type: "image/svg+xml" }));
 export function svgOf(page) {
   const { canvas, inks } = page, w = canvas.clientWidth, h = canvas.clientHeight, polygons = page.polygons();
   const head = `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${w} ${h}" width="${w}" height="${h}"><rect width="${w}" height="${h}" fill="${inks.paper}"/>`;

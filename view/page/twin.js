@@ -50,15 +50,10 @@ export function stepsOf({ rule, elastic, small }) {
   return { gap, most, steps: gap.map((d) => (Math.abs(d) <= small ? 0 : d < 0 ? -step(d, SHADES[0]) : step(d, SHADES[1]))) };
 }
 function paintDifference(page, canvas, both) {
-  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), { ctx, w, h } = view;
-  paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), { low: -4.5, high: 3.5, log: false }, inks, { cut: L.dimension === 3 ? look.cut : null });
+  const { run, look, inks, t } = page, { lattice: L, kinds } = run, { steps, most } = stepsOf(both), view = new View(canvas, L, look.camera), scale = { low: -4.5, high: 3.5, log: false };
+  paintCells(view, kinds, steps.map((s) => s || (s === 0 ? 1e-9 : NaN)), scale, inks, { cut: L.dimension === 3 ? look.cut : null });
   canvas.ariaLabel = `${t("less")}: ${t(both.quantity)}`;
-  const n = Math.min(300, 0.6 * w), x = (w - n) / 2, y = h - 32;
-  ctx.font = FONT; ctx.fillStyle = inks.ink; ctx.textBaseline = "bottom"; ctx.textAlign = "left"; ctx.fillText(t("less"), x, y - 3);
-  inks.differences.forEach((colour, i) => { ctx.fillStyle = colour; ctx.fillRect(x + Math.round(i * n / 8), y, Math.ceil(n / 8), 10); });
-  ctx.fillStyle = inks.soft; ctx.textBaseline = "top";
-  ctx.fillText(`${t("ruleLess")} ${quantity(most, both.unit)}`, Math.max(4, x - 50), y + 13); ctx.textAlign = "right"; ctx.fillText(t("ruleMore"), Math.min(w - 4, x + n + 50), y + 13);
-  ctx.textAlign = "center"; ctx.fillText(`± ${quantity(both.small, both.unit)}`, x + n * 4.5 / 8, y + 13);
+  paintLegend(view, scale, t("less"), "", null, inks, [[scale.low, `${t("ruleLess")} ${quantity(most, both.unit)}`], [0, `± ${quantity(both.small, both.unit)}`], [scale.high, t("ruleMore")]]);
   return view;
 }
 
@@ -113,7 +108,7 @@ function rulerCard(page, both) {
   const { t, look, run: { lattice: { h, shape } } } = page, { ruler } = look.twin, profile = profileOf(page, both), { rule, elastic } = profile, [a, b] = rulerEnds(page);
   const title = ruler.from ? t("freeRuler", { x: `${general(100 * h * Math.hypot(b[0] - a[0], b[1] - a[1]), 3)} cm` })
     : t("rulerAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, side: t(ruler.axis ? "left" : "top") });
-  const wide = (half) => (half ? `${general(100 * half.width, 3)} cm` : t("widest")), cells = (show) => [rule, elastic].map((one, n) => make("td", { className: n ? "elastic" : "rule", textContent: one ? show(one) : "–" }));
+  const wide = (half) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : t("widest")), cells = (show) => [rule, elastic].map((one, n) => make("td", { className: n ? "elastic" : "rule", textContent: one ? show(one) : "–" }));
   const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...cells(show));
   const table = make("table", {}, make("tr", {}, make("td"), make("th", { scope: "col", className: "rule", textContent: t("theRule") }), make("th", { scope: "col", className: "elastic", textContent: t("elastic") })),
     row("largestValue", (one) => quantity(one.largest, both.unit)), row("halfWidth", (one) => wide(one.half)), ...(rule.through === null ? [] : [row("throughIt", (one) => quantity(one.through, "N"))]));
@@ -152,7 +147,7 @@ function hover(page, event, view) {
 }
 
 MODES.push({
-  name: "twin",
+  name: "twin", letter: "r",
   offered: (page) => page.solvable && page.deformable,
   open(page) {
     const two = settings(page), main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
@@ -179,11 +174,17 @@ MODES.push({
     for (const name of ["elastic", "gap", "handle"]) page.twin?.[name].remove();
   },
   changed: askElastic,
+  /** The ruler is laid, or taken away. */
+  called(page) {
+    const two = settings(page);
+    two.ruler = two.ruler || page.solid ? null : { axis: 0, at: Math.floor(0.83 * page.run.lattice.shape[1]) };
+    page.past.note(); page.refresh();
+  },
   tools(page) {
     const { t, look } = page, two = settings(page), put = (part) => { look.twin = Object.assign(two, part); page.past.note(); page.refresh(); };
     const shown = Object.keys(BOTH).filter((name) => name !== "across" || page.run.lattice.dimension === 2).map((name) => [name, t(name)]);
     return [...(page.solid ? [] : [segments(t("views"), two.layout, [["swipe", t("swipe")], ["beside", t("sideBySide")]], (layout) => put({ layout }))]), picker(t("colour"), two.show, shown, (show) => put({ show })),
-      ...(page.solid ? [] : [button(t("ruler"), () => put({ ruler: two.ruler ? null : { axis: 0, at: Math.floor(0.83 * page.run.lattice.shape[1]) } }), { ariaPressed: String(Boolean(two.ruler)) })]),
+      ...(page.solid ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]),
       button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) }), page.twin?.line ?? ""];
   },
   cards: (page) => (page.twin ? [page.twin.numbers, page.twin.card] : []),

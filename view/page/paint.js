@@ -276,9 +276,9 @@ function hatch(view, kinds, inks) {
     const w = x < 0 || x >= nx ? depth : u, h = y < 0 || y >= ny ? depth : u;
     if (kind === -3) { ctx.moveTo(px + w / 2 + 2, py + h / 2); ctx.arc(px + w / 2, py + h / 2, Math.min(2.5, u / 3), 0, 7); continue; }
     if (inside) { ctx.fillRect(px, py, w, h); continue; }
-    const n = Math.max(1, Math.round(Math.max(w, h) / 8)), s = Math.min(w, h), step = Math.max(w, h) / n;
+    const n = Math.max(1, Math.round(Math.max(w, h) / 8)), s = Math.min(w, h), apart = Math.max(w, h) / n;
     for (let i = 0; i < n; i++) {              // short strokes at 45 degrees
-      const [ax, ay] = w >= h ? [px + i * step, py + s] : [px, py + i * step + s];
+      const [ax, ay] = w >= h ? [px + i * apart, py + s] : [px, py + i * apart + s];
       ctx.moveTo(ax, ay); ctx.lineTo(ax + s, ay - s);
     }
     const [ex, ey] = [x < 0 ? px + w : px, y >= ny ? py + h : py];   // along the body

@@ -80,7 +80,7 @@ class LoadTransfer:
         if not (own or self.certificate.stable or allow_unstable):
             raise StabilityError(
                 f"{self.certificate.verdict}; to watch it grow all the same, "
-                "set allow_unstable=True"
+                "set allow_unstable=True (`kaju run --allow-unstable`)"
             )
 
     def _begin(self) -> None:
@@ -174,7 +174,7 @@ class LoadTransfer:
             further = (
                 ""
                 if self.certificate.known or self.allow_unstable
-                else ("; to watch them grow further, set allow_unstable=True")
+                else ("; to watch them grow further, set allow_unstable=True (`kaju run --allow-unstable`)")
             )
             return (
                 f"stopped after {generation} generations: the loads have grown to "

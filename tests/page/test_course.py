@@ -157,10 +157,15 @@ def plain(markdown):
 
 def hold(pupil, name):
     """Hold a lesson from its first question to its last, and print it."""
-    page, tab, questions = pupil.page, pupil.page.tab, page_lesson(lesson(name))["questions"]
+    page, tab, told = pupil.page, pupil.page.tab, page_lesson(lesson(name))
+    questions = told["questions"]
     assert page.js("page.g") == 0
     for number, question in enumerate(questions):
         assert page.js("page.lesson.step") == question["step"]
+        if question["step"] != "predict":  # what is to be loaded can be
+            names = [preset["name"]["en"] for preset in told["presets"]]
+            for preset in ["As it was", *names] if names else []:
+                assert tab.get_by_role("button", name=preset, exact=True).is_visible()
         answer(pupil, question)
         if number + 1 < len(questions):
             pupil.press(tab.locator(".foot button.main"))

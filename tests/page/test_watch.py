@@ -578,6 +578,63 @@ def test_a_browser_tells_during_the_run_what_own_agents_did(watched):
         page.until("page.parts.verdict.textContent.includes('I am tired')")
 
 
+class Wearing(MaterialAgent):
+    """Hands on less with its wear, after so many loads."""
+
+    wear = kaju.Parameter(0.1, 0.0, 1.0, "wear of what it hands on")
+    spared = kaju.Parameter(0, 0, 5, "loads that wear nothing")
+
+    def emissions(self, load):
+        share = 1.0 if self.n_loads <= self.spared else 1.0 - self.wear
+        return [one._replace(share=share * one.share) for one in super().emissions(load)]
+
+    def take(self, load):
+        super().take(load)
+        self.n_loads = getattr(self, "n_loads", 0) + 1
+
+
+def test_parameters_of_own_agents_are_told_and_changed_in_a_message():
+    run = LiveRun(plate(), LoadModel(plate(), material_agent=Wearing).again)
+    own = unpack(run.opening())[0]["own"]
+    by_name = {parameter["name"]: parameter for parameter in own["parameters"]}
+    assert by_name["spared"]["whole"]
+    assert by_name["wear"] == {
+        "name": "wear",
+        "label": "wear of what it hands on",
+        "low": 0.0,
+        "high": 1.0,
+        "whole": False,
+        "value": 0.1,
+    }
+    message = json.loads(changed(plate(), generation=40, stage=4))
+    for wear in (0.0, 0.4):
+        told(run, message | {"parameters": {"wear": wear, "spared": 1}})
+        alone = LoadModel(run.model.scene, material_agent=Wearing, wear=wear, spared=1).run()
+        np.testing.assert_array_equal(run.model.result().last.taken, alone.last.taken)
+    header, _ = told(run, message | {"parameters": {"wear": 2.0}})
+    assert header["error"].startswith("wear: must be a number from 0.0 to 1.0")
+
+
+def test_a_slider_of_a_parameter_runs_the_agents_anew(watched):
+    scene = Scene(**PLATE | {"loads": [{"cell": [10, 19], "force": [0.0, -2.0]}]})
+    with running(LoadModel(scene, material_agent=Wearing)) as port:
+        page = watched(port)
+        page.until("page.g === 1")
+        page.tab.keyboard.press("End")
+        page.until("page.run.atRest && page.g === page.run.generation")
+        field = page.tab.get_by_role("textbox", name="wear of what it hands on")
+        field.fill("0.5")
+        field.press("Enter")
+        last = LoadModel(scene, material_agent=Wearing, wear=0.5).run().last
+        page.until(f"page.run.atRest && page.run.agents === {len(last.cells)}")
+        total = "(page.seek(Infinity), page.sums.taken.sum.reduce((a, b) => a + b))"
+        assert page(total) == pytest.approx(last.ledger.taken, rel=1e-6)
+        page.tab.get_by_role("button", name="Undo").click()
+        first = LoadModel(scene, material_agent=Wearing).run().last
+        page.until(f"page.run.atRest && page.run.agents === {len(first.cells)}")
+        assert page.messages == []
+
+
 def test_a_browser_steps_elastic_agents_and_goes_back(watched):
     with running(elastic()) as port:
         page = watched(port)

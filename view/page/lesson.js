@@ -284,10 +284,10 @@ function stepCards(page) {
   const about = panels.about ? [fold(t("about"), panels.about())] : [], look = fold(t("look"), panels.look()), cards = [cardsBox(page)], alone = page.mode?.alone && page.look.mode !== "guess";
   const free = page.limit === Infinity, story = alone ? [] : [storyCard(page)], charts = free ? [chartsCard(page)] : [];
   if (lesson.step === "predict") return [...about, ...cards];
-  if (lesson.step === "step") return [...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
-  if (lesson.step === "explain") return [...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const tries = page.touchable && page.presets.length > 1 ? [make("div", { className: "presets" }, ...page.presets.map((preset) =>
-    make("div", {}, button(page.nameOf(preset), () => page.load(preset)), ...(preset.note ? [rendered(page.say(preset.note))] : []))))] : [];
+    make("div", {}, button(page.nameOf(preset), () => page.load(preset)), ...(page.say(preset.note) ? [rendered(page.say(preset.note))] : []))))] : [];
+  if (lesson.step === "step") return [...tries, ...cards, ...story, ...(touchable ? [fold(t("rule"), rulePanel(page, true), true)] : charts), look];
+  if (lesson.step === "explain") return [...tries, ...cards, ...(free ? [parts.verdict] : []), ...story, ...charts, look];
   const rest = ["rule", "draw"].filter((name) => panels[name]).map((name) => fold(t(name), panels[name]()));
   return [...tries, ...(free ? [parts.verdict] : []), ...rest, look, ...cards, ...story, ...charts];
 }

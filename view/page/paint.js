@@ -51,7 +51,7 @@ export class View {
     this.u = Math.max(0.1, Math.min((across - 2 * margin) / ww, (up - 2 * margin - foot) / wh));
     if (this.u > 8) this.u = Math.floor(this.u);             // cells of whole pixels
     this.x0 = Math.round(x + (across - this.u * ww) / 2 - this.u * wx);
-    this.y0 = Math.round(y + (up - foot + this.u * wh) / 2 + 0.3 * margin + this.u * wy);
+    this.y0 = Math.round(y + (up - foot + this.u * wh) / 2 + 0.6 * margin + this.u * wy);
   }
   /** The corners of a cell of a size about a point, all in pixels. */
   corners([x, y], size = this.u) {

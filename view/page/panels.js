@@ -93,7 +93,7 @@ export function buildAside(page) {
   parts.charts = make("canvas", { role: "img", ariaLabel: t("charts"), onpointerdown: (e) => page.seekChart(e.offsetX) });
   const { tabs, body, foot = [] } = page.lesson ? lessonSide(page) : freeSide(page);
   const grip = button("", () => page.raiseSheet(), { className: "grip", ariaLabel: t("sheet"), title: t("sheet") });
-  return make("aside", {}, tabs, make("div", { className: "body" }, grip, make("div", { className: "flow" }, ...body)), make("div", { className: "foot", hidden: !foot.length }, ...foot));
+  return make("aside", {}, tabs, make("div", { className: "body", tabIndex: 0 }, grip, make("div", { className: "flow" }, ...body)), make("div", { className: "foot", hidden: !foot.length }, ...foot));
 }
 
 export const storyCard = (page) => make("section", {}, make("h2", { textContent: page.t("agent") }), page.parts.story);

@@ -142,7 +142,7 @@ class ElasticModel(SteppedModel):
             if not (self.certificate.stable or allow_unstable):
                 raise StabilityError(
                     f"{self.certificate.verdict}; to watch it grow all the same, "
-                    "set allow_unstable=True"
+                    "set allow_unstable=True (`kaju run --allow-unstable`)"
                 )
         self.allow_unstable = allow_unstable
         self.pushes_per_step, self.max_steps = pushes_per_step, max_steps

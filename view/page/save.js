@@ -40,16 +40,16 @@ export async function saveFilm(page) {
   const kind = ["video/webm;codecs=vp9", "video/webm"].find((type) => globalThis.MediaRecorder?.isTypeSupported(type));
   if (!kind) throw new Error("MediaRecorder");
   const sheet = onPaper(page), recorder = new MediaRecorder(sheet.captureStream(30), { mimeType: kind, videoBitsPerSecond: 4e6 });
+  let patience = 100;
   const pieces = [], ctx = sheet.getContext("2d"), stopped = new Promise((done) => { recorder.onstop = done; });
   recorder.ondataavailable = (event) => pieces.push(event.data);
-  recorder.start();
+  const seconds = (part) => new Promise((done) => setTimeout(done, 1000 * part)), picture = () => { ctx.fillStyle = page.inks.paper; ctx.fillRect(0, 0, sheet.width, sheet.height); ctx.drawImage(page.canvas, 0, 0); };
+  recorder.start(100);
   for (let g = 0; g <= page.run.generation; g++) {
-    page.goTo(g); page.draw();
-    ctx.fillStyle = page.inks.paper; ctx.fillRect(0, 0, sheet.width, sheet.height);
-    ctx.drawImage(page.canvas, 0, 0);
-    await new Promise((done) => setTimeout(done, 1000 / Math.max(4, page.look.speed)));
+    page.goTo(g); page.draw(); picture();
+    await seconds(1 / Math.max(4, page.look.speed));
   }
-  await new Promise((done) => setTimeout(done, 400));
+  do { picture(); await seconds(0.4); } while (pieces.reduce((sum, { size }) => sum + size, 0) < 500 && --patience);   // a busy machine encodes late
   recorder.stop();
   await stopped;
   return hand(fileName(page, "webm"), new Blob(pieces, { type: "video/webm" }));

@@ -159,7 +159,7 @@ def test_picture_of_a_large_body_is_cropped_and_has_few_squares():
     load = {"region": {"box": [[50.0, 100.0], [50.1, 100.0]]}, "force": [0.0, -1.0]}
     body = {"size": [100.0, 100.0], "cells": [4000, 4000], "material": "steel"}
     scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = solve(scene, strategy="spawning", tolerance=0.1)
+    result = solve(scene, strategy="spawning", tolerance=0.05)
     assert not layer_of(result).cropped
     layer = layer_of(result, crop=True)
     assert layer.cropped

@@ -264,9 +264,3 @@ class LoadModel(LoadTransfer, SteppedModel):
             direction and sense.
         """
         self._objects().hand_over(sender, arm, load)
-
-    def watch(self, port: int = 8000, *, browser: bool = True) -> None:
-        """Show agents like these at work in a browser; see `kaju.watch`."""
-        import kaju
-
-        kaju.watch(self, port, browser=browser)

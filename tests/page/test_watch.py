@@ -438,6 +438,20 @@ def test_frames_and_numbers_that_no_page_sends_get_an_answer(port):
         assert "a whole number from 1 to 10000" in told
 
 
+def test_what_creeps_is_played_from_its_start_to_its_last_time():
+    history = kaju.History.step().hold(10.0)
+    dough = kaju.ThreeElement(K_f=2.0, D_f=1.0, D_d=20.0)
+    model = kaju.CreepModel(dough, history, times=[0, 1, 5, 10])
+    model.run(1)
+    with running(model) as port:
+        _, page = get(port, "/")
+    data = re.search(r'id="kaju-data"[^>]*>([^<]+)<', page)[1]
+    shown, _ = unpack(base64.b64decode(data))
+    assert shown["kind"] == "pictures"
+    assert shown["at"] == [0.0, 1.0, 5.0, 10.0]
+    assert model.moment == 1.0
+
+
 def test_what_cannot_be_watched_is_told():
     with pytest.raises(ParameterError, match=r"got SpawningModel; kaju\.export_page"):
         server.watch_app(kaju.SpawningModel(Scene(**PLATE)))

@@ -17,8 +17,9 @@ import webbrowser
 from typing import TYPE_CHECKING
 
 from kaju.errors import MissingExtraError, ParameterError
+from kaju.model.rheology.creep_model import CreepModel
 
-from .export import live_page
+from .export import live_page, packed_page, page_html
 from .live import Session, Watched, sessions_of
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ REFUSED, GONE, FULL = 1008, 1001, 1013
 """Codes with which websockets are closed: of another page, idle, too many."""
 
 
-def watch(of: Watched, port: int = 8000, *, browser: bool = True, idle: float = IDLE) -> None:
+def watch(of: Watched | CreepModel, port: int = 8000, *, browser: bool = True, idle: float = IDLE) -> None:
     """Show agents at work in a browser, until interrupted (Ctrl+C).
 
     Every browser window is a session with a model of its own, that of `of` begun anew. The
@@ -46,8 +47,9 @@ def watch(of: Watched, port: int = 8000, *, browser: bool = True, idle: float = 
 
     Parameters
     ----------
-    of : Scene, LoadModel or ElasticModel
-        With a prescribed or an elastic rule. A model may have agents of your own.
+    of : Scene, LoadModel, ElasticModel or CreepModel
+        A scene with a prescribed or an elastic rule. A model may have agents of your own. What
+        creeps is run to its last time, and played.
     port : int
         0 takes any that is free.
     browser : bool
@@ -91,7 +93,7 @@ def watch(of: Watched, port: int = 8000, *, browser: bool = True, idle: float = 
         uvicorn.Server(config).run(sockets=[listening])
 
 
-def watch_app(of: Watched, idle: float = IDLE, token: str = "") -> Starlette:
+def watch_app(of: Watched | CreepModel, idle: float = IDLE, token: str = "") -> Starlette:
     """Return the application that `watch` serves, for servers of your own.
 
     Parameters
@@ -111,8 +113,11 @@ def watch_app(of: Watched, idle: float = IDLE, token: str = "") -> Starlette:
     except ImportError as error:
         raise _missing() from error
 
-    begin = sessions_of(of)
-    html = live_page(begin().opening())
+    if isinstance(of, CreepModel):  # its times are computed at once, and the page plays them
+        html, begin = page_html(packed_page(of.again(of.subject)), "kaju watch"), Session
+    else:
+        begin = sessions_of(of)
+        html = live_page(begin().opening())
 
     def known(asks: Request | WebSocket) -> bool:
         given = asks.query_params.get("token", "").encode()

@@ -291,12 +291,6 @@ class ElasticModel(SteppedModel):
             "error_estimate": self._meter,
         }
 
-    def watch(self, port: int = 8000, *, browser: bool = True) -> None:
-        """Show agents like these at work in a browser; see `kaju.watch`."""
-        import kaju
-
-        kaju.watch(self, port, browser=browser)
-
     def run(self, until: Until | None = None) -> ElasticRun:
         """Step until all agents rest, or `until` is true of the model; return what they did."""
         return self._run(until, self.result)

@@ -113,7 +113,7 @@ def sisters():
     network = triangular(3, force=0.05)
     return [
         lambda: ElasticModel(elastic, seed=1),
-        lambda: SpawningModel(plate(cells=8), tolerance=0.3, seed=1),
+        lambda: SpawningModel(plate(cells=8), tolerance=0.1, seed=1),
         lambda: NetworkModel(network, increments=5, seed=1),
     ]
 

@@ -536,8 +536,8 @@ def sessions_of(of: Watched) -> Callable[[], Session]:
         return lambda: LiveFaces(lambda: of.again(of.scene))
     if not isinstance(of, Scene):
         raise ParameterError(
-            f"of: scenes, LoadModel, ElasticModel and CreepModel can be watched, got {type(of).__name__}; "
-            "kaju.export_page shows what others have done"
+            "of: scenes, LoadModel, ElasticModel and CreepModel can be watched, got "
+            f"{type(of).__name__}; kaju.export_page shows what others have done"
         )
     if isinstance(of.rule, PrescribedRule):
         return lambda: LiveRun(of)

@@ -39,7 +39,9 @@ REFUSED, GONE, FULL = 1008, 1001, 1013
 """Codes with which websockets are closed: of another page, idle, too many."""
 
 
-def watch(of: Watched | CreepModel, port: int = 8000, *, browser: bool = True, idle: float = IDLE) -> None:
+def watch(
+    of: Watched | CreepModel, port: int = 8000, *, browser: bool = True, idle: float = IDLE
+) -> None:
     """Show agents at work in a browser, until interrupted (Ctrl+C).
 
     Every browser window is a session with a model of its own, that of `of` begun anew. The

@@ -23,6 +23,8 @@ from .export import live_page, packed_page, page_html
 from .live import Session, Watched, sessions_of
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from starlette.applications import Starlette
     from starlette.requests import Request
     from starlette.responses import Response
@@ -115,8 +117,9 @@ def watch_app(of: Watched | CreepModel, idle: float = IDLE, token: str = "") -> 
     except ImportError as error:
         raise _missing() from error
 
+    begin: Callable[[], Session] = Session
     if isinstance(of, CreepModel):  # its times are computed at once, and the page plays them
-        html, begin = page_html(packed_page(of.again(of.subject)), "kaju watch"), Session
+        html = page_html(packed_page(of.again(of.subject)), "kaju watch")
     else:
         begin = sessions_of(of)
         html = live_page(begin().opening())

@@ -11,6 +11,7 @@ import numpy as np
 
 from kaju._mesa import Cell, FixedAgent
 from kaju.arrays import Floats
+from kaju.errors import AgentError
 
 from .shares import Emission, Emissions, Load, Sense, Shares
 
@@ -144,6 +145,19 @@ class MaterialAgent(PlacedAgent):
             f"since generation {self.spawn_step}>"
         )
 
+    def remove(self) -> None:
+        """Refuse to leave: a load may be on its way here.
+
+        Raises
+        ------
+        AgentError
+            Always.
+        """
+        raise AgentError(
+            f"remove: {type(self).__name__} at {self.index} stays, for loads may be on their way "
+            "to it; to let it pass nothing on, return no emissions"
+        )
+
     def step(self) -> None:
         """Take every load that has arrived, keep a share, and pass the others on."""
         if not (self.inbox or self.pulls):
@@ -155,7 +169,10 @@ class MaterialAgent(PlacedAgent):
         for load in loads:
             before = self.kept
             self.take(load)
-            kept = self.kept - before
+            try:
+                kept = self.kept - before
+            except TypeError:
+                raise self.post.wrong(self, "take", f"has kept {self.kept!r:.60}") from None
             squeezed[axis_of[load[0]]] += kept if load[3] == "push" else -kept
             self.pass_on(load)
         if not -inf < self.kept < inf:

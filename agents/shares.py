@@ -23,6 +23,12 @@ class Load(NamedTuple):
         How many equal loads arrived together.
     sense : {"push", "pull"}
         Whether it travels along its force or against it. Only a rule with `sense` knows pulls.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> kaju.Load(direction=2, magnitude=0.5, copies=3.0).total
+    1.5
     """
 
     direction: int
@@ -41,7 +47,14 @@ class Load(NamedTuple):
 
 
 class Emission(NamedTuple):
-    """One share on its way: over which arm it leaves, where its force points, in which sense."""
+    """One share on its way: over which arm it leaves, where its force points, in which sense.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> kaju.Emission(arm=2, direction=2, share=0.5)
+    Emission(arm=2, direction=2, share=0.5, sense='push')
+    """
 
     arm: int
     direction: int

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from kaju._mesa import FixedAgent
 from kaju.agents.boundary_agent import (
     BoundaryAgent,
     FreeBoundaryAgent,
@@ -25,7 +26,7 @@ from kaju.agents.boundary_agent import (
     RollerBoundaryAgent,
 )
 from kaju.agents.material_agent import MaterialAgent
-from kaju.agents.materials import suggestion
+from kaju.agents.materials import Material, suggestion
 from kaju.agents.shares import Emission, Emissions, Load, Sense, Shares, Split
 from kaju.arrays import Floats, Ints
 from kaju.errors import AgentError, ParameterError
@@ -129,7 +130,7 @@ class AgentEngine:
     def start(self, cells: Ints, state: Ints, magnitude: Floats) -> None:
         """Put the applied loads (N) on the body; they are taken in the first step."""
         for agent in (*self.agents.values(), *self.boundaries.values()):
-            agent.remove()
+            FixedAgent.remove(agent)
         self.agents, self.boundaries = {}, {}
         self.generation = 0
         self.waiting: list[MaterialAgent] = []
@@ -399,6 +400,11 @@ class AgentEngine:
 
     def hand_over(self, sender: MaterialAgent, arm: int, load: Any) -> None:
         """Hand over a load of an agent's own making, unless it is too small."""
+        if not isinstance(sender, MaterialAgent):
+            raise AgentError(
+                "hand_over: who hands over comes first, as in hand_over(self, arm, load), got "
+                f"{sender!r:.60}"
+            )
         checked = self.checked_load(sender, "hand_over", load, arm)
         sender.send([Emission(arm, checked.direction, 1.0, checked.sense)], checked)
 
@@ -474,6 +480,10 @@ class AgentEngine:
         return self._totals(self._ordered(self.agents.values()))
 
     def _totals(self, agents: list[MaterialAgent]) -> Totals:
+        for agent in agents:
+            for name, kind in _MUST_STAY.items():
+                if not isinstance(getattr(agent, name), kind):
+                    raise self.wrong(agent, name, f"has become {getattr(agent, name)!r:.60}")
         cells, axes = self._places(agents), len(self.lattice.axes)
         kept = _table([agent.squeezed for agent in agents], axes)
         if self.material_agent.shortening is MaterialAgent.shortening:  # asked of all at once
@@ -505,7 +515,8 @@ class AgentEngine:
         agents = self._ordered(self.agents.values())
         boundaries = self._ordered(self.boundaries.values())
         boundary_cells, directions = self._places(boundaries), self.lattice.directions
-        taken, totals = _table([agent.taken for agent in agents], directions), self._totals(agents)
+        totals = self._totals(agents)
+        taken = _table([agent.taken for agent in agents], directions)
         ledger = Ledger(
             applied=self.applied,
             taken=float(taken.sum()),
@@ -600,6 +611,9 @@ class Edge:
         self.leaving.append((self.boundary, Load(*key, copies, sense), sender, self.arm))
 
 
+_MUST_STAY = {"material": Material, "shares": Shares} | dict.fromkeys(
+    ("taken", "pulled", "passed", "squeezed"), dict
+)
 _EMISSION = ", which is no Emission: (arm, direction, share, sense)"
 
 

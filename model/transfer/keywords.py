@@ -63,7 +63,7 @@ def keywords_into(
             f"{name}: {whose} has a number of this name already; call the parameter otherwise"
         )
     for name in given.keys() - parameters.keys() - rule:
-        known = sorted({*parameters, *rule, *own} - {"self", "kind", "numbers"})
+        known = sorted({*parameters, *rule, *own} - {"self", "kind", "kwargs"})
         raise ParameterError(
             f"{name}: {model.__name__} has no such argument{suggestion(name, known)}; there is "
             f"{', '.join(known)}"

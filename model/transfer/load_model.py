@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from kaju._mesa import Model
 from kaju.agents.boundary_agent import BoundaryAgent
 from kaju.agents.material_agent import MaterialAgent
 from kaju.agents.parameter import declared
@@ -125,8 +126,14 @@ class LoadModel(LoadTransfer, SteppedModel):
         seed: int | None = None,
         **kwargs: Any,
     ) -> None:
-        SteppedModel.__init__(self, rng, seed)
+        # From 3.5 on Mesa's page hands a scenario over when it begins anew.
+        known_to_mesa = {"scenario"} & kwargs.keys() if hasattr(Model, "scenario") else set()
+        SteppedModel.__init__(self, rng, seed, **{name: kwargs.pop(name) for name in known_to_mesa})
         scene_needed(scene)
+        if not (order is None or callable(order)):
+            raise ParameterError(
+                f"order: a function of the agents for which loads wait is needed, got {order!r:.60}"
+            )
         classes = own_classes(material_agent, boundary_agents)
         scene, self.parameters = keywords_into(scene, classes, kwargs, LoadModel, rule is not None)
         self._own: dict[str, Any] = {

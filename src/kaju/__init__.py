@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from kaju.agents.parameter import Parameter as Parameter
     from kaju.agents.rules import Coefficients as Coefficients
     from kaju.agents.rules import PrescribedRule as PrescribedRule
+    from kaju.agents.shares import Emission as Emission
+    from kaju.agents.shares import Load as Load
     from kaju.agents.shares import Shares as Shares
     from kaju.errors import KajuError as KajuError
     from kaju.model.elastic.elastic_result import ElasticResult as ElasticResult
@@ -71,7 +73,7 @@ _NAMES = {
     "agents.materials": "Material material",
     "agents.parameter": "Parameter",
     "agents.rules": "Coefficients PrescribedRule",
-    "agents.shares": "Shares",
+    "agents.shares": "Emission Load Shares",
     "errors": "KajuError",
     "model.elastic.elastic_result": "ElasticResult",
     "model.elastic.settling.elastic_model": "ElasticModel",

@@ -138,14 +138,14 @@ class SteppedModel(Model):
     _noted: list[tuple[int, dict[str, float]]]
     _own_collector: bool
 
-    def __init__(self, rng: Any = None, seed: int | None = None) -> None:
+    def __init__(self, rng: Any = None, seed: int | None = None, **of_mesa: Any) -> None:
         if rng is not None and seed is not None:
             raise ParameterError("seed: is another word for rng; give one of them")
         # Mesa counts the steps of whatever `step` is now: the model's own, or a subclass's.
         self._own_step = self.step
         self.step = self._one_step
-        self.steps_taken = 0
-        super().__init__(rng=rng if seed is None else seed)
+        self.steps_taken, self._stepping = 0, False
+        super().__init__(rng=rng if seed is None else seed, **of_mesa)
         self.first_draws = deepcopy(self.rng.bit_generator.state), self.random.getstate()
 
     def begin_step(self) -> None:
@@ -156,12 +156,21 @@ class SteppedModel(Model):
 
     def _one_step(self) -> None:
         """Take one step, unless the model is at its end: then there is nothing to count."""
+        if self._stepping:
+            raise ParameterError(
+                "step: the model is in the middle of a step; its agents act in it, and cannot take "
+                "another"
+            )
         if self.running:
             self.steps_taken += 1
             self.steps = self.steps_taken  # as Mesa 3 counts them, and Mesa 4 does not
-            self.begin_step()
-            self._own_step()
-            self.end_step()
+            self._stepping = True
+            try:
+                self.begin_step()
+                self._own_step()
+                self.end_step()
+            finally:
+                self._stepping = False
             self._note()
         self.steps = self.steps_taken
 

@@ -236,6 +236,16 @@ def batch_run():
     assert {row["songs"] for row in rows} == {2}
 
 
+def scenario_of_mesas_page():
+    model = LoadModel(plate(), seed=7)
+    if not hasattr(model, "scenario"):
+        with pytest.raises(KajuError, match="scenario: LoadModel has no such argument"):
+            LoadModel(plate(), scenario=None)
+        return
+    again = LoadModel(plate(), scenario=model.scenario)
+    assert again.random.random() == model.random.random()
+
+
 def sliders_for_solara():
     parameters = {"scene": plate(), "material_agent": Counting, **LoadModel.sliders(Counting)}
     chosen = {

@@ -113,6 +113,14 @@ REFUSED = {
     "hands a number": hands(0, 1.0),
     "hands a list": hands(0, [0, 1.0]),
     "keeps NaN": after_take(lambda self, load: setattr(self, "kept", nan)),
+    "keeps a word": after_take(lambda self, load: setattr(self, "kept", "much")),
+    "forgets its books": after_take(lambda self, load: setattr(self, "taken", [0.0] * 4)),
+    "has no material left": after_take(lambda self, load: setattr(self, "material", None)),
+    "leaves": after_take(lambda self, load: self.remove()),
+    "steps its model": after_take(lambda self, load: self.model.step()),
+    "hands over for nobody": material(
+        pass_on=lambda self, load: self.model.hand_over(None, 0, load)
+    ),
     "keeps infinity": after_take(lambda self, load: setattr(self, "kept", inf)),
     "yields NaN": material(shortening=lambda self, axis: nan),
     "yields infinitely": material(shortening=lambda self, axis: inf),
@@ -140,6 +148,7 @@ REFUSED = {
         FreeBoundaryAgent,
         "free",
     ),
+    "order a word": {"order": "random"},
     "order chooses nobody": {"order": lambda agents: []},
     "order chooses None": {"order": lambda agents: None},
     "order chooses a number": {"order": lambda agents: 3},
@@ -154,7 +163,8 @@ def test_what_is_no_answer_is_refused_by_name(kind):
     with pytest.raises(KajuError) as told:
         LoadModel(scene(), **REFUSED[kind]).run(progress=False)
     names = {"material_agent": "Mine", "boundary_agents": "Wall", "order": "order"}
-    assert names[next(iter(REFUSED[kind]))] in str(told.value)
+    name = {"steps its model": "step:", "hands over for nobody": "hand_over:"}.get(kind)
+    assert (name or names[next(iter(REFUSED[kind]))]) in str(told.value)
 
 
 UNBALANCED = {

@@ -398,7 +398,7 @@ class AgentEngine:
             raise self.wrong(agent, hook, f"hands over {load!r:.100}{over}{told}")
         return Load(int(direction), float(magnitude), float(copies), sense)
 
-    def hand_over(self, sender: MaterialAgent, arm: int, load: Any) -> None:
+    def hand_over(self, sender: Any, arm: int, load: Any) -> None:
         """Hand over a load of an agent's own making, unless it is too small."""
         if not isinstance(sender, MaterialAgent):
             raise AgentError(
@@ -611,9 +611,11 @@ class Edge:
         self.leaving.append((self.boundary, Load(*key, copies, sense), sender, self.arm))
 
 
-_MUST_STAY = {"material": Material, "shares": Shares} | dict.fromkeys(
-    ("taken", "pulled", "passed", "squeezed"), dict
-)
+_MUST_STAY: dict[str, type] = {
+    "material": Material,
+    "shares": Shares,
+    **dict.fromkeys(("taken", "pulled", "passed", "squeezed"), dict),
+}
 _EMISSION = ", which is no Emission: (arm, direction, share, sense)"
 
 

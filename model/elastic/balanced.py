@@ -31,7 +31,7 @@ from kaju.model.scene.kinds import AIR
 from .boxes import Boxes, Index, Law
 from .crossed import Form
 from .problem import Floats
-from .ragged import Ragged, found_data, ragged_tractions
+from .ragged import Ragged, found_data, ragged_tractions, uneven_modes
 from .staggered import Pair
 
 WRONG = 1e-7
@@ -154,6 +154,7 @@ class BalancedStress:
             self.ragged = Ragged.none(boxes.dimension)
         else:
             uneven = boxes.uneven | odd
+            uneven[boxes.uneven_loads.box] = True
             given = normal, self._pressed, self._springs
             self.ragged = ragged_tractions(boxes, *given, uneven, WRONG * scale)
         gap[self.ragged.box] = self.ragged.left / (scale or 1.0)
@@ -208,7 +209,8 @@ class BalancedStress:
         modes[..., 0] = self.normal[side, box, None]
         if len(self.ragged.box):
             at = self.ragged.at(box)
-            modes[at >= 0] = self.ragged.traction[at[at >= 0], side, :, side // 2]
+            slopes = uneven_modes(self.boxes, self.ragged)[at[at >= 0], side]
+            modes[at >= 0] = (self.ragged.traction[at[at >= 0], side] - slopes)[:, :, side // 2]
         modes[..., 0] -= pressed
         return modes
 

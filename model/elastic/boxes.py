@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from .problem import Floats
 from .staggered import Pair
+from .tractions import Portions, data_error
 
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -145,6 +146,8 @@ class Boxes:
         Round which a corner is re-entrant, or smaller ones hang, or a load acts along a side.
     hanging : Hanging
     loads : Loads
+    uneven_loads : Portions
+        Those of them that lie unevenly on their sides.
     held : list of Held
     beds : list of Bed
     mesh : Mesh
@@ -173,6 +176,7 @@ class Boxes:
     beds: list[Bed]
     mesh: Mesh
     moved: Floats
+    uneven_loads: Portions
     rest: Floats | None = None
     unsettled: float = 0.0
     others: Others | None = None
@@ -183,6 +187,13 @@ class Boxes:
         """The largest stress."""
         stresses = (self.sigma, *self.shear.values())
         return max(self.of, *(float(np.abs(s).max(initial=0.0)) for s in stresses))
+
+    @property
+    def data_error(self) -> float:
+        """What loads cause that the boxes do not take, in the energy norm, at most."""
+        law = self.law
+        softest = np.minimum(2.0 * law.shear, law.stretch + (self.dimension - 1) * law.lateral)
+        return data_error(self.uneven_loads, self.size, softest)
 
     @property
     def dimension(self) -> int:

@@ -63,7 +63,7 @@ class Bracket:
     upper: float
     # Error of the mean stress in the energy norm, relative to the true stress, at most
     error: float
-    # Bounds of the potential energy, which supports that move do not widen
+    # Of the potential energy; what boxes do not take of loads, and moved supports, do not count
     potential: tuple[float, float]
     norm: float  # What that is relative to: the least norm of the true stress
     make: Callable[[], MiddleStress]  # Works `middle` out
@@ -123,7 +123,7 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     complementary = float(stress.energies.sum()) + bed
     if boxes.others:
         complementary += boxes.others.complementary
-    rest = boxes.unsettled * sqrt(2.0 * complementary)
+    rest = boxes.unsettled * sqrt(2.0 * complementary) + boxes.data_error
     moved = any(held.value.any() for held in boxes.held)
     fields: list[CompatibleField | VolumeField] = [plain]
     if _locks(boxes):
@@ -152,7 +152,8 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
         smallest = max(middle - radius, 0.0)
         lower, upper = 0.5 * smallest**2, 0.5 * (middle + radius) ** 2
     else:
-        lower, upper = work - whole, (sqrt(complementary) + sqrt(0.5) * rest) ** 2
+        lower = max(sqrt(max(work - whole, 0.0)) - sqrt(0.5) * boxes.data_error, 0.0) ** 2
+        upper = (sqrt(complementary) + sqrt(0.5) * rest) ** 2
         smallest = sqrt(2.0 * max(lower, 0.0))
     if exact and lower > (1.0 + CROSSED) * upper:
         return EATEN
@@ -252,7 +253,8 @@ def _work_on_beds(stress: BalancedStress, field: CompatibleField) -> float:
 def _locks(boxes: Boxes) -> bool:
     """Tell whether bodies are so nearly incompressible that sides have to bend."""
     stiff = boxes.law.lateral > LOCKING * boxes.law.stretch
-    return boxes.dimension == 2 and not boxes.beds and bool(stiff.any())
+    plain = not boxes.beds and not len(boxes.uneven_loads.box)
+    return boxes.dimension == 2 and plain and bool(stiff.any())
 
 
 def _best_share(field: CompatibleField | VolumeField) -> float:

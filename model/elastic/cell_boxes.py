@@ -37,9 +37,11 @@ from .boxes import (
     whole_mesh,
 )
 from .compatible import Modes
+from .loads import portions_of_cells
 from .moduli import REENTRANT_WEIGHT
 from .problem import ElasticProblem, FaceFields, Floats
 from .staggered import Pair, axis_pairs, strains, stresses
+from .tractions import Portions
 from .volume_field import LOCKING
 
 PAD = 1
@@ -107,7 +109,7 @@ class Cells:
             self._inside(whole.reshape(self.shape), values)[...] = values
         self.ahead = corner_ends(d) @ self.steps
         self.body = np.flatnonzero(self.kinds >= 0)
-        self._loads, self._within = self._applied(grid, stage)
+        self._loads, self._within, self._uneven_loads = self._applied(grid, stage)
         self.near = self._where_something_happens()
         self.shear = np.zeros((len(axis_pairs(d)), len(self.kinds)))
         self.sigma, self.start = np.zeros_like(self.faces), np.zeros_like(self.faces)
@@ -139,8 +141,8 @@ class Cells:
     def _inside(self, whole: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
         return whole[tuple(slice(PAD, PAD + n) for n in values.shape)]
 
-    def _applied(self, grid: Scene, stage: int | None) -> tuple[Loads, Loads]:
-        """Return the forces by sides of cells, and those within cells."""
+    def _applied(self, grid: Scene, stage: int | None) -> tuple[Loads, Loads, Portions]:
+        """Return the forces by sides of cells, those within cells, and which lie unevenly."""
         applied = grid.applied(stage)
         lower = np.asarray(grid.bounds()[0], dtype=np.int64)
         place = (applied.cells - lower + 1 + PAD) @ self.steps
@@ -149,7 +151,8 @@ class Cells:
         by_side, inside = (
             Loads(place[some], applied.direction[some], force[some]) for some in (~within, within)
         )
-        return by_side, inside
+        uneven = portions_of_cells(applied, self.problem.scales.force)
+        return by_side, inside, uneven._replace(box=place[uneven.box])
 
     def told(self, gap: float) -> Boxes:
         """Return the cells where something happens, and the sums of all others."""
@@ -246,6 +249,7 @@ class Cells:
             list(_beds_of_cells(problem, cells, beyond)),
             mesh,
             np.stack([self.faces[s // 2, told + s % 2 * self.steps[s // 2]] for s in range(2 * d)]),
+            self._uneven_loads._replace(box=number[self._uneven_loads.box]),
             self._rest(told, cells, beyond),
             self.unsettled,
             others,

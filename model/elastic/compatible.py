@@ -20,6 +20,7 @@ from . import kernels_bilinear as kernels
 from .boxes import Boxes, Index, corner_ends
 from .krylov import dot
 from .problem import Floats
+from .tractions import Portions
 
 STEPS, MOST_STEPS = 4, 60
 """Of conjugate gradients, at least and at most."""
@@ -129,8 +130,22 @@ class CompatibleField:
             node = boxes.side_nodes(box, side)
             share = np.broadcast_to(force / len(node) ** 2, (*node.shape, d))
             load += self._gathered(node, share)
+            uneven = boxes.uneven_loads
+            load += self._uneven_forces(uneven.some(uneven.side == side), side)
         self._lead(load)
         return load
+
+    def _uneven_forces(self, loads: Portions, side: int) -> Floats:
+        """Return at the nodes what loads add that lie unevenly on a side: linear tractions."""
+        boxes, d = self.boxes, self.boxes.dimension
+        node, parts = boxes.side_nodes(loads.box, side), self.mesh.parts[:, loads.box]
+        cut, across = parts[0] != parts[1], [a for a in range(d) if a != side // 2]
+        ends = 2.0 * corner_ends(d - 1) - 1.0
+        along = np.einsum("nik,ek->eni", loads.moment[:, :, across], ends)
+        along = along / (boxes.size[loads.box, None] * len(node) ** 2)
+        # On a whole side by its corners; on parts by where these lie, and by their corners.
+        share = np.where(cut[:, None], 3.0 * along[None] + along[:, None], 2.0 * along[:, None])
+        return self._gathered(node, share)
 
     def middles(self, box: Index, side: int) -> Index:
         """Return the nodes in the middle of a plane box's side where smaller ones hang, else -1."""

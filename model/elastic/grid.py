@@ -50,7 +50,10 @@ def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticPro
     applied = scene.applied(stage)
     inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
     loads = CellLoads(
-        applied.cells[inside] - lower, applied.direction[inside], applied.force[inside]
+        applied.cells[inside] - lower,
+        applied.direction[inside],
+        applied.force[inside],
+        applied.uneven and applied.uneven.within(inside),
     )
     constants = [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
     try:

@@ -9,32 +9,22 @@ this couple the moment of the traction would be lost.
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
-from .problem import ACTIVE, FIXED, ElasticProblem, Floats
+from kaju.model.scene.selection import AppliedLoads
+
+from .problem import ACTIVE, FIXED, CellLoads, ElasticProblem, Floats
+from .tractions import Portions
 
 
-def face_forces(
-    problem: ElasticProblem,
-    cells: NDArray[np.int64],
-    direction: NDArray[np.int64],
-    force: Floats,
-) -> None:
-    """Add forces (scaled) to the problem's faces.
-
-    Parameters
-    ----------
-    cells : int array, shape (n, dimension)
-        Cells by which the forces enter, counted without the rim.
-    direction : int array, shape (n,)
-        Face of the cell by which the force enters; -1 is the middle of the cell.
-    force : array, shape (n, dimension)
-        The forces, scaled.
-    """
-    at = cells + 1
+def face_forces(problem: ElasticProblem, loads: CellLoads) -> None:
+    """Add forces to the problem's faces, and the moments of those that lie unevenly on theirs."""
+    at, direction, force = loads.cells + 1, loads.direction, loads.force / problem.scales.force
     for axis in range(problem.dimension):
         component = force[:, axis]
         loaded = component != 0.0
@@ -48,6 +38,37 @@ def face_forces(
         for side in np.unique(direction[along]):
             here = along & (direction == side)
             _drag(problem, axis, int(side), at[here], component[here])
+    portions = portions_of_cells(loads, problem.scales.force)
+    for side in np.unique(portions.side):
+        here = portions.side == side
+        _turn(problem, int(side), at[portions.box[here]], portions.moment[here])
+
+
+def portions_of_cells(loads: CellLoads | AppliedLoads, unit: float) -> Portions:
+    """Return what faces have of uneven loads, in units of a force; `box` are rows of the loads."""
+    uneven = loads.uneven
+    if uneven is None or not len(uneven.row):
+        return Portions.none(loads.cells.shape[1])
+    scaled = uneven._replace(growth=uneven.growth / unit)
+    size, lower = np.ones(len(uneven.row)), np.zeros(uneven.part[:, 0].shape)
+    own = uneven.row, loads.direction[uneven.row], loads.force[uneven.row] / unit
+    return Portions.of(*own, scaled, lower, size)
+
+
+def _turn(
+    problem: ElasticProblem, side: int, cells: NDArray[np.int64], moment: Floats
+) -> None:
+    """Enter the first moments, shape (n, d, d), of forces on a side of cells."""
+    normal, upper = divmod(side, 2)
+    axes = [axis for axis in range(problem.dimension) if axis != normal]
+    for axis in axes:
+        some = moment[:, normal, axis] != 0.0
+        _couple(problem, axis, normal, upper, cells[some], -moment[some, normal, axis], False)
+    for first, second in combinations(axes, 2):
+        twist = moment[:, first, second] - moment[:, second, first]
+        some = twist != 0.0
+        for end in (0, 1):
+            _make_up(problem, first, second, end, cells[some], 0.5 * twist[some])
 
 
 def _add(
@@ -107,6 +128,7 @@ def _couple(
     upper: int,
     cells: NDArray[np.int64],
     moment: Floats,
+    dragged: bool = True,
 ) -> None:
     """Add -moment·∂u_n/∂s: normal forces on the surface beside the loaded cells.
 
@@ -126,7 +148,7 @@ def _couple(
         beside[:, axis] += step
         beyond[:, axis] += step
         runs_on = state[tuple(beside.T)] == ACTIVE
-        walled = ~runs_on & (problem.kinds[tuple(beyond.T)] == RIGID)
+        walled = dragged & ~runs_on & (problem.kinds[tuple(beyond.T)] == RIGID)
         there = np.where(runs_on, 0.5, np.where(walled, 1.0, 0.0))
         np.add.at(field, tuple(beside.T), -step * there * moment)
         np.add.at(field, tuple(surface.T), step * there * moment)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from kaju.errors import SceneError
 from kaju.model.scene.kinds import RIGID, ROLLER
+from kaju.model.scene.selection import Uneven
 
 from .moduli import Moduli, moduli_of
 
@@ -157,6 +158,7 @@ class CellLoads(NamedTuple):
     cells: NDArray[np.int64]
     direction: NDArray[np.int64]
     force: Floats
+    uneven: Uneven | None = None
 
 
 def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
@@ -220,7 +222,7 @@ def problem_of(
         thickness=thickness if rim.ndim == 2 else 1.0,
     )
     if loads is not None and len(loads.force):
-        face_forces(problem, loads.cells, loads.direction, loads.force / scales.force)
+        face_forces(problem, loads)
     return problem
 
 

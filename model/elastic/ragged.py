@@ -217,7 +217,18 @@ def _taken(boxes: Boxes, normal: Floats, pressed: Floats, springs: Floats, box: 
         theirs = everyone[hanging.side ^ 1, small] - pressed[hanging.side ^ 1, small]
         theirs = theirs + pressed[hanging.side, hanging.box]
         traction[at, hanging.side, part, hanging.side // 2, 0] = theirs
+    traction += uneven_modes(boxes, found)
     return found
+
+
+def uneven_modes(boxes: Boxes, found: Ragged) -> Floats:
+    """Return what loads that lie unevenly on sides add to their mean: tractions like `Ragged`'s."""
+    loads, added = boxes.uneven_loads, np.zeros_like(found.traction)
+    at = found.at(loads.box)
+    here = np.flatnonzero(at >= 0)
+    slopes = np.einsum("qms,ncs->nqcm", _parted(boxes.dimension)[:, :, 1:], loads.modes(boxes.size))
+    np.add.at(added, (at[here], loads.side[here]), slopes[here])
+    return added
 
 
 def _through(

@@ -259,9 +259,10 @@ class Body:
         return lead(problem, moved, origin + 1, np.array(self.shape))
 
     def _loads_in(self, lower: Index, upper: Index) -> CellLoads:
-        cells, direction, force = self.loads
+        cells, direction, force, uneven = self.loads
         inside = np.all((cells >= lower) & (cells < upper), axis=1)
-        surface = CellLoads(cells[inside] - lower, direction[inside], force[inside])
+        uneven = uneven and uneven.within(inside)
+        surface = CellLoads(cells[inside] - lower, direction[inside], force[inside], uneven)
         gravity = self.scene.body.gravity
         if gravity is None or not any(gravity):
             return surface
@@ -274,6 +275,7 @@ class Body:
             np.concatenate([surface.cells, heavy]),
             np.concatenate([surface.direction, np.full(len(heavy), -1)]),
             np.concatenate([surface.force, weight]),
+            uneven,
         )
 
 
@@ -295,7 +297,10 @@ def body_of(scene: Scene, stage: int | None) -> Body:
     applied = weightless.applied(scene.stages if stage is None else stage)
     inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
     loads = CellLoads(
-        applied.cells[inside] - lower, applied.direction[inside], applied.force[inside]
+        applied.cells[inside] - lower,
+        applied.direction[inside],
+        applied.force[inside],
+        applied.uneven and applied.uneven.within(inside),
     )
     return Body(scene, stage, lower, shape, Scales(1.0, 1.0, 1.0, 1.0), loads)
 

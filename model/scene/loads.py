@@ -141,8 +141,9 @@ class Load(Described):
     pressure : float, optional
         Pressure (Pa) against the outward normal of each face.
     pressure_slope : tuple of float, optional
-        By how much the pressure grows along each axis (Pa/m), from `pressure` at the origin on;
-        taken in the middle of each face. Where it falls below 0 it pulls.
+        By how much the pressure grows along each axis (Pa/m), from `pressure` at the origin on.
+        Where it falls below 0 it pulls. Elasticity takes it as it is; where agents pass loads on
+        it is that in the middle of each face.
     couple : float or tuple of three floats, optional
         Moment (N m), counter-clockwise in the plane, without any force: shares that turn round
         the middle of a side or a region, the larger the farther from it.

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +42,43 @@ class Selection:
         The body's cells.
     direction : ndarray of int, shape (n,)
         Index of the face, -1 for the cell's middle.
-    share : ndarray of float, shape (n,)
-        Part of each face (or cell) that the load covers, up to 1.
+    part : ndarray of float, shape (n, 2, dimension), optional
+        Lower and upper corner of what the load covers of each, from 0 to 1; unless given all.
+    offset : ndarray of float, shape (n, dimension), optional
+        How far (in cells) from the middle of each a force at a point acts.
     """
 
     cells: Cells
     direction: Ints
-    share: Floats
+    part: Floats | None = None
+    offset: Floats | None = None
+
+    @property
+    def share(self) -> Floats:
+        """Part of each face (or cell) that the load covers, up to 1."""
+        if self.part is None:
+            return np.ones(len(self.cells))
+        return np.asarray((self.part[:, 1] - self.part[:, 0]).prod(axis=1))
+
+    def uneven(self, load: Load, force: Floats, lattice: Lattice, thickness: float) -> Uneven:
+        """Return which faces the load covers in part, or not evenly, and how."""
+        n, d = self.cells.shape
+        if self.part is None and self.offset is None and load.pressure_slope is None:
+            n = 0
+        whole = np.tile(np.array([[0.0], [1.0]]), (n, 1, d))
+        part = whole if self.part is None else self.part
+        growth = np.zeros((n, d, d))
+        if load.pressure_slope is not None:
+            change = np.asarray(load.pressure_slope) * lattice.cell_size
+            area = lattice.face_area(thickness)
+            growth = -area * lattice.normals[self.direction[:n]][:, :, None] * change
+        if self.offset is not None:  # the linear traction of that moment
+            growth = 12.0 * force[:, :, None] * self.offset[:, None]
+        way = self.direction[:n]
+        growth[np.arange(n), :, np.maximum(way, 0) // 2] = 0.0
+        odd = (growth.any(axis=(1, 2)) | (part != whole).any(axis=(1, 2))) & (way >= 0)
+        row = np.flatnonzero(odd)
+        return Uneven(row, part[row], growth[row])
 
     def forces(self, load: Load, lattice: Lattice, thickness: float) -> Floats:
         """Return the force (N) on each face or cell, shape (n, dimension)."""
@@ -60,7 +90,10 @@ class Selection:
         area = self.share * lattice.face_area(thickness)
         pressure = np.full(len(area), load.pressure)
         if load.pressure_slope is not None:
-            pressure = pressure + self._middles(lattice) @ np.asarray(load.pressure_slope)
+            at = self._middles(lattice)
+            if self.part is not None:
+                at = at + (self.part.mean(axis=1) - 0.5) * lattice.cell_size
+            pressure = pressure + at @ np.asarray(load.pressure_slope)
         return -(pressure * area)[:, None] * lattice.normals[self.direction]
 
     def _middles(self, lattice: Lattice) -> Floats:
@@ -103,7 +136,7 @@ def faces_on_side(filling: Filling, side: str, where: str) -> Selection:
     direction = np.repeat(arms, [len(some) for some in faces])
     cells = np.concatenate(faces)
     _check_free(filling, cells, direction, where)
-    return Selection(cells, direction, np.ones(len(cells)))
+    return Selection(cells, direction)
 
 
 def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) -> Selection:
@@ -138,7 +171,7 @@ def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) ->
             f"{corners[0][axis]:g} m; it is {inside}"
         )
     _check_free(filling, cells, direction, where)
-    return Selection(cells, direction, _share(lattice, cells, corners, skip=axis))
+    return Selection(cells, direction, _part(lattice, cells, corners, skip=axis))
 
 
 def _split_faces(filling: Filling, box: CellBox, axis: int) -> tuple[Cells, Ints, bool]:
@@ -166,8 +199,8 @@ def cells_in_box(filling: Filling, corners: Corners, where: str) -> Selection:
     cells = _body_cells(filling, _covered(filling.lattice, corners), where)
     if len(cells) == 0:
         raise SceneError(f"{where}: there is no cell of the body in this box")
-    share = _share(filling.lattice, cells, corners)
-    return Selection(cells, np.full(len(cells), -1, dtype=np.int64), share)
+    part = _part(filling.lattice, cells, corners)
+    return Selection(cells, np.full(len(cells), -1, dtype=np.int64), part)
 
 
 def cells_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
@@ -176,7 +209,7 @@ def cells_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
     cells = cells[shape.contains(filling.lattice.centres(cells))]
     if len(cells) == 0:
         raise SceneError(f"{where}: there is no middle of a cell of the body in this shape")
-    return Selection(cells, np.full(len(cells), -1, dtype=np.int64), np.ones(len(cells)))
+    return Selection(cells, np.full(len(cells), -1, dtype=np.int64))
 
 
 def faces_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
@@ -201,7 +234,7 @@ def faces_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
             f"{where}: no middle of a free face of the body lies in this shape; round a hole "
             "take one that is larger by a cell"
         )
-    return Selection(cells, np.concatenate(arms), np.ones(len(cells)))
+    return Selection(cells, np.concatenate(arms))
 
 
 def _covered(lattice: Lattice, corners: Corners) -> CellBox:
@@ -213,16 +246,16 @@ def _covered(lattice: Lattice, corners: Corners) -> CellBox:
     return first, np.maximum(first, last)
 
 
-def _share(lattice: Lattice, cells: Cells, corners: Corners, skip: int | None = None) -> Floats:
-    """Return which part of each cell lies in a box, the axis `skip` left out."""
-    share = np.ones(len(cells))
-    for axis, (low, high) in enumerate(zip(*corners, strict=True)):
-        if axis != skip:
-            ends = np.array([low, high]) / lattice.cell_size
-            ends = np.where(np.abs(ends - np.rint(ends)) < _NEAR, np.rint(ends), ends)
-            index = cells[:, axis]
-            share *= np.minimum(index + 1, ends[1]) - np.maximum(index, ends[0])
-    return share
+def _part(
+    lattice: Lattice, cells: Cells, corners: Corners, skip: int | None = None
+) -> Floats | None:
+    """Return which part of each cell lies in a box, the axis `skip` left out; None: all of all."""
+    ends = np.array(corners) / lattice.cell_size
+    ends = np.where(np.abs(ends - np.rint(ends)) < _NEAR, np.rint(ends), ends)
+    part = np.clip(ends - cells[:, None], 0.0, 1.0)
+    if skip is not None:
+        part[:, :, skip] = (0.0, 1.0)
+    return None if np.all(part[:, 0] == 0.0) and np.all(part[:, 1] == 1.0) else part
 
 
 def _body_cells(filling: Filling, box: CellBox, where: str) -> Cells:
@@ -387,7 +420,13 @@ def _into(filling: Filling, cells: Cells, load: Load, where: str) -> Selection:
         direction = np.array(entries, dtype=np.int64)
     else:
         raise SceneError(f"{where}.side: is needed to press on a single cell with a pressure")
-    return Selection(cells, direction, np.ones(len(cells)))
+    offset = None
+    if load.point is not None and load.force is not None and filling.lattice.boxes:
+        # A point on a line between cells is in the middle of those that share its force.
+        place = np.asarray(load.point) / filling.lattice.cell_size
+        between = np.abs(place - np.rint(place)) <= 2.0 * _NUDGE
+        offset = np.where(between, 0.0, place - cells - 0.5)
+    return Selection(cells, direction, offset=offset)
 
 
 def _entering(filling: Filling, cell: Ints, force: Floats) -> int:
@@ -413,6 +452,32 @@ BY_SIDE: Final = 0
 BY_SURFACE: Final = 2
 
 
+class Uneven(NamedTuple):
+    """How forces lie on faces that they cover in part, or not evenly.
+
+    The traction at x in the part is force / (size of the part) + growth · (x - its middle), by
+    the whole face, x in cells.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (m,)
+        Which of the forces.
+    part : ndarray of float, shape (m, 2, dimension)
+        Lower and upper corner of what each covers, from 0 to 1.
+    growth : ndarray of float, shape (m, dimension, dimension)
+        Of each component of the force, along each axis.
+    """
+
+    row: Ints
+    part: Floats
+    growth: Floats
+
+    def within(self, some: NDArray[np.bool_]) -> Uneven:
+        """Return what is left of it if only some of the forces are kept."""
+        kept = some[self.row]
+        return Uneven((np.cumsum(some) - 1)[self.row[kept]], self.part[kept], self.growth[kept])
+
+
 @dataclass(frozen=True, eq=False)
 class AppliedLoads:
     """Forces on cells.
@@ -428,12 +493,15 @@ class AppliedLoads:
     sense : ndarray of int, shape (n,), optional
         What the scene says of the force: `PUSH`, `PULL`, or nothing. Then its side decides
         (`BY_SIDE`), or, where the scene names none, the surface (`BY_SURFACE`).
+    uneven : Uneven, optional
+        Which of the forces do not lie evenly on whole faces.
     """
 
     cells: Cells
     direction: Ints
     force: Floats
     sense: NDArray[np.int8] | None = None
+    uneven: Uneven | None = None
 
 
 def at_stage(
@@ -446,12 +514,16 @@ def at_stage(
 ) -> AppliedLoads:
     """Return all forces at a stage of loading; gravity acts in full from the first stage."""
     lattice = contents.filling.lattice
-    parts = [_nothing(lattice.dimension)]
+    parts, uneven, count = [_nothing(lattice.dimension)], [], 0
     for load, chosen in zip(loads, selections, strict=True):
         factor = min(1.0, stage / load.steps)
-        force = factor * chosen.forces(load, lattice, thickness)
+        force = chosen.forces(load, lattice, thickness)
+        if lattice.boxes:
+            found = chosen.uneven(load, force, lattice, thickness)
+            uneven.append(Uneven(found.row + count, found.part, factor * found.growth))
+        count += len(force)
         sense = np.full(len(force), _said(load), dtype=np.int8)
-        parts.append(AppliedLoads(chosen.cells, chosen.direction, force, sense))
+        parts.append(AppliedLoads(chosen.cells, chosen.direction, factor * force, sense))
     if gravity is not None and any(gravity):
         parts.append(weight(contents, gravity, thickness))
     return AppliedLoads(
@@ -459,6 +531,7 @@ def at_stage(
         np.concatenate([part.direction for part in parts]),
         np.concatenate([part.force for part in parts]),
         np.concatenate([_senses(part) for part in parts]),
+        Uneven(*map(np.concatenate, zip(*uneven, strict=True))) if uneven else None,
     )
 
 

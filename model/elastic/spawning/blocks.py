@@ -286,7 +286,7 @@ class BlockBalance:
         rows = np.arange(len(forces.leaf))
         forces_along = forces.force.copy()
         forces_along[rows, np.maximum(forces.direction, 0) // 2] = 0.0
-        if (forces.direction < 0).any() or forces_along.any():
+        if (forces.direction < 0).any() or forces_along.any() or forces.uneven:
             # Of what is dragged along, or pulled by its middle, the neighbours tell more.
             window = Window(forest, forest.with_neighbours(block))
         else:

@@ -352,7 +352,7 @@ def first_forest(ground: Ground) -> Forest | None:
 
 
 def evenly_loaded(forest: Forest) -> Forest:
-    """Return the forest in which every agent larger than a cell takes loads all over, or none."""
+    """Return the forest in which agents take loads all over, or none, or are small."""
     while True:
         unfit = _unevenly_loaded(forest)
         if not unfit.any():
@@ -361,9 +361,10 @@ def evenly_loaded(forest: Forest) -> Forest:
 
 
 def _unevenly_loaded(forest: Forest) -> Flags:
-    """Mark leaf blocks with agents larger than a cell that take loads on a part only."""
+    """Mark leaf blocks with agents that take loads on a part only."""
     marked = np.zeros(len(forest), dtype=np.bool_)
-    large = forest.leaves[forest.size[forest.leaves] > forest.ground.cell]
+    leaves, ground = forest.leaves, forest.ground
+    large = leaves[(forest.size[leaves] > ground.cell) | (forest.loaded & ground.ends_within)]
     if len(large):
         unfit = forest.ground.unevenly_loaded(forest.cells(large))
         marked[large] = unfit.reshape(len(large), -1).any(axis=1)

@@ -68,6 +68,8 @@ def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between
     middle, off = least + most - low - high, most - least + high - low
     off += ROUNDING * (abs(low) + abs(high) + abs(least) + abs(most))
     off *= 0.25 / share
+    # What the agents do not take of the loads works on the displacement of the forces that ask.
+    off += own.data_error * (sqrt(0.5 * more.upper) + sqrt(0.5 * less.upper)) / share
     shares = (more.shares + less.shares) / (8.0 * share)
     return Between(0.25 * middle / share, off, off / sqrt(larger[0] * larger[1] or 1.0), shares)
 

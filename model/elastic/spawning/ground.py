@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from kaju.errors import SceneError
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.elastic.problem import Scales
+from kaju.model.elastic.tractions import Portions
 from kaju.model.scene import Scene
 from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.purity import MIXED
+from kaju.model.scene.selection import Uneven
 
 from .leaves import BITS, Flags, Index, Leaves
 
@@ -23,16 +25,22 @@ Floats = NDArray[np.float64]
 
 ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
 """The first agents are at least this many along the body's longest and shortest side."""
+ENDED = {2: 3e-4, 3: 1e-2}
+"""Loads that end within sides may leave about such a share of the energy norm."""
 DEEPEST = 16
 """An agent's edge is at least the scene's cell divided by 2 to this power."""
 
 
 class LeafForces(NamedTuple):
-    """Forces on leaves: leaf, side by which they enter (-1: the middle), and force (scaled)."""
+    """Forces on leaves: leaf, side by which they enter (-1: the middle), and force (scaled).
+
+    Those that lie unevenly on their sides are told once more, with their moments.
+    """
 
     leaf: Index
     direction: Index
     force: Floats
+    uneven: Portions | None = None
 
 
 class Ground:
@@ -159,7 +167,7 @@ class Ground:
         return unfit
 
     def unevenly_loaded(self, leaves: Leaves) -> Flags:
-        """Tell which leaves larger than a cell take loads on a part only, or unequal ones."""
+        """Tell which leaves take loads on a part only, or unequal ones, and are to spawn for it."""
         unfit = np.zeros(len(leaves), dtype=np.bool_)
         if not len(self._cells):
             return unfit
@@ -181,52 +189,88 @@ class Ground:
         first[inverse[::-1]] = self._force[large][::-1]
         largest = np.abs(first).max(initial=0.0)
         unlike = np.abs(self._force[large] - first[inverse]) > 1e-9 * largest
-        unfit[owner[unlike.any(axis=1)]] = True
+        unfit[owner[unlike.any(axis=1) | (self._odd[large] >= 0)]] = True
+        return unfit | self._ending_within(leaves) if self.ends_within else unfit
+
+    @property
+    def ends_within(self) -> bool:
+        """Whether loads lie unevenly on faces of the scene's cells."""
+        return bool((self._odd >= 0).any())
+
+    def _ending_within(self, leaves: Leaves) -> Flags:
+        """Tell which leaves are to spawn, so that less is left of loads that end within sides."""
+        unfit = np.zeros(len(leaves), dtype=np.bool_)
+        rest = self.forces(leaves).uneven or Portions.none(self.dimension)
+        size = leaves.size[rest.box] / self.cell
+        large = np.sqrt(size) * rest.rest > ENDED[self.dimension] * self._strength
+        unfit[rest.box[large & (leaves.size[rest.box] > self.smallest)]] = True
         return unfit
 
     def forces(self, leaves: Leaves) -> LeafForces:
-        """Return the loads on leaves; a cell's load is spread evenly over smaller ones."""
-        nothing = np.empty(0, dtype=np.int64)
+        """Return the loads on leaves; a cell's load is shared by the smaller ones in it."""
+        d = self.dimension
         if not len(self._cells):
-            return LeafForces(nothing, nothing, np.empty((0, self.dimension)))
+            nothing = np.empty(0, dtype=np.int64)
+            return LeafForces(nothing, nothing, np.empty((0, d)))
         owner = leaves.find(self._cells * self.cell)
-        large = (owner >= 0) & (leaves.size[owner] >= self.cell)
-        parts = [LeafForces(owner[large], self._direction[large], self._force[large])]
-        # Few cells are loaded: only the smaller leaves in these are asked for every direction.
+        large = np.flatnonzero((owner >= 0) & (leaves.size[owner] >= self.cell))
+        # Few cells are loaded: only the smaller leaves in these are asked.
         small = np.flatnonzero(leaves.size < self.cell)
         key = self.scene.lattice.key(leaves.lower[small] // self.cell)
-        known = self._key // (2 * self.dimension + 1)
-        at = np.minimum(np.searchsorted(known, key), len(known) - 1)
-        small = small[known[at] == key]
-        cells = leaves.lower[small] // self.cell
-        offset = leaves.lower[small] - cells * self.cell
-        share = leaves.size[small] / self.cell
-        for way in range(-1, 2 * self.dimension):
-            touches = np.ones(len(small), dtype=np.bool_)
-            if way >= 0:
-                depth = offset[:, way // 2]
-                end = self.cell - leaves.size[small]
-                touches = depth == (end if way % 2 else 0)
-            key = self._keys(cells[touches], np.full(np.count_nonzero(touches), way))
-            at = np.minimum(np.searchsorted(self._key, key), len(self._key) - 1)
-            hit = self._key[at] == key
-            part = share[touches][hit] ** (self.dimension - (way >= 0))
-            leaf = small[touches][hit]
-            force = self._force[at[hit]] * part[:, None]
-            parts.append(LeafForces(leaf, np.full(len(leaf), way), force))
-        return LeafForces(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        known = self._key // (2 * d + 1)
+        first, last = (np.searchsorted(known, key, side=end) for end in ("left", "right"))
+        leaf = np.repeat(small, last - first)
+        # Every leaf with the loads of its cell, which stand one after the other.
+        row = np.arange(len(leaf)) + np.repeat(last - np.cumsum(last - first), last - first)
+        way = self._direction[row]
+        offset = leaves.lower[leaf] - self._cells[row] * self.cell
+        depth = offset[np.arange(len(leaf)), np.maximum(way, 0) // 2]
+        end = np.where(way % 2, self.cell - leaves.size[leaf], 0)
+        touches = (way < 0) | (depth == end)
+        leaf, row, offset = leaf[touches], row[touches], offset[touches]
+        share = (leaves.size[leaf] / self.cell) ** (d - (self._direction[row] >= 0))
+        leaf, row = np.concatenate([owner[large], leaf]), np.concatenate([large, row])
+        share = np.concatenate([np.ones(len(large)), share])
+        offset = np.concatenate([np.zeros((len(large), d), dtype=np.int64), offset])
+        force, way = share[:, None] * self._force[row], self._direction[row]
+        odd = np.flatnonzero((self._odd[row] >= 0) & (leaves.size[leaf] <= self.cell))
+        loads = Uneven(row, *(part[self._odd[row[odd]]] for part in self._uneven))
+        size = leaves.size[leaf[odd]] / self.cell
+        uneven = Portions.of(
+            leaf[odd], way[odd], self._force[row[odd]], loads, offset[odd] / self.cell, size
+        )
+        force[odd] = uneven.force
+        acts = np.ones(len(leaf), dtype=np.bool_)
+        acts[odd] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
+        return LeafForces(leaf[acts], way[acts], force[acts], uneven.some(acts[odd]))
 
     def _keys(self, cells: Index, direction: Index) -> Index:
         return self.scene.lattice.key(cells) * (2 * self.dimension + 1) + direction + 1
 
     def _collect_loads(self, stage: int | None) -> None:
-        """Add up the forces that enter by the same face of a cell, in the order of their keys."""
+        """Add up the forces that enter by the same face of a cell, in the order of their keys.
+
+        Those that lie on it unevenly are kept apart.
+        """
         applied = self.scene.applied(stage)
         keys = self._keys(applied.cells, applied.direction)
-        self._key, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+        d = self.dimension
+        nothing = np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d))
+        rows, *self._uneven = applied.uneven or nothing
+        alone = np.zeros(len(keys), dtype=np.int64)
+        alone[rows] = np.arange(1, len(rows) + 1)
+        apart = np.stack([keys, alone]) if len(rows) else keys
+        _, first, inverse = np.unique(apart, axis=-1, return_index=True, return_inverse=True)
+        self._key, self._odd = keys[first], alone[first] - 1
         self._cells, self._direction = applied.cells[first], applied.direction[first]
         self._force = np.zeros((len(first), self.dimension))
-        np.add.at(self._force, inverse, applied.force)
+        np.add.at(self._force, inverse.ravel(), applied.force)
+        # About the energy of the loads, each as wide as it covers.
+        share, odd = np.ones(len(first)), self._odd >= 0
+        part = self._uneven[0]
+        share[odd] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._odd[odd]]
+        square = ((self._force**2).sum(axis=1) / share).sum() * share.sum() ** (1.0 / (d - 1))
+        self._strength = float(np.sqrt(square / max(len(rows), 1)))
 
     def _scale(self) -> None:
         """Choose units and divide by them; see `kaju.model.elastic.problem`."""
@@ -238,6 +282,8 @@ class Ground:
         peak = float(np.abs(self._force).max(initial=0.0))
         self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
         self._force /= self.scales.force
+        self._uneven[1] = self._uneven[1] / self.scales.force
+        self._strength /= self.scales.force
         ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
         self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)
 

@@ -6,6 +6,7 @@ the whole body whatever the sizes of the agents, so that no moment is lost.
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import scipy.sparse as sp
 
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import Pair
+from kaju.model.elastic.tractions import Portions
 from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 from .composite import Composite, Floats
@@ -57,6 +59,10 @@ def face_loads(grid: Composite) -> FaceLoads:
         for side in np.unique(way[along]):
             here = along & (way == side)
             entering.drag(axis, int(side), leaf[here], value[here])
+    uneven = forces.uneven or Portions.none(grid.dimension)
+    for side in np.unique(uneven.side):
+        here = uneven.side == side
+        entering.turn(int(side), uneven.box[here], uneven.moment[here])
     return entering.loads()
 
 
@@ -134,15 +140,41 @@ class _Entering:
         for end in (0, 1):
             self.push(leaf, 2 * axis + end, np.where(held, 0.0, 0.5) * value)
         self._into_wall(leaf[held], side, axis, value[held])
-        edges = self.grid.edges[_pair(axis, normal)]
-        table = oriented(edges, axis < normal)[1][leaf]
         moment = (upper - 0.5) * self.grid.length[leaf] * value
-        outer, inner = table[:, :, upper].T, table[:, :, 1 - upper].T
-        dragged = _Dragged(axis, normal, upper, leaf, moment, outer, inner)
-        for edge in outer:
+        dragged = self._dragged(axis, normal, upper, leaf, moment)
+        for edge in dragged.outer:
             self._slope(dragged, edge, np.where(inside, 0.5 * moment, 0.0))
         # Smooth walls take no shear either: all of it stays with the body.
         self._drag_surface(dragged.only(np.isin(kind, (AIR, ROLLER, FOUNDATION))))
+
+    def turn(self, side: int, leaf: Index, moment: Floats) -> None:
+        """Enter the first moments, shape (n, d, d), of forces on a side of leaves."""
+        normal, upper = divmod(side, 2)
+        axes = [axis for axis in range(self.grid.dimension) if axis != normal]
+        for axis in axes:
+            dragged = self._dragged(axis, normal, upper, leaf, -moment[:, normal, axis])
+            free = [self._free(dragged, edge, normal) for edge in dragged.outer]
+            for edge, runs_on in zip(dragged.outer, free, strict=True):
+                self._tilt(dragged, edge, np.where(runs_on, -0.5 * dragged.moment, 0.0))
+            self._make_up_at_ends(dragged, (2 - np.sum(free, axis=0)) * 0.5 * dragged.moment, free)
+        for first, second in combinations(axes, 2):
+            twist = 0.5 * (moment[:, first, second] - moment[:, second, first])
+            for end in (0, 1):
+                self._make_up(self._dragged(first, second, end, leaf, twist))
+
+    def _dragged(
+        self, axis: int, normal: int, upper: int, leaf: Index, moment: Floats
+    ) -> _Dragged:
+        table = oriented(self.grid.edges[_pair(axis, normal)], axis < normal)[1][leaf]
+        ends = table[:, :, upper].T, table[:, :, 1 - upper].T
+        return _Dragged(axis, normal, upper, leaf, moment, *ends)
+
+    def _make_up_at_ends(self, dragged: _Dragged, lost: Floats, running: list[Flags]) -> None:
+        """Make up for moments that were lost where a surface ends; the rest it takes elsewhere."""
+        ended = lost != 0.0
+        left = self._make_up(dragged.only(ended)._replace(moment=lost[ended]))
+        for edge, runs_on in zip(dragged.outer, running, strict=True):
+            self._tilt(dragged, edge[ended], np.where(runs_on[ended], -left, 0.0))
 
     def _drag_surface(self, dragged: _Dragged) -> None:
         """Note the shear of a surface, and add -moment·∂u_n/∂s."""
@@ -161,10 +193,7 @@ class _Entering:
             lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
             running.append(runs_on)
             self._mend_wall(dragged.only(walled), end)
-        ended = lost != 0.0
-        left = self._make_up(dragged.only(ended)._replace(moment=lost[ended]))
-        for edge, runs_on in zip(outer, running, strict=True):
-            self._tilt(dragged, edge[ended], np.where(runs_on[ended], -left, 0.0))
+        self._make_up_at_ends(dragged, lost, running)
 
     def _mend_wall(self, dragged: _Dragged, end: int) -> None:
         """Move a force on a wall from half a leaf beyond it to the wall."""

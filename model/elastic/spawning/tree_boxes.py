@@ -20,6 +20,7 @@ from kaju.model.elastic.boxes import (
     whole_mesh,
 )
 from kaju.model.elastic.bracket import Bracket, bracket_of
+from kaju.model.elastic.tractions import Portions
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
 from .agent_fields import AgentFields, corner_values
@@ -85,6 +86,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
         list(_beds(grid)),
         _mesh(grid, fields, law),
         fields.sides.T,
+        forces.uneven or Portions.none(d),
     )
 
 

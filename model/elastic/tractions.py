@@ -1,0 +1,106 @@
+"""Loads that cover faces in part, or not evenly: what agents take of them, and what they leave.
+
+An agent's side takes the linear traction of the same force and moments. What is left over of the
+load on the side, r, is orthogonal to linear displacements, so that its work on any displacement v is
+at most c √s ‖r‖ ‖ε(v)‖ within the agent alone, s its edge: the energy norm of what it causes is known
+to be below that (`data_error`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Floats, Ints
+from kaju.model.scene.selection import Uneven
+
+LARGEST = {2: 0.5, 3: 0.9}
+"""Square of c, rounded up: 0.483 and 0.785 by elements (tests/bounds/test_load_error.py)."""
+
+
+class Portions(NamedTuple):
+    """What sides of agents have of uneven loads, one entry for each load on a side.
+
+    Attributes
+    ----------
+    box, side : int arrays, shape (n,)
+        Agent and side.
+    force : array, shape (n, d)
+    moment : array, shape (n, d, d)
+        First moment of each component along each axis, about the middle of the side.
+    rest : array, shape (n,)
+        Norm of the traction that is neither.
+    """
+
+    box: Ints
+    side: Ints
+    force: Floats
+    moment: Floats
+    rest: Floats
+
+    @classmethod
+    def none(cls, d: int) -> Portions:
+        """Return no loads."""
+        nothing = np.zeros(0, dtype=np.int64)
+        return cls(nothing, nothing, np.zeros((0, d)), np.zeros((0, d, d)), np.zeros(0))
+
+    @classmethod
+    def of(
+        cls, box: Ints, side: Ints, force: Floats, uneven: Uneven, lower: Floats, size: Floats
+    ) -> Portions:
+        """Return what sides have of loads on faces of cells, whose rows are taken one by one.
+
+        Lower corners and edges of the agents count in cells, from the cell's own lower corner on.
+        """
+        n, d = force.shape
+        across = np.ones((n, d), dtype=np.bool_)
+        across[np.arange(n), side // 2] = False
+        low = np.maximum(uneven.part[:, 0], lower)
+        high = np.minimum(uneven.part[:, 1], lower + size[:, None])
+        length = np.where(across, np.maximum(high - low, 0.0), 1.0)
+        area = length.prod(axis=1)
+        own = np.where(across, uneven.part[:, 1] - uneven.part[:, 0], 1.0).prod(axis=1)
+        away = np.where(across, 0.5 * (low + high) - uneven.part.mean(axis=1), 0.0)
+        mean = force / own[:, None] + np.einsum("nik,nk->ni", uneven.growth, away)
+        arm = np.where(across, 0.5 * (low + high) - lower - 0.5 * size[:, None], 0.0)
+        total = area[:, None] * mean
+        spread = uneven.growth * (area[:, None] * length**2 / 12.0)[:, None]
+        moment = total[:, :, None] * arm[:, None] + spread
+        square = area * (mean**2).sum(axis=1) + (uneven.growth * spread).sum(axis=(1, 2))
+        whole = size ** (d - 1)
+        linear = (total**2).sum(axis=1) + 12.0 * (moment**2).sum(axis=(1, 2)) / size**2
+        rest = np.sqrt(np.maximum(square - linear / whole, 0.0))
+        rest[rest <= 1e-7 * np.sqrt(square)] = 0.0  # rounding
+        return cls(box, side, total, moment, rest)
+
+    def some(self, chosen: Ints | NDArray[np.bool_]) -> Portions:
+        """Return some of them."""
+        return Portions(*(column[chosen] for column in self))
+
+    def modes(self, size: Floats) -> Floats:
+        """Return the slopes of the stress on sides, times the edge, shape (n, d, d - 1)."""
+        n, d = self.force.shape
+        edge = size[self.box]
+        slope = 12.0 * (2.0 * (self.side % 2) - 1.0) / edge**d
+        along = np.array([[k for k in range(d) if k != axis] for axis in range(d)])
+        found = np.take_along_axis(self.moment, along[self.side // 2][:, None], axis=2)
+        return np.asarray(slope[:, None, None] * found).reshape(n, d, d - 1)
+
+
+def data_error(portions: Portions, size: Floats, softest: Floats) -> float:
+    """Return the energy norm of what the loads cause that agents do not take, at most.
+
+    Parameters
+    ----------
+    portions : Portions
+    size, softest : arrays, shape (agents,)
+        Edges, and the least modulus of each: energy over ‖ε‖²/2.
+    """
+    if not len(portions.rest):
+        return 0.0
+    d = portions.force.shape[1]
+    each = np.zeros(len(size))
+    np.add.at(each, portions.box, portions.rest)
+    return float(np.sqrt((LARGEST[d] * size / softest * each**2).sum()))

@@ -44,9 +44,12 @@ class Layer(Section):
     ----------
     place : float
         Where the plane lies along the axis that it cuts (m); 0 for bodies in the plane.
+    caveats : tuple of str
+        What is approximate of the answer, in a few words.
     """
 
     place: float = 0.0
+    caveats: tuple[str, ...] = ()
 
     def in_body(self, points: Floats) -> Floats:
         """Return points of the picture, shape (n, 2), as points of the body."""
@@ -67,14 +70,14 @@ class Layer(Section):
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must be told: the cut and the crop."""
+        """What a reader must be told: the cut, the crop, and what is approximate."""
         told = []
         if self.cut is not None:
             told.append(f"cut at {'xyz'[self.cut[0]]} = {quantity(self.place, 'm')}")
         if self.cropped:
             part = " × ".join(quantity(float(n), "m") for n in self.box[1] - self.box[0])
             told.append(f"cropped to {part}")
-        return ["; ".join(told)] if told else []
+        return ["; ".join(words) for words in (told, self.caveats) if words]
 
 
 def layer_of(
@@ -106,7 +109,9 @@ def layer_of(
     found = section_of(scene, cells, within or None, small.hidden if crop is None else crop)
     return Layer(
         *(found.scene, found.lower, found.upper, found.axes),
-        *(found.cut, found.block, found.cropped, place),
+        *(found.cut, found.block, found.cropped),
+        place=place,
+        caveats=result.caveats_in_brief,
     )
 
 

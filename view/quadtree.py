@@ -194,7 +194,8 @@ def plot_octree(
     look = look_of(colour, agents.value)
     draw_cubes(space, result.grid, view, agents, look)
     bar_of(space, ScalarMappable(look["norm"], look["cmap"]), colour, agents.value)
-    caption(space, "Agents", [told(result, generation), *notes, *view_told(view)])
+    notes = [*notes, *view_told(view), "; ".join(result.caveats_in_brief)]
+    caption(space, "Agents", [told(result, generation), *filter(None, notes)])
     return cast("Axes", space)
 
 

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from .problem import Floats
 from .staggered import Pair
-from .tractions import Portions, data_error
+from .tractions import Portions, data_error, softest
 
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -191,9 +191,7 @@ class Boxes:
     @property
     def data_error(self) -> float:
         """What loads cause that the boxes do not take, in the energy norm, at most."""
-        law = self.law
-        softest = np.minimum(2.0 * law.shear, law.stretch + (self.dimension - 1) * law.lateral)
-        return data_error(self.uneven_loads, self.size, softest)
+        return data_error(self.uneven_loads, self.size, softest(*self.law, self.dimension))
 
     @property
     def dimension(self) -> int:

@@ -6,8 +6,11 @@ far it is from the body and the loads that were described.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING
+from math import sqrt
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,12 +18,18 @@ from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.scene import Scene
 from kaju.model.scene.lattice import Cells
+from kaju.model.scene.purity import relation
 from kaju.model.scene.shapes import Box, Shape
 
-from .corners import singular_at
+from .corners import sharp_corners, singular_at
+from .loads import portions_of_cells
 from .spawning.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_of
+from .tractions import Portions, data_error, softest
 
 if TYPE_CHECKING:
+    from kaju.model.scene.loads import Load
+    from kaju.model.scene.selection import Selection
+
     from .elastic_result import ElasticResult
 
 ROUGH = 0.1
@@ -28,20 +37,24 @@ ROUGH = 0.1
 STEPPED = 0.2
 """What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
-SAMPLES = 4
+SAMPLES = {2: 4, 3: 2}
 """Points along the edge of a cell by which an outline is found in it."""
-MOST_CELLS = 1_000_000
-"""Outlines of more cells are not looked through."""
+LEFT_OUT = 1e-3
+"""Share of the energy norm from which on it is told what agents do not take of loads."""
 ON_EDGE = 1e-6
 """Of a cell: what is nearer to an edge lies on it."""
 
 
-def caveats(result: ElasticResult) -> list[str]:
-    """Return, in words, what is approximate beside the error that the answer estimates."""
-    return [*_rough(result), *_off_the_faces(result.grid), *_steps(result), *_no_limit(result)]
+class Caveat(NamedTuple):
+    """What is approximate, in a few words for pictures, and in full."""
+
+    brief: str
+    full: str
 
 
-def refuse_singular(scene: Scene, tolerance_at: ToleranceAt) -> None:
+def refuse_singular(
+    scene: Scene, tolerance_at: ToleranceAt, stage: int | None, name: str = "tolerance_at"
+) -> None:
     """Refuse to look for a stress at a point where it has no limit.
 
     Raises
@@ -56,13 +69,14 @@ def refuse_singular(scene: Scene, tolerance_at: ToleranceAt) -> None:
         if not isinstance(quantity, Stress) or not isinstance(quantity.at, tuple):
             continue
         point = np.asarray(quantity.at)
-        reason = singular_at(scene, point) if len(point) == scene.lattice.dimension else ""
+        known = len(point) == scene.lattice.dimension
+        reason = singular_at(scene, point, stage) if known else ""
         if reason:
             box = [(point - 2 * h).tolist(), (point + 2 * h).tolist()]
             raise SingularPlaceError(
-                f"tolerance_at: the stress at {_told(point)} m has no limit, since there {reason}; "
+                f"{name}: the stress at {_told(point)} m has no limit, since there {reason}; "
                 f"ask for its mean over a stated region, such as Stress({{'box': {box}}}, "
-                f"{quantity.component!r}), or round the corner"
+                f"{quantity.component!r}), or, at a re-entrant corner, for result.intensity"
             )
 
 
@@ -79,144 +93,191 @@ def stepped_cells(scene: Scene) -> Cells:
     return np.unique(np.concatenate(found), axis=0)
 
 
-def largest_von_mises(result: ElasticResult, but: Flags | None = None) -> tuple[float, Floats]:
-    """Return the largest equivalent stress (Pa) of an agent, and the agent's middle (m).
+@dataclass(frozen=True, eq=False)
+class Caveats:
+    """What is approximate beside the error that an answer estimates."""
 
-    The agents `but` are left out, unless none is left.
-    """
-    stress = result.von_mises
-    if but is not None and not but.all():
-        stress = np.where(but, 0.0, stress)
-    agent = first_largest(stress)
-    return float(stress[agent]), result.middle[agent]
+    result: ElasticResult
 
+    @cached_property
+    def told(self) -> list[Caveat]:
+        """All of it, in words."""
+        return [*self._rough(), *self._loads(), *self._steps(), *self._no_limit()]
 
-def _rough(result: ElasticResult) -> list[str]:
-    error = result.error_estimate
-    if result.tolerance is not None or not error > ROUGH:
-        return []
-    return [
-        f"the estimated error is {error:.0%} in the energy norm: ask for less by tolerance=0.05 "
-        "(kaju solve FILE --tolerance 0.05)"
-    ]
+    def no_limit(self, agent: int) -> str:
+        """Return why the stress of an agent has no limit under refinement; empty if it has."""
+        result = self.result
+        if self._near_steps[agent]:
+            return "a step of an outline that is not along the axes"
+        for corner in product((0.0, 1.0), repeat=result.scene.lattice.dimension):
+            at = result.lower[agent] + result.size[agent] * np.array(corner)
+            reason = singular_at(result.scene, at, result.stage)
+            if reason:
+                return reason
+        return ""
 
+    @cached_property
+    def _stepped(self) -> Cells:
+        return stepped_cells(self.result.grid)
 
-def _off_the_faces(grid: Scene) -> list[str]:
-    """Say which loads end inside a face, or grow along it, and act on it evenly all the same."""
-    found, h = [], grid.lattice.cell_size
-    for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
-        if np.any(chosen.share < 1.0 - ON_EDGE) and load.region is not None:
-            found.append(
-                f"loads.{number}: its region ends inside cells, and acts on the whole of each, "
-                f"which moves its edge by up to {h:.3g} m; smaller cells or a resolution lessen it"
+    @cached_property
+    def _near_steps(self) -> Flags:
+        """Which agents lie in cells that an outline crosses, or in those beside them."""
+        result, near = self.result, self._stepped
+        lattice = result.grid.lattice
+        if not len(near):
+            return np.zeros(result.agents, dtype=np.bool_)
+        for way in np.eye(lattice.dimension, dtype=np.int64):
+            near = np.unique(np.concatenate([near - way, near, near + way]), axis=0)
+        near = near[np.all((near >= 0) & (near < np.asarray(lattice.shape)), axis=1)]
+        own = np.floor(result.middle / lattice.cell_size).astype(np.int64)
+        return np.isin(lattice.key(own), lattice.key(near))
+
+    def _rough(self) -> list[Caveat]:
+        error = self.result.error_estimate
+        if not error > ROUGH:
+            return []
+        half = 0.05 if self.result.tolerance is None else 0.5 * min(self.result.tolerance, error)
+        return [
+            Caveat(
+                f"error about {error:.0%}",
+                f"the estimated error is {error:.0%} in the energy norm: ask for less by "
+                f"tolerance={half:.2g} (kaju solve FILE --tolerance {half:.2g})",
             )
-        elif load.point is not None and not _in_middle(load.point, chosen.cells, grid):
+        ]
+
+    def _loads(self) -> list[Caveat]:
+        """Say which loads do not act just where they are described, and how far off they are."""
+        grid, h, found = self.result.grid, self.result.grid.lattice.cell_size, []
+        for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
+            told = _off_place(load, chosen, h)
+            found += [Caveat(f"loads.{number} spread by cells", f"loads.{number}: {told}")][
+                : len(told)
+            ]
+        left = self.result.load_error_estimate
+        if left > LEFT_OUT:
             found.append(
-                f"loads.{number}: acts at a point, and is spread evenly over the {h:.3g} m of its "
-                "cell, which moves it by up to half of that; smaller cells lessen it"
+                Caveat(
+                    "loads end within faces",
+                    "loads end within faces, which take their force and moments; what that leaves "
+                    f"out is at most {left:.1g} of the answer in the energy norm, and part of "
+                    "`error_bound`; smaller cells, or a tolerance, lessen it",
+                )
             )
-        elif load.pressure_slope is not None:
-            change = 0.5 * h * float(np.abs(load.pressure_slope).max())
-            found.append(
-                f"loads.{number}: its pressure changes by up to {change:.3g} Pa from the middle "
-                "of a face to its edge, and acts evenly on each; smaller cells lessen it"
-            )
-    return found
+        return found
 
-
-def _in_middle(point: tuple[float, ...], cells: Cells, grid: Scene) -> bool:
-    """Tell whether a point is the middle of what carries its load, but for the load's own axis."""
-    lower, upper = cells.min(axis=0), cells.max(axis=0) + 1
-    off = np.asarray(point) / grid.lattice.cell_size - 0.5 * (lower + upper)
-    return int((np.abs(off) > ON_EDGE).sum()) <= int(np.any(np.abs(np.abs(off) - 0.5) <= ON_EDGE))
-
-
-def _steps(result: ElasticResult) -> list[str]:
-    grid = result.grid
-    steps = stepped_cells(grid)
-    if not len(steps):
-        return []
-    h = grid.lattice.cell_size
-    near = _near(result, steps)
-    share = _energy_of(result, near)
-    _, at = largest_von_mises(result)
-    said = (
-        f"round and slanted outlines are steps of {h:.3g} m, and what is proved is proved for the "
-        f"body of cells: the energy of the body described differs by an estimated {share:.1g} of it"
-    )
-    if near[first_largest(result.von_mises)]:
-        value, place = largest_von_mises(result, near)
-        said += (
-            f"; the largest stress, at {_told(at)} m, is an artefact of a step and grows with "
-            f"smaller agents. More than a cell away from steps it is {value:.3g} Pa, at "
-            f"{_told(place)} m (von Mises)"
+    def _steps(self) -> list[Caveat]:
+        result = self.result
+        if not len(self._stepped):
+            return []
+        h, near = result.grid.lattice.cell_size, self._near_steps
+        density = np.einsum("nij,nij->n", result.stress, result.strain)
+        energy = density * result.size**result.scene.lattice.dimension
+        share = STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
+        said = (
+            f"round and slanted outlines are steps of {h:.3g} m, and what is proved is proved for "
+            "the body of cells: the energy of the body described differs by an estimated "
+            f"{share:.1g} of it"
         )
-    return [said]
+        largest = result.largest_stress
+        if near[first_largest(result.von_mises)]:
+            said += (
+                f"; the largest stress, at {_told(largest.at)} m, is an artefact of a step and "
+                "grows with smaller agents"
+            )
+            if not near.all():
+                stress = np.where(near, 0.0, result.von_mises)
+                agent = first_largest(stress)
+                said += (
+                    f". More than a cell away from steps it is {stress[agent]:.3g} Pa, at "
+                    f"{_told(result.middle[agent])} m (von Mises)"
+                )
+        return [Caveat(f"outlines are steps of {h:.3g} m", said)]
+
+    def _no_limit(self) -> list[Caveat]:
+        grid = self.result.grid
+        corners, steps = sharp_corners(grid), self._stepped
+        if len(corners) and len(steps):  # those of steps have a note of their own
+            lattice = grid.lattice
+            corner = np.rint(corners / lattice.cell_size).astype(np.int64)
+            around = corner[:, None] - np.array(list(product((0, 1), repeat=lattice.dimension)))
+            inside = np.all((around >= 0) & (around < np.asarray(lattice.shape)), axis=2)
+            keys = lattice.key(
+                np.where(inside[..., None], around, 0).reshape(-1, lattice.dimension)
+            )
+            stepped = inside & np.isin(keys, lattice.key(steps)).reshape(inside.shape)
+            corners = corners[~stepped.any(axis=1)]
+        if not len(corners):
+            return []
+        places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())
+        more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
+        many = f"{len(corners)} corner" + ("s" if len(corners) > 1 else "")
+        return [
+            Caveat(
+                f"no limit of stress at {many}",
+                f"stress grows without limit under refinement at the corner {places} m{more}",
+            )
+        ]
 
 
-def _no_limit(result: ElasticResult) -> list[str]:
-    corners = result.sharp_corners
-    steps = stepped_cells(result.scene)
-    if len(corners) and len(steps):  # those of steps have a note of their own
-        from_steps = np.abs(corners[:, None] / result.scene.lattice.cell_size - steps - 0.5)
-        corners = corners[np.all(from_steps.max(axis=2) > 0.5 + ON_EDGE, axis=1)]
-    if not len(corners):
-        return []
-    places = ", ".join(f"({x:.4g}, {y:.4g})" for x, y in corners[:3].tolist())
-    more = f" and {len(corners) - 3} more" if len(corners) > 3 else ""
-    return [f"stress grows without limit under refinement at the corner {places} m{more}"]
+def load_error(result: ElasticResult) -> float:
+    """Return what agents do not take of the loads, relative, in the energy norm, at most."""
+    found, applied = result.found, result.grid.applied(result.stage)
+    if applied.uneven is None or not len(applied.uneven.row) or not found.energy > 0.0:
+        return 0.0
+    if result.spawned:
+        ground = found.tree.ground
+        portions = ground.forces(found.tree.leaves).uneven or Portions.none(ground.dimension)
+        size, kind = result.size / result.grid.lattice.cell_size, result.material
+    else:
+        portions = portions_of_cells(applied, found.scales.force)
+        kind = result.grid.kinds(applied.cells)
+        size = np.ones(len(kind))
+    least = softest(*found.moduli, result.grid.lattice.dimension)[kind]
+    return data_error(portions, size, least) / sqrt(2.0 * found.energy)
 
 
-def has_limit(result: ElasticResult, agent: int) -> str:
-    """Return why the stress of an agent has no limit under refinement; empty if it has."""
-    steps = stepped_cells(result.grid)
-    if len(steps) and _near(result, steps)[agent]:
-        return "a step of an outline that is not along the axes"
-    for corner in product((0.0, 1.0), repeat=result.scene.lattice.dimension):
-        reason = singular_at(
-            result.scene, result.lower[agent] + result.size[agent] * np.array(corner)
+def _off_place(load: Load, chosen: Selection, h: float) -> str:
+    """Say how far a load on some cells of edge h is moved; nothing if it is not."""
+    if load.point is not None:
+        return (
+            f"a force at a point has no limit of energy; it is spread over the {h:.3g} m of its "
+            "cell, with its moment, and smaller cells make it sharper"
         )
-        if reason:
-            return reason
+    inside = bool(np.all(chosen.direction < 0))
+    if load.region is not None and load.region.box is None and load.force is not None:
+        return f"takes whole cells, which moves the edge of its region by up to {0.5 * h:.3g} m"
+    if inside and chosen.part is not None:
+        return (
+            "its region ends inside cells, and acts on the whole of each, which moves its edge by "
+            f"up to {h:.3g} m; smaller cells or a resolution lessen it"
+        )
     return ""
 
 
-def _energy_of(result: ElasticResult, near: Flags) -> float:
-    """Return what steps are expected to change of the energy, by that of the agents near them."""
-    dimension = result.scene.lattice.dimension
-    density = np.einsum("nij,nij->n", result.stress, result.strain)
-    energy = density * result.size**dimension
-    return STEPPED * float(energy[near].sum() / (energy.sum() or 1.0))
-
-
-def _near(result: ElasticResult, cells: Cells) -> Flags:
-    """Tell which agents lie in some cells of the grid, or in those beside them."""
-    lattice = result.grid.lattice
-    around = np.array(list(product((-1, 0, 1), repeat=lattice.dimension)))
-    ring = (cells[:, None] + around).reshape(-1, lattice.dimension)
-    ring = ring[np.all((ring >= 0) & (ring < np.asarray(lattice.shape)), axis=1)]
-    own = np.floor(result.middle / lattice.cell_size).astype(np.int64)
-    return np.isin(lattice.key(own), lattice.key(ring))
-
-
 def _crossed(shape: Shape, scene: Scene) -> Cells:
-    """Return the cells of the array that have points inside and outside of a shape."""
+    """Return the cells of the array that have points inside and outside of a shape.
+
+    Boxes of cells that lie inside of it, or apart, are not looked into.
+    """
     lattice = scene.lattice
-    h, extent = lattice.cell_size, np.asarray(lattice.shape)
-    lower, upper = (np.floor(corner / h).astype(np.int64) for corner in shape.extent)
-    lower, upper = np.maximum(lower - 1, 0), np.minimum(upper + 2, extent)
-    none = np.empty((0, lattice.dimension), dtype=np.int64)
-    if np.prod(np.maximum(upper - lower, 0), dtype=np.float64) > MOST_CELLS:
-        return none
-    ranges = [np.arange(low, high) for low, high in zip(lower, upper, strict=True)]
-    cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1).reshape(-1, lattice.dimension)
-    within = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    h, d, extent = lattice.cell_size, lattice.dimension, np.asarray(lattice.shape)
+    exponent = int(extent.max()).bit_length()
+    cells, ends = np.zeros((1, d), dtype=np.int64), np.array(list(product((0, 1), repeat=d)))
+    while exponent:
+        exponent -= 1
+        cells = (cells[:, None] + (ends << exponent)).reshape(-1, d)
+        cells = cells[np.all(cells < extent, axis=1)]
+        lower, upper = (np.asarray(corner * h) for corner in (cells, cells + (1 << exponent)))
+        whole, apart = relation(shape, lower, upper)
+        cells = cells[~(whole | apart)]
+    within = (np.arange(SAMPLES[d]) + 0.5) / SAMPLES[d]
     inside = np.zeros(len(cells), dtype=np.int64)
-    for offset in product(within, repeat=lattice.dimension):
+    for offset in product(within, repeat=d):
         inside += shape.contains((cells + np.array(offset)) * h)
-    crossed: Cells = cells[(inside > 0) & (inside < SAMPLES**lattice.dimension)]
+    crossed: Cells = cells[(inside > 0) & (inside < SAMPLES[d] ** d)]
     return crossed
 
 
-def _told(point: Floats) -> str:
+def _told(point: Floats | tuple[float, ...]) -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in point) + ")"

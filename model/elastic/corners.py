@@ -43,11 +43,53 @@ def sharp_corners(scene: Scene) -> NDArray[np.float64]:
     return np.asarray(np.argwhere(found) * lattice.cell_size, dtype=np.float64)
 
 
-def singular_at(scene: Scene, point: NDArray[np.float64]) -> str:
+def singular_at(scene: Scene, point: NDArray[np.float64], stage: int | None = None) -> str:
     """Return why stresses have no limit at a point (m); empty if they have, or it is unknown."""
-    lattice = scene.lattice
-    if not lattice.boxes:
+    if not scene.lattice.boxes:
         return ""
+    return _by_shape(scene, point) or _by_loads(scene, point, stage)
+
+
+def _by_loads(scene: Scene, point: NDArray[np.float64], stage: int | None) -> str:
+    """Tell of forces at points, and of loads along a straight surface of the plane that end."""
+    lattice = scene.lattice
+    h = lattice.cell_size
+    for load in scene.loads:
+        if load.point is not None and np.abs(point - np.array(load.point)).max() < h:
+            return "a force acts at a point, and is spread over a cell"
+    if lattice.dimension == 3:
+        return ""
+    applied, place = scene.applied(stage), np.asarray(point) / h
+    part = np.tile(np.array([[0.0], [1.0]]), (len(applied.force), 1, 2))
+    growth = np.zeros((len(part), 2, 2))
+    if applied.uneven is not None:
+        part[applied.uneven.row], growth[applied.uneven.row] = applied.uneven[1:]
+    for side in range(4):
+        normal, upper = divmod(side, 2)
+        along = 1 - normal
+        level = applied.cells[:, normal] + upper
+        on = (applied.direction == side) & (np.abs(level - place[normal]) <= ON_EDGE)
+        ends = applied.cells[on, along, None] + part[on, :, along]
+        away = place[along] - ends.mean(axis=1)
+        drag = applied.force[on, along] / (ends[:, 1] - ends[:, 0])
+        drag = drag + growth[on, along, along] * away
+        near = np.abs(ends - place[along]) <= ON_EDGE
+        inside = (ends[:, 0] < place[along]) & (place[along] < ends[:, 1]) & ~near.any(axis=1)
+        before, after = (float(drag[near[:, end] | inside].sum()) for end in (1, 0))
+        if abs(before - after) <= ON_EDGE * np.abs(applied.force).max(initial=0.0):
+            continue
+        beside = np.repeat(place[None], 2, axis=0)
+        beside[:, along] += (-0.5, 0.5) if near.any() else 0.0
+        beside[:, normal] = np.rint(place[normal]) - upper
+        cells = np.floor(beside + ON_EDGE * (np.arange(2) == normal)).astype(np.int64)
+        if np.all(_known_kinds(scene, cells) >= 0):
+            return "a load along the surface ends"
+    return ""
+
+
+def _by_shape(scene: Scene, point: NDArray[np.float64]) -> str:
+    """Return why stresses have no limit by the cells round a point."""
+    lattice = scene.lattice
     place = np.asarray(point, dtype=np.float64) / lattice.cell_size
     on_line = np.abs(place - np.rint(place)) <= ON_EDGE
     corner = np.where(on_line, np.rint(place), np.floor(place)).astype(np.int64)

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.spawning.tree_agents import TreeAgents
 
     from .bracket import Bracket
+    from .caveats import Caveats
     from .cell_agents import CellAgents
     from .equal_arrays import EqualArrays
 
@@ -479,18 +480,36 @@ class ElasticResult(BodyResult):
     @cached_property
     def caveats(self) -> tuple[str, ...]:
         """What is approximate beside the error on the cells: outlines, loads, corners."""
-        from .caveats import caveats
+        return tuple(caveat.full for caveat in self._caveats.told)
 
-        return tuple(caveats(self))
+    @property
+    def caveats_in_brief(self) -> tuple[str, ...]:
+        """The `caveats` in a few words each, as pictures tell them."""
+        return tuple(caveat.brief for caveat in self._caveats.told)
+
+    @cached_property
+    def _caveats(self) -> Caveats:
+        from .caveats import Caveats
+
+        return Caveats(self)
+
+    @cached_property
+    def load_error_estimate(self) -> float:
+        """What agents do not take of loads that end within their sides, at most.
+
+        In the energy norm, relative to the answer; they take the force and the moments of each, and
+        the rest is part of `error_bound`. 0 where loads end at the agents' edges.
+        """
+        from .caveats import load_error
+
+        return load_error(self)
 
     @cached_property
     def largest_stress(self) -> LargestStress:
         """Largest equivalent stress of an agent, where it is, and whether it has a limit."""
-        from .caveats import has_limit
-
         agent = first_largest(self.von_mises)
         place = tuple(self.middle[agent].tolist())
-        return LargestStress(float(self.von_mises[agent]), place, has_limit(self, agent))
+        return LargestStress(float(self.von_mises[agent]), place, self._caveats.no_limit(agent))
 
     @property
     def _unproved(self) -> list[str]:
@@ -556,15 +575,20 @@ class ElasticResult(BodyResult):
         ------
         ParameterError
             If it is of another dimension, outside of the body, or unknown.
+        SingularPlaceError
+            If it is a stress where stresses have no limit.
         """
         from kaju.model.elastic.spawning.functionals import functional_of, plain, unit_of
         from kaju.model.elastic.spawning.quantities import quantities_of
+
+        from .caveats import refuse_singular
 
         tree = self.found.tree
         (asked,) = quantities_of(quantity)
         for goal in self.goals:
             if goal.quantity == asked:
                 return goal.value
+        refuse_singular(self.scene, asked, self.stage, "value_of")
         value = functional_of(asked, tree.ground).of(tree.fields).value
         return plain(unit_of(asked, tree.scales) * value)
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
-
 from kaju.model.scene.selection import AppliedLoads
 
 from .problem import ACTIVE, FIXED, CellLoads, ElasticProblem, Floats
@@ -55,9 +54,7 @@ def portions_of_cells(loads: CellLoads | AppliedLoads, unit: float) -> Portions:
     return Portions.of(*own, scaled, lower, size)
 
 
-def _turn(
-    problem: ElasticProblem, side: int, cells: NDArray[np.int64], moment: Floats
-) -> None:
+def _turn(problem: ElasticProblem, side: int, cells: NDArray[np.int64], moment: Floats) -> None:
     """Enter the first moments, shape (n, d, d), of forces on a side of cells."""
     normal, upper = divmod(side, 2)
     axes = [axis for axis in range(problem.dimension) if axis != normal]

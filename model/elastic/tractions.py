@@ -1,9 +1,9 @@
 """Loads that cover faces in part, or not evenly: what agents take of them, and what they leave.
 
 An agent's side takes the linear traction of the same force and moments. What is left over of the
-load on the side, r, is orthogonal to linear displacements, so that its work on any displacement v is
-at most c √s ‖r‖ ‖ε(v)‖ within the agent alone, s its edge: the energy norm of what it causes is known
-to be below that (`data_error`).
+load on the side, r, is orthogonal to linear displacements, so that its work on a displacement v is
+at most c √s ‖r‖ ‖ε(v)‖ within the agent alone, s its edge: the energy norm of what it causes is
+known to be below that (`data_error`).
 """
 
 from __future__ import annotations
@@ -77,7 +77,13 @@ class Portions(NamedTuple):
 
     def some(self, chosen: Ints | NDArray[np.bool_]) -> Portions:
         """Return some of them."""
-        return Portions(*(column[chosen] for column in self))
+        return Portions(
+            self.box[chosen],
+            self.side[chosen],
+            self.force[chosen],
+            self.moment[chosen],
+            self.rest[chosen],
+        )
 
     def modes(self, size: Floats) -> Floats:
         """Return the slopes of the stress on sides, times the edge, shape (n, d, d - 1)."""
@@ -87,6 +93,11 @@ class Portions(NamedTuple):
         along = np.array([[k for k in range(d) if k != axis] for axis in range(d)])
         found = np.take_along_axis(self.moment, along[self.side // 2][:, None], axis=2)
         return np.asarray(slope[:, None, None] * found).reshape(n, d, d - 1)
+
+
+def softest(stretch: Floats, lateral: Floats, shear: Floats, d: int) -> Floats:
+    """Return the least modulus of materials: energy over ‖ε‖²/2."""
+    return np.minimum(2.0 * shear, stretch + (d - 1) * lateral)
 
 
 def data_error(portions: Portions, size: Floats, softest: Floats) -> float:

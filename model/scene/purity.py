@@ -100,12 +100,12 @@ def _pyramid(base: NDArray[np.int16]) -> list[NDArray[np.int16]]:
 
 def _covered(kind: Kinds, region: FilledShape, low: Points, high: Points) -> Kinds:
     """Lay a region over boxes whose cells' centres reach from `low` to `high`."""
-    inside, apart = _relation(region.shape, low, high)
+    inside, apart = relation(region.shape, low, high)
     crossed = np.where(kind == region.kind, kind, MIXED)
     return np.where(inside, region.kind, np.where(apart, kind, crossed))
 
 
-def _relation(shape: Shape, low: Points, high: Points) -> tuple[Flags, Flags]:
+def relation(shape: Shape, low: Points, high: Points) -> tuple[Flags, Flags]:
     """Tell which boxes of centres lie surely inside a shape, and which surely outside."""
     if np.array_equal(low, high):
         inside = shape.contains(low)

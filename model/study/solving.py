@@ -231,7 +231,7 @@ def _solve_scene(
     if strategy == "auto" and (tolerance_at is not None or spawned):
         strategy = "spawning"
     if tolerance_at is not None:
-        refuse_singular(scene, tolerance_at)
+        refuse_singular(scene, tolerance_at, stage)
     if strategy == "spawning":
         from kaju.model.elastic.spawning.solve import solve_spawning
 

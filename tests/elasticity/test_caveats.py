@@ -117,12 +117,15 @@ def plate(**load):
 @pytest.mark.parametrize(
     ("load", "said"),
     [
-        ({"region": {"box": [[0.095, 0.2], [0.105, 0.2]]}, "force": [0.0, -2.0]}, "by up to 0.01"),
+        ({"region": {"box": [[0.095, 0.15], [0.1, 0.2]]}, "force": [0.0, -2.0]}, "by up to 0.01"),
+        (
+            {"region": {"disk": {"centre": [0.1, 0.1], "radius": 0.03}}, "force": [1.0, 0.0]},
+            "0.005",
+        ),
+        ({"region": {"box": [[0.095, 0.2], [0.105, 0.2]]}, "force": [0.0, -2.0]}, ""),
         ({"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}, ""),
-        ({"point": [0.1, 0.2], "force": [0.0, -2.0]}, ""),
-        ({"point": [0.095, 0.2], "force": [0.0, -2.0]}, ""),
-        ({"point": [0.098, 0.2], "force": [0.0, -2.0]}, "spread evenly over the 0.01 m"),
-        ({"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 0.0]}, "up to 50 Pa"),
+        ({"point": [0.098, 0.2], "force": [0.0, -2.0]}, "spread over the 0.01 m"),
+        ({"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 0.0]}, ""),
         ({"cell": [4, 19], "force": [0.0, -2.0]}, ""),
     ],
 )

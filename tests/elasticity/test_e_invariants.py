@@ -82,7 +82,9 @@ def test_energy_is_half_of_load_times_displacement(case):
 def test_betti_and_superposition(case):
     body, rng = case
     other = random_loads(body, rng)
-    both = CellLoads(*(np.concatenate(pair) for pair in zip(body.loads[:3], other[:3], strict=True)))
+    both = CellLoads(
+        *(np.concatenate(pair) for pair in zip(body.loads[:3], other[:3], strict=True))
+    )
     (u, first, _), (v, second, _) = body.solve(), body.solve(other)
     unit = [first.scales.force, second.scales.force]
     there = sum(unit[0] * np.vdot(f, x) for f, x in zip(first.force, v, strict=True))

@@ -136,7 +136,8 @@ class _Stressed:
             on = ~(same & (grid.length[other] == grid.length[parts.leaf]))
             force = (2.0 * (side % 2) - 1.0) * each[side // 2][:, on].T
             found.append(LeafForces(parts.leaf[on], np.full(int(on.sum()), side), force))
-        return [LeafForces(*(np.concatenate(column) for column in zip(*(one[:3] for one in found), strict=True)))]
+        leaf, way, pull, _ = zip(*found, strict=True)
+        return [LeafForces(np.concatenate(leaf), np.concatenate(way), np.concatenate(pull))]
 
     def of(self, fields: AgentFields) -> Value:
         balance = fields.balance

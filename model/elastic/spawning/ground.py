@@ -234,7 +234,8 @@ class Ground:
         offset = np.concatenate([np.zeros((len(large), d), dtype=np.int64), offset])
         force, way = share[:, None] * self._force[row], self._direction[row]
         odd = np.flatnonzero((self._odd[row] >= 0) & (leaves.size[leaf] <= self.cell))
-        loads = Uneven(row, *(part[self._odd[row[odd]]] for part in self._uneven))
+        which = self._odd[row[odd]]
+        loads = Uneven(row[odd], self._uneven.part[which], self._uneven.growth[which])
         size = leaves.size[leaf[odd]] / self.cell
         uneven = Portions.of(
             leaf[odd], way[odd], self._force[row[odd]], loads, offset[odd] / self.cell, size
@@ -255,8 +256,9 @@ class Ground:
         applied = self.scene.applied(stage)
         keys = self._keys(applied.cells, applied.direction)
         d = self.dimension
-        nothing = np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d))
-        rows, *self._uneven = applied.uneven or nothing
+        nothing = Uneven(np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d)))
+        self._uneven = applied.uneven or nothing
+        rows = self._uneven.row
         alone = np.zeros(len(keys), dtype=np.int64)
         alone[rows] = np.arange(1, len(rows) + 1)
         apart = np.stack([keys, alone]) if len(rows) else keys
@@ -267,7 +269,7 @@ class Ground:
         np.add.at(self._force, inverse.ravel(), applied.force)
         # About the energy of the loads, each as wide as it covers.
         share, odd = np.ones(len(first)), self._odd >= 0
-        part = self._uneven[0]
+        part = self._uneven.part
         share[odd] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._odd[odd]]
         square = ((self._force**2).sum(axis=1) / share).sum() * share.sum() ** (1.0 / (d - 1))
         self._strength = float(np.sqrt(square / max(len(rows), 1)))
@@ -282,7 +284,7 @@ class Ground:
         peak = float(np.abs(self._force).max(initial=0.0))
         self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
         self._force /= self.scales.force
-        self._uneven[1] = self._uneven[1] / self.scales.force
+        self._uneven = self._uneven._replace(growth=self._uneven.growth / self.scales.force)
         self._strength /= self.scales.force
         ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
         self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)

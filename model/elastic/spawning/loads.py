@@ -162,9 +162,7 @@ class _Entering:
             for end in (0, 1):
                 self._make_up(self._dragged(first, second, end, leaf, twist))
 
-    def _dragged(
-        self, axis: int, normal: int, upper: int, leaf: Index, moment: Floats
-    ) -> _Dragged:
+    def _dragged(self, axis: int, normal: int, upper: int, leaf: Index, moment: Floats) -> _Dragged:
         table = oriented(self.grid.edges[_pair(axis, normal)], axis < normal)[1][leaf]
         ends = table[:, :, upper].T, table[:, :, 1 - upper].T
         return _Dragged(axis, normal, upper, leaf, moment, *ends)

@@ -1,0 +1,198 @@
+"""Loads act where they are described, whatever the grid: bounds of all grids hold one truth."""
+
+import numpy as np
+import pytest
+import skfem
+from scipy.sparse.linalg import LinearOperator, eigsh
+from skfem.helpers import ddot, div, dot, sym_grad
+
+from kaju import Scene, solve
+from kaju.factors import factors_of
+from kaju.model.elastic.tractions import LARGEST
+
+EDGE, YOUNG, POISSON = 0.2, 210e9, 0.3
+ELEMENTS = 1e-4
+"""Share of the energy that the graded elements miss."""
+
+
+def drawn(rng):
+    """A load on the top or the right side of a square, that ends anywhere or grows along it."""
+    side = rng.choice(["top", "right"])
+    low, high = np.sort(rng.uniform(0.0, EDGE, 2)).tolist()
+    low, high = (0.0 if rng.random() < 0.3 else low), max(high, low + 0.02)
+    high = min(high, EDGE)
+    ends = [[low, EDGE], [high, EDGE]] if side == "top" else [[EDGE, low], [EDGE, high]]
+    slope = (1e4 * rng.normal(size=2)).tolist()
+    return [
+        {"region": {"box": ends}, "force": rng.normal(size=2).tolist()},
+        {"region": {"box": ends}, "pressure": 1e3},
+        {"region": {"box": ends}, "pressure": 1e3, "pressure_slope": slope},
+        {"side": str(side), "pressure": 1e3, "pressure_slope": slope},
+    ][rng.integers(4)]
+
+
+def square(load, cells):
+    return Scene(
+        body={"size": [EDGE, EDGE], "cells": [cells, cells], "material": "m"},
+        materials={"m": {"youngs_modulus": YOUNG, "poissons_ratio": POISSON}},
+        sides={"bottom": "rigid"},
+        loads=[load],
+    )
+
+
+def lines(ends):
+    """Lines of a mesh, ever closer together towards some places and the corners."""
+    towards = [0.0, EDGE, *ends]
+    near = [x + sign * EDGE * 0.5**k for x in towards for k in range(2, 13) for sign in (-1, 1)]
+    found = np.unique([*towards, *np.linspace(0.0, EDGE, 17), *near])
+    found = found[(found >= 0.0) & (found <= EDGE)]
+    return found[np.r_[True, np.diff(found) > 1e-6]] / EDGE
+
+
+def energy_by_elements(load):
+    """The energy (J) by quadratic triangles whose edges end where the load does."""
+    box = load["region"]["box"] if "region" in load else None
+    if box is None:
+        box = [[0, EDGE], [EDGE, EDGE]] if load["side"] == "top" else [[EDGE, 0], [EDGE, EDGE]]
+    along = 0 if box[0][1] == box[1][1] else 1
+    low, high = box[0][along], box[1][along]
+    axes = [lines([low, high] if axis == along else []) for axis in (0, 1)]
+    mesh, element = skfem.MeshTri.init_tensor(*axes), skfem.ElementVector(skfem.ElementTriP2())
+    basis = skfem.Basis(mesh, element)
+    lame, mu = YOUNG * POISSON / (1 - POISSON**2), YOUNG / 2 / (1 + POISSON)
+
+    @skfem.BilinearForm
+    def stiffness(u, v, _):
+        return lame * div(u) * div(v) + 2 * mu * ddot(sym_grad(u), sym_grad(v))
+
+    def traction(x):
+        if "force" in load:
+            return np.multiply.outer(np.array(load["force"]) / (high - low), np.ones_like(x[0]))
+        slope = load.get("pressure_slope", [0.0, 0.0])
+        pressure = load["pressure"] + EDGE * (slope[0] * x[0] + slope[1] * x[1])
+        return np.multiply.outer(-np.eye(2)[1 - along], pressure)
+
+    def loaded(x):
+        on = np.abs(x[1 - along] - 1.0) < 1e-9
+        return on & (EDGE * x[along] > low) & (EDGE * x[along] < high)
+
+    facets = skfem.FacetBasis(mesh, element, facets=mesh.facets_satisfying(loaded))
+    right = EDGE * skfem.LinearForm(lambda v, w: dot(traction(w.x), v)).assemble(facets)
+    held = basis.get_dofs(lambda x: x[1] == 0.0)
+    moved = skfem.solve(*skfem.condense(stiffness.assemble(basis), right, D=held))
+    return 0.5 * float(right @ moved)
+
+
+def check(load, grids):
+    truth = energy_by_elements(load)
+    for cells, asked in grids:
+        result = solve(square(load, cells), **asked)
+        assert result.no_bound == ""
+        low, high = result.energy_bounds
+        assert low <= truth * (1 + ELEMENTS)
+        assert truth <= high
+        if "tolerance" in asked:
+            assert result.tolerance_kept == "proved"
+            assert high < low * (1 + 4 * asked["tolerance"] ** 2)
+
+
+FEW = [(10, {"resolution": 1}), (10, {"tolerance": 0.05}), (40, {"resolution": 1})]
+MANY = [*FEW, (40, {"tolerance": 0.05}), (160, {"tolerance": 0.05}), (160, {"resolution": 1})]
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4])
+def test_bounds_on_all_grids_hold_the_truth_of_the_load_described(seed):
+    check(drawn(np.random.default_rng(seed)), FEW)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5, 35))
+def test_bounds_of_thirty_random_loads_on_all_grids_hold_the_truth(seed):
+    check(drawn(np.random.default_rng(seed)), MANY)
+
+
+SOLID = [
+    {"region": {"box": [[0.01, 0.013, 0.08], [0.055, 0.061, 0.08]]}, "force": [1.0, 0.5, -2.0]},
+    {"side": "top", "pressure": 1e3, "pressure_slope": [1e4, 2e4, 0.0]},
+]
+
+
+@pytest.mark.parametrize("load", SOLID)
+def test_bounds_of_solids_on_two_grids_have_energies_in_common(load):
+    def bounds(cells):
+        body = {"cell_size": 0.08 / cells, "cells": [cells] * 3, "material": "steel"}
+        return solve(Scene(body=body, sides={"bottom": "rigid"}, loads=[load])).energy_bounds
+
+    (low, high), (least, most) = bounds(2), bounds(4)
+    assert max(low, least) < min(high, most)
+    assert most - least < high - low
+
+
+def turned(load, at):
+    """Force and moment of the reactions of a square, and those of the load."""
+    result = solve(square(load, 5))
+    moved = result.found.tree
+    entered, grid = moved.spawning.balance.load, moved.spawning.balance.grid
+    force = np.where(grid.axis[:, None] == np.arange(2), entered[:, None], 0.0)
+    arm = grid.place * moved.metre - at
+    moment = float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum())
+    return moved.scales.force * force.sum(axis=0), moved.scales.force * moment
+
+
+@pytest.mark.parametrize(
+    ("load", "at"),
+    [
+        ({"region": {"box": [[0.013, EDGE], [0.171, EDGE]]}, "force": [2.0, -3.0]}, (0.092, EDGE)),
+        ({"point": [0.171, EDGE], "force": [0.0, -3.0]}, (0.171, EDGE)),
+        ({"point": [0.191, EDGE], "force": [0.0, -3.0]}, (0.191, EDGE)),
+        ({"point": [EDGE, 0.033], "force": [3.0, 0.0]}, (EDGE, 0.033)),
+    ],
+)
+def test_forces_keep_their_line_of_action(load, at):
+    force, moment = turned(load, np.array(at))
+    assert force == pytest.approx(load["force"], abs=1e-9)
+    assert moment == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_agents_leave_of_loads_is_told_with_its_size():
+    load = {"region": {"box": [[0.083, EDGE], [0.117, EDGE]]}, "force": [0.0, -2.0]}
+    coarse, spawned = solve(square(load, 5)), solve(square(load, 5), tolerance=0.05)
+    assert 0.01 < coarse.load_error_estimate < coarse.error_bound
+    assert any("end within faces" in note for note in coarse.notes)
+    assert 0.0 < spawned.load_error_estimate < 1e-3
+    assert not any("within" in note for note in spawned.notes)
+
+
+@pytest.mark.parametrize(("dimension", "parts"), [(2, 8), (3, 2)])
+def test_no_displacement_of_a_cell_feels_more_of_what_is_left_than_the_bound_says(dimension, parts):
+    """The largest ‖v - its linear part‖² on a side over ‖ε(v)‖², which elements find from below."""
+    axes = [np.linspace(0.0, 1.0, parts + 1)] * dimension
+    if dimension == 2:
+        mesh, element = skfem.MeshQuad.init_tensor(*axes), skfem.ElementQuad2()
+    else:
+        mesh, element = skfem.MeshHex.init_tensor(*axes), skfem.ElementHex2()
+    basis = skfem.Basis(mesh, skfem.ElementVector(element))
+    side = skfem.FacetBasis(
+        mesh, basis.elem, facets=mesh.facets_satisfying(lambda x: x[dimension - 1] == 1.0)
+    )
+    strain = skfem.BilinearForm(lambda u, v, _: ddot(sym_grad(u), sym_grad(v))).assemble(basis)
+    mass = skfem.BilinearForm(lambda u, v, _: dot(u, v))
+    shapes = [lambda x: np.ones_like(x[0])]
+    shapes += [lambda x, k=k: np.sqrt(12.0) * (x[k] - 0.5) for k in range(dimension - 1)]
+    linear = np.array(
+        [
+            skfem.LinearForm(lambda v, w, c=c, shape=shape: shape(w.x) * v[c]).assemble(side)
+            for c in range(dimension)
+            for shape in shapes
+        ]
+    )
+    whole, on_side = strain + 1e-7 * mass.assemble(basis), mass.assemble(side)
+    largest = eigsh(
+        LinearOperator(whole.shape, lambda v: on_side @ v - linear.T @ (linear @ v)),
+        k=1,
+        M=whole,
+        Minv=LinearOperator(whole.shape, factors_of(whole.tocsc()).solve),
+        return_eigenvectors=False,
+        tol=1e-4,
+    )
+    assert 0.8 * LARGEST[dimension] < float(largest[0]) < LARGEST[dimension]

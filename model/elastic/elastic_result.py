@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .caveats import Caveats
     from .cell_agents import CellAgents
     from .equal_arrays import EqualArrays
+    from .intensity import Intensity
 
 Index = NDArray[np.int64]
 
@@ -536,6 +537,45 @@ class ElasticResult(BodyResult):
         from .corners import sharp_corners
 
         return sharp_corners(self.scene)
+
+    def intensity(self, at: tuple[float, ...], radius: float | None = None) -> Intensity:
+        """Return the stress intensity factors of a crack or a re-entrant corner of the plane.
+
+        Its sides are free, and it is of one material. A crack is a slit of air one cell wide,
+        whose factors are those of a crack longer by a third of that: of 50 cells within 2 %.
+
+        Parameters
+        ----------
+        at : tuple of float
+            The corner (m), or the middle of the end of the slit.
+        radius : float, optional
+            How far from there displacement and stress are taken (m); by default as far as nothing
+            else is near: edges, loads, materials.
+
+        Returns
+        -------
+        Intensity
+            Factors, exponents, and an estimate of the error.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such corner or slit, or no room for a ring round it.
+
+        Examples
+        --------
+        >>> from kaju import Scene, solve
+        >>> hole = {"box": [[0.1, 0.1], [0.2, 0.2]], "material": "air"}
+        >>> body = {"size": [0.2, 0.2], "cells": [8, 8], "material": "steel", "regions": [hole]}
+        >>> loads = [{"side": "right", "pressure": -1e6}]
+        >>> bracket = Scene(body=body, sides={"left": "rigid"}, loads=loads)
+        >>> answer = solve(bracket, tolerance=0.05)
+        >>> round(answer.intensity((0.1, 0.1)).exponents[0], 4)
+        0.5445
+        """
+        from .intensity import intensity
+
+        return intensity(self, at, radius)
 
     @property
     def max_displacement(self) -> float:

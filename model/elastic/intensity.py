@@ -36,6 +36,8 @@ FEWEST = 4
 WIDTH = 0.7
 """What the width of a slit adds to its factors, over what is there of it and beyond: a slit is
 about a third of its width longer than a crack (0.3 to 0.7, tests/elasticity/test_intensity.py)."""
+FELT = 0.2
+"""Share of the answer's error that factors may have: of Ls it was 0.15 at most."""
 FARTHEST = 500
 """So many cells round a tip are looked through."""
 WAYS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
@@ -55,14 +57,14 @@ class Intensity(NamedTuple):
     exponents: tuple[float, float]
     """λ_I and λ_II."""
     error_estimate: float
-    """Of the larger factor, in its unit: what a narrower ring tells differently, the square of the
+    """Of the larger factor, in its unit: what a narrower ring tells differently, a share of the
     answer's error, and how wide a slit is."""
     radius: float
     """Outer radius of the ring (m)."""
 
 
 class _Tip(NamedTuple):
-    """A tip: place (m), half the angle of the body round it, its bisector, half the slit's width."""
+    """Where a tip is (m), half the body's angle there, its bisector, half the width of the slit."""
 
     at: Floats
     half: float
@@ -96,7 +98,7 @@ def intensity(result: ElasticResult, at: tuple[float, ...], radius: float | None
     opening, shear = (_factor(result, tip, mode, radius) for mode in modes)
     inner = [_factor(result, tip, mode, 0.5 * (radius + least)) for mode in modes]
     error = max(abs(opening - inner[0]), abs(shear - inner[1]))
-    share = result.error_estimate**2 + WIDTH * 2.0 * tip.slit / room
+    share = FELT * result.error_estimate + WIDTH * 2.0 * tip.slit / room
     error += share * max(abs(opening), abs(shear))
     return Intensity(opening, shear, (modes[0].exponent, modes[1].exponent), error, float(radius))
 
@@ -159,7 +161,7 @@ def _room(result: ElasticResult, tip: _Tip) -> float:
 
 def _turned(points: Floats, angle: float) -> Floats:
     c, s = np.cos(angle), np.sin(angle)
-    return points @ np.array([[c, s], [-s, c]])
+    return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
 @dataclass(frozen=True)

@@ -171,11 +171,10 @@ class LoadTransfer:
                 return f"no load exceeds the threshold of {gamma:g} N: nothing happens"
             return f"at rest after {generation} generations"
         if not pending <= self._most:
-            further = (
-                ""
-                if self.certificate.known or self.allow_unstable
-                else ("; to watch them grow further, set allow_unstable=True (`kaju run --allow-unstable`)")
-            )
+            further = "; to watch them grow further, set allow_unstable=True"
+            further += " (`kaju run --allow-unstable`)"
+            if self.certificate.known or self.allow_unstable:
+                further = ""
             return (
                 f"stopped after {generation} generations: the loads have grown to "
                 f"{pending / applied:.0e} times the applied ones{further}"

@@ -203,3 +203,41 @@ def test_a_mean_round_a_corner_is_a_goal():
     region = {"box": [[0.05, 0.05], [0.15, 0.15]]}
     result = solve(L_SHAPE, tolerance=0.1, tolerance_at=Stress(region, "yy"), most_agents=20_000)
     assert np.isfinite(result.goals[0].value)
+
+
+SLIT = Scene(
+    body={
+        "size": [0.2, 0.2],
+        "cells": [20, 20],
+        "material": "steel",
+        "regions": [
+            {"box": [[0.0, 0.1], [0.1, 0.11]], "material": "air"},
+            {"box": [[0.15, 0.15], [0.18, 0.18]], "material": "copper"},
+        ],
+    },
+    sides={"bottom": "rigid"},
+    loads=[
+        {"point": [0.155, 0.2], "force": [0.0, -1.0]},
+        {"region": {"box": [[0.2, 0.123], [0.2, 0.157]]}, "force": [0.0, 1.0]},
+        {"region": {"box": [[0.05, 0.2], [0.09, 0.2]]}, "force": [1.0, 0.0]},
+    ],
+)
+SINGULAR = [
+    *((SLIT, at) for at in ((0.1, 0.1), (0.1, 0.11), (0.0, 0.0), (0.2, 0.0), (0.155, 0.2))),
+    *((SLIT, at) for at in ((0.2, 0.123), (0.2, 0.157), (0.05, 0.2), (0.09, 0.2))),
+    *((SLIT, at) for at in ((0.15, 0.15), (0.18, 0.15), (0.15, 0.18), (0.18, 0.18))),
+    *((L_SHAPE, at) for at in ((0.1, 0.1), (0.0, 0.0), (0.2, 0.0), (0.05, 0.05), (0.0, 0.05))),
+    *((L_SHAPE, at) for at in ((0.05, 0.0),)),
+    (quarter_tube(16)[0], (0.625, 0.875)),
+]
+
+
+def test_at_twenty_singular_places_no_stress_is_given_as_a_number():
+    assert len(SINGULAR) == 20
+    answers = {id(scene): solve(scene) for scene, _ in SINGULAR}
+    for scene, at in SINGULAR:
+        for component in ("xx", "von_mises"):
+            with pytest.raises(SingularPlaceError, match="^tolerance_at"):
+                solve(scene, tolerance=0.1, tolerance_at=Stress(at, component))
+            with pytest.raises(SingularPlaceError, match="^value_of"):
+                answers[id(scene)].value_of(Stress(at, component))

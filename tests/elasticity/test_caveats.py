@@ -237,7 +237,7 @@ def test_at_twenty_singular_places_no_stress_is_given_as_a_number():
     answers = {id(scene): solve(scene) for scene, _ in SINGULAR}
     for scene, at in SINGULAR:
         for component in ("xx", "von_mises"):
-            with pytest.raises(SingularPlaceError, match="^tolerance_at"):
+            with pytest.raises(SingularPlaceError, match="tolerance_at: "):
                 solve(scene, tolerance=0.1, tolerance_at=Stress(at, component))
-            with pytest.raises(SingularPlaceError, match="^value_of"):
+            with pytest.raises(SingularPlaceError, match="value_of: "):
                 answers[id(scene)].value_of(Stress(at, component))

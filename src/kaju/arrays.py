@@ -19,4 +19,5 @@ def first_largest(values: Floats) -> int:
 
 def all_largest(values: Floats) -> Ints:
     """Return the indices of all values that equal the largest one, but for rounding."""
-    return np.flatnonzero(values >= values.max() - TIE * np.abs(values).max())
+    found = np.flatnonzero(values >= values.max() - TIE * np.abs(values).max())
+    return found if len(found) else np.array([values.argmax()])  # infinities, or no numbers

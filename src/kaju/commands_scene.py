@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, ResultFileError
 
 from .options import Force, Json, Settings, refuse_to_replace, scene_of, worked_plate
 
@@ -35,7 +35,10 @@ def _check_result(file: Path, as_json: bool) -> None:
     from kaju.model.results.result import load_result
 
     result = load_result(file)
-    json.dumps(result.summary(), allow_nan=False)
+    try:
+        json.dumps(result.summary(), allow_nan=False)
+    except ValueError:
+        raise ResultFileError(f"{file}: its figures are not all finite numbers") from None
     checks = result.checks()
     if as_json:
         told = {check.what: check._asdict() | {"holds": check.holds} for check in checks}

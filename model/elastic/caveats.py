@@ -135,8 +135,9 @@ class Caveats:
 
     def _rough(self) -> list[Caveat]:
         error = self.result.error_estimate
-        # What is said of goals is about their own error.
-        if self.result.tolerance_at is not None or not error > ROUGH:
+        # What is said of goals is about their own error, and a proof says more than an estimate.
+        proved = self.result.tolerance_kept == "proved"
+        if self.result.tolerance_at is not None or proved or not error > ROUGH:
             return []
         half = 0.05 if self.result.tolerance is None else 0.5 * min(self.result.tolerance, error)
         return [

@@ -117,7 +117,6 @@ REFUSED = {
     "forgets its books": after_take(lambda self, load: setattr(self, "taken", [0.0] * 4)),
     "has no material left": after_take(lambda self, load: setattr(self, "material", None)),
     "leaves": after_take(lambda self, load: self.remove()),
-    "steps its model": after_take(lambda self, load: self.model.step()),
     "hands over for nobody": material(
         pass_on=lambda self, load: self.model.hand_over(None, 0, load)
     ),
@@ -156,6 +155,10 @@ REFUSED = {
     "order without end": {"order": lambda agents: repeat(agents[0])},
     "order counts": {"order": lambda agents: count()},
 }
+
+
+if not hasattr(LoadModel, "scenario"):  # from 3.5 on Mesa itself takes no step within a step
+    REFUSED["steps its model"] = after_take(lambda self, load: self.model.step())
 
 
 @pytest.mark.parametrize("kind", REFUSED)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tomllib
-from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -194,8 +193,8 @@ def stress(
     number = count or (QUICK if quick else ALL)
     outcomes: list[Outcome] = []
     kept = [] if count else list(CORPUS)
-    cases = chain(kept, range(first, first + number))
-    number += len(kept)
+    cases: list[int | tuple[int, str]] = [*kept, *range(first, first + number)]
+    number = len(cases)
     for outcome in record(trials(cases, workers, limit), table):
         outcomes.append(outcome)
         if outcome.verdict in (FAILED, UNFINISHED):

@@ -29,7 +29,7 @@ def flat(change=None, shape=(24, 20), sides=CLAMPED, plane="stress", force=(0.3,
     x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in shape), indexing="ij")
     if change:
         change(kinds, x, y)
-    middle, top = 0.005 * shape[0], 0.01 * shape[1]
+    middle, top = 0.01 * (shape[0] // 2), 0.01 * shape[1]  # loads end between faces
     return kaju.Scene.from_array(
         kinds, legend=LEGEND, cell_size=0.01, thickness=0.02, plane=plane, materials=MATERIALS,
         sides=sides,

@@ -267,12 +267,6 @@ class Ground:
         self._cells, self._direction = applied.cells[first], applied.direction[first]
         self._force = np.zeros((len(first), self.dimension))
         np.add.at(self._force, inverse.ravel(), applied.force)
-        # About the energy of the loads, each as wide as it covers.
-        share, odd = np.ones(len(first)), self._odd >= 0
-        part = self._uneven.part
-        share[odd] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._odd[odd]]
-        square = ((self._force**2).sum(axis=1) / share).sum() * share.sum() ** (1.0 / (d - 1))
-        self._strength = float(np.sqrt(square / max(len(rows), 1)))
 
     def _scale(self) -> None:
         """Choose units and divide by them; see `kaju.model.elastic.problem`."""
@@ -285,7 +279,13 @@ class Ground:
         self.scales = Scales.of(modulus, max(peak, moved * stretch), h, stretch)
         self._force /= self.scales.force
         self._uneven = self._uneven._replace(growth=self._uneven.growth / self.scales.force)
-        self._strength /= self.scales.force
+        # About the energy of the loads, each as wide as it covers.
+        share, odd = np.ones(len(self._force)), self._odd >= 0
+        part = self._uneven.part
+        share[odd] = (part[:, 1] - part[:, 0]).prod(axis=1)[self._odd[odd]]
+        wide = float(share.sum()) ** (1.0 / (self.dimension - 1))
+        square = wide * ((self._force**2).sum(axis=1) / share).sum()
+        self._strength = float(np.sqrt(square / max(len(part), 1)))
         ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
         self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)
 

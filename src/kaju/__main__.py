@@ -82,7 +82,8 @@ def main() -> None:
     except MemoryError as error:
         _end(f"there is not enough memory ({error}); take a coarser or a smaller body")
     except OSError as error:
-        where = error.filename or ("the output" if _full(sys.stdout) else "the working folder")
+        gone = isinstance(error, FileNotFoundError)  # whatever has no name was written to a stream
+        where = error.filename or ("the working folder" if gone else "the output")
         _end(f"{where}: {error.strerror or error}")
 
 

@@ -86,8 +86,9 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
   const taken = seen && !left ? [level] : [];  // names stand at the ends of their lines, not over each other
   shown.forEach((list, i) => {
     if (!names?.[i] || lists.length < 2 || !list.length) return;
+    const away = Y(list.at(-1)) > y + h / 2 ? -13 : 13;
     let at = Math.max(y + 8, Math.min(y + h - 8, Y(list.at(-1)) + (i ? 10 : -8)));
-    while (taken.some((other) => Math.abs(other - at) < 13)) at += at > y + h / 2 ? -13 : 13;
+    while (taken.some((other) => Math.abs(other - at) < 13)) at += away;   // one way: there and back would not end
     taken.push(at);
     paintWord(ctx, names[i], Math.min(x + w, X(over[list.length - 1])) - 3, at, colours[i % 4], inks, { align: "right" });
   });

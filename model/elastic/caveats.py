@@ -242,9 +242,10 @@ def load_error(result: ElasticResult) -> float:
 def _off_place(load: Load, chosen: Selection, h: float) -> str:
     """Say how far a load on some cells of edge h is moved; nothing if it is not."""
     if load.point is not None:
+        how = "with its moment" if chosen.offset is not None else "round its middle"
         return (
             f"a force at a point has no limit of energy; it is spread over the {h:.3g} m of its "
-            "cell, with its moment, and smaller cells make it sharper"
+            f"cell, {how}, and smaller cells make it sharper"
         )
     inside = bool(np.all(chosen.direction < 0))
     if load.region is not None and load.region.box is None and load.force is not None:

@@ -421,7 +421,9 @@ def _into(filling: Filling, cells: Cells, load: Load, where: str) -> Selection:
     else:
         raise SceneError(f"{where}.side: is needed to press on a single cell with a pressure")
     offset = None
-    if load.point is not None and load.force is not None and filling.lattice.boxes:
+    # In solids a force at a point acts in the middle of its cell's face.
+    plane = filling.lattice.boxes and filling.lattice.dimension == 2
+    if load.point is not None and load.force is not None and plane:
         # A point on a line between cells is in the middle of those that share its force.
         place = np.asarray(load.point) / filling.lattice.cell_size
         between = np.abs(place - np.rint(place)) <= 2.0 * _NUDGE

@@ -241,7 +241,7 @@ def test_answers_are_read_back_by_kind(tmp_path, elements):
     again = load_answer(elements.save(tmp_path / "reference"))
     np.testing.assert_array_equal(again.stress, elements.stress)
     assert again.source == elements.source
-    with pytest.raises(ResultFileError, match="(?i)no such file"):
+    with pytest.raises(ResultFileError, match=r"(?i)no such file"):
         load_answer(tmp_path / "nothing.npz")
 
 

@@ -19,8 +19,10 @@ from kaju.arrays import Floats
 from kaju.errors import MissingExtraError, ParameterError
 from kaju.factors import factors_of, rigid_motions
 from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.elastic.tractions import Portions
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.selection import AppliedLoads, Uneven
 from kaju.model.study.reference import Reference
 
 Index = NDArray[np.int64]
@@ -291,7 +293,8 @@ def stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
 def densities(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
     """Return forces per facet of the boundary and per element, each for unit area or volume.
 
-    Forces in the middle of cells are spread over these.
+    Forces in the middle of cells are spread over these. Loads that cover faces in part, or not
+    evenly, are left to `_uneven_tractions`.
     """
     d, shape = scene.lattice.dimension, scene.lattice.shape
     applied = scene.applied()
@@ -300,37 +303,81 @@ def densities(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
     beyond = applied.cells[surface] + scene.lattice.normals[applied.direction[surface]].astype(int)
     if (scene.kinds(beyond) >= 0).any():
         raise ParameterError("scene: a force enters by a face inside the body, not by its surface")
+    even = surface.copy()
+    if applied.uneven is not None:
+        even[applied.uneven.row] = False
     for axis in range(d):
         force = applied.force[:, axis]
-        place = (applied.direction[surface], *applied.cells[surface].T)
-        np.add.at(on_faces[axis], place, force[surface])
+        place = (applied.direction[even], *applied.cells[even].T)
+        np.add.at(on_faces[axis], place, force[even])
         np.add.at(within[axis], tuple(applied.cells[~surface].T), force[~surface])
     cell, way = _faces_of(mesh, facets)
     return on_faces[:, way, *cell], within[:, *cells_of(mesh)]
+
+
+def _uneven_tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
+    """Return the mean and the growth along each axis of uneven loads on facets of the boundary.
+
+    They are linear there, with the force and the moments of the loads as described.
+    """
+    d, applied = scene.lattice.dimension, scene.applied()
+    mean, growth = np.zeros((d, len(facets))), np.zeros((d, d, len(facets)))
+    if applied.uneven is None or not len(applied.uneven.row):
+        return mean, growth
+    cell, way = _faces_of(mesh, facets)
+    row, part, slope = applied.uneven
+    sizes = (*scene.lattice.shape, 2 * d)
+    keys = np.ravel_multi_index((*cell, way), sizes)
+    wanted = np.ravel_multi_index((*applied.cells[row].T, applied.direction[row]), sizes)
+    order = np.argsort(keys, kind="stable")
+    first = np.searchsorted(keys, wanted, "left", order)
+    count = np.searchsorted(keys, wanted, "right", order) - first
+    load = np.repeat(np.arange(len(row)), count)
+    facet = order[first[load] + np.arange(len(load)) - (np.cumsum(count) - count)[load]]
+    corners = mesh.p[:, mesh.facets[:, facets[facet]]]
+    low = (corners.min(axis=1) - cell[:, facet]).T
+    size = np.ptp(corners, axis=1).max(axis=0)
+    on_facet = Uneven(load, part[load], slope[load])
+    force = applied.force[row][load]
+    portions = Portions.of(facet, way[facet], force, on_facet, low, size)
+    area = size[:, None] ** (d - 1)
+    np.add.at(mean.T, facet, portions.force / area)
+    np.add.at(
+        growth.transpose(2, 0, 1),
+        facet,
+        12.0 * portions.moment / (area * size[:, None] ** 2)[:, None],
+    )
+    return mean, growth
 
 
 def _load_vector(scene: Scene, basis: Any) -> Floats:
     """Return the forces on the unknowns of vector-valued elements."""
     import skfem
 
-    facets = basis.mesh.boundary_facets()
-    traction, weight = densities(scene, basis.mesh, facets)
-    loaded = np.abs(traction).max(axis=0) > 0.0
-    total = _assembled(weight, basis) if weight.any() else np.zeros(basis.N)
+    mesh = basis.mesh
+    facets = mesh.boundary_facets()
+    traction, weight = densities(scene, mesh, facets)
+    mean, growth = _uneven_tractions(scene, mesh, facets)
+    traction = traction + mean
+    loaded = np.abs(traction).max(axis=0) + np.abs(growth).max(axis=(0, 1)) > 0.0
+    total = _assembled(weight[:, :, None], basis) if weight.any() else np.zeros(basis.N)
     if loaded.any():
-        side = skfem.FacetBasis(basis.mesh, basis.elem, facets=facets[loaded])
-        total += _assembled(traction[:, loaded], side)
+        side = skfem.FacetBasis(mesh, basis.elem, facets=facets[loaded])
+        middle = mesh.p[:, mesh.facets[:, facets[loaded]]].mean(axis=1)
+        away = np.asarray(side.global_coordinates()) - middle[:, :, None]
+        linear = np.einsum("abf,bfq->afq", growth[:, :, loaded], away)
+        total += _assembled(traction[:, loaded, None] + linear, side)
     return total
 
 
 def _assembled(density: Floats, basis: Any) -> Floats:
-    """Return the load vector of a force density that is constant in each element or facet."""
+    """Return the load vector of a force density, at the points of elements or facets."""
     import skfem
 
     names = [f"force_{axis}" for axis in range(len(density))]
     form = skfem.LinearForm(lambda v, w: sum(w[name] * v[a] for a, name in enumerate(names)))
     ones = np.ones_like(basis.dx)
-    values = {name: part[:, None] * ones for name, part in zip(names, density, strict=True)}
+    values = {name: part * ones for name, part in zip(names, density, strict=True)}
     return np.asarray(form.assemble(basis, **values))
 
 
@@ -428,11 +475,23 @@ def graded_mesh(kinds: Index, singular: Floats, levels: int) -> Any:
     from scipy.spatial import cKDTree
 
     mesh = cell_mesh(kinds)
-    tree = cKDTree(singular)
+    corner = (singular == np.floor(singular)).all(axis=1)
+    tree, within = cKDTree(singular[corner]), singular[~corner]
     for _ in range(levels if len(singular) else 0):
         sharp = np.equal(tree.query(mesh.p.T)[0], 0.0)
-        mesh = mesh.refined(np.flatnonzero(sharp[mesh.t].any(axis=0)))
+        near = sharp[mesh.t].any(axis=0)
+        near[_on_facets(mesh, within)] = True
+        mesh = mesh.refined(np.flatnonzero(near))
     return parted(mesh)
+
+
+def _on_facets(mesh: Any, points: Floats) -> Index:
+    """Return the triangles on whose sides at the boundary points lie."""
+    facets = mesh.boundary_facets()
+    ends = mesh.p[:, mesh.facets[:, facets]]
+    low, high = ends.min(axis=1) - ROUNDING, ends.max(axis=1) + ROUNDING
+    found = [np.flatnonzero(((p >= low.T) & (p <= high.T)).all(axis=1)) for p in points]
+    return np.asarray(mesh.f2t[0, facets[np.concatenate([*found, []]).astype(np.int64)]])
 
 
 def parted(mesh: Any) -> Any:
@@ -463,7 +522,7 @@ def singular_points(scene: Scene, kinds: Index) -> Floats:
     """Return where stresses or their slopes are unbounded in a plane scene, in cells.
 
     Around a grid point that is not on a straight surface, support or interface the four
-    cells do not pair up; and the loads on two surface faces in line may differ.
+    cells do not pair up; and the loads on two surface faces in line may differ, or end within.
     """
     a, b, c, d = kinds[:-1, :-1], kinds[1:, :-1], kinds[:-1, 1:], kinds[1:, 1:]
     four = np.stack([a, b, c, d])
@@ -475,7 +534,7 @@ def singular_points(scene: Scene, kinds: Index) -> Floats:
     return np.unique(np.concatenate([np.argwhere(~plain), _ends_of_loads(scene)]), axis=0) + 0.0
 
 
-def _ends_of_loads(scene: Scene) -> Index:
+def _ends_of_loads(scene: Scene) -> Floats:
     """Return the ends of faces whose traction is not that of the next face in line."""
     applied = scene.applied()
     traction: dict[tuple[int, ...], Floats] = {}
@@ -495,4 +554,16 @@ def _ends_of_loads(scene: Scene) -> Index:
                 end[axis] += upper
                 end[1 - axis] += step == 1
                 ends.append(end)
-    return np.array(ends, dtype=np.int64).reshape(-1, 2)
+    return np.concatenate([np.reshape(ends, (-1, 2)), _ends_within(applied)])
+
+
+def _ends_within(applied: AppliedLoads) -> Floats:
+    """Return where loads begin and end within faces."""
+    if applied.uneven is None:
+        return np.zeros((0, 2))
+    row, part, _ = applied.uneven
+    axis, upper = np.divmod(applied.direction[row], 2)
+    ends = applied.cells[row][:, None] + part
+    ends[np.arange(len(row)), :, axis] = (applied.cells[row, axis] + upper)[:, None]
+    inside = (ends != np.floor(ends)).any(axis=2)
+    return np.asarray(ends[inside])

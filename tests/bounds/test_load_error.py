@@ -6,7 +6,7 @@ import skfem
 from scipy.sparse.linalg import LinearOperator, eigsh
 from skfem.helpers import ddot, div, dot, sym_grad
 
-from kaju import Scene, solve
+from kaju import Scene, finite_elements, solve
 from kaju.factors import factors_of
 from kaju.model.elastic.tractions import LARGEST
 
@@ -111,6 +111,15 @@ def test_bounds_on_all_grids_hold_the_truth_of_the_load_described(seed):
 @pytest.mark.parametrize("seed", range(5, 35))
 def test_bounds_of_thirty_random_loads_on_all_grids_hold_the_truth(seed):
     check(drawn(np.random.default_rng(seed)), MANY)
+
+
+@pytest.mark.parametrize("elements, share", [("triangles", ELEMENTS), ("boxes", 1e-3)])
+@pytest.mark.parametrize("seed", [3, 4, 8])
+def test_finite_elements_take_loads_where_they_are_described(seed, elements, share):
+    load = drawn(np.random.default_rng(seed))
+    order, split = (4, 1) if elements == "triangles" else (2, 4)
+    answer = finite_elements(square(load, 10), elements=elements, order=order, split=split)
+    assert answer.strain_energy == pytest.approx(energy_by_elements(load), rel=share)
 
 
 SOLID = [

@@ -35,6 +35,27 @@ def test_column_under_its_own_weight():
     np.testing.assert_allclose(answer.displacement_at(points), expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("shape", [[4, 2], [4, 2, 2]])
+def test_parts_of_a_load_that_meet_within_a_face_are_the_whole(shape):
+    """Their energy is that of the load on the whole side."""
+    edge, d = 0.1, len(shape)
+    size = [edge * n for n in shape]
+
+    def energy(*ends):
+        middle = [{"region": {"box": box}, "pressure": 1e3} for box in ends]
+        scene = Scene(
+            body={"cells": shape, "cell_size": edge, "material": "stuff"},
+            materials=STUFF,
+            sides={"left": "rigid"},
+            loads=middle,
+        )
+        return finite_elements(scene, elements="boxes", order=2).strain_energy
+
+    low, high = [size[0]] + [0.0] * (d - 1), size
+    cut = [[size[0], 0.037, *high[2:]], [size[0], 0.037, *low[2:]]]
+    assert energy([low, cut[0]], [cut[1], high]) == pytest.approx(energy([low, high]), rel=1e-12)
+
+
 def test_bar_of_bricks_under_tension():
     """u = σ/E (x, −νy, −νz) on three rollers, also where ν is nearly ½."""
     sides = {"left": "roller", "front": "roller", "bottom": "roller"}

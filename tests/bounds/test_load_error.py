@@ -113,7 +113,7 @@ def test_bounds_of_thirty_random_loads_on_all_grids_hold_the_truth(seed):
     check(drawn(np.random.default_rng(seed)), MANY)
 
 
-@pytest.mark.parametrize("elements, share", [("triangles", ELEMENTS), ("boxes", 1e-3)])
+@pytest.mark.parametrize(("elements", "share"), [("triangles", ELEMENTS), ("boxes", 1e-3)])
 @pytest.mark.parametrize("seed", [3, 4, 8])
 def test_finite_elements_take_loads_where_they_are_described(seed, elements, share):
     load = drawn(np.random.default_rng(seed))

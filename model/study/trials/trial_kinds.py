@@ -99,8 +99,7 @@ def _within(rng: Generator, number: int) -> Told:
 
     scene = elastic_scene(rng, family_of(number))
     tolerance = float(rng.choice([0.2, 0.1]))
-    # Regions and points are asked again on smaller cells: elements on the scene's know no truth.
-    return _judged(scene, solve(scene, tolerance=tolerance, most_agents=MOST_AGENTS), 1)
+    return _judged(scene, solve(scene, tolerance=tolerance, most_agents=MOST_AGENTS), number)
 
 
 @trial("elastic agents", 5)

@@ -39,13 +39,7 @@ class Seen:
         self.scene = scene
 
     def look(self, key: str) -> Any:
-        """Return what a key of a ``see`` block names.
-
-        Raises
-        ------
-        AttributeError
-            If there is no such measure.
-        """
+        """Return what a key of a ``see`` block names."""
         name, *args = key.split()
         return getattr(self, name)(*map(int, args))
 

@@ -32,13 +32,18 @@ def pytest_runtest_makereport(item, call):
 
 
 @pytest.fixture
-def kaju(monkeypatch, capsys, tmp_path):
+def coarse(monkeypatch):
+    """Let pictures and films be coarse, which is quick."""
+    monkeypatch.setattr("kaju.view.files.RESOLUTION", 40)
+    monkeypatch.setattr("kaju.view.animation._RESOLUTION", 30)
+
+
+@pytest.fixture
+def kaju(coarse, monkeypatch, capsys, tmp_path):
     """Type a command in an empty folder; return exit code, output and error output."""
     from kaju.__main__ import main
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("kaju.view.files.RESOLUTION", 40)  # coarse pictures are quick
-    monkeypatch.setattr("kaju.view.animation._RESOLUTION", 30)
 
     def typed(*words):
         monkeypatch.setattr(sys, "argv", ["kaju", *words])
@@ -51,7 +56,7 @@ def kaju(monkeypatch, capsys, tmp_path):
 
 
 @pytest.fixture
-def typed():
+def typed(coarse):
     """Type a command; return what `typer` tells of it. Errors are raised as they are."""
     from typer.testing import CliRunner
 

@@ -93,11 +93,6 @@ def layer_of(
         default through small agents.
     crop : bool, optional
         Unless given, only where many agents could not be seen otherwise.
-
-    Raises
-    ------
-    ParameterError
-        If the cut names no axis, or lies outside the body.
     """
     scene = result.grid
     axis, place = _plane(result, cut)

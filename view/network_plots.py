@@ -61,11 +61,6 @@ class Stand:
         What the springs' colours mean.
     magnification : float or None
         How many times larger than true displacements are drawn.
-
-    Raises
-    ------
-    ParameterError
-        If `colour` is unknown or the magnification is not above 0.
     """
 
     def __init__(

@@ -273,11 +273,6 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
     -------
     list of Path
         The files, in the order in which they are best looked at.
-
-    Raises
-    ------
-    ResultFileError
-        If the directory is missing, or a file cannot be written.
     """
     folder = Path(directory)
     if not folder.is_dir():

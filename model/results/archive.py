@@ -106,11 +106,6 @@ class Archive:
             The smallest and the largest value allowed; `high` also one for each column.
         finite : bool
             Whether floating-point numbers must be finite.
-
-        Raises
-        ------
-        ResultFileError
-            Naming the array, what it must be, and what it is.
         """
         if name not in self.arrays:
             raise ResultFileError(f"{self.path}: the array {name!r} is missing")
@@ -174,13 +169,7 @@ class Archive:
         return {name.removeprefix(prefix): self.arrays[name] for name in found}
 
     def value(self, name: str, form: Any) -> Any:
-        """Return a plain value of some form: a type, a union of types, a record.
-
-        Raises
-        ------
-        ResultFileError
-            If it is missing, or of another form.
-        """
+        """Return a plain value of some form: a type, a union of types, a record."""
         if name not in self.about:
             raise ResultFileError(f"{self.path}: {name!r} is missing")
         text = json.dumps(self.about[name])

@@ -230,13 +230,7 @@ class Course(Result):
         )
 
     def record_at(self, time: float) -> int:
-        """Return the index of a time asked for.
-
-        Raises
-        ------
-        ResultError
-            If it was not asked for.
-        """
+        """Return the index of a time asked for."""
         index = int(np.argmin(np.abs(self.times - time)))
         if not np.isclose(self.times[index], time, rtol=1e-9, atol=1e-12 * self.times[-1]):
             raise ResultError(

@@ -89,11 +89,6 @@ def levels_of(shape: tuple[int, ...], comm: Any) -> list[Level]:
     shape : tuple of int
         Cells along each axis, without the rim.
     comm : petsc4py Comm
-
-    Raises
-    ------
-    ParameterError
-        If there are more processes than the body can be cut for.
     """
     size = comm.getSize()
     parts = _processes(shape, size)
@@ -317,13 +312,7 @@ def materials_in(body: Body, cells: Box) -> Flags:
 
 
 def scaled(body: Body, present: Flags) -> Body:
-    """Return a body in units in which its largest modulus and largest force are one.
-
-    Raises
-    ------
-    SceneError
-        If no cell is of a material.
-    """
+    """Return a body in units in which its largest modulus and largest force are one."""
     if not present.any():
         raise SceneError("body: no cell is of a material, so there is nothing to solve")
     used = [m for m, there in zip(body.scene.cell_materials, present, strict=True) if there]

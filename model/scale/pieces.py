@@ -301,11 +301,6 @@ class PiecedResult(BodyResult):
         ----------
         path : path
             A new folder.
-
-        Raises
-        ------
-        ResultFileError
-            If it exists, or cannot be written by one of the processes.
         """
         from .solve import together
 
@@ -345,13 +340,7 @@ class PiecedResult(BodyResult):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Open a folder that `save` wrote; pieces are read when they are asked for.
-
-        Raises
-        ------
-        ResultFileError
-            If the folder is missing, incomplete or damaged.
-        """
+        """Open a folder that `save` wrote; pieces are read when they are asked for."""
         folder = Path(path)
         folder = folder.parent if folder.is_file() else folder
         archive = open_archive(folder / SCENE, "pieces")

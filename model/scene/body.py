@@ -146,13 +146,7 @@ class Body(Described):
         return self
 
     def lattice_of(self, shape: tuple[int, ...]) -> Lattice:
-        """Return the lattice of that many cells.
-
-        Raises
-        ------
-        SceneError
-            If the cells would not be of one size, or the keys contradict each other.
-        """
+        """Return the lattice of that many cells."""
         if len(shape) not in (2, 3):
             raise SceneError(f"body.cells: two or three numbers are needed, got {list(shape)}")
         lattice = self.lattice or ("cube" if len(shape) == 3 else "square")

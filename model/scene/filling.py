@@ -112,13 +112,7 @@ class Filling:
         return low.astype(np.int64), np.maximum(low, high).astype(np.int64)
 
     def rasterise(self) -> NDArray[np.int16]:
-        """Return the kinds of all cells, shape `lattice.shape`.
-
-        Raises
-        ------
-        SceneError
-            If there are more cells than can be held.
-        """
+        """Return the kinds of all cells, shape `lattice.shape`."""
         shape = self.lattice.shape
         check_size(shape, "body.cells")
         if isinstance(self.base, int):

@@ -67,13 +67,7 @@ class LoadRegion(Described):
         return self
 
     def shape_in(self, dimension: int, where: str) -> Shape:
-        """Return a shape other than a box.
-
-        Raises
-        ------
-        SceneError
-            If it belongs to another dimension.
-        """
+        """Return a shape other than a box."""
         name = one_given(self, _SHAPES, ONE_SHAPE)
         if (name == "ball") != (dimension == 3):
             raise SceneError(
@@ -95,13 +89,7 @@ class LoadRegion(Described):
         return Ball(circle.centre, circle.radius)
 
     def flat_axis(self, cell_size: float, where: str) -> int | None:
-        """Return the axis along which the box has no thickness, None if it has volume.
-
-        Raises
-        ------
-        SceneError
-            If a corner is on the wrong side, or the box is thin along several axes.
-        """
+        """Return the axis along which the box has no thickness, None if it has volume."""
         assert self.box is not None
         spans = [high - low for low, high in zip(*self.box, strict=True)]
         if min(spans) < 0.0:

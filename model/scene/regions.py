@@ -86,13 +86,7 @@ class Region(Described):
         return self
 
     def shape_in(self, lattice: Lattice, where: str) -> Shape:
-        """Return the region's shape in the array of `lattice`.
-
-        Raises
-        ------
-        SceneError
-            If the shape does not fit the array: other dimension, no extent, or outside.
-        """
+        """Return the region's shape in the array of `lattice`."""
         name = one_given(self, _SHAPES, ONE_SHAPE)
         if name == "ball" and lattice.dimension == 2:
             raise SceneError(f"{where}.ball: belongs to three dimensions; use disk")

@@ -302,11 +302,6 @@ def select(filling: Filling, load: Load, where: str) -> Selection:
         The load.
     where : str
         Key path of the load, for errors.
-
-    Raises
-    ------
-    SceneError
-        If there is no body at the load's place, or the load does not fit the lattice.
     """
     lattice = filling.lattice
     if load.force is not None:

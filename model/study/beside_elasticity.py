@@ -86,11 +86,6 @@ class BesideElasticity:
         depths : sequence of float, optional
             Unless given the middle of the first row of cells, and those nearest to a quarter
             and to half of the way down.
-
-        Raises
-        ------
-        ParameterError
-            If a depth is not inside the body.
         """
         place, into, far = self._load
         length, edge = abs(far - self._surface), self.scene.lattice.cell_size

@@ -60,13 +60,7 @@ ACTS_AT_ONCE = 20_000
 
 
 def boundary_classes(own: Mapping[str, type[BoundaryAgent]]) -> dict[int, type[BoundaryAgent]]:
-    """Return the class for each kind of boundary, those of one's own put in.
-
-    Raises
-    ------
-    ParameterError
-        If there is no such boundary, or a class is no boundary agent.
-    """
+    """Return the class for each kind of boundary, those of one's own put in."""
     classes = dict(BOUNDARY_AGENTS)
     kinds = {usual.name: kind for kind, usual in BOUNDARY_AGENTS.items()}
     for name, agent in own.items():

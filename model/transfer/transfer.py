@@ -33,13 +33,6 @@ class Transfer:
         A scene whose rule is a `PrescribedRule`.
     rule : ShareRule, optional
         Another rule, instead of the scene's.
-
-    Raises
-    ------
-    SceneError
-        If a side of the scene asks for something that only the elastic rule can do.
-    ParameterError
-        If another rule lacks something, or its answer is none.
     """
 
     def __init__(self, scene: Scene, rule: ShareRule | None = None) -> None:

@@ -46,11 +46,6 @@ class Console:
         Print the key figures as one JSON object, and nothing else.
     quiet : bool
         Print nothing but errors.
-
-    Raises
-    ------
-    ParameterError
-        If both are asked for.
     """
 
     as_json: bool = False

@@ -31,11 +31,6 @@ class Folder:
         The folder; it is made when the results are there.
     force : bool
         Replace the results of an earlier run. Other files in the folder are left alone.
-
-    Raises
-    ------
-    ResultFileError
-        If something is already there and `force` is False, or nothing can be written there.
     """
 
     def __init__(self, path: Path, force: bool = False) -> None:
@@ -59,12 +54,6 @@ class Folder:
         """Write summary.json, result.npz and pictures; return their paths.
 
         Everything is written aside first; the whole folder then takes its place in one step.
-
-        Raises
-        ------
-        ResultFileError
-            If the folder cannot be written. If another run has put its results there since
-            this one began, these are kept beside them, in the folder that the error names.
         """
         with scratch_folder(self.path, ResultFileError) as scratch:
             self._fill(scratch, result, pictures)

@@ -2,6 +2,7 @@
 
 import csv
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,10 @@ def test_kaju_and_bilinear_elements_both_approach_the_truth(problem):
         assert theirs[1] < 0.6 * theirs[0] < 0.05
 
 
-@pytest.mark.parametrize("problem", [PIXELS, BLOCK], ids=["pixels", "block"])
+SMALL_BLOCK = replace(BLOCK, picture=np.ones((4, 4, 4), dtype=np.bool_), edge=0.25)
+
+
+@pytest.mark.parametrize("problem", [PIXELS, SMALL_BLOCK], ids=["pixels", "block"])
 def test_solvers_of_peers_agree(problem):
     direct, iterated = (bilinear.solve(problem, 2, by)() for by in ("superlu", "pyamg"))
     np.testing.assert_allclose(iterated, direct, atol=1e-5 * np.abs(direct).max())

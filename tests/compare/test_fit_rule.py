@@ -47,10 +47,10 @@ def test_history_only_falls_and_counts_the_runs(fit):
     assert 150 <= fit.evaluations <= 210
 
 
-def test_the_same_question_has_the_same_answer(fit):
-    again = fit_rule(plate(), solve(plate(), resolution=8), evaluations=200)
-    assert again.rule == fit.rule
-    np.testing.assert_array_equal(again.history, fit.history)
+def test_the_same_question_has_the_same_answer():
+    one, again = (fit_rule(plate(), solve(plate()), evaluations=20) for _ in range(2))
+    assert again.rule == one.rule
+    np.testing.assert_array_equal(again.history, one.history)
 
 
 def test_loads_are_not_multiplied_unless_allowed(fit):
@@ -58,7 +58,7 @@ def test_loads_are_not_multiplied_unless_allowed(fit):
     assert forward + 2.0 * friction <= 1.0 + 1e-12
     assert LoadModel(plate(fit.rule)).certificate.stable
     reference = solve(plate(), resolution=8)
-    free = fit_rule(plate(), reference, most_passed_on=1.4, evaluations=200)
+    free = fit_rule(plate(), reference, most_passed_on=1.4, evaluations=100)
     assert LoadModel(plate(free.rule)).certificate.stable
     assert free.misfit[1] < fit.misfit[1]
 
@@ -66,20 +66,20 @@ def test_loads_are_not_multiplied_unless_allowed(fit):
 def test_coefficients_that_made_the_reference_are_found_again():
     """The reference was made by the rule itself, so the misfit must all but vanish."""
     made = replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9)
-    fit = fit_rule(plate(), as_reference(LoadModel(plate(made)).run()), evaluations=500)
+    fit = fit_rule(plate(), as_reference(LoadModel(plate(made)).run()), evaluations=300)
     assert fit.misfit[0] > 0.3
     assert fit.misfit[1] < 0.1
 
 
 def test_stress_can_be_fitted_instead():
     reference = solve(plate(), resolution=8)
-    fit = fit_rule(plate(), reference, quantity="stress", evaluations=100)
+    fit = fit_rule(plate(), reference, quantity="stress", evaluations=40)
     assert fit.misfit[1] == fit.after.stress.misfit < fit.misfit[0]
 
 
 def test_adding_up_stays_stable():
     adding = PrescribedRule(alpha=(0.5, 0.3, 0.15), beta=1.0, threshold=0.02, accumulate=True)
-    fit = fit_rule(plate(adding), solve(plate(), resolution=4), evaluations=100)
+    fit = fit_rule(plate(adding), solve(plate(), resolution=4), evaluations=40)
     assert fit.rule.accumulate
     assert LoadModel(plate(fit.rule)).certificate.stable
     assert fit.misfit[1] < fit.misfit[0]
@@ -142,7 +142,7 @@ def test_several_quantities_are_weighed():
     reference = solve(plate(), resolution=4)
 
     def both_after(**weights):
-        fit = fit_rule(plate(), reference, quantity=weights, evaluations=100)
+        fit = fit_rule(plate(), reference, quantity=weights, evaluations=50)
         return np.hypot(*(row.after for row in fit.misfits))
 
     both = both_after(displacement=1.0, stress=1.0)
@@ -156,7 +156,7 @@ def test_several_scenes_are_fitted_together():
     made = replace(OWN, alpha=(0.3, 0.6, 0.15), beta=0.9)
     scenes = [plate(), bar()]
     references = [as_reference(LoadModel(scene.replace(rule=made)).run()) for scene in scenes]
-    fit = fit_rule(scenes, references, evaluations=400)
+    fit = fit_rule(scenes, references, evaluations=200)
     assert [(row.scene, row.quantity) for row in fit.misfits] == [
         (0, "displacement"),
         (0, "stress"),
@@ -164,8 +164,8 @@ def test_several_scenes_are_fitted_together():
         (1, "stress"),
     ]
     assert all(row.after < 0.5 * row.before for row in fit.misfits if row.weight)
-    alone = fit_rule(scenes, references, weights=[1.0, 0.0], evaluations=100)
-    first = fit_rule(plate(), references[0], evaluations=100)
+    alone = fit_rule(scenes, references, weights=[1.0, 0.0], evaluations=40)
+    first = fit_rule(plate(), references[0], evaluations=40)
     assert alone.misfit == pytest.approx(first.misfit, rel=1e-12)
 
 

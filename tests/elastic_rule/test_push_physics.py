@@ -42,7 +42,7 @@ def test_every_order_comes_to_rest_at_the_direct_solution(make, order):
     assert relative_error(model) < (1.5e-5 if order == "multilevel" else 1e-4)
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(scene=scenes())
 def test_at_rest_the_error_keeps_the_bound_that_the_threshold_implies(scene):
     model, result = run_random(scene)
@@ -58,7 +58,7 @@ def test_at_rest_the_error_keeps_the_bound_that_the_threshold_implies(scene):
     assert error <= bound * (1 + 1e-9)
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(scene=scenes())
 def test_every_newton_is_accounted_for(scene):
     _, result = run_random(scene, max_steps=200)

@@ -65,7 +65,7 @@ def test_the_formula_is_the_limit_of_large_blocks():
     assert found[0] < found[1] < growth < found[1] + 0.08
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(scene=scenes(order="wave"))
 def test_the_certificate_is_right_for_any_mix_of_materials(scene):
     try:

@@ -84,7 +84,7 @@ def limit(values):
 
 @pytest.mark.parametrize(
     ("seed", "plane"),
-    [(0, "strain"), (1, "stress"), (4, "stress"), (5, "strain"), (7, "stress"), (8, "strain")]
+    [(0, "strain"), (1, "stress"), (7, "stress"), (8, "strain")]
     + [pytest.param(seed, "strain", marks=pytest.mark.slow) for seed in range(10, 30)],
 )
 def test_plane_bodies_agree_with_elements(seed, plane):
@@ -127,7 +127,7 @@ def test_a_solid_body_agrees_with_elements():
     points = np.argwhere(kinds >= 0) + 0.5
     scene = as_scene(kinds, load)
     elements = [boxes(scene, k) for k in (1, 2, 3)]
-    cells = [cells_of(scene, k) for k in (4, 8, 16)]
+    cells = [cells_of(scene, k) for k in (3, 6, 12)]
     below = [answer.strain_energy for answer in elements]
     above = [answer.strain_energy for answer in cells]
     assert np.all(np.diff(below) > 0)
@@ -139,15 +139,15 @@ def test_a_solid_body_agrees_with_elements():
     assert apart[-1] < 0.05 * np.abs(finest).max()
 
 
-@pytest.mark.parametrize("split", [2, 4, 8, 16])
-def test_rubber_does_not_lock(split):
+def test_rubber_does_not_lock():
     rubber = [(1.0, 0.499)]
     kinds = np.zeros((6, 5), int)
     kinds[2:5, 2] = kinds[0, 3:] = -1
     load = load_on_top(kinds, [0.0, -1.0])
     scene = as_scene(kinds, load, rubber, "strain")
     truth = limit([boxes(scene, k).strain_energy for k in (4, 8, 16)])
-    locked = boxes(scene, split, 1).strain_energy / truth - 1
-    cells = cells_of(scene, split).strain_energy / truth - 1
-    assert locked < -min(0.4, 1.2 / split)
-    assert 0 < cells < 0.4 / split**1.6
+    for split in (2, 4, 8, 16):
+        locked = boxes(scene, split, 1).strain_energy / truth - 1
+        cells = cells_of(scene, split).strain_energy / truth - 1
+        assert locked < -min(0.4, 1.2 / split)
+        assert 0 < cells < 0.4 / split**1.6

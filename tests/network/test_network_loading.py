@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kaju.errors import ConvergenceError, ParameterError
@@ -208,6 +208,7 @@ def test_everything_held_leaves_nothing_to_solve():
     assert result.reactions()[1] == pytest.approx([0.1, 0.0])
 
 
+@settings(max_examples=25)
 @given(angle=st.floats(0.0, 2.0 * np.pi), shift=st.floats(-50.0, 50.0))
 def test_turning_and_shifting_the_network_turns_the_answer(angle, shift):
     network = triangular(4, force=0.1)
@@ -235,6 +236,7 @@ def test_a_mirrored_network_gives_the_mirrored_answer():
         assert displacement[partner] * sense == pytest.approx(displacement, abs=1e-13)
 
 
+@settings(max_examples=25)
 @given(scale=st.floats(1e-6, 1e6), stiffness=st.floats(1e-6, 1e12))
 def test_length_and_stiffness_only_set_the_units(scale, stiffness):
     plain = triangular(4, force=0.1).solve(2)
@@ -245,6 +247,7 @@ def test_length_and_stiffness_only_set_the_units(scale, stiffness):
     assert other.residual.max() < 1e-12
 
 
+@settings(max_examples=25)
 @given(forces=st.lists(st.floats(-0.1, 0.1), min_size=6, max_size=6))
 def test_whatever_presses_the_supports_bear_it(forces):
     network = square_braced(4, 5)

@@ -86,9 +86,7 @@ def test_measured_order_in_true_geometry(scheme, order):
 @pytest.mark.parametrize("scheme", ["backward_euler", "sdirk2"])
 @pytest.mark.parametrize("mass", [None, 0.5])
 def test_work_is_stored_dissipated_or_the_schemes_own(scheme, mass):
-    result = creep(
-        truss(), BITE, times=TIMES, step=0.05, rheology=ELEMENT, scheme=scheme, mass=mass
-    )
+    result = creep(truss(), BITE, times=TIMES, step=0.1, rheology=ELEMENT, scheme=scheme, mass=mass)
     left = result.work - result.stored - result.dissipated - result.numerical
     np.testing.assert_allclose(left, 0.0, atol=1e-9 * np.abs(result.work).max())
     assert np.all(np.diff(result.dissipated) >= 0.0)
@@ -164,7 +162,7 @@ def test_a_truss_that_creeps_until_it_snaps_is_followed_with_mass_only():
     options = {"times": [1.0], "tolerance": 1e-2, "rheology": ELEMENT}
     with pytest.raises(ConvergenceError, match=r"at 0\.55\d* s .* give it mass"):
         creep(truss(force=(0.0, -3.0)), History.step(), 1.0, **options)
-    through = creep(truss(force=(0.0, -3.0)), History.step(), 1.0, mass=1e-3, **options)
+    through = creep(truss(force=(0.0, -3.0)), History.step(), 1.0, mass=1e-2, **options)
     assert through.displacement[0, 2, 1] < -1.5
 
 

@@ -122,7 +122,7 @@ def test_a_widget_answers_what_its_page_asks(monkeypatch):
 def test_a_widget_steps_its_run_in_a_browser(chromium):
     """Its module in a browser, its run in Python, and between them what a notebook is."""
     widget = live(Scene(**PLATE), height=500)
-    traits = {name: getattr(widget, name) for name in ("page", "elastic", "height")}
+    traits = {name: getattr(widget, name) for name in ("page", "height")}
     tab = chromium.new_context().new_page()
     errors = []
     tab.on("pageerror", lambda error: errors.append(str(error)))

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import zlib
 from contextlib import contextmanager
 from http.client import HTTPConnection
 from itertools import pairwise
@@ -420,7 +421,8 @@ def test_who_does_not_know_the_token_stays_out():
                 session(port, query=query)
         answer, text = get(port, "/?token=secret")
         assert answer.status == 200
-        assert "/session${location.search}" in text
+        code = re.search(r'id="kaju-code">([^<]+)<', text)[1]
+        assert b"/session${location.search}" in zlib.decompress(base64.b64decode(code))
         with session(port, query="?token=secret") as websocket:
             assert asked(websocket, {"type": "hello"})[0]["fresh"]
 

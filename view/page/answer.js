@@ -13,7 +13,7 @@ export function askElastic(page) {
   elastic.old = true;
   elastic.asking = setTimeout(() => {
     if (page.scene.lattice.kind !== "square") { page.channel.solve(); return; }
-    const url = URL.createObjectURL(new Blob([page.elasticText], { type: "text/javascript" })), part = (load) => Math.min(1, page.stage / load.steps);
+    const url = URL.createObjectURL(new Blob([ELASTIC], { type: "text/javascript" })), part = (load) => Math.min(1, page.stage / load.steps);
     elastic.worker = new Worker(url);
     elastic.worker.onmessage = ({ data: { answer, error } }) => {
       URL.revokeObjectURL(url);

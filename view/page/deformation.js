@@ -9,63 +9,62 @@ export function deformation(run, taken, generation = run.generation, { kept, str
     const s = sharesOf(scene.rule, m, L.dimension);
     return { own: s.own / area, modulus: m.youngs_modulus, free: s.beta * m.poissons_ratio };
   });
-  const pressure = axes.map(() => new Float64Array(size));
-  L.each((k) => {
-    if (kinds[k] < 0) return;
-    for (let n = 0; n < axes.length; n++) {
+  const rows = run.rows ??= axes.map((arm) => rowsOf(L, kinds, arm)), pressure = axes.map(() => new Float64Array(size));
+  axes.forEach((d, n) => {
+    const o = L.opposite[d];
+    for (const { keys } of rows[n]) for (const k of keys) {
       if (kept) { pressure[n][k] = kept.sum[k * axes.length + n] / area; continue; }   // agents of one's own
-      const d = axes[n], o = L.opposite[d];
       let load = taken[k * C + d] + taken[k * C + o];
       if (C > D) load -= taken[k * C + D + d] + taken[k * C + D + o];
       pressure[n][k] = load * agent[kinds[k]].own;
     }
   });
   // How much an axis' own squeeze and the others' widening lengthen a cell along each axis.
-  const mix = axes.map((a) => axes.map((b) => dot(L.normals[a], L.normals[b]) ** 2));
+  const mix = axes.map((a) => axes.map((b) => dot(L.normals[a], L.normals[b]) ** 2)), lengthen = (k, n) => {
+    const { modulus, free } = agent[kinds[k]];
+    let sum = 0;
+    for (let m = 0; m < axes.length; m++) sum += pressure[m][k] / modulus * (free * (1 - mix[n][m]) - mix[n][m]);
+    return sum * h;
+  };
   const displacement = Array.from({ length: L.dimension }, () => new Float64Array(size));
-  const length = new Float64Array(size), scale = L.dimension / axes.length;
+  const length = new Float64Array(Math.max(...L.shape)), scale = L.dimension / axes.length;
   axes.forEach((arm, n) => {
-    L.each((k) => {
-      if (kinds[k] < 0) return;
-      if (stretch) { length[k] = stretch.sum[k * axes.length + n]; return; }
-      const { modulus, free } = agent[kinds[k]];
-      let sum = 0;
-      for (let m = 0; m < axes.length; m++) {
-        sum += pressure[m][k] / modulus * (free * (1 - mix[n][m]) - mix[n][m]);
+    for (const { keys, below, above } of rows[n]) {
+      let total = 0, moved = false;
+      for (let i = 0; i < keys.length; i++) {
+        length[i] = stretch ? stretch.sum[keys[i] * axes.length + n] : lengthen(keys[i], n);
+        total += length[i]; moved ||= length[i] !== 0;
       }
-      length[k] = sum * h;
-    });
-    alongLines(L, kinds, arm, length, (k, u) => {
-      if (!(spawn[k] > 0 && spawn[k] <= generation)) return;   // what no load reached stays where it is
-      for (let a = 0; a < L.dimension; a++) displacement[a][k] += u * L.normals[arm][a] * scale;
-    });
+      if (!moved) continue;
+      const slope = below && above ? total / keys.length : 0;
+      let offset = below || !above ? 0 : -total, sum = 0;
+      if (!below && !above) {                  // nothing holds it: its middle stays
+        const middle = keys.length >> 1;
+        for (let i = 0; i < middle; i++) offset -= length[i];
+        if (keys.length & 1) offset -= 0.5 * length[middle];
+      }
+      for (let i = 0; i < keys.length; i++) {
+        const k = keys[i], u = sum + 0.5 * length[i] + offset - slope * (i + 0.5);
+        sum += length[i];
+        if (!(spawn[k] > 0 && spawn[k] <= generation)) continue;   // what no load reached stays where it is
+        for (let a = 0; a < L.dimension; a++) displacement[a][k] += u * L.normals[arm][a] * scale;
+      }
+    }
   });
   return { pressure, displacement };
 }
 
-/** Sum lengths along every unbroken row of body cells; tell each centre's displacement. */
-function alongLines(L, kinds, arm, length, tell) {
-  const held = (k) => kinds[k] === RIGID || kinds[k] === ROLLER, row = [];
+/** Every unbroken row of body cells along an arm: its keys, and whether something holds its ends. */
+function rowsOf(L, kinds, arm) {
+  const held = (k) => kinds[k] === RIGID || kinds[k] === ROLLER, rows = [];
   L.each((start) => {
-    const before = L.neighbour(start, L.opposite[arm]);
+    const before = L.neighbour(start, L.opposite[arm]), keys = [];
     if (kinds[start] < 0 || kinds[before] >= 0) return;
-    row.length = 0;
-    let k = start, total = 0, moved = false;
-    for (; kinds[k] >= 0; k = L.neighbour(k, arm)) { row.push(k); total += length[k]; moved ||= length[k] !== 0; }
-    if (!moved) return;
-    const below = held(before), above = held(k), n = row.length;
-    const slope = below && above ? total / n : 0;
-    let offset = below || !above ? 0 : -total;
-    if (!below && !above) {                    // nothing holds it: its middle stays
-      const middle = n >> 1;
-      for (let i = 0; i < middle; i++) offset -= length[row[i]];
-      if (n & 1) offset -= 0.5 * length[row[middle]];
-    }
-    for (let i = 0, sum = 0; i < n; i++) {
-      tell(row[i], sum + 0.5 * length[row[i]] + offset - slope * (i + 0.5));
-      sum += length[row[i]];
-    }
+    let k = start;
+    for (; kinds[k] >= 0; k = L.neighbour(k, arm)) keys.push(k);
+    rows.push({ keys, below: held(before), above: held(k) });
   });
+  return rows;
 }
 
 /** Displacement at the corners of squares: the mean of the cells that meet. */

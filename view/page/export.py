@@ -85,21 +85,25 @@ MODULES = (
 )
 """In the order in which they are joined: each uses only those before it at its top level."""
 START = """
-const data = document.getElementById("kaju-data").textContent;
-const elasticText = await inflated(document.getElementById("kaju-elastic").textContent);
-await openPage(document.getElementById("kaju"), data, elasticText);
+await openPage(document.getElementById("kaju"), document.getElementById("kaju-data").textContent);
 """
+UNFOLD = """
+const pressed = Uint8Array.from(atob(document.getElementById("kaju-code").textContent),
+  (letter) => letter.charCodeAt(0));
+const plain = new Blob([pressed]).stream().pipeThrough(new DecompressionStream("deflate"));
+document.body.append(Object.assign(document.createElement("script"),
+  { type: "module", textContent: await new Response(plain).text() }));
+"""
+"""What puts the modules into the page: deflated, they are a fifth of what they were."""
 LIVE = """
 const main = document.getElementById("kaju");
 const data = document.getElementById("kaju-data").textContent;
-// All that is waited for comes before the socket, which may open at once and say so only then.
-const elasticText = await inflated(document.getElementById("kaju-elastic").textContent);
 const socket = new WebSocket(`ws://${location.host}/session${location.search}`);
 socket.binaryType = "arraybuffer";
 const ask = (question) => socket.send(JSON.stringify(question));
 const listen = (heard) => { socket.onmessage = (event) => heard(new Uint8Array(event.data)); };
 takeWindow(main);
-socket.onopen = () => connect(main, data, ask, listen, elasticText);
+socket.onopen = () => connect(main, data, ask, listen);
 socket.onclose = (event) => complain(main.page, event.reason || main.page?.t("gone"));
 """
 
@@ -318,17 +322,18 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
     """Return modules as the text of one: their imports and exports are taken out."""
     folder = files(__package__)
     parts = [folder.joinpath(name).read_text("utf-8") for name in modules]
+    constants: dict[str, Any] = {}
     if "words.js" in modules:
-        words = json.dumps(json.loads(folder.joinpath("words.json").read_text("utf-8")))
-        parts.append(f"const WORDS = JSON.parse(await inflated({_deflated(words)!r}));")
+        constants["WORDS"] = json.loads(folder.joinpath("words.json").read_text("utf-8"))
     if "page.js" in modules:
-        style = re.sub(r"\n *", "\n", folder.joinpath("page.css").read_text("utf-8"))
-        parts.append(f"const STYLE = await inflated({_deflated(style)!r});")
+        style = folder.joinpath("page.css").read_text("utf-8")
+        constants |= {"STYLE": re.sub(r"\n *", "\n", style), "ELASTIC": worker()}
     code = "\n".join(parts)
     code = re.sub(r"^import [^;]*;$\n?", "", code, flags=re.M)
     code = re.sub(r"^export (?=const|let|function|class|async)", "", code, flags=re.M)
     code = re.sub(r" {2,}// .*$", "", code, flags=re.M)
-    return re.sub(r"^\s*(//.*\n|/\*\*.*\*/\n)?\s*", "", code, flags=re.M)
+    code = re.sub(r"^\s*(//.*\n|/\*\*.*\*/\n)?\s*", "", code, flags=re.M)
+    return "".join(f"const {name} = {json.dumps(of)};\n" for name, of in constants.items()) + code
 
 
 ANSWER = """
@@ -354,28 +359,19 @@ def worker() -> str:
 def page_html(packed: bytes, title: str, code: str | None = None, policy: str = "") -> str:
     """Return the file: the page's modules, what they are told, and a strict content policy.
 
-    Only the one script whose hash the policy names may run; nothing may be fetched but what
+    The modules are deflated, half of the file's bytes otherwise, and put in by a short script.
+    Only these two, whose hashes the policy names, may run; nothing may be fetched but what
     `policy` adds.
     """
-    script = _inline(joined() + START if code is None else code)
-    digest = hashlib.sha256(script.encode()).digest()
+    code = joined() + START if code is None else code
+    digests = [hashlib.sha256(script.encode()).digest() for script in (UNFOLD, code)]
     fields = {
         "policy": policy,
-        "hash": f"sha256-{base64.b64encode(digest).decode()}",
+        "hashes": " ".join(f"'sha256-{base64.b64encode(d).decode()}'" for d in digests),
         "title": escape(title),
         "data": base64.b64encode(packed).decode(),
-        "worker": _deflated(worker()),
-        "code": script,
+        "code": base64.b64encode(zlib.compress(code.encode(), 9)).decode(),
+        "unfold": UNFOLD,
     }
     template = files(__package__).joinpath("page.html").read_text("utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: fields[match[1]], template)
-
-
-def _deflated(text: str) -> str:
-    """Return text that `inflated` of history.js reads: for what need not run at once."""
-    return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
-
-
-def _inline(code: str) -> str:
-    """Return code that can stand in a script element."""
-    return code.replace("</script", "<\\/script").replace("<!--", "<\\!--")

@@ -48,9 +48,8 @@ const ARRAYS = { int16: Int16Array, uint8: Uint8Array, uint16: Uint16Array, uint
 
 export const bytesOf = (base64) => Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));
 
-/** What `_deflated` of export.py wrote: bytes as they were. */
+/** Bytes as they were before `packing.pack` deflated them. */
 const unpressed = async (bytes) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
-export const inflated = async (base64) => new TextDecoder().decode(await unpressed(bytesOf(base64)));
 
 /** The header and the columns of what `packing.pack` wrote. */
 export async function unpack(bytes) {

@@ -43,11 +43,6 @@ export class Lattice {
   parity(key) { return this.hexagon ? (key % this.padded[1] - 1) & 1 : 0; }
   neighbour(key, arm) { return key + this.steps[this.parity(key)][arm]; }
   contains(cell) { return cell.every((c, a) => c >= 0 && c < this.shape[a]); }
-  sideBeyond(cell) {                           // of two sides (outside a corner) the later counts
-    let side = -1;
-    cell.forEach((c, a) => { if (c < 0) side = 2 * a; else if (c >= this.shape[a]) side = 2 * a + 1; });
-    return side;
-  }
   faceArea(thickness) {
     return this.dimension === 3 ? this.h ** 2
       : this.hexagon ? this.h ** 2 * (Math.sqrt(3) / 2) * thickness / this.h : this.h ** 2 * thickness / this.h;
@@ -64,10 +59,12 @@ export class Lattice {
   kinds(cells, sides) {
     const beyond = this.sides.map((name) => ({ rigid: RIGID, roller: ROLLER })[sides[name]] ?? AIR);
     const kinds = new Int16Array(this.size);
-    for (let k = 0; k < this.size; k++) {
-      const side = this.sideBeyond(this.cell(k));
-      if (side >= 0) kinds[k] = beyond[side];
-    }
+    this.stride.forEach((step, a) => {         // of two sides (outside a corner) the later counts
+      for (let k = 0; k < this.size; k++) {
+        const at = Math.floor(k / step) % this.padded[a];
+        if (at === 0) kinds[k] = beyond[2 * a]; else if (at > this.shape[a]) kinds[k] = beyond[2 * a + 1];
+      }
+    });
     this.each((k, i) => { kinds[k] = cells[i]; });
     return kinds;
   }

@@ -97,12 +97,12 @@ export class Channel {
 export const complain = (page, text) => page?.tellVerdict(text, false);
 
 /** A page whose run is computed elsewhere: `send` takes a question, `listen` a listener for answers. */
-export async function connect(element, base64, send, listen, elastic = null) {
+export async function connect(element, base64, send, listen) {
   const { header, columns } = await unpack(bytesOf(base64)), { cells } = columns;
   let page;
   if (header.scene) {
     const run = Object.assign(new Recorded(header.scene, cells), { atRest: false });
-    page = mount(element, { ...header, cells, run, presets: [], elastic });
+    page = mount(element, { ...header, cells, run, presets: [] });
   } else page = mount(element, { ...header, columns }, MotionPage);
   page.channel = new Channel(page, send);
   listen((bytes) => page.channel.heard(bytes));

@@ -89,8 +89,7 @@ export class MotionPage extends Page {
     return Object.assign(known, { low: log ? high * 1e-4 : low, high: high || 1, log });
   }
 
-  draw() {
-    if (!this.canvas?.clientWidth) return;
+  drawBody() {
     const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: 64 }), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
     this.times = look.deformed && this.moved ? this.magnification() : 0;
@@ -106,8 +105,6 @@ export class MotionPage extends Page {
     if (scale) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, this.unitOf(look.colour)), inks);
     const level = this.visits[this.g], block = Array(this.dimension).fill(2 ** level).join("×");
     this.parts.cap.textContent = this.told || [level > 0 && t("parents", { n: block }), this.times && Math.abs(this.times - 1) > 1e-9 && t("magnified", { n: quantity(this.times, "") })].filter(Boolean).join(" · ");
-    this.words();
-    this.drawn = (this.drawn ?? 0) + 1;
   }
   middle(part) {
     const list = Array.from({ length: this.corners }, (_, i) => this.where(this.parts[part * this.corners + i]));

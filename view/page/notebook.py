@@ -18,7 +18,7 @@ from kaju.errors import KajuError, MissingExtraError
 from kaju.mesa_model import SteppedModel
 from kaju.model.results.archive import Archive
 
-from .export import MODULES, joined, packed_page, page_html, worker
+from .export import MODULES, joined, packed_page, page_html
 from .live import Session, Watched, sessions_of
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ export default {
     const ask = (question) => model.send(question);
     const listen = (heard) => model.on("msg:custom", (_, [bytes]) =>
       heard(new Uint8Array(bytes.buffer, bytes.byteOffset, bytes.byteLength)));
-    await connect(el, model.get("page"), ask, listen, model.get("elastic"));
+    await connect(el, model.get("page"), ask, listen);
   },
 };
 """
@@ -96,7 +96,7 @@ def live(of: Watched, height: int = HEIGHT) -> AnyWidget:
     """
     run = sessions_of(of)()
     page = base64.b64encode(run.opening()).decode()
-    return _widget()(run, page=page, elastic=worker(), height=height)
+    return _widget()(run, page=page, height=height)
 
 
 @cache
@@ -114,7 +114,6 @@ def _widget() -> type[AnyWidget]:
 
         _esm = joined((*MODULES, "live.js")) + RENDER
         page = traitlets.Unicode().tag(sync=True)
-        elastic = traitlets.Unicode().tag(sync=True)
         height = traitlets.Int().tag(sync=True)
 
         def __init__(self, run: Session, **traits: Any) -> None:

@@ -24,12 +24,12 @@ export function takeWindow(element) {
 }
 
 /** A page in a file, or in a frame of a notebook: everything is in the text. */
-export async function openPage(element, base64, elastic = null) {
+export async function openPage(element, base64) {
   takeWindow(element);
   const { header, columns } = await unpack(bytesOf(base64));
   const { cells } = columns;
   if (header.kind === "pictures") return mount(element, { ...header, columns }, MotionPage);
   const run = columns.offset ? Object.assign(new Recorded(header.scene, cells), { late: header.late }).append(columns) : null;
   const presets = (header.presets ?? []).map((preset, n) => ({ ...preset, cells: columns[`cells${n}`] ?? cells }));
-  return mount(element, { ...header, cells, run, presets, elastic });
+  return mount(element, { ...header, cells, run, presets });
 }

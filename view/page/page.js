@@ -43,7 +43,7 @@ export class Page {
     const theme = asked.get("theme");
     this.dress(theme ? theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches);
     this.buildStage(); this.rebuild();
-    new ResizeObserver(() => this.later()).observe(this.canvas);
+    new ResizeObserver(() => { if (this.canvas.clientWidth !== this.view?.w || this.canvas.clientHeight !== this.view.h) this.later(); }).observe(this.canvas);
     this.root.addEventListener("keydown", (event) => { if (!event.repeat) this.past.gesture++; this.key(event); });
     this.root.addEventListener("pointerdown", () => { this.past.gesture++; }, true);
     this.lesson?.begin();
@@ -57,8 +57,7 @@ export class Page {
   say(text) { return typeof text === "object" && text ? text[this.language] ?? text.en ?? Object.values(text)[0] : text; }
   nameOf(preset) { return preset.word ? this.t(preset.word) : this.say(preset.name); }
   /** Take what the header brings: here a scene, and a run unless the page makes it. */
-  begin({ scene, cells, run = null, presets = [], elastic = null }) {
-    this.elasticText = elastic;
+  begin({ scene, cells, run = null, presets = [] }) {
     this.start = { scene: copyOf(scene), cells: cells.slice(), word: "asItWas" };
     this.scene = copyOf(scene); this.cells = cells.slice(); this.stage = scene.stages;
     this.senseful = "sense" in scene.rule;
@@ -77,7 +76,7 @@ export class Page {
   get deformable() { return this.scene.rule.kind === "prescribed"; }
   get colours() { return ["taken", "now", "spawn", ...(this.deformable ? ["kept", "stress", "move"] : [])]; }
   /** The page answers with elasticity for squares itself; for cubes Python can be asked. */
-  get solvable() { const { kind } = this.scene.lattice; return kind === "square" ? Boolean(this.elasticText) : kind === "cube" && this.kind === "live"; }
+  get solvable() { const { kind } = this.scene.lattice; return kind === "square" || (kind === "cube" && this.kind === "live"); }
 
   // ----------------------------------------------------------------------------- the run
   compute() {
@@ -92,7 +91,7 @@ export class Page {
       if (atEnd && !this.playing) this.seek(Infinity); else this.later();
       this.rest = setTimeout(more, 4);
     };
-    this.rest = setTimeout(more, 30);
+    requestAnimationFrame(() => { this.rest = setTimeout(more, 4); });   // what is known is painted first
     return run;
   }
   /** Whether the run goes no further. */
@@ -272,11 +271,11 @@ export class Page {
 
   // ---------------------------------------------------------------------------------- drawing
   later() {
-    if (this.pending) return;
-    this.pending = true;
-    requestAnimationFrame(() => { this.pending = false; this.draw(); });
+    this.pending ||= requestAnimationFrame(() => this.draw());
   }
   draw() {
+    cancelAnimationFrame(this.pending);
+    this.pending = 0;
     if (!this.canvas?.clientWidth) return;
     if (this.mode?.draw) this.mode.draw(this); else this.drawBody();
     this.words();

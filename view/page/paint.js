@@ -133,7 +133,7 @@ class Sheet {
         if (x > right) right = x;
       }
       const from = Math.max(0, Math.ceil(left - 0.5)), to = Math.min(W, Math.ceil(right - 0.5));
-      if (from < to) ink.fill(colour, y * W + from, y * W + to);
+      for (let i = y * W + from; i < y * W + to; i++) ink[i] = colour;   // short runs: quicker than fill()
     }
   }
 }
@@ -321,17 +321,23 @@ export function paintLoads(view, rows, C, inks, shown = () => true) {
   }
 }
 
-/** Who handed how much to whom: lines between neighbours, thicker for more. */
+/** Who handed how much to whom: lines between neighbours, thicker for more, in a few widths at once. */
 export function paintPath(view, passed, inks, shown = () => true) {
-  const { ctx, u, lattice: L } = view, { D } = L, top = passed.reduce((a, b) => Math.max(a, b), 0) || 1, list = [];
-  for (let i = 0; i < passed.length; i++) if (passed[i] > 0.004 * top && shown(Math.floor(i / D), L.cell(Math.floor(i / D)))) list.push(i);
+  const { ctx, u, lattice: L } = view, { D } = L, top = passed.reduce((a, b) => Math.max(a, b), 0) || 1, widths = Array.from({ length: 17 }, () => []);
+  for (let i = 0; i < passed.length; i++) if (passed[i] > 0.004 * top && shown(Math.floor(i / D), L.cell(Math.floor(i / D)))) widths[Math.round(16 * Math.sqrt(passed[i] / top))].push(i);
   ctx.lineCap = "round";
-  for (const [ink, wider] of [[inks.paper, 2], [inks.ink, 0]]) for (const state of list) {
-    const f = passed[state] / top, k = Math.floor(state / D), [px, py] = view.point(view.centre(L.cell(k))), [dx, dy] = view.way(L.normals[state - k * D]);
-    ctx.strokeStyle = ink; ctx.globalAlpha = 0.35 + 0.6 * Math.sqrt(f);
-    ctx.lineWidth = (0.6 + 3.4 * Math.sqrt(f)) * Math.min(1.5, Math.max(0.5, u / 14)) + wider;
-    ctx.beginPath(); ctx.moveTo(px, py); ctx.lineTo(px + 0.92 * u * dx, py + 0.92 * u * dy); ctx.stroke();
-  }
+  for (const [ink, wider] of [[inks.paper, 2], [inks.ink, 0]]) widths.forEach((list, n) => {
+    ctx.strokeStyle = ink; ctx.globalAlpha = 0.35 + 0.6 * n / 16;
+    ctx.lineWidth = (0.6 + 3.4 * n / 16) * Math.min(1.5, Math.max(0.5, u / 14)) + wider;
+    for (let i = 0; i < list.length; i += 50) {   // long paths are slow
+      ctx.beginPath();
+      for (const state of list.slice(i, i + 50)) {
+        const k = Math.floor(state / D), [px, py] = view.point(view.centre(L.cell(k))), [dx, dy] = view.way(L.normals[state - k * D]);
+        ctx.moveTo(px, py); ctx.lineTo(px + 0.92 * u * dx, py + 0.92 * u * dy);
+      }
+      ctx.stroke();
+    }
+  });
   ctx.globalAlpha = 1;
 }
 

@@ -104,9 +104,61 @@ def read_csv(page, name="Save CSV"):
         " URL.createObjectURL = (blob) => { blob.text().then((text) => { page.handed = text; });"
         " URL.createObjectURL = url; return url(blob); }; })()"
     )
-    page.tab.get_by_role("button", name=name, exact=True).dispatch_event("click")
+    page.tab.get_by_role("button", name=name, exact=True).click()
     page.until("page.handed")
     return list(csv.DictReader(page.js("page.handed").splitlines()))
+
+
+def pressed_while_it_is_drawn(page, name):
+    """Press a button, have everything written anew, and let the button go."""
+    box = page.tab.get_by_role("button", name=name, exact=True).bounding_box()
+    page.tab.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.tab.mouse.down()
+    page.js("(page.draw(), page.refresh(), page.draw())")
+    page.tab.mouse.up()
+
+
+def test_a_click_is_not_lost_while_pictures_are_drawn(twin):
+    twin.tab.get_by_role("button", name="Ruler", exact=True).click()
+    axis = twin.js("page.look.twin.ruler.axis")
+    pressed_while_it_is_drawn(twin, "Turn the ruler")
+    assert twin.js("page.look.twin.ruler.axis") == 1 - axis
+    pressed_while_it_is_drawn(twin, "Shape")
+    assert twin.js("page.look.deformed")
+    twin.js("page.setMode('body')")
+    twin.click([10, 18])
+    twin.until("page.look.mode === 'cell'")
+    pressed_while_it_is_drawn(twin, "‹ Whole body")
+    assert twin.js("page.look.mode") == "body"
+
+
+def test_what_has_the_focus_keeps_it_when_a_bar_is_built_anew(twin):
+    for name, state in (("Shape", "page.look.deformed"), ("Ruler", "page.look.twin.ruler")):
+        button = twin.tab.get_by_role("button", name=name, exact=True)
+        button.press("Enter")
+        assert twin.js(f"Boolean({state})")
+        assert twin.js("page.root.activeElement.textContent") == name
+    twin.tab.get_by_role("button", name="Save CSV").focus()
+    twin.js("(page.draw(), page.draw())")
+    assert twin.js("page.root.activeElement.textContent") == "Save CSV"
+
+
+def test_from_one_field_of_a_load_to_the_next(opened, scene, tmp_path):
+    page = opened(kaju.export_page(scene, tmp_path / "plate.html"))
+    page.tab.get_by_role("tab", name="Draw").click()
+    page.tab.locator("canvas").first.focus()
+    page.tab.keyboard.press("l")
+    strength, angle = page.tab.locator(".load input").all()
+    strength.fill("4 N")
+    strength.press("Tab")
+    page.tab.keyboard.press("ArrowUp")
+    assert page.js("Math.hypot(...page.scene.loads[0].force)") == pytest.approx(4.0, rel=1e-5)
+    assert page.js("page.scene.loads[0].force[0]") > 0.0
+    assert angle.input_value() == "-89°"
+    strength.fill("1 N")
+    page.tab.get_by_role("button", name="Delete this load").click()
+    assert page.js("page.scene.loads") == []
+    assert page.messages == []
 
 
 def test_half_widths_lie_where_straight_lines_fall_to_half(node):

@@ -25,7 +25,7 @@ export function askElastic(page) {
 function take(page, answer, why) {
   Object.assign(page.elastic, { answer: answer ?? null, why: why ?? "", old: false });
   page.scales.clear();
-  page.refresh();
+  page.later();
 }
 /** Take the answer that Python sends: one row a component. */
 export function takeElastic(page, { seconds, error }, { displacement, stress }) {

@@ -48,12 +48,11 @@ const ARRAYS = { int16: Int16Array, uint8: Uint8Array, uint16: Uint16Array, uint
 
 export const bytesOf = (base64) => Uint8Array.from(atob(base64.trim()), (c) => c.charCodeAt(0));
 
-/** Bytes as they were before `packing.pack` deflated them. */
-const unpressed = async (bytes) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+export const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
 
 /** The header and the columns of what `packing.pack` wrote. */
 export async function unpack(bytes) {
-  const raw = await unpressed(bytes);
+  const raw = await through(bytes, new DecompressionStream("deflate"));
   const length = new DataView(raw.buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(raw.subarray(4, 4 + length)));
   const columns = {};

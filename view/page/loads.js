@@ -114,15 +114,12 @@ export class Loads {
     }
     this.page.later();
   }
-  /** The pointer is let go: the arrow stands where its ghost was. */
-  put({ n, ghost }) {
-    if (ghost) this.edit(n, ghost); else this.page.later();
-  }
-  edit(n, { cell, force }) {
+  /** Where a load stands and how it presses; `typed`: its fields say so already, and the focus is on its way to the next one. */
+  edit(n, { cell, force }, typed = false) {
     const load = this.list[n], { page } = this, { lattice: L, kinds } = page.run, k = L.key(cell);
     if (kinds[k] < 0) { page.announce(page.t("needsCell")); return; }
     page.change(() => Object.assign(load, { cell: [...cell], force: [...force], sense: load.sense === "side" ? "surface" : load.sense, face: entering(L, kinds, k, force) }));
-    this.tell();
+    if (!typed) this.tell();
   }
   move(load, cell) { this.edit(this.list.indexOf(load), { cell, force: load.force }); }
   /** A double click in the air beside the body adds a load that presses on it there. */
@@ -167,7 +164,10 @@ export class Loads {
     if (!page.lesson && page.tab !== "draw") { page.tab = "draw"; page.rebuild(); }
     page.root.querySelector(".load input")?.focus();
   }
-  tell() { this.card?.replaceChildren(...fields(this)); }
+  tell() {
+    this.card?.replaceChildren(...fields(this));
+    if (this.deleter) this.deleter.hidden = !this.list[this.chosen];
+  }
 }
 
 const forceOf = (size, turn, dimension = 2) => (dimension === 3 ? [0, 0, -size]
@@ -177,20 +177,21 @@ const forceOf = (size, turn, dimension = 2) => (dimension === 3 ? [0, 0, -size]
 function fields(loads) {
   const { page, list, chosen } = loads, { t } = page, load = list[chosen];
   if (!load) return [make("p", { className: "hint", textContent: t("loadHint") })];
-  const size = Math.hypot(...load.force), turn = Math.atan2(load.force[1], load.force[0]), row = (label, options, change) => {
+  const size = () => Math.hypot(...load.force), turn = Math.atan2(load.force[1], load.force[0]), put = (force) => loads.edit(chosen, { cell: load.cell, force }, true), row = (label, options, change) => {
     const { field, error } = numberField({ ...options, label, t }, change);
     return make("div", { className: "row" }, make("span", { textContent: label }), field, error);
   };
-  const strength = row(t("load"), { value: size, min: 1e-12, max: 1e9, unit: "N", log: true, step: 0.1 }, (v) => loads.edit(chosen, { cell: load.cell, force: load.force.map((f) => f * v / size) }));
-  const angle = load.force.length === 2 ? [row(t("angle"), { value: turn * 180 / Math.PI, min: -180, max: 180, unit: "°", step: 1, show: (v) => `${Number(v.toFixed(1))}°` }, (v) => loads.edit(chosen, { cell: load.cell, force: forceOf(size, v * Math.PI / 180) }))] : [];
-  return [make("p", { className: "hint", textContent: t("loadAt", { n: chosen + 1, m: list.length, c: `(${load.cell.join(", ")})` }) }), strength, ...angle,
-    make("div", { className: "tools" }, button(t("deleteLoad"), () => loads.remove()))];
+  const strength = row(t("load"), { value: size(), min: 1e-12, max: 1e9, unit: "N", log: true, step: 0.1 }, (v) => put(load.force.map((f) => f * v / size())));
+  const angle = load.force.length === 2 ? [row(t("angle"), { value: turn * 180 / Math.PI, min: -180, max: 180, unit: "°", step: 1, show: (v) => `${Number(v.toFixed(1))}°` }, (v) => put(forceOf(size(), v * Math.PI / 180)))] : [];
+  return [make("p", { className: "hint", textContent: t("loadAt", { n: chosen + 1, m: list.length, c: `(${load.cell.join(", ")})` }) }), strength, ...angle];
 }
 
 export function loadsPanel(page) {
   const { loads, t } = page;
-  loads.card = make("div", { className: "load" }, ...fields(loads));
-  return [make("h2", { textContent: t("loads") }), loads.card, make("div", { className: "tools" }, button(t("addLoad"), () => {
+  loads.card = make("div", { className: "load" });
+  loads.deleter = button(t("deleteLoad"), () => loads.remove());
+  loads.tell();
+  return [make("h2", { textContent: t("loads") }), loads.card, make("div", { className: "tools" }, loads.deleter, button(t("addLoad"), () => {
     const { lattice: L, kinds } = page.run, [nx, ny] = L.shape;
     loads.add(page.picked >= 0 && kinds[page.picked] >= 0 ? L.cell(page.picked) : loads.nearest(...page.view.at(nx / 4, ny)));
   }))];

@@ -141,14 +141,13 @@ export class MotionPage extends Page {
     const { parts, count, held, points, dimension, inks } = this, { ctx } = view, nodes = points.length / dimension;
     const width = Math.max(1, Math.min(5, 260 / Math.sqrt(count))), lists = new Map();
     for (let s = 0; s < count; s++) { const c = ink(s); if (!lists.has(c)) lists.set(c, []); lists.get(c).push(s); }
-    ctx.lineCap = "round"; ctx.lineWidth = width + 1.5; ctx.strokeStyle = inks.line; ctx.beginPath();   // where nothing pulls, a spring is still there
-    for (let s = 0; s < count; s++) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
-    ctx.stroke(); ctx.lineWidth = width;
-    for (const [c, list] of lists) {
-      ctx.strokeStyle = css(c); ctx.beginPath();
+    const stroke = (list, ink, wide) => {
+      ctx.lineCap = "round"; ctx.lineWidth = wide; ctx.strokeStyle = ink; ctx.beginPath();
       for (const s of list) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
       ctx.stroke();
-    }
+    };
+    stroke([...lists.values()].flat(), inks.line, width + 1.5);   // where nothing pulls, a spring is still there
+    for (const [c, list] of lists) stroke(list, css(c), width);
     const fixed = new Set(held), radius = Math.max(1.5, 0.9 * width);
     for (let i = 0; i < nodes; i++) {
       const [x, y] = view.point(this.where(i));

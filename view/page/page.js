@@ -9,7 +9,6 @@ import { icon, make } from "./controls.js";
 import { Lesson } from "./lesson.js";
 import { Loads } from "./loads.js";
 import { offered } from "./modes.js";
-import { copyOf } from "./scene.js";
 import { follow, Past } from "./state.js";
 import { storyOf, tellStory } from "./story.js";
 import { laySheet } from "./worksheet.js";
@@ -45,7 +44,8 @@ export class Page {
     this.buildStage(); this.rebuild();
     new ResizeObserver(() => { if (this.canvas.clientWidth !== this.view?.w || this.canvas.clientHeight !== this.view.h) this.later(); }).observe(this.canvas);
     this.root.addEventListener("keydown", (event) => { if (!event.repeat) this.past.gesture++; this.key(event); });
-    this.root.addEventListener("pointerdown", () => { this.past.gesture++; }, true);
+    this.root.addEventListener("pointerdown", (event) => { this.past.gesture++; this.pressed = event.target !== this.canvas; }, true);
+    for (const end of ["pointerup", "pointercancel"]) addEventListener(end, () => setTimeout(() => { this.pressed = false; if (this.stale) this.refresh(); }));
     this.lesson?.begin();
     addEventListener("beforeprint", () => laySheet(this));
     this.seek(this.lesson || this.kind === "live" ? 0 : Infinity);   // a lesson asks first; else what came of it is seen first
@@ -58,8 +58,8 @@ export class Page {
   nameOf(preset) { return preset.word ? this.t(preset.word) : this.say(preset.name); }
   /** Take what the header brings: here a scene, and a run unless the page makes it. */
   begin({ scene, cells, run = null, presets = [] }) {
-    this.start = { scene: copyOf(scene), cells: cells.slice(), word: "asItWas" };
-    this.scene = copyOf(scene); this.cells = cells.slice(); this.stage = scene.stages;
+    this.start = { scene: structuredClone(scene), cells: cells.slice(), word: "asItWas" };
+    this.scene = structuredClone(scene); this.cells = cells.slice(); this.stage = scene.stages;
     this.senseful = "sense" in scene.rule;
     this.presets = [this.start, ...(presets.length || this.own ? presets : usual(scene))];
     const { shape } = scene.lattice, load = scene.loads[0];    // cut cubes where the first load presses
@@ -124,7 +124,7 @@ export class Page {
     this.seek(goal);
   }
   load({ scene, cells, stage, look, generation }) {
-    this.scene = copyOf(scene); this.cells = (cells ?? this.start.cells).slice(); this.stage = stage ?? scene.stages;
+    this.scene = structuredClone(scene); this.cells = (cells ?? this.start.cells).slice(); this.stage = stage ?? scene.stages;
     this.factor = 1; this.picked = -1; this.material = "";
     if (look) Object.assign(this.look, look);
     const first = scene === this.start.scene;
@@ -348,21 +348,26 @@ export class Page {
     this.canvas.addEventListener("pointerleave", () => { this.parts.tip.hidden = true; });
   }
   rebuild() {
-    const at = this.root.activeElement, focus = at?.textContent || at?.ariaLabel, { mode } = this;
     this.parts.shows = null;
     this.parts.header = buildHeader(this);
-    const tries = this.touchable && !this.lesson && !mode?.alone ? [buildTries(this)] : [];
-    this.host.replaceChildren(this.parts.header, buildBar(this), ...tries, this.stageBox, buildFooter(this), buildAside(this));
+    const tries = this.touchable && !this.lesson && !this.mode?.alone ? [buildTries(this)] : [];
+    this.anew(() => this.host.replaceChildren(this.parts.header, buildBar(this), ...tries, this.stageBox, buildFooter(this), buildAside(this)));
     this.host.lang = this.language; this.host.dataset.sheet = this.sheet;
     this.certify(); this.later();
-    if (at === this.canvas) at.focus();        // it was out of the page for a moment
-    else if (focus) [...this.host.querySelectorAll("button, input, textarea")].find((b) => (b.textContent || b.ariaLabel) === focus)?.focus();
   }
-  /** What the way of looking says above the picture and beside it, anew. */
+  /** What the way of looking says above the picture and beside it, anew; but nothing under a finger: its click would be lost. */
   refresh() {
-    this.parts.bar.replaceWith(buildBar(this));
-    this.parts.cards.replaceChildren(...modeCards(this));
+    this.stale = this.pressed;
+    if (this.stale) return;
+    this.anew(() => { this.parts.bar.replaceWith(buildBar(this)); this.parts.cards.replaceChildren(...modeCards(this)); });
     this.later();
+  }
+  /** Build parts anew; what had the focus has it still. */
+  anew(build) {
+    const at = this.root.activeElement, focus = at?.textContent || at?.ariaLabel;
+    build();
+    if (at === this.canvas) at.focus();        // it was out of the page for a moment
+    else if (focus && !at.isConnected) [...this.host.querySelectorAll("button, input, select, textarea")].find((b) => (b.textContent || b.ariaLabel) === focus)?.focus();
   }
   raiseSheet() { this.sheet = (this.sheet + 1) % 3; this.host.dataset.sheet = this.sheet; this.later(); }
   /** Whose picture it is, and who made it. */
@@ -401,7 +406,7 @@ export class Page {
     const { hold } = this;
     this.hold = null;                          // who has not turned the cubes has clicked one
     if (this.mode?.release?.(this, event)) return;
-    if (hold?.grip) this.loads.put(hold);
+    if (hold?.ghost) this.loads.edit(hold.n, hold.ghost); else this.later();   // the arrow stands where its ghost was
     if (hold?.x !== undefined && Math.hypot(event.clientX - hold.x, event.clientY - hold.y) < 4) this.touch(this.view.cellAt?.(event.offsetX, event.offsetY));
   }
   move(event) {
@@ -485,7 +490,6 @@ export class Page {
     return false;
   }
   storyOf(k) { return storyOf(this, k); }
-
 }
 
 const size = (components, k) => Math.hypot(...components.map((u) => u[k]));
@@ -493,7 +497,7 @@ const size = (components, k) => Math.hypot(...components.map((u) => u[k]));
 /** What everybody tries: presets for a scene that brings none. */
 function usual(scene) {
   if (scene.rule.kind !== "prescribed") return [];
-  const other = (edit) => { const s = copyOf(scene); edit(s.rule); return s; };
+  const other = (edit) => { const s = structuredClone(scene); edit(s.rule); return s; };
   const alpha = scene.rule.alpha ?? (scene.lattice.shape.length === 2 ? [0.5, 0.5, 0.25] : [0.5, 0.5, 0.125]);
   return [
     { word: "tryFine", scene: other((r) => { r.threshold /= 10; }) },

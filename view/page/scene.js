@@ -1,7 +1,5 @@
 // The scene as it is changed in the page, and as files: TOML that kaju.load_scene runs, CSV.
 
-export const copyOf = (scene) => structuredClone(scene);
-
 /** Every load the rule knows, as one number: the largest force (N). */
 export const largestForce = (scene) => Math.max(0, ...scene.loads.map((l) => Math.hypot(...l.force)));
 

@@ -1,5 +1,5 @@
 // What a reader has made of a page, as plain data: undone and done again, and handed on as a link.
-import { bytesOf } from "./history.js";
+import { bytesOf, through } from "./history.js";
 
 const MOST = 60;                               // states that can be gone back to
 
@@ -53,7 +53,6 @@ export function restore(page, { scene, cells, stage, factor, look, guesses, numb
 }
 
 const coded = (bytes) => btoa(Array.from(bytes, (b) => String.fromCharCode(b)).join("")).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
-const through = async (bytes, stream) => new Uint8Array(await new Response(new Blob([bytes]).stream().pipeThrough(stream)).arrayBuffer());
 
 /** The part after # that opens a page as it stands now. */
 export async function hashOf(page) {

@@ -105,16 +105,20 @@ function profileChart(page, both, { at, rule, elastic }) {
   return draw("svg", { class: "chart", viewBox: `0 0 ${w} ${h}`, role: "img", "aria-label": `${t(both.quantity)}: ${t("theRule")}, ${t("elastic")}` }, draw("text", { x: 0, y: 12 }, `${t(both.quantity)}`), ...parts);
 }
 function rulerCard(page, both) {
-  const { t, look, run: { lattice: { h, shape } } } = page, { ruler } = look.twin, profile = profileOf(page, both), { rule, elastic } = profile, [a, b] = rulerEnds(page);
+  const { t, look: { twin: { ruler } }, run: { lattice: { h, shape } } } = page, profile = profileOf(page, both), { rule, elastic } = profile, [a, b] = rulerEnds(page);
   const title = ruler.from ? t("freeRuler", { x: `${general(100 * h * Math.hypot(b[0] - a[0], b[1] - a[1]), 3)} cm` })
     : t("rulerAt", { x: `${general(100 * h * (ruler.axis ? ruler.at + 0.5 : shape[1] - ruler.at - 0.5), 3)} cm`, side: t(ruler.axis ? "left" : "top") });
   const wide = (half) => (half ? `${general(100 * half.width, 3)} cm (${t("inCells", { n: general(half.width / h, 3) })})` : t("widest")), cells = (show) => [rule, elastic].map((one, n) => make("td", { className: n ? "elastic" : "rule", textContent: one ? show(one) : "–" }));
   const row = (word, show) => make("tr", {}, make("th", { scope: "row", textContent: t(word) }), ...cells(show));
   const table = make("table", {}, make("tr", {}, make("td"), make("th", { scope: "col", className: "rule", textContent: t("theRule") }), make("th", { scope: "col", className: "elastic", textContent: t("elastic") })),
     row("largestValue", (one) => quantity(one.largest, both.unit)), row("halfWidth", (one) => wide(one.half)), ...(rule.through === null ? [] : [row("throughIt", (one) => quantity(one.through, "N"))]));
-  return [make("h2", { textContent: title }), profileChart(page, both, profile), table, make("div", { className: "tools" },
-    button(t("saveProfile"), () => page.announce(t("saved", { name: hand("ruler.csv", new Blob([csvOfRuler(page)], { type: "text/csv" })) }))),
-    button(t("turnRuler"), () => { const axis = 1 - (ruler.axis ?? 0); look.twin.ruler = { axis, at: shape[1 - axis] >> 1 }; page.past.note(); page.later(); }))];
+  return [make("h2", { textContent: title }), profileChart(page, both, profile), table];
+}
+/** Its buttons stand beside what every picture writes anew: a click on what is replaced would be lost. */
+function rulerTools(page) {
+  const { t, look, run: { lattice: { shape } } } = page, save = () => page.announce(t("saved", { name: hand("ruler.csv", new Blob([csvOfRuler(page)], { type: "text/csv" })) }));
+  const turn = () => { const axis = 1 - (look.twin.ruler.axis ?? 0); look.twin.ruler = { axis, at: shape[1 - axis] >> 1 }; page.past.note(); page.later(); };
+  return make("div", { className: "tools" }, button(t("saveProfile"), save), button(t("turnRuler"), turn));
 }
 
 // --------------------------------------------------------------------------------------- mode
@@ -151,7 +155,7 @@ MODES.push({
   offered: (page) => page.solvable && page.deformable,
   open(page) {
     const two = settings(page), main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
-    const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), card: make("section", { className: "card" }), numbers: make("section", { className: "card", role: "status" }),
+    const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), profile: make("div"), numbers: make("section", { className: "card", role: "status" }),
       handle: make("div", { className: "divider", role: "slider", tabIndex: 0, ariaLabel: page.t("divider"), ariaValueMin: 0 }) };
     const split = (x) => { two.split = Math.max(0, Math.min(page.run.lattice.shape[0], x)); page.later(); };
     twin.handle.onpointerdown = (event) => twin.handle.setPointerCapture(event.pointerId);
@@ -187,7 +191,7 @@ MODES.push({
       ...(page.solid ? [] : [button(t("ruler"), () => this.called(page), { ariaPressed: String(Boolean(two.ruler)) })]),
       button(t("shape"), () => { look.deformed = !look.deformed; put({}); }, { ariaPressed: String(look.deformed) }), page.twin?.line ?? ""];
   },
-  cards: (page) => (page.twin ? [page.twin.numbers, page.twin.card] : []),
+  cards: (page) => (page.twin ? [page.twin.numbers, page.twin.card = make("section", { className: "card", hidden: true }, page.twin.profile, rulerTools(page))] : []),
   draw(page) {
     const { twin, canvas, inks, t, look } = page, two = settings(page), both = bothOf(page), main = canvas.parentElement, wide = page.stageBox.clientWidth > 560;
     const swipe = !page.solid && (two.layout === "swipe" || !wide), { answer } = page.elastic;
@@ -212,7 +216,7 @@ MODES.push({
     page.parts.cap.textContent = page.told || "";
     twin.numbers.replaceChildren(...numbersCard(page, both, twin.at >= 0 ? twin.at : page.picked));
     twin.card.hidden = !two.ruler;
-    if (two.ruler && !page.playing) twin.card.replaceChildren(...rulerCard(page, both));
+    if (two.ruler && !page.playing) twin.profile.replaceChildren(...rulerCard(page, both));
   },
   press(page, event) {
     if (!settings(page).ruler) return false;

@@ -139,7 +139,7 @@ def test_damaged_pieces_are_refused(tmp_path):
     whole = piece.read_bytes()
     for end in (100, len(whole) // 2):
         piece.write_bytes(whole[:end])
-        with pytest.raises(kaju.KajuError, match=r"piece-00001.vti|values for"):
+        with pytest.raises(kaju.KajuError, match="damaged"):
             kaju.load_result(folder).to_dataframe()
     (folder / "summary.json").unlink()
     with pytest.raises(kaju.KajuError, match="damaged"):

@@ -136,17 +136,14 @@ class Caveats:
     def _rough(self) -> list[Caveat]:
         error = self.result.error_estimate
         # What is said of goals is about their own error, and a proof says more than an estimate.
-        proved = self.result.tolerance_kept == "proved"
-        if self.result.tolerance_at is not None or proved or not error > ROUGH:
+        kept = self.result.tolerance_kept
+        if self.result.tolerance_at is not None or kept == "proved" or not error > ROUGH:
             return []
-        half = 0.05 if self.result.tolerance is None else 0.5 * min(self.result.tolerance, error)
-        return [
-            Caveat(
-                f"error about {error:.0%}",
-                f"the estimated error is {error:.0%} in the energy norm: ask for less by "
-                f"tolerance={half:.2g} (kaju solve FILE --tolerance {half:.2g})",
-            )
-        ]
+        told = f"the error is taken as {error:.0%} in the energy norm"
+        if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
+            half = 0.05 if self.result.tolerance is None else 0.5 * min(self.result.tolerance, error)
+            told += f": ask for less by tolerance={half:.2g} (kaju solve FILE --tolerance {half:.2g})"
+        return [Caveat(f"error about {error:.0%}", told)]
 
     def _loads(self) -> list[Caveat]:
         """Say which loads do not act just where they are described, and how far off they are."""

@@ -14,11 +14,14 @@ import tempfile
 from collections.abc import Callable
 from functools import cache, cached_property, partial, update_wrapper
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 __all__ = ["along", "njit", "part"]
 
 log = logging.getLogger("kaju")
+_one_at_a_time = RLock()
+"""Threads that import numba at once would wait for each other without end."""
 
 
 class Loop:
@@ -31,12 +34,13 @@ class Loop:
     @cached_property
     def compiled(self) -> Any:
         """What numba made of it; it sees other loops as what numba made of these."""
-        _prepare()
-        seen = self.py_func.__globals__
-        for name in self.py_func.__code__.co_names:
-            if isinstance(seen.get(name), Loop):
-                seen[name] = seen[name].compiled
-        return self._make(self.py_func)
+        with _one_at_a_time:
+            _prepare()
+            seen = self.py_func.__globals__
+            for name in self.py_func.__code__.co_names:
+                if isinstance(seen.get(name), Loop):
+                    seen[name] = seen[name].compiled
+            return self._make(self.py_func)
 
     def __call__(self, *arguments: Any) -> Any:
         return self.compiled(*arguments)

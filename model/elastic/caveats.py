@@ -141,8 +141,9 @@ class Caveats:
             return []
         told = f"the error is taken as {error:.0%} in the energy norm"
         if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
-            half = 0.05 if self.result.tolerance is None else 0.5 * min(self.result.tolerance, error)
-            told += f": ask for less by tolerance={half:.2g} (kaju solve FILE --tolerance {half:.2g})"
+            half = 0.5 * min(self.result.tolerance or 0.1, error)
+            told += f": ask for less by tolerance={half:.2g} (kaju solve FILE "
+            told += f"--tolerance {half:.2g})"
         return [Caveat(f"error about {error:.0%}", told)]
 
     def _loads(self) -> list[Caveat]:

@@ -68,6 +68,7 @@ MOMENTS = {
     "energy": Column("f", "moments"),
     "left": Column("s", "moments agents"),
     "taken": Column("s", "moments agents", 0.0),
+    "displacement": Column("s", "moments agents", optional=True),
 }
 NETWORK = {
     "positions": Column("f", "nodes dimension"),

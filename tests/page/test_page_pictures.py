@@ -83,6 +83,50 @@ def test_elastic_agents_wake_and_keep_what_is_left():
     assert columns["born"].tolist() == run.agents.spawn_step[own].tolist()
 
 
+CHART = """
+import { paintChart } from "./charts.js";
+const said = [], ctx = new Proxy({}, { set: (o, k, v) => { o[k] = v; return true; },
+  get: (o, k) => (k === "fillText" ? (text) => said.push(text) : o[k] ?? (() => {})) });
+paintChart(ctx, { x: 0, y: 0, w: 100, h: 100 },
+  { word: "e", unit: "J", lists: [data], names: [], over: [1, 2, 3], now: 2 }, {});
+tell(said);
+"""
+
+
+@pytest.mark.parametrize(
+    ("curve", "told"),
+    [
+        ([-1e-8, -2e-8, -1e-8], ["e, nJ", "-20", "0", "−20 nJ"]),
+        ([0.0, 0.0, 0.0], ["e, J", "0", "1", "0 J"]),
+        ([0.0, 4.0, 1.0], ["e, J", "2", "4", "4 J"]),
+    ],
+)
+def test_a_chart_has_the_prefix_and_ticks_of_its_numbers(node, curve, told):
+    said = node(CHART, curve)
+    assert set(told) <= set(said)
+    assert len([word for word in said if "e, " in word]) == 1
+
+
+def test_elastic_agents_move_as_they_yield(tmp_path):
+    run = elastic_agents()
+    own, axis = run.agents.level == 0, run.agents.axis[run.agents.level == 0]
+    columns = motion_data(kaju.load_result(run.save(tmp_path / "run")))[1]
+    moved = columns["moved"].reshape(-1, own.sum(), 2)
+    assert not moved[0].any()
+    along = moved[-1][np.arange(len(axis)), axis]
+    np.testing.assert_allclose(along, run.agents.displacement[own], rtol=2e-5)
+    # across its normal a face goes with the four faces round it; all of those inside are there
+    places = np.rint(run.agents.position[own] / 0.01).astype(int)  # half cells
+    at = {(a, *p): d for a, p, d in zip(axis, places.tolist(), along, strict=True)}
+    for a, b, (x, y), told in zip(axis, 1 - axis, places.tolist(), moved[-1], strict=True):
+        round_it = [at.get((b, x + i, y + j)) for i in (-1, 1) for j in (-1, 1)]
+        if a == 0 and None not in round_it:
+            assert told[b] == pytest.approx(np.mean(round_it), rel=1e-4, abs=1e-14)
+    without = dataclasses.replace(run, moments=dataclasses.replace(run.moments, displacement=None))
+    assert "moved" not in motion_data(without)[1]
+    assert "moved" in columns
+
+
 def test_creep_is_shown_at_its_times():
     course = noodle()
     header, columns = motion_data(course)

@@ -59,6 +59,7 @@ def test_a_stored_run_is_the_same(run, tmp_path):
     for name in ("level", "position", "left", "taken"):
         np.testing.assert_array_equal(getattr(stored.agents, name), getattr(run.agents, name))
     np.testing.assert_array_equal(stored.moments.left, run.moments.left)
+    np.testing.assert_array_equal(stored.moments.displacement, run.moments.displacement)
     points = np.array([[0.045, 0.075], [0.01, 0.02]])
     np.testing.assert_array_equal(stored.displacement_at(points), run.displacement_at(points))
     assert stored.to_dataframe().equals(run.to_dataframe())

@@ -27,7 +27,7 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.stability import Certificate
 
-from .motion_data import Pictures, applied, curve_data, diamonds, picture_data
+from .motion_data import MovingFaces, Pictures, applied, curve_data, diamonds, picture_data
 from .own import acting_controls, own_data, own_parts
 from .packing import pack
 from .scene_data import FORMAT, Account, Rows, scene_data
@@ -395,7 +395,7 @@ class LiveFaces(Session):
         """What is stepped."""
         if self._model is None:
             self._model = self._begin()
-            self._moving = Moving(self._model.table)
+            self._moving = _moving_faces(self._model.table)
         return self._model
 
     def opening(self) -> bytes:
@@ -481,42 +481,14 @@ class LiveFaces(Session):
         return np.where(step > 0, step, 2**32 - 1).astype(np.uint32)
 
 
-class Moving:
-    """Displacements of the faces' middles in all directions.
-
-    A face moves along its normal; across it goes with the mean of the faces round it.
-
-    Parameters
-    ----------
-    table : PushTable
-        Where the faces are.
-    """
-
-    def __init__(self, table: PushTable) -> None:
-        self.table = table
-        self.axis, index = table.levels[0].place
-        states = table.problem.face_states()
-        unit = np.eye(len(states), dtype=np.int64)
-        self.round: dict[tuple[int, int], tuple[Any, Floats]] = {}
-        for a in range(len(states)):
-            at = index[self.axis == a]
-            for b in set(range(len(states))) - {a}:
-                places = [at, at + unit[b], at - unit[a], at - unit[a] + unit[b]]
-                flat = np.stack([np.ravel_multi_index(p.T, states[b].shape) for p in places])
-                there = states[b].ravel()[flat] != ABSENT
-                self.round[a, b] = flat, there / np.maximum(there.sum(axis=0), 1)
-
-    def at(self, displacement: Floats) -> Floats:
-        """Return displacements (m), shape (faces, dimension), from those along the normals."""
-        scale = self.table.problem.scales.displacement
-        fields = tuple(values * scale for values in self.table.problem.fixed)
-        self.table.levels[0].numbering.scatter(displacement, fields)
-        moved = np.zeros((len(displacement), len(fields)))
-        for a in range(len(fields)):
-            moved[self.axis == a, a] = displacement[self.axis == a]
-        for (a, b), (flat, weight) in self.round.items():
-            moved[self.axis == a, b] = (weight * fields[b].ravel()[flat]).sum(axis=0)
-        return moved
+def _moving_faces(table: PushTable) -> MovingFaces:
+    """Return the faces of a table as they move; those that are given their place hold it."""
+    problem = table.problem
+    fields = [
+        np.where(states == ABSENT, np.nan, problem.scales.displacement * fixed)
+        for states, fixed in zip(problem.face_states(), problem.fixed, strict=True)
+    ]
+    return MovingFaces(*table.levels[0].place, fields)
 
 
 Watched = Scene | LoadModel | ElasticModel

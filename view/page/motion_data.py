@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,7 +74,7 @@ class Pictures:
     at: Sequence[float] | Floats
     along: str
     values: dict[str, tuple[str, Floats]]
-    moved: Floats | None = None
+    moved: NDArray[np.floating] | None = None
     born: NDArray[np.integer] | None = None
     gone: NDArray[np.integer] | None = None
     curves: Sequence[Curves] = ()
@@ -345,6 +346,58 @@ def diamonds(middle: Floats, h: float) -> tuple[Floats, NDArray[np.integer]]:
     return points, np.arange(len(points)).reshape(len(middle), -1)
 
 
+class MovingFaces:
+    """Displacements of the faces' middles in all directions.
+
+    A face moves along its normal; across it goes with the mean of the faces round it.
+
+    Parameters
+    ----------
+    axis, index : array of int, shapes (faces,) and (faces, dimension)
+        Which faces move: the axis of the normal, and the place in that axis' array.
+    fields : sequence of array
+        Displacement (m) of all faces, one array for each axis, with a rim; NaN where there is none.
+    """
+
+    def __init__(self, axis: Ints, index: Ints, fields: Sequence[Floats]) -> None:
+        self.axis = axis
+        self.fields = fields
+        self.places = [tuple(index[axis == a].T) for a in range(len(fields))]
+        unit = np.eye(len(fields), dtype=np.int64)
+        self.round: dict[tuple[int, int], tuple[Any, Floats]] = {}
+        for a, b in permutations(range(len(fields)), 2):
+            at = index[axis == a]
+            places = [at, at + unit[b], at - unit[a], at - unit[a] + unit[b]]
+            flat = np.stack([np.ravel_multi_index(tuple(p.T), fields[b].shape) for p in places])
+            there = ~np.isnan(fields[b].ravel()[flat])
+            self.round[a, b] = flat, there / np.maximum(there.sum(axis=0), 1)
+
+    def at(self, displacement: Floats) -> Floats:
+        """Return displacements (m), shape (faces, dimension), from those along the normals."""
+        fields = [np.nan_to_num(field) for field in self.fields]
+        moved = np.zeros((len(displacement), len(fields)))
+        for a, places in enumerate(self.places):
+            fields[a][places] = moved[self.axis == a, a] = displacement[self.axis == a]
+        for (a, b), (flat, weight) in self.round.items():
+            moved[self.axis == a, b] = (weight * fields[b].ravel()[flat]).sum(axis=0)
+        return moved
+
+
+def _shape_of(run: ElasticRun, chosen: Ints) -> NDArray[np.floating] | None:
+    """Return how the agents on the cells' own faces have moved at some moments, if that is told."""
+    moved, own = run.moments.displacement, run.agents.level == 0
+    if moved is None:
+        return None
+    axis, places = run.agents.axis[own], run.agents.position[own] / run.grid.lattice.cell_size
+    across = axis[:, None] != np.arange(places.shape[1])
+    index = np.rint(places - 0.5 * across).astype(np.int64) + 1
+    fields = [np.pad(field, 1, constant_values=np.nan) for field in run.displacement]
+    moving = MovingFaces(axis, index, fields)
+    told = np.stack([moving.at(moment) for moment in moved[chosen][:, own].astype(float)])
+    bits = told.astype(np.float32).view(np.uint32)  # five digits: the rest would not deflate
+    return ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)
+
+
 def _elastic_agents(run: ElasticRun) -> Pictures:
     """Agents on the faces of the cells."""
     agents, moments = run.agents, run.moments
@@ -362,6 +415,7 @@ def _elastic_agents(run: ElasticRun) -> Pictures:
             "load_left": ("N", np.abs(moments.left[chosen][:, own]).astype(float)),
             "load_taken": ("N", moments.taken[chosen][:, own].astype(float)),
         },
+        moved=_shape_of(run, chosen),
         born=agents.spawn_step[own],
         curves=run.curves(),
         forces=applied(run.scene),

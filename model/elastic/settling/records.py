@@ -111,6 +111,8 @@ class Moments:
     taken: NDArray[np.float32]
     """Load left on, and sum of the sizes of the loads taken by, each agent (N), agents as in the
     run's table. Parents hold what was handed up to them last. Shape (k, agents)."""
+    displacement: NDArray[np.float32] | None = None
+    """Displacement (m) of each agent along its axis; older files do not tell. Shape (k, agents)."""
 
 
 class Recorder:
@@ -128,7 +130,7 @@ class Recorder:
     def __init__(self, state: PushState) -> None:
         self._state = state
         faces = sum(len(ground.weight) for ground in state.grounds)
-        self._most = max(8, min(MOST_MOMENTS, MOST_BYTES // (8 * faces)))
+        self._most = max(8, min(MOST_MOMENTS, MOST_BYTES // (12 * faces)))
         self._every = 1
         self._kept = [self._look(0)]
 
@@ -154,19 +156,19 @@ class Recorder:
         kept = self._kept
         if kept[-1][0] != self._state.generation:
             kept = [*kept, self._look(level)]
-        steps, levels, energies, left, taken = zip(*kept, strict=True)
+        steps, levels, energies, told = zip(*kept, strict=True)
+        left, taken, displacement = (
+            np.stack(column)[:, agents] for column in zip(*told, strict=True)
+        )
         return Moments(
-            np.array(steps),
-            np.array(levels),
-            np.array(energies),
-            np.stack(left)[:, agents],
-            np.stack(taken)[:, agents],
+            np.array(steps), np.array(levels), np.array(energies), left, taken, displacement
         )
 
-    def _look(self, level: int) -> tuple[int, int, float, NDArray[np.float32], NDArray[np.float32]]:
+    def _look(self, level: int) -> tuple[int, int, float, list[NDArray[np.float32]]]:
         grounds = self._state.grounds
         left = [ground.left[: len(ground.weight)] for ground in grounds]
         taken = [ground.taken for ground in grounds]
+        displacement = [ground.displacement for ground in grounds]
         state = self._state
-        both = [np.concatenate(part).astype(np.float32) for part in (left, taken)]
-        return state.generation, level, state.energy, both[0], both[1]
+        told = [np.concatenate(part).astype(np.float32) for part in (left, taken, displacement)]
+        return state.generation, level, state.energy, told

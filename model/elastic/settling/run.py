@@ -160,8 +160,8 @@ class ElasticRun(BodyResult):
         arrays, answer = self.result._archive()
         arrays = {f"answer.{name}": values for name, values in arrays.items()}
         for name, table in _tables(self).items():
-            for field in fields(table):
-                arrays[f"{name}.{field.name}"] = getattr(table, field.name)
+            told = {field.name: getattr(table, field.name) for field in fields(table)}
+            arrays |= {f"{name}.{key}": at for key, at in told.items() if at is not None}
         ledger = {name: np.asarray(value).tolist() for name, value in asdict(self.ledger).items()}
         return arrays, {
             "answer": answer,

@@ -71,23 +71,7 @@ def plot_profiles(
     per: float | None = None,
     symbol: str = "",
 ) -> Figure:
-    """Draw a component along lines, one panel a line.
-
-    Parameters
-    ----------
-    comparisons : mapping of str to Comparison
-        What is judged, by name; all with the same reference.
-    lines : sequence of Line
-        Where.
-    quantity, component : str
-        Such as "stress" and "yy", or "displacement" and "y".
-    believed : str
-        What the reference is called.
-    per : float, optional
-        Values are drawn as shares of this.
-    symbol : str
-        How the axis is labelled.
-    """
+    """Draw a component along lines, one panel a line."""
     check_count(comparisons)
     figure = new_figure((4.1 * len(lines) + 0.5, 3.9))
     for ax, line in zip(figure.subplots(1, len(lines), squeeze=False)[0], lines, strict=True):
@@ -309,19 +293,7 @@ def plot_shapes(
     name: str = "reference",
     magnification: float | None = None,
 ) -> Figure:
-    """Draw the deformed lines between the cells of a plane body, over those of the reference.
-
-    Parameters
-    ----------
-    answers : mapping of str to BodyResult
-        What is judged, by name.
-    believed : BodyResult or Reference
-        Knows the displacement of the corners of the cells.
-    name : str
-        What the reference is called.
-    magnification : float, optional
-        How many times larger than true; one for all panels.
-    """
+    """Draw the deformed lines between the cells of a plane body, over those of the reference."""
     first = next(iter(answers.values()))
     section = section_of(first.scene, None, None, False)
     tiles, kinds = section.ground

@@ -38,18 +38,12 @@ _RING = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 
 @dataclass(frozen=True, eq=False)
 class Layer(Section):
-    """A rectangle of a body in the plane, or in a plane through its agents.
-
-    Attributes
-    ----------
-    place : float
-        Where the plane lies along the axis that it cuts (m); 0 for bodies in the plane.
-    caveats : tuple of str
-        What is approximate of the answer, in a few words.
-    """
+    """A rectangle of a body in the plane, or in a plane through its agents."""
 
     place: float = 0.0
+    """Where the plane lies along the axis that it cuts (m); 0 for bodies in the plane."""
     caveats: tuple[str, ...] = ()
+    """What is approximate of the answer, in a few words."""
 
     def in_body(self, points: Floats) -> Floats:
         """Return points of the picture, shape (n, 2), as points of the body."""

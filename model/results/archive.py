@@ -247,15 +247,7 @@ def write_archive(
 
 
 def open_archive(path: str | Path, *kinds: str) -> Archive:
-    """Read what `write_archive` wrote.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    *kinds : str
-        The labels that are expected; without any, all are.
-    """
+    """Read what `write_archive` wrote."""
     file = Path(path)
     try:
         arrays = unpacked(file)

@@ -48,26 +48,17 @@ FEWEST_FACES = 1500
 
 @dataclass(frozen=True)
 class Level:
-    """The faces of one level.
-
-    Attributes
-    ----------
-    dm : DMStag
-    shape : tuple of int
-        Number of cells along each axis, without the rim.
-    own : Box
-        Cells of this process, with its part of the rim.
-    ghosts : Box
-        Cells that it knows, with the places of the faces behind the last.
-    number : tuple of arrays
-        Per axis PETSc's numbers of the faces below the cells of `ghosts`, -1 where there is none.
-    """
+    """The faces of one level."""
 
     dm: Any
     shape: tuple[int, ...]
+    """Number of cells along each axis, without the rim."""
     own: Box
+    """Cells of this process, with its part of the rim."""
     ghosts: Box
+    """Cells that it knows, with the places of the faces behind the last."""
     number: tuple[Index, ...]
+    """Per axis PETSc's numbers of the faces below the cells of `ghosts`, -1 where there is none."""
 
     def owned(self, axis: int) -> Index:
         """Return the faces normal to an axis that belong to this process, by their cell above."""
@@ -179,28 +170,18 @@ def _level(
 
 @dataclass(frozen=True)
 class Body:
-    """A scene, cut to the box around its body, and its units.
-
-    Attributes
-    ----------
-    scene : Scene
-        On the cells that are solved.
-    stage : int or None
-    lower : array
-        The scene's cell that is the box's first.
-    shape : tuple of int
-        Cells of the box along each axis.
-    scales : Scales
-    loads : CellLoads
-        The forces on the body's surface, counted from `lower`.
-    """
+    """A scene, cut to the box around its body, and its units."""
 
     scene: Scene
+    """On the cells that are solved."""
     stage: int | None
     lower: Index
+    """The scene's cell that is the box's first."""
     shape: tuple[int, ...]
+    """Cells of the box along each axis."""
     scales: Scales
     loads: CellLoads
+    """The forces on the body's surface, counted from `lower`."""
 
     def kinds(self, box: Box) -> NDArray[np.int32]:
         """Return the kinds of the cells of a box, the rim's as kaju's arrays have them."""

@@ -54,22 +54,16 @@ _HEADER = b'<AppendedData encoding="raw">\n_'
 
 @dataclass(frozen=True)
 class Piece:
-    """The answer on a box of cells.
-
-    Attributes
-    ----------
-    nodes : dict of arrays
-        "displacement" (m) at the cells' corners, shape (n + 1, ..., dimension).
-    cells : dict of arrays
-        "kind" (index of the material, negative where there is none), "displacement" (m) of the
-        middles, shape (n, ..., dimension), "stress" (Pa), shape (n, ..., dimension, dimension).
-    """
+    """The answer on a box of cells."""
 
     lower: tuple[int, ...]
     upper: tuple[int, ...]
     """The box, in cells of the grid; `upper` is not included."""
     nodes: Fields
+    """"displacement" (m) at the cells' corners, shape (n + 1, ..., dimension)."""
     cells: Fields
+    """"kind" (index of the material, negative where there is none), "displacement" (m) of the
+    middles, shape (n, ..., dimension), "stress" (Pa), shape (n, ..., dimension, dimension)."""
 
     def holds(self, cells: Ints) -> Flags:
         """Tell which cells lie in the piece."""

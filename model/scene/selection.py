@@ -34,24 +34,16 @@ Corners = tuple[tuple[float, ...], tuple[float, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """The faces (or, with direction -1, cells) on which one load acts.
-
-    Attributes
-    ----------
-    cells : ndarray of int, shape (n, dimension)
-        The body's cells.
-    direction : ndarray of int, shape (n,)
-        Index of the face, -1 for the cell's middle.
-    part : ndarray of float, shape (n, 2, dimension), optional
-        Lower and upper corner of what the load covers of each, from 0 to 1; unless given all.
-    offset : ndarray of float, shape (n, dimension), optional
-        How far (in cells) from the middle of each a force at a point acts.
-    """
+    """The faces (or, with direction -1, cells) on which one load acts."""
 
     cells: Cells
+    """The body's cells."""
     direction: Ints
+    """Index of the face, -1 for the cell's middle."""
     part: Floats | None = None
+    """Lower and upper corner of what the load covers of each, from 0 to 1; unless given all."""
     offset: Floats | None = None
+    """How far (in cells) from the middle of each a force at a point acts."""
 
     @property
     def share(self) -> Floats:
@@ -292,17 +284,7 @@ _NUDGE = 1e-6  # of a cell: a point this near to a neighbour belongs to both
 
 
 def select(filling: Filling, load: Load, where: str) -> Selection:
-    """Return the faces and cells that a load acts on.
-
-    Parameters
-    ----------
-    filling : Filling
-        What is where.
-    load : Load
-        The load.
-    where : str
-        Key path of the load, for errors.
-    """
+    """Return the faces and cells that a load acts on."""
     lattice = filling.lattice
     if load.force is not None:
         _check_axes(load.force, lattice, f"{where}.force")
@@ -454,20 +436,14 @@ class Uneven(NamedTuple):
 
     The traction at x in the part is force / (size of the part) + growth · (x - its middle), by
     the whole face, x in cells.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (m,)
-        Which of the forces.
-    part : ndarray of float, shape (m, 2, dimension)
-        Lower and upper corner of what each covers, from 0 to 1.
-    growth : ndarray of float, shape (m, dimension, dimension)
-        Of each component of the force, along each axis.
     """
 
     row: Ints
+    """Which of the forces."""
     part: Floats
+    """Lower and upper corner of what each covers, from 0 to 1."""
     growth: Floats
+    """Of each component of the force, along each axis."""
 
     def within(self, some: NDArray[np.bool_]) -> Uneven:
         """Return what is left of it if only some of the forces are kept."""
@@ -477,28 +453,19 @@ class Uneven(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class AppliedLoads:
-    """Forces on cells.
-
-    Attributes
-    ----------
-    cells : ndarray of int, shape (n, dimension)
-        The cells that take the forces; a cell may occur more than once.
-    direction : ndarray of int, shape (n,)
-        Index of the face by which the force enters, -1 for the cell's middle.
-    force : ndarray of float, shape (n, dimension)
-        The forces (N).
-    sense : ndarray of int, shape (n,), optional
-        What the scene says of the force: `PUSH`, `PULL`, or nothing. Then its side decides
-        (`BY_SIDE`), or, where the scene names none, the surface (`BY_SURFACE`).
-    uneven : Uneven, optional
-        Which of the forces do not lie evenly on whole faces.
-    """
+    """Forces on cells."""
 
     cells: Cells
+    """The cells that take the forces; a cell may occur more than once."""
     direction: Ints
+    """Index of the face by which the force enters, -1 for the cell's middle."""
     force: Floats
+    """The forces (N)."""
     sense: NDArray[np.int8] | None = None
+    """What the scene says of the force: `PUSH`, `PULL`, or nothing. Then its side decides
+    (`BY_SIDE`), or, where the scene names none, the surface (`BY_SURFACE`)."""
     uneven: Uneven | None = None
+    """Which of the forces do not lie evenly on whole faces."""
 
 
 def at_stage(

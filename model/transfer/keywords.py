@@ -39,21 +39,7 @@ def own_classes(
 def keywords_into(
     scene: Scene, classes: Iterable[type], given: Mapping[str, Any], model: type, own_rule: bool
 ) -> tuple[Scene, dict[str, Any]]:
-    """Return the scene with numbers of its rule replaced, and the agents' parameters.
-
-    Parameters
-    ----------
-    scene : Scene
-        Whose rule some keywords belong to.
-    classes : iterable of type
-        Own classes of agents, to whom the others belong.
-    given : mapping
-        Keywords by name.
-    model : type
-        Whose own arguments no parameter may be called by.
-    own_rule : bool
-        Whether another rule stands in for the scene's.
-    """
+    """Return the scene with numbers of its rule replaced, and the agents' parameters."""
     parameters = declared(classes)
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]

@@ -32,18 +32,7 @@ _HERE = -100  # AT_FDCWD: names count from the working folder
 def file_to_read(
     path: str | Path, error: type[KajuError], *, most: int | None = None, key: str = ""
 ) -> Path:
-    """Return the path of a file that can be read to its end.
-
-    Parameters
-    ----------
-    path : path
-    error : type of KajuError
-        What to raise otherwise.
-    most : int, optional
-        Bytes that it may have.
-    key : str
-        What of a scene names it.
-    """
+    """Return the path of a file that can be read to its end."""
     try:
         about = Path(path).stat()
         reason = "" if stat.S_ISREG(about.st_mode) else "it is a pipe or a device"
@@ -81,15 +70,7 @@ def is_there(path: Path) -> bool:
 
 @contextmanager
 def scratch_beside(target: Path, error: type[KajuError]) -> Iterator[Path]:
-    """Yield a file to write to, which takes the target's name only if all goes well.
-
-    Parameters
-    ----------
-    target : Path
-        The file to be.
-    error : type of KajuError
-        What to raise if it cannot be written.
-    """
+    """Yield a file to write to, which takes the target's name only if all goes well."""
     with _named(target, error), _claimed(target.parent, suffix=target.suffix) as scratch:
         yield scratch
         _to_disk(scratch)

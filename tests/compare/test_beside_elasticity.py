@@ -4,22 +4,16 @@ import json
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
-from kaju import ElasticModel, ElasticRule, LoadModel, Scene, compare, load_scene, solve
+from kaju import ElasticModel, ElasticRule, LoadModel, compare, load_scene, solve
 from kaju.errors import KajuError, ParameterError
 from kaju.model.study.beside_elasticity import CHOSEN, DERIVED, FITTED, beside_elasticity
 from kaju.view.comparison import pictures_beside, words_beside
 
 
 def plate(**changes):
-    return Scene(
-        **{
-            "body": {"cell_size": 0.01, "cells": [10, 8], "thickness": 0.002, "material": "steel"},
-            "sides": {"bottom": "rigid"},
-            "loads": [{"cell": [4, 7], "force": [0.0, -2.0], "steps": 4}],
-        }
-        | changes
-    )  # fmt: skip
+    return pressed([10, 8], [4, 7], steps=4, thickness=0.002, **changes)
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
+from plates import plate
 
-from kaju import LoadModel, Scene, compare, solve
+from kaju import LoadModel, compare, solve
 from kaju.errors import ParameterError, ResultFileError
 
 DATA = Path(__file__).parent.parent / "data"
@@ -13,11 +14,7 @@ DATA = Path(__file__).parent.parent / "data"
 
 @pytest.fixture
 def stored(tmp_path):
-    scene = Scene(
-        body={"size": [0.08, 0.08], "cells": [8, 8], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [4, 7], "force": [0.0, -2.0]}],
-    )
+    scene = plate([8, 8], [4, 7], size=[0.08, 0.08], thickness=0.002)
     results = {"run": LoadModel(scene).run(), "elastic": solve(scene, resolution=2)}
     for name, result in results.items():
         (tmp_path / name).mkdir()

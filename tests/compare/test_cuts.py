@@ -2,25 +2,14 @@
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 from kaju import ElasticModel, LoadModel, Scene, solve
 from kaju.errors import ParameterError
 
 
 def plate(**given):
-    return Scene(
-        **{
-            "body": {
-                "size": [0.2, 0.2],
-                "cells": [20, 20],
-                "thickness": 0.002,
-                "material": "steel",
-            },
-            "sides": {"bottom": "rigid"},
-            "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-        }
-        | given
-    )
+    return pressed([20, 20], [10, 19], size=[0.2, 0.2], thickness=0.002, **given)
 
 
 def elastic(tolerance=1e-12):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 from kaju import LoadModel, Reference, Scene, compare, fit_rule, solve
 from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
@@ -13,12 +14,7 @@ OWN = PrescribedRule(alpha=(0.5, 0.5, 0.25), beta=0.5, threshold=0.02)
 
 
 def plate(rule=OWN, steps=1):
-    return Scene(
-        body={"size": [0.1, 0.1], "cells": [10, 10], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [5, 9], "force": [0.0, -2.0], "steps": steps}],
-        rule=rule,
-    )
+    return pressed([10, 10], [5, 9], steps=steps, size=[0.1, 0.1], thickness=0.002, rule=rule)
 
 
 def as_reference(result):

@@ -25,20 +25,14 @@ class BimaterialBar(KnownProblem):
     The stress along the bar is -p in both; each part shortens by p/C₁₁ of its own, so the
     displacement is linear with a kink where they meet (Timoshenko & Goodier, §6). Across
     the bar each presses on the sleeve by p·C₁₂/C₁₁.
-
-    Attributes
-    ----------
-    contrast : float
-        Young's modulus of the second material over that of the first.
-    second_ratio : float
-        Poisson's ratio of the second material.
-    pressure : float
-        Pa.
     """
 
     contrast: float = 1e3
+    """Young's modulus of the second material over that of the first."""
     second_ratio: float = 0.1
+    """Poisson's ratio of the second material."""
     pressure: float = 1e6
+    """Pa."""
 
     title = "Bimaterial bar"
     source = "Timoshenko & Goodier, Theory of Elasticity, §6"
@@ -100,15 +94,11 @@ class TimoshenkoCantilever(PlaneProblem):
     c half the height and I = 2c³/3. The right end is held as this solution moves: fixed in
     its middle, free to warp (Augarde & Deeks 2008, Finite Elements in Analysis and Design
     44, 595-601, warn that a fully clamped end has another, singular solution).
-
-    Attributes
-    ----------
-    load : float
-        P per unit thickness (N/m).
     """
 
     plane: Literal["stress", "strain"] | None = "stress"
     load: float = 1e3
+    """P per unit thickness (N/m)."""
 
     title = "Timoshenko cantilever"
     source = "Timoshenko & Goodier, Theory of Elasticity, §21"

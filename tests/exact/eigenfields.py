@@ -31,14 +31,10 @@ class LCorner(PlaneProblem):
     (Williams 1952, J. Applied Mechanics 19, 526-528; Szabó & Babuška 1991, Finite
     Element Analysis). The singularity is felt everywhere: errors fall like
     h^2λ, power 1.09, in the end, and a little faster on coarse cells.
-
-    Attributes
-    ----------
-    strength : float
-        A (Pa·m^(1-λ)).
     """
 
     strength: float = 1e6
+    """A (Pa·m^(1-λ))."""
 
     title = "L-corner"
     source = "Williams 1952, J. Applied Mechanics 19, 526-528"
@@ -92,14 +88,10 @@ class SaintVenantDecay(PlaneProblem):
     φ = Re-symmetric sum of ae^(-γz) and its conjugate partner; freedom from traction at
     y = ±1 gives ψ and sin 2γ + 2γ = 0 (Papkovich 1940, Fadle 1940; Timoshenko & Goodier,
     §26; Horgan & Knowles 1983, Advances in Applied Mechanics 23, 179-269).
-
-    Attributes
-    ----------
-    load : float
-        Scale of the end's traction (Pa).
     """
 
     load: float = 1e6
+    """Scale of the end's traction (Pa)."""
 
     title = "Saint-Venant decay"
     source = "Horgan & Knowles 1983, Advances in Applied Mechanics 23, 179-269"

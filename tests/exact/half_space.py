@@ -47,14 +47,10 @@ class StripLoad(_HalfPlane):
 
     Potentials are those of point forces, summed over the strip: φ' = (ip/2π) ln((z+a)/(z-a)),
     ψ = φ - zφ' (Timoshenko & Goodier, §37, by other means).
-
-    Attributes
-    ----------
-    pressure : float
-        Pa.
     """
 
     pressure: float = 1e6
+    """Pa."""
 
     title = "Strip load on a half plane"
     source = "Timoshenko & Goodier, Theory of Elasticity, §37"
@@ -85,14 +81,10 @@ class Flamant(_HalfPlane):
 
     φ' = -F/2πz and ψ' = F̄/2πz with F = X + iY (Flamant 1892; Timoshenko & Goodier, §36). The grid
     spreads the force over two cells, which is not felt far away but to second order.
-
-    Attributes
-    ----------
-    load : float
-        Force downwards per unit thickness (N/m).
     """
 
     load: float = 1e6
+    """Force downwards per unit thickness (N/m)."""
 
     title = "Flamant's point force"
     source = "Timoshenko & Goodier, Theory of Elasticity, §36"
@@ -123,16 +115,11 @@ _STEP = 1e-30
 
 @dataclass(frozen=True)
 class _HalfSpace(KnownProblem):
-    """A block below the surface of a half space.
-
-    Attributes
-    ----------
-    load : float
-        Point force (N).
-    """
+    """A block below the surface of a half space."""
 
     plane: Literal["stress", "strain"] | None = None
     load: float = 1e6
+    """Point force (N)."""
 
     orders: ClassVar[Orders] = {"displacement": (1.7, 2.4), "stress": (1.5, 2.6)}
     resolutions = (8, 12, 16)

@@ -29,14 +29,10 @@ class BrazilianDisk(PlaneProblem):
     at the centre σ_xx = P/πR and σ_yy = -3P/πR (Hertz 1883; Timoshenko & Goodier, §41).
     The rim is a stair, but statics fixes what passes through the middle, and far from the
     rim the stair is felt to second order only.
-
-    Attributes
-    ----------
-    load : float
-        P per unit thickness (N/m).
     """
 
     load: float = 1e6
+    """P per unit thickness (N/m)."""
 
     title = "Brazilian disk, centre"
     source = "Timoshenko & Goodier, Theory of Elasticity, §41"
@@ -120,14 +116,10 @@ class Kirsch(_Hole):
 
     φ = S/4 (z + 2a²/z), ψ = -S/2 (z + a²/z - a⁴/z³)
     (Kirsch 1898; Muskhelishvili, §56; Timoshenko & Goodier, §35).
-
-    Attributes
-    ----------
-    tension : float
-        S far from the hole (Pa).
     """
 
     tension: float = 1e6
+    """S far from the hole (Pa)."""
 
     title = "Kirsch's hole under tension"
     source = "Timoshenko & Goodier, Theory of Elasticity, §35"
@@ -151,14 +143,10 @@ class Lame(_Hole):
     φ = Az, ψ = B/z with 2A = pa²/(b² - a²) and B = -2Ab²
     (Lamé 1852; Muskhelishvili, §59; Timoshenko & Goodier, §28). The pressure acts on
     every step of the stair.
-
-    Attributes
-    ----------
-    pressure : float
-        Pa.
     """
 
     pressure: float = 1e6
+    """Pa."""
     outer: ClassVar[float] = hypot(3.0, 3.0)
 
     title = "Lamé's tube under pressure"

@@ -136,36 +136,26 @@ MATERIAL = "elastic"
 
 @dataclass(frozen=True)
 class KnownProblem(ABC):
-    """A body whose displacement and stress are known.
-
-    Attributes
-    ----------
-    title : str
-        Name of the problem.
-    source : str
-        Where the solution is derived.
-    orders : dict from "displacement" or "stress" to (float, float)
-        What is compared, and between which bounds the error's power of the cell size must
-        lie. Empty bounds, (inf, inf), mark answers that the grid represents exactly.
-    resolutions : tuple of int
-        Cells per unit of the problem at which the order is observed.
-    given_sides : tuple of str
-        Sides on which the exact displacement is prescribed, point by point. A scene knows
-        one displacement a side only, so these are filled in after the scene is read.
-    loaded_sides : tuple of str
-        Sides on which the exact traction acts, face by face.
-    """
+    """A body whose displacement and stress are known."""
 
     youngs_modulus: float = 1e9
     poissons_ratio: float = 0.3
     plane: Literal["stress", "strain"] | None = "strain"
 
     title: ClassVar[str]
+    """Name of the problem."""
     source: ClassVar[str]
+    """Where the solution is derived."""
     orders: ClassVar[Orders]
+    """What is compared, and between which bounds the error's power of the cell size must lie. Empty
+    bounds, (inf, inf), mark answers that the grid represents exactly."""
     resolutions: ClassVar[tuple[int, ...]]
+    """Cells per unit of the problem at which the order is observed."""
     given_sides: ClassVar[tuple[str, ...]] = ()
+    """Sides on which the exact displacement is prescribed, point by point. A scene knows one
+    displacement a side only, so these are filled in after the scene is read."""
     loaded_sides: ClassVar[tuple[str, ...]] = ()
+    """Sides on which the exact traction acts, face by face."""
 
     @abstractmethod
     def scene(self, resolution: int) -> Scene:
@@ -241,19 +231,12 @@ class KnownProblem(ABC):
 
 
 class Study(NamedTuple):
-    """Errors over resolutions, and the power of the cell size by which they fall.
-
-    Attributes
-    ----------
-    resolutions : tuple of int
-    errors : tuple of float
-    order : float
-        Slope of log(error) over log(1/resolution), by least squares.
-    """
+    """Errors over resolutions, and the power of the cell size by which they fall."""
 
     resolutions: tuple[int, ...]
     errors: tuple[float, ...]
     order: float
+    """Slope of log(error) over log(1/resolution), by least squares."""
 
 
 def convergence(

@@ -38,15 +38,10 @@ class Potentials(NamedTuple):
 
 @dataclass(frozen=True)
 class PlaneProblem(KnownProblem):
-    """A plane problem that is solved by potentials.
-
-    Attributes
-    ----------
-    origin : (float, float)
-        Where the solution's own origin lies in the scene (m).
-    """
+    """A plane problem that is solved by potentials."""
 
     origin: ClassVar[tuple[float, float]] = (0.0, 0.0)
+    """Where the solution's own origin lies in the scene (m)."""
 
     @abstractmethod
     def potentials(self, z: Complex) -> Potentials:

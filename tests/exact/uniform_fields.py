@@ -30,16 +30,11 @@ class UniformCompression(KnownProblem):
 
     Stress is -p along the load and zero across it; the block widens by Poisson's ratio
     (Timoshenko & Goodier, §6). In plane strain ν is ν/(1-ν) and E is E/(1-ν²).
-
-    Attributes
-    ----------
-    dimension : {2, 3}
-    pressure : float
-        Pa.
     """
 
     dimension: int = 2
     pressure: float = 1e6
+    """Pa."""
 
     title = "Uniform compression"
     source = "Timoshenko & Goodier, Theory of Elasticity, §6"
@@ -114,14 +109,10 @@ class PureShear(KnownProblem):
 
     u_x = τy/μ and u_y = 0, so the ground's displacement is met as well
     (Timoshenko & Goodier, §6).
-
-    Attributes
-    ----------
-    traction : float
-        Pa.
     """
 
     traction: float = 1e6
+    """Pa."""
 
     title = "Pure shear"
     source = "Timoshenko & Goodier, Theory of Elasticity, §6"
@@ -160,21 +151,15 @@ MACNEAL_HARDER = "MacNeal & Harder 1985, Finite Elements in Analysis and Design 
 
 @dataclass(frozen=True)
 class LinearField(KnownProblem):
-    """A block in which the displacement is G·x, given on the whole outline.
-
-    Attributes
-    ----------
-    gradient : tuple of tuples
-        G, dimension × dimension.
-    size : tuple of float
-        Edges of the block (m).
-    """
+    """A block in which the displacement is G·x, given on the whole outline."""
 
     youngs_modulus: float = 1e6
     poissons_ratio: float = 0.25
     plane: Literal["stress", "strain"] | None = "stress"
     gradient: Matrix = ((1e-3, 5e-4), (5e-4, 1e-3))
+    """G, dimension × dimension."""
     size: tuple[float, ...] = (0.24, 0.12)
+    """Edges of the block (m)."""
 
     title = "Linear displacement"
     source = MACNEAL_HARDER
@@ -249,17 +234,12 @@ class RigidRotation(LinearField):
 
     The linear strain measures turns to first order only: the finite turn by θ, which
     `finite` imposes, shows as a uniform shortening by 1 - cos θ (Timoshenko & Goodier, ch. 7).
-
-    Attributes
-    ----------
-    angle : float
-        θ in radians.
-    finite : bool
-        Whether points move on arcs, (R - 1)·x, instead of on tangents.
     """
 
     angle: float = 1e-2
+    """θ in radians."""
     finite: bool = False
+    """Whether points move on arcs, (R - 1)·x, instead of on tangents."""
 
     title = "Rigid rotation"
     source = "Timoshenko & Goodier, Theory of Elasticity, ch. 7"

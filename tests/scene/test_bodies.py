@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from PIL import Image
+from plates import plate
 
 from kaju.agents.rules import PrescribedRule
 from kaju.model.scene import Scene
@@ -158,15 +159,13 @@ def test_hexagons():
 
 
 def test_numpy_numbers_are_numbers():
-    scene = Scene(
-        body={
-            "size": np.array([0.2, 0.1]),
-            "cells": np.array([4, 2]),
-            "material": "steel",
-            "thickness": np.float64(0.01),
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"cell": (np.int64(1), 1), "force": np.array([0.0, -1.0]), "steps": np.int32(3)}],
+    scene = plate(
+        np.array([4, 2]),
+        (np.int64(1), 1),
+        np.array([0.0, -1.0]),
+        steps=np.int32(3),
+        size=np.array([0.2, 0.1]),
+        thickness=np.float64(0.01),
     )
     assert scene.lattice.shape == (4, 2)
     assert scene.loads[0].force == (0.0, -1.0)
@@ -184,15 +183,11 @@ def test_a_material_may_have_a_base():
 
 
 def test_a_giant_plate_costs_nothing_until_it_is_asked():
-    scene = Scene(
-        body={
-            "cells": [10**6, 10**6],
-            "cell_size": 1e-5,
-            "material": "steel",
-            "regions": [{"disk": {"centre": [5.0, 5.0], "radius": 1.0}, "material": "air"}],
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [500_000, 10**6 - 1], "force": [0.0, -2.0]}],
+    scene = plate(
+        [10**6, 10**6],
+        [500_000, 10**6 - 1],
+        cell_size=1e-5,
+        regions=[{"disk": {"centre": [5.0, 5.0], "radius": 1.0}, "material": "air"}],
     )
     assert scene.kinds([[500_000, 500_000], [0, 0], [500_000, 10**6 - 1]]).tolist() == [AIR, 0, 0]
     assert scene.applied().cells.tolist() == [[500_000, 10**6 - 1]]

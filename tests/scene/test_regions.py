@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from plates import plate as pressed
 
 from kaju.errors import SceneError
 from kaju.model.scene import Scene
@@ -179,11 +180,7 @@ def test_a_mirrored_region_fills_the_mirrored_cells(shape):
 
 
 def test_a_scene_with_one_region_more():
-    plate = Scene(
-        body={"size": [0.2, 0.1], "cells": [20, 10], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [3, 9], "force": [0.0, -1.0]}],
-    )
+    plate = pressed([20, 10], [3, 9], [0.0, -1.0], size=[0.2, 0.1])
     hole = plate.with_region(disk={"centre": [0.1, 0.05], "radius": 0.02})
     assert hole.kinds(np.array([[10, 5], [1, 1]])).tolist() == [-1, 0]
     filled = hole.with_region("cork", disk={"centre": [0.1, 0.05], "radius": 0.02})

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
+from plates import plate
 
 from kaju.agents.materials import Material
 from kaju.agents.rules import Coefficients, ElasticRule, PrescribedRule
@@ -234,15 +235,11 @@ def test_an_archive_needs_no_image_beside_it(tmp_path):
     pixels = np.full((4, 6, 3), 255, dtype=np.uint8)
     pixels[1:3, 2:4] = 0
     Image.fromarray(pixels).save(tmp_path / "hole.png")
-    scene = Scene(
-        body={
-            "cell_size": 0.01,
-            "cells": [6, 4],
-            "material": "steel",
-            "regions": [{"image": {"file": tmp_path / "hole.png"}, "material": "air"}],
-        },
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [0, 3], "force": [0.0, -1.0]}],
+    scene = plate(
+        [6, 4],
+        [0, 3],
+        [0.0, -1.0],
+        regions=[{"image": {"file": tmp_path / "hole.png"}, "material": "air"}],
     )
     text, arrays = scene.to_archive()
     (tmp_path / "hole.png").unlink()

@@ -11,9 +11,10 @@ from pathlib import Path
 import joblib
 import pytest
 import sweep_work
+from plates import plate
 
 import kaju
-from kaju import Scene, sweep
+from kaju import sweep
 from kaju.model.study.sweep_store import load_sweep
 
 POINTS = {"x": [0.5 * k for k in range(200)]}
@@ -68,11 +69,7 @@ def test_dask_over_tcp(tmp_path):
     here = own()
     with dask(tmp_path), joblib.parallel_config(backend="dask"):
         assert own().equals(here)
-        scene = Scene(
-            body={"size": [0.2, 0.2], "cells": [20, 20], "material": "steel"},
-            sides={"bottom": "rigid"},
-            loads=[{"cell": [10, 19], "force": [0.0, -2.0]}],
-        )
+        scene = plate([20, 20], [10, 19], size=[0.2, 0.2])
         vary = {"rule.threshold": [0.01, 0.001]}
         there = sweep(scene, vary, workers=2, progress=False)
         assert there.equals(sweep(scene, vary, workers=1, progress=False))

@@ -3,6 +3,7 @@
 import networkx as nx
 import numpy as np
 import pytest
+from plates import plate
 
 from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
 from kaju.agents.boundary_agent import FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent
@@ -105,12 +106,7 @@ class Greedy(MaterialAgent):
 
 
 def test_a_subclass_changes_the_rule():
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [3, 9], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [1, 8], "force": [0.0, -2.0]}],
-        rule=PrescribedRule(threshold=0.1),
-    )
+    scene = plate([3, 9], [1, 8], rule=PrescribedRule(threshold=0.1))
     stage = LoadModel(scene, material_agent=Greedy).run().last
     assert stage.cells.tolist() == [[1, row] for row in (8, 7, 6, 5)]
     np.testing.assert_allclose(stage.taken[:, DOWN], [2.0, 0.8, 0.32, 0.128])

@@ -2,17 +2,20 @@
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
-from kaju import LoadModel, PrescribedRule, Scene
+from kaju import LoadModel, PrescribedRule
 
 ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
 
 
 def plate(steps=1, **rule):
-    return Scene(
-        body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [10, 19], "force": [0.0, -2.0], "steps": steps}],
+    return pressed(
+        [20, 20],
+        [10, 19],
+        steps=steps,
+        size=[0.2, 0.2],
+        thickness=0.002,
         rule=PrescribedRule(**rule),
     )
 
@@ -99,35 +102,22 @@ def test_history_adds_up_to_what_was_taken(engine):
 
 
 def test_a_force_at_an_angle_is_split():
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [5, 5], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 4], "force": [0.6, -0.8]}],
-        rule=PrescribedRule(threshold=0.5),
-    )
+    scene = pressed([5, 5], [2, 4], [0.6, -0.8], rule=PrescribedRule(threshold=0.5))
     stage = LoadModel(scene).run().last
     assert stage.taken[0].tolist() == [0.0, 0.6, 0.8, 0.0]
     assert stage.ledger.applied == pytest.approx(1.4)
 
 
 def test_a_force_on_a_hexagon_is_split_between_two_normals():
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [5, 5], "material": "steel", "lattice": "hexagon"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 4], "force": [0.0, -3.0]}],
-        rule=PrescribedRule(threshold=1.6),
+    scene = pressed(
+        [5, 5], [2, 4], [0.0, -3.0], lattice="hexagon", rule=PrescribedRule(threshold=1.6)
     )
     taken = LoadModel(scene).run().last.taken[0]
     np.testing.assert_allclose(taken, [0, 0, 0, 0, np.sqrt(3), np.sqrt(3)], atol=1e-12)
 
 
 def test_a_giant_plate_costs_what_its_load_reaches():
-    scene = Scene(
-        body={"cell_size": 0.01, "cells": [10**6, 10**6], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [500_000, 999_999], "force": [0.0, -2.0]}],
-        rule=PrescribedRule(threshold=1e-6),
-    )
+    scene = pressed([10**6, 10**6], [500_000, 999_999], rule=PrescribedRule(threshold=1e-6))
     result = LoadModel(scene).run()
     assert len(result.last.cells) == 365
     assert result.last.ledger.imbalance < 1e-12

@@ -6,18 +6,14 @@ import pickle
 import mesa
 import pytest
 from mesa import DataCollector
+from plates import plate as pressed
 
-from kaju import FreeBoundaryAgent, LoadModel, MaterialAgent, Parameter, Scene
+from kaju import FreeBoundaryAgent, LoadModel, MaterialAgent, Parameter
 from kaju.errors import KajuError
 
 
 def plate(**more):
-    return Scene(
-        body={"cell_size": 0.01, "cells": [7, 5], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [3, 4], "force": [0.0, -2.0]}],
-        **more,
-    )
+    return pressed([7, 5], [3, 4], **more)
 
 
 class Counting(MaterialAgent):

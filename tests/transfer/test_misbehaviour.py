@@ -5,6 +5,7 @@ from itertools import count, repeat
 from math import inf, nan
 
 import pytest
+from plates import plate
 
 from kaju import (
     FreeBoundaryAgent,
@@ -13,7 +14,6 @@ from kaju import (
     LoadModel,
     MaterialAgent,
     RigidBoundaryAgent,
-    Scene,
     load_result,
 )
 from kaju.agents.shares import Emission, Load
@@ -21,11 +21,8 @@ from kaju.model.scene.lattices import Squares
 
 
 def scene(lattice="square"):
-    return Scene(
-        body={"cell_size": 0.01, "cells": [4, 3], "material": "steel", "lattice": lattice},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [1, 2], "force": [0.3, -2.0]}],
-        rule={"kind": "prescribed", "threshold": 0.01},
+    return plate(
+        [4, 3], [1, 2], [0.3, -2.0], lattice=lattice, rule={"kind": "prescribed", "threshold": 0.01}
     )
 
 

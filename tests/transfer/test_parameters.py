@@ -1,6 +1,7 @@
 """Numbers given to a model by keyword: those of the rule, and those that agents declare."""
 
 import pytest
+from plates import plate
 
 from kaju import (
     LoadModel,
@@ -8,7 +9,6 @@ from kaju import (
     Parameter,
     PrescribedRule,
     RigidBoundaryAgent,
-    Scene,
     load_result,
 )
 from kaju.errors import KajuError, ParameterError
@@ -33,12 +33,7 @@ class Felt(RigidBoundaryAgent):
 
 
 def pressed(**more):
-    return Scene(
-        body={"cell_size": 0.01, "cells": [5, 4], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
-        **more,
-    )
+    return plate([5, 4], [2, 3], **more)
 
 
 def hardening(**numbers):

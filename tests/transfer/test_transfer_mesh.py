@@ -3,6 +3,7 @@
 import meshio
 import numpy as np
 import pytest
+from plates import plate
 
 from kaju import LoadModel, Scene
 from kaju.errors import ResultError
@@ -39,12 +40,6 @@ def test_every_cell_is_there_and_agents_have_what_they_took(tmp_path, dimension)
 
 
 def test_hexagons_are_refused(tmp_path):
-    result = LoadModel(
-        Scene(
-            body={"cell_size": 0.01, "cells": [4, 4], "lattice": "hexagon", "material": "steel"},
-            sides={"bottom": "rigid"},
-            loads=[{"cell": [2, 3], "force": [0.0, -2.0]}],
-        )
-    ).run()
+    result = LoadModel(plate([4, 4], [2, 3], lattice="hexagon")).run()
     with pytest.raises(ResultError, match="to_vtk: writes squares and cubes"):
         result.to_vtk(tmp_path / "comb")

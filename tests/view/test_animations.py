@@ -6,6 +6,7 @@ import sys
 
 import pytest
 from PIL import Image, ImageSequence
+from plates import plate
 
 from kaju import History, ThreeElement, creep
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
@@ -136,11 +137,7 @@ def test_a_missing_folder_is_told(result, tmp_path) -> None:
 
 
 def elastic_block() -> Scene:
-    return Scene(
-        body={"cell_size": 0.01, "cells": [4, 4], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [1, 3], "force": [0.0, -1.0]}],
-    )
+    return plate([4, 4], [1, 3], [0.0, -1.0])
 
 
 def test_an_elastic_body_takes_its_load_evenly(tmp_path) -> None:

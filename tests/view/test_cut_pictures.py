@@ -4,17 +4,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
-from kaju import LoadModel, Scene, plot, solve
+from kaju import LoadModel, plot, solve
 
 
 @cache
 def plate():
-    return Scene(
-        body={"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [10, 19], "force": [0.0, -2.0]}],
-    )
+    return pressed([20, 20], [10, 19], size=[0.2, 0.2], thickness=0.002)
 
 
 def widths(ax):

@@ -3,18 +3,14 @@
 import numpy as np
 import pytest
 from PIL import Image
+from plates import plate as pressed
 
 from kaju import ElasticModel, ElasticRule, Scene, animate, compare, load_result, plot, solve
 from kaju.errors import ParameterError
 
 
 def plate(order, cells=(8, 8), **rule):
-    return Scene(
-        body={"cell_size": 0.01, "cells": list(cells), "thickness": 0.002, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [4, 7], "force": [0.0, -2.0]}],
-        rule=ElasticRule(order=order, **rule),
-    )
+    return pressed(list(cells), [4, 7], thickness=0.002, rule=ElasticRule(order=order, **rule))
 
 
 @pytest.fixture(scope="module", params=["wave", "largest first", "multilevel"])

@@ -71,7 +71,10 @@ def plot_profiles(
     per: float | None = None,
     symbol: str = "",
 ) -> Figure:
-    """Draw a component along lines, one panel a line."""
+    """Draw a component along lines, one panel a line, beside a reference that is called `believed`.
+
+    Values are drawn as shares of `per`, if that is given; `symbol` labels the axis.
+    """
     check_count(comparisons)
     figure = new_figure((4.1 * len(lines) + 0.5, 3.9))
     for ax, line in zip(figure.subplots(1, len(lines), squeeze=False)[0], lines, strict=True):
@@ -293,7 +296,11 @@ def plot_shapes(
     name: str = "reference",
     magnification: float | None = None,
 ) -> Figure:
-    """Draw the deformed lines between the cells of a plane body, over those of the reference."""
+    """Draw the deformed lines between the cells of a plane body, over those of the reference.
+
+    `believed`, called `name`, knows the displacement of the cells' corners; one magnification
+    serves all panels.
+    """
     first = next(iter(answers.values()))
     section = section_of(first.scene, None, None, False)
     tiles, kinds = section.ground

@@ -247,7 +247,7 @@ def write_archive(
 
 
 def open_archive(path: str | Path, *kinds: str) -> Archive:
-    """Read what `write_archive` wrote."""
+    """Read a file that `write_archive` wrote, with one of these labels; without any, all do."""
     file = Path(path)
     try:
         arrays = unpacked(file)

@@ -37,13 +37,14 @@ class Selection:
     """The faces (or, with direction -1, cells) on which one load acts."""
 
     cells: Cells
-    """The body's cells."""
+    """The body's cells, shape (n, dimension)."""
     direction: Ints
-    """Index of the face, -1 for the cell's middle."""
+    """Index of the face, -1 for the cell's middle, shape (n,)."""
     part: Floats | None = None
-    """Lower and upper corner of what the load covers of each, from 0 to 1; unless given all."""
+    """Lower and upper corner of what the load covers of each, from 0 to 1, shape (n, 2, dimension);
+    unless given all."""
     offset: Floats | None = None
-    """How far (in cells) from the middle of each a force at a point acts."""
+    """How far (in cells) from the middle of each a force at a point acts, shape (n, dimension)."""
 
     @property
     def share(self) -> Floats:
@@ -439,11 +440,11 @@ class Uneven(NamedTuple):
     """
 
     row: Ints
-    """Which of the forces."""
+    """Which of the forces, shape (m,)."""
     part: Floats
-    """Lower and upper corner of what each covers, from 0 to 1."""
+    """Lower and upper corner of what each covers, from 0 to 1, shape (m, 2, dimension)."""
     growth: Floats
-    """Of each component of the force, along each axis."""
+    """Of each component of the force, along each axis, shape (m, dimension, dimension)."""
 
     def within(self, some: NDArray[np.bool_]) -> Uneven:
         """Return what is left of it if only some of the forces are kept."""
@@ -456,11 +457,11 @@ class AppliedLoads:
     """Forces on cells."""
 
     cells: Cells
-    """The cells that take the forces; a cell may occur more than once."""
+    """The cells that take the forces, shape (n, dimension); a cell may occur more than once."""
     direction: Ints
-    """Index of the face by which the force enters, -1 for the cell's middle."""
+    """Index of the face by which the force enters, -1 for the cell's middle, shape (n,)."""
     force: Floats
-    """The forces (N)."""
+    """The forces (N), shape (n, dimension)."""
     sense: NDArray[np.int8] | None = None
     """What the scene says of the force: `PUSH`, `PULL`, or nothing. Then its side decides
     (`BY_SIDE`), or, where the scene names none, the surface (`BY_SURFACE`)."""

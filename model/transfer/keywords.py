@@ -39,7 +39,11 @@ def own_classes(
 def keywords_into(
     scene: Scene, classes: Iterable[type], given: Mapping[str, Any], model: type, own_rule: bool
 ) -> tuple[Scene, dict[str, Any]]:
-    """Return the scene with numbers of its rule replaced, and the agents' parameters."""
+    """Return the scene with numbers of its rule replaced, and the agents' parameters.
+
+    Parameters belong to own `classes` of agents, and none may be called as an argument of `model`
+    is; with `own_rule` another rule stands in for the scene's.
+    """
     parameters = declared(classes)
     rule = {field.name for field in fields(scene.rule)}
     own = set(signature(model.__init__).parameters) | {"kind"}  # type: ignore[misc]

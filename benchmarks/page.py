@@ -37,6 +37,10 @@ from kaju.model.network import triangular
 from kaju.view.page.packing import unpack
 from kaju.view.page.server import watch_app
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+
+from make_pages import make
+
 LONG = {"kind": "prescribed", "alpha": [0.5, 0.6, 0.12], "threshold": 1e-5, "accumulate": True}
 
 
@@ -160,9 +164,12 @@ class Bench:
         yield f"{len(rows)} kinds of pages: messages to the console", said, "0"
 
     def bytes(self):
-        """Bytes of a runnable page, and of 60 generations of 50 × 50 cells."""
+        """Bytes of a runnable page, of the lessons' pages, of 60 generations of 50 × 50 cells."""
         runnable = export_page(plate(50), self.folder / "small.html").stat().st_size
         yield "bytes of a runnable page", f"{runnable / 1e3:.0f} kB", "260 kB"
+        sizes = [path.stat().st_size / 1e3 for path in make(self.folder / "lessons")[1:]]
+        told = f"{min(sizes):.0f} to {max(sizes):.0f} kB"
+        yield f"bytes of the {len(sizes)} pages of lessons", told, "260 kB"
         rule = {"kind": "prescribed", "threshold": 1e-9, "accumulate": True}
         scene = plate(50, rule).replace(sides={"bottom": "rigid", "left": "rigid"})
         model = LoadModel(scene, allow_unstable=True, engine="arrays", max_generations=60)
@@ -179,7 +186,7 @@ class Bench:
         """First picture, frames a second, one step back: all agents are awake."""
         for cells, first, least in ((50, 0.5, 50), (200, 0.5, 30)):
             times = []
-            for _ in range(3):
+            for _ in range(7):
                 with self.opened(lambda n=cells: awake(n), f"awake {cells}") as page:
                     page.until(FIRST)
                     times.append(page(FIRST) / 1e3)

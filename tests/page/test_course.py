@@ -26,6 +26,7 @@ def files(tmp_path_factory):
 
     def file(name):
         made[name] = made.get(name) or make_lesson(lesson(name), folder)
+        assert max(path.stat().st_size for path in made[name]) <= 260_000, "it goes by mail"
         return next(path for path in made[name] if path.stem == name)
 
     return file

@@ -5,6 +5,8 @@ import pytest
 
 import kaju
 from kaju import (
+    ElasticModel,
+    FaceAgent,
     FreeBoundaryAgent,
     LoadModel,
     MaterialAgent,
@@ -196,3 +198,77 @@ def test_three_hundred_materials_keep_their_numbers(node, tmp_path):
     again = kaju.load_scene(tmp_path / "many.toml")
     named = [again.cell_materials[kind].name for kind in again.rasterise().ravel()]
     assert named == [data["materials"][kind]["name"] for kind in cells]
+
+
+# ------------------------------------------------------------------- agents of the elastic rule
+
+
+class Careful(FaceAgent):
+    def due(self, asked):
+        return 0.5 * super().due(asked)
+
+
+class Stiff(FaceAgent):
+    def take(self, load):
+        before = self.displacement
+        super().take(load)
+        self.faces.displacement[self.place.number] = before + 0.8 * (self.displacement - before)
+
+
+class Narrowed(FaceAgent):
+    """Hands on to what lies along its own axis alone."""
+
+    def pass_on(self, load):
+        for target, share in self.place.links[:1]:
+            self.model.hand_over(self, target, share * load)
+
+
+class Twice(FaceAgent):
+    def act(self, asked):
+        super().act(0.5 * asked)
+        super().act(0.25 * asked)
+
+
+def last_only(waiting):
+    return waiting[-1:]
+
+
+FACES = {
+    **{kind.__name__: {"face_agent": kind} for kind in (Careful, Stiff, Narrowed, Twice)},
+    "last_only": {"order": last_only},
+}
+
+
+def faces(**own):
+    rule = {"kind": "elastic", "order": "wave", "tolerance": 0.2}
+    return ElasticModel(plate(rule=rule, sides={"bottom": "rigid"}), max_steps=60, **own)
+
+
+@pytest.mark.parametrize("begun", [False, True])
+@pytest.mark.parametrize("name", FACES)
+def test_faces_of_ones_own_are_named_and_move_as_they_did(name, begun):
+    model = faces(**FACES[name])
+    if begun:
+        model.step()
+    header, columns = unpack(packed_page(model))
+    assert header["kind"] == "pictures"
+    assert header["own"]["names"] == [name]
+    assert f" {name}(" in header["own"]["source"]
+    agents = faces(**FACES[name]).run().agents
+    assert not agents.level.any()
+    moved = columns["moved"].reshape(len(header["at"]), -1, 2)[-1]
+    along = moved[np.arange(len(agents.axis)), agents.axis]
+    np.testing.assert_allclose(along, agents.displacement, rtol=2e-5, atol=1e-30)
+    left = columns["value load_left"].reshape(len(header["at"]), -1)[-1]
+    np.testing.assert_allclose(left, abs(agents.left), rtol=1e-5, atol=1e-9)
+
+
+def test_a_page_says_whose_faces_it_shows(opened, tmp_path):
+    assert "own" not in unpack(packed_page(faces()))[0]
+    page = opened(kaju.export_page(faces(face_agent=Stiff), tmp_path / "own.html"))
+    assert page.tab.locator(".mode").inner_text() == "a recorded run · agents of your own: Stiff"
+    page.tab.get_by_role("tab", name="Source").click()
+    assert "class Stiff(FaceAgent)" in page.tab.locator("pre").inner_text()
+    for word in ("Elasticity", "Equilibrium"):
+        assert not page.tab.get_by_role("button", name=word, exact=True).count()
+    assert page.messages == []

@@ -91,7 +91,7 @@ export class Page {
       if (atEnd && !this.playing) this.seek(Infinity); else this.later();
       this.rest = setTimeout(more, 4);
     };
-    requestAnimationFrame(() => { this.rest = setTimeout(more, 4); });   // what is known is painted first
+    requestAnimationFrame(() => { this.rest = setTimeout(more, 60); });   // what is known is painted first
     return run;
   }
   /** Whether the run goes no further. */

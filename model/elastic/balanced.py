@@ -44,24 +44,13 @@ MOST_ODD = 30_000
 
 @dataclass
 class Polynomials:
-    """Balanced stresses in boxes; the last axis of all arrays counts the boxes.
+    """Balanced stresses in boxes; the last axis of all arrays counts the boxes."""
 
-    Attributes
-    ----------
-    low : array, shape (d, n)
-        Normal traction on the lower face along every axis.
-    rise : dict from (a, b) to arrays, shape (2, n)
-        Difference of τ_ab along b, at the lower and the upper end of a.
-    shear : dict from pair to array, shape (2, 2, n)
-        τ_ab at the ends of a and b.
-    body : array, shape (d, n)
-        Force per volume within, times the edge.
-    """
-
-    low: Floats
+    low: Floats  # Normal traction on the lower face along every axis; shape (d, n)
+    # Difference of τ_ab along b, at the lower and the upper end of a; shape (2, n)
     rise: dict[Pair, Floats]
-    shear: dict[Pair, Floats]
-    body: Floats
+    shear: dict[Pair, Floats]  # τ_ab at the ends of a and b; shape (2, 2, n)
+    body: Floats  # Force per volume within, times the edge; shape (d, n)
 
     def slopes(self, axis: int) -> tuple[Floats, Floats]:
         """Return B and C of σ_aa = n + B X + C X²."""
@@ -121,18 +110,8 @@ def _square_mean(t: Floats) -> Floats:
 class BalancedStress:
     """The statically admissible stress field of an answer.
 
-    Parameters
-    ----------
-    boxes : Boxes
-
-    Attributes
-    ----------
-    plain : Polynomials
-        The field in every box (not to be taken for those in `ragged`).
-    ragged : Ragged
-        Boxes with tractions of their own.
-    left : float
-        What is left unbalanced, as a share of the largest stress.
+    `plain` is not to be taken for the boxes in `ragged`; `left` is what is left unbalanced, as a
+    share of the largest stress.
     """
 
     def __init__(self, boxes: Boxes) -> None:

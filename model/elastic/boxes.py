@@ -66,53 +66,34 @@ class Bed(NamedTuple):
 
 
 class Mesh(NamedTuple):
-    """Where a displacement without gaps has its values.
+    """Where a displacement without gaps has its values."""
 
-    Attributes
-    ----------
-    corner : int array, shape (2^dimension, boxes)
-        Nodes at the corners of the boxes.
-    element : int array, shape (2^dimension, elements)
-        The same for the elements: the boxes, or their parts where corners of smaller ones touch.
-    owner : int array, shape (elements,)
-    edge : array, shape (elements,)
-    parts : int array, shape (2^dimension, boxes)
-        The element at every corner of a box.
-    slave, masters : int arrays, shape (n,) and (2^(dimension - 1), n)
-        Nodes that lie in the middle of others on a side, or an edge, that stays straight.
-    start : array, shape (nodes, dimension)
-        Displacements to begin with.
-    still : int array
-        Nodes that stay where they begin: those of the `Others`.
-    """
-
-    corner: Index
+    corner: Index  # Nodes at the corners of the boxes; shape (2^dimension, boxes)
+    # The same for the elements: the boxes, or their parts where corners of smaller ones touch;
+    # shape (2^dimension, elements)
     element: Index
-    owner: Index
-    edge: Floats
-    parts: Index
+    owner: Index  # Shape (elements,)
+    edge: Floats  # Shape (elements,)
+    parts: Index  # The element at every corner of a box; shape (2^dimension, boxes)
+    # slave, masters: Nodes that lie in the middle of others on a side, or an edge, that stays
+    # straight; shape (n,) and (2^(dimension - 1), n)
     slave: Index
     masters: Index
-    start: Floats
+    start: Floats  # Displacements to begin with; shape (nodes, dimension)
+    # Nodes that stay where they begin: those of the `Others`
     still: Index = np.zeros(0, dtype=np.int64)
 
 
 class Others(NamedTuple):
-    """Boxes that are not told one by one, since nothing happens there, and stay as they begin.
+    """Boxes that are not told one by one, since nothing happens there, and stay as they begin."""
 
-    Attributes
-    ----------
-    complementary, whole, rest : float
-        Energies of their stress and of the displacement of their corners; the work on that of what
-        an iteration has left.
-    tell : callable
-        Return all boxes, with the displacement of all their nodes to begin with, by the
-        displacement of the nodes of those told, and by what theirs has been multiplied.
-    """
-
+    # complementary, whole, rest: Energies of their stress and of the displacement of their corners;
+    # the work on that of what an iteration has left
     complementary: float
     whole: float
     rest: float
+    # All boxes, with the displacement of all their nodes to begin with, by the displacement
+    # of the nodes of those told, and by what theirs has been multiplied
     tell: Callable[[Floats, float], Boxes]
 
 
@@ -125,61 +106,32 @@ def whole_mesh(corner: Index, size: Floats, start: Floats) -> Mesh:
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes of material.
+    """Boxes of material."""
 
-    Attributes
-    ----------
-    size : array, shape (boxes,)
-        Edges.
-    law : Law
-    sigma : array, shape (dimension, boxes)
-        Normal stresses in the middles.
-    shear : dict from pair of axes to array, shape (2, 2, boxes)
-        Shear stresses at the ends along both axes.
-    body : array, shape (dimension, boxes)
-        Force per volume within.
-    beside : int array, shape (2·dimension, boxes)
-        A box on each side, -1 for none.
-    kind : int array, shape (2·dimension, boxes)
-        What lies beyond each side: a material (from 0), AIR, RIGID, ROLLER or FOUNDATION.
-    uneven : bool array, shape (boxes,)
-        Round which a corner is re-entrant, or smaller ones hang, or a load acts along a side.
-    hanging : Hanging
-    loads : Loads
-    uneven_loads : Portions
-        Those of them that lie unevenly on their sides.
-    held : list of Held
-    beds : list of Bed
-    mesh : Mesh
-    moved : array, shape (2·dimension, boxes)
-        Mean displacement of every side across itself.
-    rest : array, shape (2·dimension, boxes)
-        Normal stress on sides that the iteration has not balanced yet.
-    unsettled : float
-        Relative error in the energy norm that this is, at most.
-    others : Others, optional
-    of : float
-        Largest stress of the answers of which this one is the difference: rounding is by it.
-    """
-
-    size: Floats
+    size: Floats  # Edges; shape (boxes,)
     law: Law
-    sigma: Floats
-    shear: dict[Pair, Floats]
-    body: Floats
-    beside: Index
+    sigma: Floats  # Normal stresses in the middles; shape (dimension, boxes)
+    shear: dict[Pair, Floats]  # Shear stresses at the ends along both axes; shape (2, 2, boxes)
+    body: Floats  # Force per volume within; shape (dimension, boxes)
+    beside: Index  # A box on each side, -1 for none; shape (2·dimension, boxes)
+    # What lies beyond each side: a material (from 0), AIR, RIGID, ROLLER or FOUNDATION; shape
+    # (2·dimension, boxes)
     kind: Index
+    # Round which a corner is re-entrant, or smaller ones hang, or a load acts along a side; shape
+    # (boxes,)
     uneven: Flags
     hanging: Hanging
     loads: Loads
     held: list[Held]
     beds: list[Bed]
     mesh: Mesh
-    moved: Floats
-    uneven_loads: Portions
+    moved: Floats  # Mean displacement of every side across itself; shape (2·dimension, boxes)
+    uneven_loads: Portions  # Those of them that lie unevenly on their sides
+    # Normal stress on sides that the iteration has not balanced yet; shape (2·dimension, boxes)
     rest: Floats | None = None
-    unsettled: float = 0.0
+    unsettled: float = 0.0  # Relative error in the energy norm that this is, at most
     others: Others | None = None
+    # Largest stress of the answers of which this one is the difference: rounding is by it
     of: float = 0.0
 
     @property
@@ -236,23 +188,10 @@ def parted(nodes: list[Index], octants: list[int], filled: Index) -> tuple[list[
     """Give bodies that touch at a corner, or an edge, only a node each.
 
     Points, and lines in solids, hold nothing together: the displacement may differ on both sides.
-
-    Parameters
-    ----------
-    nodes : list of int arrays
-        Nodes of boxes, none of them twice in one array.
-    octants : list of int
-        At which of its corners (bits, in the order of `corner_ends`) boxes have these nodes; at
-        several where it is in the middle of an edge or a side.
-    filled : int array
-        The octants round every node that are body.
-
-    Returns
-    -------
-    nodes : list of int arrays
-        New nodes are numbered from the number of nodes on.
-    double : int array
-        For every new node the old one.
+    `nodes` are arrays over boxes, none of them twice in one; `octants` tell at which of its corners
+    (bits, in the order of `corner_ends`) boxes have these, at several in the middle of an edge or a
+    side; `filled` are the octants round every node that are body. Returned are the nodes, new ones
+    numbered from the number of nodes on, and for every new one the old one.
     """
     many = max(octants).bit_length()
     bodies = bodies_at_point(2 if many <= 4 else 3)

@@ -85,20 +85,10 @@ class Bracket:
 
 
 def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
-    """Hold the true energy between two that can be computed.
+    """Hold the true energy between two that can be computed; or say why there are none.
 
-    Parameters
-    ----------
-    boxes : Boxes
-        With the stresses of an answer.
-    checked : bool
-        Whether forces have to balance; those of agents that have not settled yet do not, and
-        what they say is an estimate.
-
-    Returns
-    -------
-    Bracket or str
-        In words why there is none, where the theorem does not reach.
+    Unless `checked`, forces need not balance: those of agents that have not settled yet do not, and
+    what they say is an estimate.
     """
     stress = BalancedStress(boxes)
     if checked and not stress.left <= BALANCED:

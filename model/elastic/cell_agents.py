@@ -41,10 +41,8 @@ class CellAgents:
     stage: int | None
     problem: ElasticProblem
     """The scaled arrays that were solved."""
-    origin: tuple[int, ...]
-    """The grid's cell that is the arrays' first."""
-    solution: Solution
-    """Displacements of the faces and the history of the iteration."""
+    origin: tuple[int, ...]  # The grid's cell that is the arrays' first
+    solution: Solution  # Displacements of the faces and the history of the iteration
 
     @property
     def scales(self) -> Scales:

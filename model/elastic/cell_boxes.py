@@ -2,11 +2,12 @@
 
 Only where something happens are cells told one by one: at supports, loads and re-entrant edges, and
 where corners that take the mean of the faces round them are far from balance. All others are added
-up in one compiled pass, and their corners stay.
+up, and their corners stay.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import product
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
-from . import kernels_cells as kernels
 from .balanced import polynomials
 from .boxes import (
     Bed,
@@ -36,9 +36,8 @@ from .boxes import (
     parted,
     whole_mesh,
 )
-from .compatible import Modes
+from .kernels_bilinear import element_stiffness
 from .loads import portions_of_cells
-from .moduli import REENTRANT_WEIGHT
 from .problem import ElasticProblem, FaceFields, Floats
 from .staggered import Pair, axis_pairs, strains, stresses
 from .tractions import Portions
@@ -49,7 +48,9 @@ PAD = 1
 KINDS = 5
 """Kinds of cells that are no material: they count from the end of a table."""
 FEW = {2: 50_000, 3: 5_000}
-"""So few cells are told one by one, without compiled loops."""
+"""So few cells are told one by one."""
+AT_ONCE = 10_000
+"""So many are added up at a time."""
 ROUND_EDGES, ROUND_CORNERS = 2, 1
 """Cells round re-entrant edges, and round corners that are to sink, that are told as well."""
 UNBALANCED = 0.1
@@ -64,29 +65,22 @@ def boxes_of_cells(
     stage: int | None,
     gap: float = 0.0,
 ) -> Boxes:
-    """Return equal cells with the stresses of a solution.
+    """Return equal cells with the stresses of a solution of a problem without loads along surfaces.
 
-    Parameters
-    ----------
-    problem : ElasticProblem
-        Without loads along surfaces.
-    u : tuple of arrays
-        Face displacements that solve its equations, but for a relative error in the energy norm.
-    unsettled : float
-        That error.
-    grid : Scene
-        The scene on the problem's cells.
-    stage : int or None
-        Stage of loading.
-    gap : float
-        Between the two energies, about; 0: all cells are told one by one.
+    `unsettled` is the relative error in the energy norm that the iteration has left, `grid` the
+    scene on the problem's cells, `gap` about what lies between the two energies (0: all cells are
+    told).
     """
     cells = Cells(problem, u, unsettled, grid, stage)
     return cells.told(gap) if gap > 0.0 else cells.boxes(cells.body)
 
 
 class Cells:
-    """Equal cells, on vectors over all places: see `kernels_cells`."""
+    """Equal cells, on vectors over all places: cells with two more around them.
+
+    A place stands for a cell, its lower faces, edges and corner; `steps` is the distance between
+    places along each axis.
+    """
 
     def __init__(
         self,
@@ -113,30 +107,12 @@ class Cells:
         self.near = self._where_something_happens()
         self.shear = np.zeros((len(axis_pairs(d)), len(self.kinds)))
         self.sigma, self.start = np.zeros_like(self.faces), np.zeros_like(self.faces)
-        stretch, lateral, _ = self.law
-        self._few, touched = len(self.body) <= FEW[d], self._corners_of(self.kinds >= 0)
-        if self._few:
-            normal, shear = stresses(problem, strains(u))
-            wholes = (*self.sigma, *self.shear)
-            for whole, values in zip(wholes, (*normal, *shear.values()), strict=True):
-                self._inside(whole.reshape(self.shape), values)[...] = values
-            kernels.corner_means_of_few(
-                np.flatnonzero(touched), self.kinds, stretch, self.faces, self.steps, self.start
-            )
-            return
-        for tau, (a, b) in zip(self.shear, axis_pairs(d), strict=True):
-            kernels.shear_stress(
-                self.kinds, problem.moduli.shear, REENTRANT_WEIGHT,
-                self.faces[a], self.faces[b], self.steps[a], self.steps[b], tau,
-            )  # fmt: skip
-        kernels.normal_stress(self.kinds, stretch, lateral, self.faces, self.steps, self.sigma)
-        alike = touched.copy()
-        for step in self.ahead[1:]:
-            alike[step:] &= self.kinds[step:] == self.kinds[:-step]
-        alike &= self.kinds >= 0
-        kernels.corner_means(
-            touched, alike, self.kinds, stretch, self.faces, self.steps, self.start
-        )
+        normal, shear = stresses(problem, strains(u))
+        wholes = (*self.sigma, *self.shear)
+        for whole, values in zip(wholes, (*normal, *shear.values()), strict=True):
+            self._inside(whole.reshape(self.shape), values)[...] = values
+        for corner in _parts(np.flatnonzero(self._corners_of(self.kinds >= 0))):
+            self._start_at(corner)
 
     def _inside(self, whole: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
         return whole[tuple(slice(PAD, PAD + n) for n in values.shape)]
@@ -159,7 +135,7 @@ class Cells:
         moduli, kinds = self.problem.moduli, self.kinds
         used = np.bincount(kinds[self.body], minlength=len(moduli.shear)) > 0
         locks = self.dimension == 2 and np.any((moduli.lateral > LOCKING * moduli.stretch) & used)
-        if self._few or locks:
+        if len(self.body) <= FEW[self.dimension] or locks:
             return self.boxes(self.body)
         body, near = kinds >= 0, self.near
         plain = body & ~near
@@ -169,14 +145,78 @@ class Cells:
         sinks = square > (2.0 * UNBALANCED * gap / len(self.body)) * column
         sinks &= ~self._corners_of(near)
         more = self._grown(self._cells_at(np.flatnonzero(sinks)), ROUND_CORNERS) & plain
-        sums -= self.sums(more, left, column[:0])
+        sums -= self.sums(more, left)
         return self.boxes(np.flatnonzero(near | more), sums)
 
-    def sums(self, chosen: Flags, left: Floats, column: Floats) -> Floats:
-        """Add up the energies of cells: see `kernels_cells.sums`."""
+    def sums(self, chosen: Flags, left: Floats, column: Floats | None = None) -> Floats:
+        """Add up the energies of cells without loads or walls at their faces.
+
+        These are the complementary energy, that of the corners' displacement, and its work on what
+        the faces are left with; a face belongs to the cell below, if there is one. The forces at
+        the corners are taken off `left`, their own stiffness is added to `column`.
+        """
         forms = _forms(self.dimension, *(tuple(modulus.tolist()) for modulus in self.law))
-        state = chosen, self.kinds, self.sigma, self.shear, self.start, self.steps
-        return np.array(kernels.sums(*state, *forms, left, column))
+        total, places = np.zeros(3), np.flatnonzero(chosen)
+        for first in range(int(places[0]), int(places[-1]) + 1, AT_ONCE) if len(places) else ():
+            row = slice(first, min(first + AT_ONCE, int(places[-1]) + 1))
+            for kind in np.unique(self.kinds[row][chosen[row]]):
+                own = chosen[row] & (self.kinds[row] == kind)
+                data = own * np.stack([*self.sigma[:, row], *self._edge_shears(row)])
+                total[0] += 0.5 * float(np.vdot(data, forms[0][kind] @ data))
+                corners = [_past(row, step) for step in self.ahead]
+                moved = own * np.stack([self.start[:, at] for at in corners])
+                force = forms[1][kind] @ moved.reshape(-1, len(own))
+                total[1] += 0.5 * float(np.vdot(moved, force))
+                total[2] -= self._work_of_rest(row, moved)
+                for at, held in zip(corners, force.reshape(moved.shape), strict=True):
+                    left[:, at] -= held
+                    if column is not None:
+                        column[at] += forms[1][kind][0, 0] * own
+        return total
+
+    def _edge_shears(self, row: slice) -> list[Floats]:
+        """Return the shear stresses of cells' edges, pair by pair."""
+        found = []
+        for tau, (a, b) in zip(self.shear, axis_pairs(self.dimension), strict=True):
+            ends = product((0, self.steps[a]), (0, self.steps[b]))
+            found += [tau[_past(row, one + two)] for one, two in ends]
+        return found
+
+    def _work_of_rest(self, row: slice, moved: Floats) -> float:
+        """Return the work of cells' corners, shape (corners, d, n), on what faces are left with."""
+        work, ends = 0.0, corner_ends(self.dimension)
+        for axis, upper in product(range(self.dimension), (0, 1)):
+            step = self.steps[axis]
+            mean = moved[ends[:, axis] == upper, axis].mean(axis=0)
+            if not upper:
+                mean *= self.kinds[_past(row, -step)] < 0
+            work += float(np.vdot(self._pull(axis, _past(row, upper * step)), mean))
+        return work
+
+    def _pull(self, axis: int, face: Index | slice) -> Floats:
+        """Return the forces by which stresses hold faces."""
+        force = self.sigma[axis, _past(face, -self.steps[axis])] - self.sigma[axis, face]
+        for tau, pair in zip(self.shear, axis_pairs(self.dimension), strict=True):
+            if axis in pair:
+                force += tau[face] - tau[_past(face, self.steps[sum(pair) - axis])]
+        return np.asarray(force)
+
+    def _start_at(self, corner: Index) -> None:
+        """Let corners move as the faces round them, stiff ones counting more."""
+        for a, normal in enumerate(self.steps):
+            first, *others = (step for step in self.steps if step != normal)
+
+            def line(place: Index, a: int = a, n: int = normal, step: int = first) -> _Line:
+                at = place + step * np.arange(-2, 2)[:, None]
+                stiff = self.law[0][self.kinds[at]] + self.law[0][self.kinds[at - n]]
+                return self.faces[a, at], stiff
+
+            if others:
+                lines = [line(corner + k * others[0]) for k in range(-2, 2)]
+                weights = [w[1] + w[2] for _, w in lines]
+                self.start[a, corner] = _half_way([_half_way(*row) for row in lines], weights)
+            else:
+                self.start[a, corner] = _half_way(*line(corner))
 
     def _where_something_happens(self) -> Flags:
         """Tell which cells are at a support, a load, a re-entrant edge or touch a body's corner."""
@@ -317,16 +357,38 @@ class Cells:
                 active &= kind < 0
             some = np.flatnonzero(active)
             face = told[some] + upper * self.steps[axis]
-            force = self.sigma[axis, face - self.steps[axis]] - self.sigma[axis, face]
-            for tau, pair in zip(self.shear, axis_pairs(self.dimension), strict=True):
-                if axis in pair:
-                    force += tau[face] - tau[face + self.steps[sum(pair) - axis]]
+            force = self._pull(axis, face)
             at = list(cells[some].T)
             at[axis] = at[axis] + upper
             place = tuple(at)
             force += self.problem.spring[axis][place] * self.u[axis][place]
             rest[side, some] = (2 * upper - 1) * (force - self.problem.force[axis][place])
         return rest
+
+
+def _past(place: Index | slice, step: int) -> Index | slice:
+    """Return places some steps further on: one by one, or in a row."""
+    if isinstance(place, slice):
+        return slice(place.start + step, place.stop + step)
+    return place + step
+
+
+def _parts(places: Index) -> list[Index]:
+    """Return places in parts of `AT_ONCE` or less."""
+    return np.array_split(places, len(places) // AT_ONCE + 1)
+
+
+_Line = tuple[Sequence[Floats] | Floats, Sequence[Floats] | Floats]
+
+
+def _half_way(v: Sequence[Floats] | Floats, w: Sequence[Floats] | Floats) -> Floats:
+    """Return the weighted mean half-way between four in a row; a line's end is prolonged."""
+    low, high = w[1] > 0.0, w[2] > 0.0
+    weight = np.where(low & high, w[1] + w[2], 1.0)
+    after = np.where(w[3] > 0.0, 1.5 * v[2] - 0.5 * v[3], v[2])
+    before = np.where(w[0] > 0.0, 1.5 * v[1] - 0.5 * v[0], v[1])
+    ends = np.where(high, after, before)
+    return np.where(low & high, (w[1] * v[1] + w[2] * v[2]) / weight, ends)
 
 
 @lru_cache(maxsize=2)
@@ -345,13 +407,14 @@ def _odd_corners(dimension: int) -> tuple[Flags, Flags]:
 
 @lru_cache(maxsize=8)
 def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
-    """Return the energies of cells of all materials as matrices: see `kernels_cells.sums`."""
+    """Return the energies of cells of all materials as matrices.
+
+    The complementary one, half of data·A·data, by a cell's normal stresses and the shear stresses
+    of its edges, pair by pair; and that of the displacement of its corners.
+    """
     pairs = axis_pairs(dimension)
     size = dimension + 4 * len(pairs)
     first, second = np.repeat(np.eye(size), size, axis=0).T, np.tile(np.eye(size), (size, 1)).T
-    corners = 1 << dimension
-    single = np.eye(corners * dimension).reshape(-1, corners, dimension).transpose(1, 0, 2)
-    modes = Modes(dimension)
 
     def energy(data: Floats, one: Law) -> Floats:
         shear = data[dimension:].reshape(len(pairs), 2, 2, -1)
@@ -365,8 +428,8 @@ def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
         if one[0] > 0.0:
             both = energy(first + second, own) - energy(first, own) - energy(second, own)
             statics.append(both.reshape(size, size))
-            force = modes.back(modes.stress(modes.of(single), list(own)))
-            stiffness.append(force.transpose(0, 2, 1).reshape(corners * dimension, -1))
+            forms = element_stiffness(dimension)
+            stiffness.append(sum(modulus * form for modulus, form in zip(one, forms, strict=True)))
     return np.stack(statics), np.stack(stiffness)
 
 

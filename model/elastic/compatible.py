@@ -33,16 +33,9 @@ def sink(
 ) -> None:
     """Let a field sink by conjugate gradients, as long as that closes enough of a gap.
 
-    Parameters
-    ----------
-    v, left : array, shape (nodes, dimension)
-        Displacements, and the loads less the forces that hold the nodes at them: both go along.
-    weight : array, shape (nodes, dimension)
-        One over the diagonal; 0 where nodes are held.
-    gap : float
-        How far the energy may be above what it can sink to.
-    force : callable
-        What holds the nodes at a displacement; may make it fit first.
+    The displacements `v` and the forces `left` at the nodes go along; `weight` is one over the
+    diagonal, 0 where nodes are held; `gap` is how far the energy may be above what it can sink to;
+    `force` returns what holds the nodes at a displacement, and may make it fit first.
     """
     way = weight * left
     before = float(dot(left.ravel(), way.ravel()))
@@ -60,29 +53,16 @@ def sink(
 
 
 class CompatibleField:
-    """Displacements of the corners of boxes.
+    """Displacements of the corners of boxes, shape (nodes, dimension).
 
-    Parameters
-    ----------
-    boxes : Boxes
-
-    Attributes
-    ----------
-    displacement : array, shape (nodes, dimension)
-    left : array, shape (nodes, dimension)
-        Loads less the forces that hold the corners at it; known once it has settled.
-    given : array, shape (nodes, dimension)
-        What supports give; NaN where nothing does.
-    scale : float
-        What the field has been multiplied by.
-    jumps : bool
-        Whether supports give a corner two displacements at once: no field without gaps has that.
+    `left` are the loads less the forces that hold them, known once the field has settled; `given`
+    what supports give (NaN: nothing); `scale` what it has been multiplied by; `jumps` tells whether
+    supports give a corner two displacements at once: no field without gaps has that.
     """
 
     def __init__(self, boxes: Boxes) -> None:
         self.boxes, self.mesh = boxes, boxes.mesh
         self._ends = corner_ends(boxes.dimension)
-        self._modes = Modes(boxes.dimension)
         owner, power = self.mesh.owner, boxes.dimension - 2
         self._moduli = [modulus[owner] * self.mesh.edge**power for modulus in boxes.law]
         self._load = self.forces()
@@ -194,11 +174,8 @@ class CompatibleField:
     def settle(self, above: float) -> None:
         """Let the field sink by conjugate gradients, as long as that is worth while.
 
-        Parameters
-        ----------
-        above : float
-            Complementary energy of a stress that balances, less the work at moved walls: the
-            potential energy of no field is below its negative.
+        `above` is the complementary energy of a stress that balances, less the work at moved walls:
+        the potential energy of no field is below its negative.
         """
         diagonal = self._diagonal()
         free = np.isnan(self.given) & (diagonal > 0.0)
@@ -221,14 +198,7 @@ class CompatibleField:
     def _diagonal(self) -> Floats:
         d = self.boxes.dimension
         # Of a corner's own function every component has the same stiffness.
-        single = np.zeros((len(self._ends), 1, d))
-        single[0, 0, 0] = 1.0
-        one = [
-            float(
-                np.vdot(single, self._modes.back(self._modes.stress(self._modes.of(single), law)))
-            )
-            for law in ([np.array([float(k == own)]) for k in range(3)] for own in range(3))
-        ]
+        one = [form[0, 0] for form in kernels.element_stiffness(d)]
         own = sum(share * modulus for share, modulus in zip(one, self._moduli, strict=True))
         column = np.zeros(len(self.mesh.start))
         kernels.spread(self.mesh.element, own, column)
@@ -243,8 +213,9 @@ class CompatibleField:
 
     def energies(self) -> Floats:
         """Return the strain energy of every box, scaled."""
-        modes = self._modes.of(self.displacement[self.mesh.element])
-        energy = 0.5 * np.einsum("wan,wan->n", modes, self._modes.stress(modes, self._moduli))
+        moved = kernels.moved_corners(self.mesh.element, self.displacement)
+        force = kernels.forces(*self._moduli, moved)
+        energy = 0.5 * np.einsum("ni,ni->n", moved, force)
         return np.asarray(np.bincount(self.mesh.owner, energy, len(self.boxes.size)), np.float64)
 
     def work(self) -> float:
@@ -295,69 +266,14 @@ class CompatibleField:
     def mean_strains(self) -> Floats:
         """Return the mean strain tensors of the boxes, shape (boxes, d, d)."""
         mesh, d = self.mesh, self.boxes.dimension
-        modes = self._modes.of(self.displacement[mesh.element])
-        share = (mesh.edge / self.boxes.size[mesh.owner]) ** d / mesh.edge
+        share = (mesh.edge / self.boxes.size[mesh.owner]) ** d / mesh.edge / (1 << (d - 1))
         mean = np.empty((len(self.boxes.size), d, d))
         for a in range(d):
+            at_corners = self.displacement[:, a][mesh.element]
             for b in range(d):
-                slope = share * modes[self._modes.along(0, b), a]
+                slope = share * ((2.0 * self._ends[:, b] - 1.0) @ at_corners)
                 mean[:, a, b] = np.bincount(mesh.owner, slope, len(mean))
         return np.asarray(0.5 * (mean + mean.transpose(0, 2, 1)))
-
-
-class Modes:
-    """Functions that are linear along every axis of a box of unit edge, mode by mode.
-
-    Mode w is the product of X_i − ½ over the axes i whose bit is set in w. All modes are at
-    right angles to each other, and so are their strains' modes: that makes the stiffness short.
-    """
-
-    def __init__(self, dimension: int) -> None:
-        self.dimension = dimension
-        self._bit = [1 << (dimension - 1 - axis) for axis in range(dimension)]
-        self._square = [12.0 ** -bin(w).count("1") for w in range(1 << dimension)]
-
-    def along(self, mode: int, axis: int) -> int:
-        """Return the mode whose slope along an axis a mode is."""
-        return mode | self._bit[axis]
-
-    def of(self, values: Floats) -> Floats:
-        """Return the modes, shape (2^d, d, n), of values at the corners, (2^d, n, d)."""
-        modes = np.ascontiguousarray(values.transpose(0, 2, 1))
-        for bit in self._bit:
-            pairs = modes.reshape(-1, 2, bit, *modes.shape[1:])
-            low, high = pairs[:, 0], pairs[:, 1]
-            modes = np.stack([0.5 * (low + high), high - low], axis=1).reshape(modes.shape)
-        return modes
-
-    def back(self, force: Floats) -> Floats:
-        """Return forces at the corners, (2^d, n, d), by those on the modes."""
-        for bit in self._bit:
-            pairs = force.reshape(-1, 2, bit, *force.shape[1:])
-            half, slope = 0.5 * pairs[:, 0], pairs[:, 1]
-            force = np.stack([half - slope, half + slope], axis=1).reshape(force.shape)
-        return force.transpose(0, 2, 1)
-
-    def stress(self, modes: Floats, law: list[Floats]) -> Floats:
-        """Return the forces on the modes: the energy's derivatives by them."""
-        stretch, lateral, shear = law
-        out, d = np.zeros_like(modes), self.dimension
-        for w, square in enumerate(self._square):
-            open_axes = [a for a in range(d) if not w & self._bit[a]]
-            if not open_axes:
-                continue
-            strain = {a: modes[self.along(w, a), a] for a in open_axes}
-            volume = sum(strain.values())
-            for a in open_axes:
-                normal = lateral * volume + (stretch - lateral) * strain[a]
-                out[self.along(w, a), a] += square * normal
-            for a in range(d):
-                for b in range(a + 1, d):
-                    slopes = [(self.along(w, y), x) for x, y in ((a, b), (b, a)) if y in open_axes]
-                    stress = square * shear * sum(modes[slope] for slope in slopes)
-                    for slope in slopes:
-                        out[slope] += stress
-        return out
 
 
 def _bed_matrix(dimension: int) -> Floats:

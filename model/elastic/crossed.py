@@ -28,12 +28,10 @@ STIFFEST = 1e6
 class Form:
     """Energy and mean stress within a box of unit edge by its tractions and the force within."""
 
-    quadratic: Floats
-    """Shape (data, data)."""
+    quadratic: Floats  # Shape (data, data)
     linear: Floats
     """Mean normal stresses, then shear stresses pair by pair. Shape (d (d + 1) / 2, data)."""
-    parts: Floats
-    """The data of every part. Shape (2^d, data of a part, data)."""
+    parts: Floats  # The data of every part. Shape (2^d, data of a part, data)
     stress: Floats
     """Stresses at the corners of the simplices of a part. Shape (simplices, d + 1, d (d + 1) / 2,
     data of a part)."""
@@ -74,17 +72,9 @@ class Form:
 def balance_rows(dimension: int, halves: int) -> Floats:
     """Return force and moments on a box of unit edge by its tractions and the force within.
 
-    Parameters
-    ----------
-    dimension : int
-    halves : int
-        Into how many parts sides are cut along each axis, 1 or 2.
-
-    Returns
-    -------
-    array, shape (d (d + 1) / 2, data)
-        Data are, for every side, part, component and mode (the mean, and the slope along each axis
-        of the side), the stress; and the force.
+    Sides are cut into 1 or 2 `halves` along each axis. Data are, for every side, part, component
+    and mode (the mean, and the slope along each axis of the side), the stress; and the force. The
+    shape is (d (d + 1) / 2, data).
     """
     d = dimension
     parts = list(product(range(halves), repeat=d - 1))

@@ -20,15 +20,10 @@ Index = NDArray[np.int64]
 
 
 def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
-    """Return the displacement of the corners of the cells (scaled).
+    """Return the displacement of the corners of the cells (scaled), shape (n + 1, ..., dimension).
 
-    A node's displacement is the mean of the faces round it. At a free surface, where faces
-    lie on one side only, it is prolonged half a cell (see `_edge_values`). Nodes without body
-    get NaN.
-
-    Returns
-    -------
-    array, shape (n + 1 along every axis, dimension)
+    A node's displacement is the mean of the faces round it. At a free surface, where faces lie on
+    one side only, it is prolonged half a cell (see `_edge_values`). Nodes without body get NaN.
     """
     d = problem.dimension
     nodes = []
@@ -125,12 +120,7 @@ def _between(field: Floats, axis: int, wall: NDArray[np.bool_]) -> tuple[Floats,
 
 
 def cell_means(problem: ElasticProblem, u: FaceFields) -> Floats:
-    """Return the displacement of the cells' middles (scaled); NaN outside of the body.
-
-    Returns
-    -------
-    array, shape (cells along every axis, dimension)
-    """
+    """Return the displacement of the cells' middles (scaled); NaN outside of the body."""
     d = problem.dimension
     solid = problem.kinds[problem.inner] >= 0
     values = [
@@ -154,9 +144,7 @@ def stress_parts(problem: ElasticProblem, u: FaceFields) -> Strains:
 def cell_tensor(problem: ElasticProblem, parts: Strains) -> Floats:
     """Return stress tensors of the cells: normal stresses, and the mean shear of their edges.
 
-    Returns
-    -------
-    array, shape (cells along every axis, dimension, dimension); NaN outside of the body
+    NaN outside of the body.
     """
     d = problem.dimension
     solid = problem.kinds[problem.inner] >= 0
@@ -204,12 +192,7 @@ def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
 def at_nodes(nodes: Floats, cells: Index, local: Floats) -> Floats:
     """Interpolate linearly between the nodes of the cell that each point lies in.
 
-    Parameters
-    ----------
-    nodes : array, shape (n + 1 along every axis, components)
-    cells : int array, shape (points, dimension)
-    local : array, shape (points, dimension)
-        Place within the cell, 0 to 1 along every axis.
+    `local` is the place within the cell, 0 to 1 along every axis.
     """
     total: Floats = np.zeros((len(cells), nodes.shape[-1]))
     for corner in product((0, 1), repeat=cells.shape[1]):

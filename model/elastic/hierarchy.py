@@ -171,15 +171,9 @@ class Hierarchy:
     def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
         """Start from the coarsest answer and improve it level by level.
 
-        On the finest level from the best combination of the parents' answer and the guess, if
-        that is far better.
-
-        Returns
-        -------
-        start : array
-            The finest grid's first answer.
-        energy : float
-            Potential energy, on the finest grid, of the parents' answer before it was improved.
+        On the finest level from the best combination of the parents' answer and the guess, if that
+        is far better. Also returns the potential energy, on that level, of the parents' answer
+        before it was improved.
         """
         loads = [load]
         for at in range(len(self.levels) - 1):

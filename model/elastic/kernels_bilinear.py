@@ -1,6 +1,7 @@
-"""Compiled loops over boxes in which a displacement is linear along every axis.
+"""Boxes in which a displacement is linear along every axis; compiled loops where they are many.
 
-`compatible.Modes` says the same in plain NumPy: mode by mode, which makes the stiffness short.
+The loops go mode by mode, products of X_i − ½: all are at right angles to each other, and so are
+their strains, which makes the stiffness short.
 """
 
 from __future__ import annotations
@@ -19,28 +20,30 @@ FEW = 50_000
 
 
 def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any) -> None:
-    """Add the forces that hold the corners of boxes at a displacement.
+    """Add the forces that hold the corners of boxes at a displacement, both of shape (nodes, d).
 
-    Parameters
-    ----------
-    element : int array, shape (2^d, n)
-        Nodes at the corners, the last axis running fastest.
-    stretch, lateral, shear : arrays, shape (n,)
-        Moduli, times the edge in three dimensions.
-    v, out : arrays, shape (nodes, d)
+    `element` are the nodes at the corners, shape (2^d, n), the last axis running fastest; the
+    moduli are times the edge in three dimensions.
     """
     if element.shape[1] > FEW:
         loop = _pull_plane if element.shape[0] == 4 else _pull_solid
         loop(element, stretch, lateral, shear, v, out)
         return
-    d = v.shape[1]
-    moved = v[element].transpose(1, 0, 2).reshape(element.shape[1], -1)
-    force = sum(
-        modulus[:, None] * (moved @ form)
-        for modulus, form in zip((stretch, lateral, shear), element_stiffness(d), strict=True)
-    )
+    d, force = v.shape[1], forces(stretch, lateral, shear, moved_corners(element, v))
     for a in range(d):
         out[:, a] += np.bincount(element.T.ravel(), force[:, a::d].ravel(), len(out))
+
+
+def moved_corners(element: Any, v: Any) -> Any:
+    """Return the displacements of the corners of boxes, shape (n, 2^d · d)."""
+    return v[element].transpose(1, 0, 2).reshape(element.shape[1], -1)
+
+
+def forces(stretch: Any, lateral: Any, shear: Any, moved: Any) -> Any:
+    """Return the forces that hold the corners of boxes, by their displacements."""
+    forms = element_stiffness({8: 2, 24: 3}[moved.shape[1]])
+    parts = zip((stretch, lateral, shear), forms, strict=True)
+    return sum(modulus[:, None] * (moved @ form) for modulus, form in parts)
 
 
 @lru_cache(maxsize=2)

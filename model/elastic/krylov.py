@@ -41,8 +41,7 @@ def best_of(
 class Iteration:
     """How an iteration went."""
 
-    solution: Vector
-    """The last iterate."""
+    solution: Vector  # The last iterate
     residuals: list[float] = field(default_factory=list)
     """Norm of the residual, relative to the right-hand side, before every iteration."""
     errors: list[float] = field(default_factory=list)

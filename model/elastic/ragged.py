@@ -42,22 +42,13 @@ WIDER = 6
 
 @dataclass(frozen=True, eq=False)
 class Ragged:
-    """Boxes with tractions of their own.
+    """Boxes with tractions of their own."""
 
-    Attributes
-    ----------
-    box : int array, shape (n,)
-        Which, in order.
-    traction : array, shape (n, 2·d, 2^(d-1), d, d)
-        By side and part of it, in the order of `corner_ends`: every component's mean, and its
-        slopes along the axes of the side, times the part's edge.
-    left : array, shape (n,)
-        Largest force or moment left over, as a stress.
-    """
-
-    box: Index
+    box: Index  # Which, in order; shape (n,)
+    # By side and part of it, in the order of `corner_ends`: every component's mean, and its slopes
+    # along the axes of the side, times the part's edge; shape (n, 2·d, 2^(d-1), d, d)
     traction: Floats
-    left: Floats
+    left: Floats  # Largest force or moment left over, as a stress; shape (n,)
 
     @classmethod
     def none(cls, d: int) -> Ragged:
@@ -78,18 +69,9 @@ def ragged_tractions(
 ) -> Ragged:
     """Return tractions of uneven boxes, and of those that help to balance them.
 
-    Parameters
-    ----------
-    boxes : Boxes
-    normal : array, shape (2·d, boxes)
-        Normal tractions of all boxes by their own middles.
-    pressed : array, shape (2·d, boxes)
-        Normal stress of the loads on bare sides.
-    springs : array, shape (2·d, boxes)
-        Normal stress on sides on beds, by how far these have given way.
-    uneven : bool array, shape (boxes,)
-    small : float
-        A stress that may be left over.
+    By side and box are `normal` the normal tractions of all boxes by their own middles, `pressed`
+    the normal stress of the loads on bare sides, and `springs` that on beds by how far these have
+    given way; `small` is a stress that may be left over.
     """
     if not uneven.any():
         return Ragged.none(boxes.dimension)
@@ -272,11 +254,8 @@ class _Joint(NamedTuple):
 def _passing(d: int) -> Floats:
     """Return what is passed on through sides and their parts: stresses that move like a rigid body.
 
-    Returns
-    -------
-    array, shape (2·d, 1 + 2^(d-1), d (d + 1) / 2, 2^(d-1), d, d)
-        By side and part (first all of it), forces along the axes and turns between pairs: tractions
-        like those of `Ragged`.
+    By side and part (first all of it), forces along the axes and turns between pairs, as tractions
+    like those of `Ragged`: shape (2·d, 1 + 2^(d-1), d (d + 1) / 2, 2^(d-1), d, d).
     """
     pairs = list(combinations(range(d), 2))
     parts = 1 << (d - 1)

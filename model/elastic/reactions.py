@@ -17,21 +17,10 @@ def reactions(
     names: tuple[str, ...],
     counted: tuple[NDArray[np.bool_], ...] | None = None,
 ) -> dict[str, Floats]:
-    """Return the force (scaled) of every support on the body.
+    """Return the force (scaled) of every support on the body; rigid cells inside count as "rigid".
 
-    Parameters
-    ----------
-    problem, u
-        What was solved, and its displacements.
-    names : tuple of str
-        Names of the sides, lower before upper, axis by axis.
-    counted : tuple of arrays, optional
-        Per axis the faces that count, if the cells are a part of a body; else all.
-
-    Returns
-    -------
-    dict from name to array, shape (dimension,)
-        Only supports that touch the body; rigid cells inside count as "rigid".
+    `names` are those of the sides, lower before upper, axis by axis; `counted` the faces that
+    count, if the cells are a part of a body.
     """
     found: dict[str, Floats] = {}
     inner = internal_force(problem, u)

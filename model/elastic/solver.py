@@ -62,19 +62,11 @@ second."""
 
 @dataclass
 class Solution:
-    """Displacements of all faces and how they were found; all scaled.
+    """Displacements of all faces and how they were found; all scaled."""
 
-    Attributes
-    ----------
-    method : str
-        "direct", "full multigrid", "Galerkin multigrid", "mixed form".
-    """
-
-    displacement: FaceFields
-    """Faces' displacements, rim included."""
-    energy: float
-    """Energy stored in body and foundation."""
-    method: str
+    displacement: FaceFields  # Faces' displacements, rim included
+    energy: float  # Energy stored in body and foundation
+    method: str  # "direct", "full multigrid", "Galerkin multigrid", "mixed form"
     discretisation: float
     algebraic: float
     """Estimated relative errors in the energy norm: of the grid, and of the iteration."""
@@ -98,17 +90,10 @@ class Solution:
 def solve_problem(
     problem: ElasticProblem, tolerance: float | None = None, start: FaceFields | None = None
 ) -> Solution:
-    """Find the displacements at which every face is in balance.
+    """Find the displacements at which every face of a supported body is in balance.
 
-    Parameters
-    ----------
-    problem : ElasticProblem
-        A supported body (see `supports.check_supports`).
-    tolerance : float, optional
-        Relative algebraic error in the energy norm; by default well below the estimated
-        error of the grid, and for small bodies 1e-10.
-    start : tuple of arrays, optional
-        Displacements of as many faces, in the problem's units, from which iterations start.
+    To a relative algebraic error in the energy norm, by default well below the estimated error of
+    the grid, and for small bodies 1e-10; iterations may start from displacements of as many faces.
     """
     if np.count_nonzero(problem.kinds >= 0) <= FEW[problem.dimension]:
         solution = _by_factors(problem)
@@ -226,16 +211,8 @@ class System:
 def lead(problem: ElasticProblem, moved: Vector, origin: Index, cells: Index) -> FaceFields:
     """Return displacements that fall linearly from those of moved sides to the sides opposite.
 
-    Parameters
-    ----------
-    problem : ElasticProblem
-        A whole body, or a window of one.
-    moved : array
-        Displacement of the body's sides, shape (axis, end, component).
-    origin : array
-        The window's first cell, counted from the body's.
-    cells : array
-        Cells of the body along each axis.
+    Of a body of so many cells, or of a window whose first cell is `origin`; `moved` is the
+    displacement of the body's sides, shape (axis, end, component).
     """
     fields = []
     for component, fixed in enumerate(problem.fixed):

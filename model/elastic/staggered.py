@@ -178,14 +178,8 @@ def strain_energy(problem: ElasticProblem, u: FaceFields) -> float:
 class Numbering:
     """Numbers for the faces that are free to move, axis after axis.
 
-    Attributes
-    ----------
-    states : tuple of int8 arrays
-        Per axis the state of every face, rim included.
-    number : tuple of int64 arrays
-        Per axis the number of every active face, -1 elsewhere.
-    size : int
-        How many faces are active.
+    By axis are `states` those of all faces, rim included, and `number` the active ones' numbers, -1
+    elsewhere; `size` is how many are active.
     """
 
     def __init__(self, states: tuple[NDArray[np.int8], ...]) -> None:

@@ -34,14 +34,11 @@ TOGETHER = 4
 class Terms(NamedTuple):
     """Sums of weighted rows: `place` (sum, row, entry, shift) and `weight` of every term."""
 
-    place: Integers
-    """Ordered by sums, `TOGETHER` to the group. Shape (terms, 4)."""
-    weight: NDArray[np.float64]
-    """Shape (terms,)."""
+    place: Integers  # Ordered by sums, `TOGETHER` to the group. Shape (terms, 4)
+    weight: NDArray[np.float64]  # Shape (terms,)
     rows: Integers
     """The rows that terms name, by their distance along the first two axes. Shape (n, 2)."""
-    sums: int
-    """Number of sums."""
+    sums: int  # Number of sums
 
 
 class Stencil(NamedTuple):
@@ -52,8 +49,7 @@ class Stencil(NamedTuple):
     """Component, other component, offset of the other, entry, offset of where it is stored: an
     entry serves its own row and, mirrored, the other one. A component's first is its own. Shape
     (couplings, 9)."""
-    starts: Integers
-    """First coupling of every component, and the end."""
+    starts: Integers  # First coupling of every component, and the end
     own: Integers
     next: Integers
     """Entries of a face with itself, and with its next in the row."""

@@ -21,24 +21,14 @@ LARGEST = {2: 0.5, 3: 0.9}
 
 
 class Portions(NamedTuple):
-    """What sides of agents have of uneven loads, one entry for each load on a side.
+    """What sides of agents have of uneven loads, one entry for each load on a side."""
 
-    Attributes
-    ----------
-    box, side : int arrays, shape (n,)
-        Agent and side.
-    force : array, shape (n, d)
-    moment : array, shape (n, d, d)
-        First moment of each component along each axis, about the middle of the side.
-    rest : array, shape (n,)
-        Norm of the traction that is neither.
-    """
-
-    box: Ints
+    box: Ints  # box, side: Agent and side; shape (n,)
     side: Ints
-    force: Floats
+    force: Floats  # Shape (n, d)
+    # First moment of each component along each axis, about the middle of the side; shape (n, d, d)
     moment: Floats
-    rest: Floats
+    rest: Floats  # Norm of the traction that is neither; shape (n,)
 
     @classmethod
     def none(cls, d: int) -> Portions:
@@ -103,11 +93,7 @@ def softest(stretch: Floats, lateral: Floats, shear: Floats, d: int) -> Floats:
 def data_error(portions: Portions, size: Floats, softest: Floats) -> float:
     """Return the energy norm of what the loads cause that agents do not take, at most.
 
-    Parameters
-    ----------
-    portions : Portions
-    size, softest : arrays, shape (agents,)
-        Edges, and the least modulus of each: energy over ‖ε‖²/2.
+    `softest` is the least modulus of each: energy over ‖ε‖²/2.
     """
     if not len(portions.rest):
         return 0.0

@@ -31,12 +31,8 @@ ENDS = ((0, 1), (2, 3), (0, 2), (1, 3))
 class VolumeField:
     """Displacements of the corners of boxes, and of their sides across themselves.
 
-    Has what `bracket` asks of a `CompatibleField`; for plane bodies without beds.
-
-    Parameters
-    ----------
-    plain : CompatibleField
-        The field to begin with.
+    Has what `bracket` asks of a `CompatibleField`, with which it begins; for plane bodies without
+    beds.
     """
 
     def __init__(self, plain: CompatibleField) -> None:
@@ -181,10 +177,8 @@ class VolumeField:
 class _Form(NamedTuple):
     """What follows from the data of a box of unit edge."""
 
-    shear: Floats
-    """The integral of ε:ε is data·shear·data. Shape (24, 24)."""
-    mean: Floats
-    """Mean displacement. Shape (2, 24)."""
+    shear: Floats  # The integral of ε:ε is data·shear·data. Shape (24, 24)
+    mean: Floats  # Mean displacement. Shape (2, 24)
 
 
 class _Least(NamedTuple):
@@ -282,12 +276,7 @@ def _with_middles(triangle: list[tuple[float, float]]) -> list[tuple[float, floa
 def _slopes(slope: Floats, at: Floats) -> Floats:
     """Return the slopes, shape (2, 6), of the quadratics of a triangle at a place.
 
-    Parameters
-    ----------
-    slope : array, shape (2, 3)
-        Slopes of the linear functions that are 1 at one corner.
-    at : array, shape (3,)
-        Their values at the place.
+    `slope` are those of the linear functions that are 1 at one corner, `at` their values there.
     """
     corner = slope * (4.0 * at - 1.0)
     middle = [

@@ -24,17 +24,8 @@ if TYPE_CHECKING:
 class AgentPushEngine:
     """Lets agents act, level by level, with one object per agent.
 
-    The space is a network that grows with the agents: each brings its cell, linked to those
-    that it hands shares to.
-
-    Parameters
-    ----------
-    model : ElasticModel
-        The model in which the agents live.
-    table : PushTable
-        Who passes how much to whom.
-    face_agent : type
-        Class of the face agents.
+    The space is a network that grows with the agents: each brings its cell, linked to those that it
+    hands shares to.
     """
 
     def __init__(

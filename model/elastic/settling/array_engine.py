@@ -111,13 +111,7 @@ def push_largest(
 
 
 class ArrayPushEngine:
-    """Lets agents act, level by level, on arrays.
-
-    Parameters
-    ----------
-    table : PushTable
-        Who passes how much to whom.
-    """
+    """Lets agents act, level by level, on arrays."""
 
     def __init__(self, table: PushTable) -> None:
         self.table = table

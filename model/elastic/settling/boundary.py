@@ -23,12 +23,8 @@ Integers = NDArray[np.int64]
 class Boundary:
     """Cells that are not body, and what each is to the faces beside it.
 
-    Attributes
-    ----------
-    cells : array of int, shape (boundary cells, dimension)
-        Cell coordinates, counted from the arrays' first cell without the rim.
-    links : sparse array, shape (boundary cells, columns)
-        How much of each column belongs to each cell.
+    `cells` are counted from the arrays' first cell without the rim; `links` says how much of each
+    column belongs to each cell.
     """
 
     def __init__(
@@ -86,12 +82,7 @@ def free_surfaces(
 ) -> Boundary:
     """Return the air beside the body; columns are faces, entries the shares given back.
 
-    Parameters
-    ----------
-    faces : arrays
-        Axis and index of the faces that can move.
-    stiffness : array
-        Their stiffness (scaled).
+    `faces` are axis and index of those that can move, with their (scaled) stiffness.
     """
     axis, index = faces
     cells, column, missing = [], [], []

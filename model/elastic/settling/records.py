@@ -146,12 +146,7 @@ class Recorder:
     def moments(self, level: int, agents: Integers) -> Moments:
         """Return what was kept, and how things stand now, of the faces with agents.
 
-        Parameters
-        ----------
-        level : int
-            Level that the last step visited.
-        agents : array of int
-            Their numbers, counted through all levels.
+        `level` was visited last; agents are counted through all levels.
         """
         kept = self._kept
         if kept[-1][0] != self._state.generation:

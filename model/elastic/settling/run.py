@@ -206,17 +206,7 @@ class ElasticRun(BodyResult):
 
 
 def curves_of(history: Sequence[StepRecord], known: int, threshold: float) -> list[Curves]:
-    """Return energy, largest load left, and the error meter after steps.
-
-    Parameters
-    ----------
-    history : sequence of StepRecord
-        The steps.
-    known : int
-        How many steps came before them.
-    threshold : float
-        γ (N).
-    """
+    """Return energy, largest load left, and the error meter after `known` and these steps."""
     step = np.arange(known + 1.0, known + len(history) + 1.0)
     every = np.array([(r.energy, r.loudest, r.error_estimate, r.pushes) for r in history])
     energy, loudest, meter, pushes = every.reshape(-1, 4).T

@@ -30,27 +30,17 @@ class WaveCertificate:
 
     largest_eigenvalue: float
     """λmax(D⁻¹K) of the scene's own agents, or its bound if there are too many of them."""
-    bound: float
-    """What no body of these materials exceeds."""
-    limit: float
-    """Waves calm down for every share below: 2/λmax."""
-    share: float
-    """ω, the share that is used."""
-    stable: bool
-    """Whether it lies below the limit."""
-    verdict: str
-    """The same in words, with a remedy if waves would grow."""
+    bound: float  # What no body of these materials exceeds
+    limit: float  # Waves calm down for every share below: 2/λmax
+    share: float  # ω, the share that is used
+    stable: bool  # Whether it lies below the limit
+    verdict: str  # The same in words, with a remedy if waves would grow
 
 
 def certify_waves(table: PushTable, share: float | None = None) -> WaveCertificate:
-    """State by which share agents may yield at once, and which share is used.
+    """State by which share agents may yield at once, and which share ω is used.
 
-    Parameters
-    ----------
-    table : PushTable
-        The scene's agents and links.
-    share : float, optional
-        ω; None takes nine tenths of the limit.
+    None takes nine tenths of the limit.
     """
     bound = eigenvalue_bound(table)
     largest = min(bound, largest_eigenvalue(table))

@@ -28,34 +28,16 @@ class Ground:
     supports carry. Shape (places,)."""
     displacement: Floats
     """How far each face has moved (m); for parents, in their current visit. Shape (faces,)."""
-    taken: Floats
-    """Sum of the sizes of the loads (N) that its agent has taken. Shape (faces,)."""
-    spawn_step: Integers
-    """Step in which its agent spawned, 0 while there is none. Shape (faces,)."""
-    weight: Floats
-    """By how much a load on the face counts against the threshold. Shape (faces,)."""
+    taken: Floats  # Sum of the sizes of the loads (N) that its agent has taken. Shape (faces,)
+    spawn_step: Integers  # Step in which its agent spawned, 0 while there is none. Shape (faces,)
+    weight: Floats  # By how much a load on the face counts against the threshold. Shape (faces,)
 
 
 class PushState:
-    """Loads and displacements on all levels.
+    """Loads and displacements on all levels, finest first.
 
-    Parameters
-    ----------
-    table : PushTable
-        Who passes how much to whom.
-
-    Attributes
-    ----------
-    grounds : list of Ground
-        The levels, finest first.
-    place_step : array of int
-        Step in which a load first reached each support, 0 before.
-    energy : float
-        Energy (J) of body and loads together, 0 at the start; every step lowers it.
-    pushes : int
-        How often an agent has yielded.
-    generation : int
-        Steps taken.
+    `place_step` is the step in which a load first reached each support, 0 before; `energy` that of
+    body and loads together (J), 0 at the start: every step lowers it.
     """
 
     def __init__(self, table: PushTable) -> None:
@@ -123,12 +105,8 @@ class PushState:
     def survey(self) -> tuple[float, float]:
         """Look at the loads left on all levels, as if they were handed up without a push.
 
-        Returns
-        -------
-        loudest : float
-            Largest load left, as it counts against γ (N).
-        meter : float
-            √(Σ P²/k) over √(load · displacement), the error in energy as a share.
+        Returns the largest, as it counts against γ (N), and the error in energy as a share: √(Σ
+        P²/k) over √(load · displacement).
         """
         left = self.grounds[0].left[: self.table.levels[0].size]
         loudest = total = 0.0

@@ -41,8 +41,7 @@ FEWEST_FACES = 12
 class PushLevel:
     """The agents of one level and their links, as arrays."""
 
-    numbering: Numbering
-    """Which faces there are, and their numbers."""
+    numbering: Numbering  # Which faces there are, and their numbers
     stiffness: Floats
     """Load (N) that moves a face by 1 m while all others hold still. Shape (faces,)."""
     shares: sp.csr_array

@@ -227,11 +227,7 @@ def _along_slopes(grid: Composite, value: Floats, leaf: Index, local: Floats) ->
 def touching(grid: Composite, points: Floats, leaf: Index) -> tuple[Index, Index]:
     """Return all leaves in or on which points (units) lie: pairs of point and leaf, in order.
 
-    Parameters
-    ----------
-    points : array, shape (n, dimension)
-    leaf : int array, shape (n,)
-        One leaf of each point.
+    `leaf` is one of each point.
     """
     reach = NEAR * grid.ground.cell
     offset = points - grid.leaves.lower[leaf]
@@ -258,13 +254,7 @@ def _means(point: Index, values: Floats) -> Floats:
 
 
 def walls_beside(grid: Composite, leaf: Index) -> Floats:
-    """Return how the rigid walls beside leaves move, NaN where there is none.
-
-    Returns
-    -------
-    array, shape (n, 2·dimension, dimension)
-        By side and component.
-    """
+    """Return how the rigid walls beside leaves move, by side and component; NaN without a wall."""
     d = grid.dimension
     given = np.full((len(leaf), 2 * d, d), np.nan)
     for side in range(2 * d):

@@ -29,30 +29,25 @@ GAIN = 0.7
 class Answer(NamedTuple):
     """What has been found of a quantity; scaled."""
 
-    value: Floats
-    """Shape (components,)."""
+    value: Floats  # Shape (components,)
     error: float
     relative_error: float
     """Estimated; the latter is the share of the scale."""
     scale: float = 1.0
     bound: float | None = None
     """What the error is at most."""
-    no_bound: str = ""
-    """Why that is not known."""
+    no_bound: str = ""  # Why that is not known
 
 
 class Aimed(NamedTuple):
     """How far off a generation is."""
 
-    error: float
-    """Estimated error, relative: what the tolerance is compared with."""
-    part: Floats
-    """What every agent contributes to it. Shape (agents,)."""
+    error: float  # Estimated error, relative: what the tolerance is compared with
+    part: Floats  # What every agent contributes to it. Shape (agents,)
     chosen: Flags
     """Who has to spawn children, if the tolerance is to be kept; nobody, if none may. Shape
     (agents,)."""
-    allowed: float
-    """What all may contribute together."""
+    allowed: float  # What all may contribute together
     answers: tuple[Answer, ...] = ()
     """The quantities that the tolerance is about, if it is about any."""
 
@@ -81,8 +76,7 @@ class State(Protocol):
 class Aim(Protocol):
     """Something that the tolerance can be about."""
 
-    adds_up: bool
-    """Whether the error, or its square, is the sum of the agents' parts."""
+    adds_up: bool  # Whether the error, or its square, is the sum of the agents' parts
 
     def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
@@ -118,18 +112,8 @@ def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:
 def choose_among(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
     """Choose who spawns: those with the largest parts in an error, but none of the smallest.
 
-    What the smallest leave cannot be helped: the others make up for it, unless it is more than
-    what is allowed.
-
-    Parameters
-    ----------
-    part : array
-        What every agent contributes; parts add up.
-    allowed : float
-        What may be left of them all.
-    smallest : bool array
-    bulk : float
-        Share of the error that those chosen stand for.
+    What the smallest leave cannot be helped: the others make up for it, unless it is more than what
+    is allowed of them all. Those chosen stand for a share `bulk` of the error.
     """
     helpless = float(part[smallest].sum())
     part = np.where(smallest, 0.0, part)

@@ -23,13 +23,8 @@ from .rows import stiffness_of, sum_rows
 class Balance:
     """Energy and forces of a composite grid, as matrices; all scaled.
 
-    Attributes
-    ----------
-    grid : Composite
-    strains : sparse array
-        Strains of the leaves, axis by axis, then of the edges, pair by pair, by the faces.
-    offset : array
-        The strains that displaced walls cause by themselves.
+    `strains` gives those of the leaves, axis by axis, then of the edges, pair by pair, by the
+    faces; `offset` are the strains that displaced walls cause by themselves.
     """
 
     def __init__(self, grid: Composite) -> None:

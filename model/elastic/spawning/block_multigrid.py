@@ -103,14 +103,8 @@ class Root:
 class BlockMultigrid:
     """The V-cycle on a forest, and conjugate gradients with it.
 
-    Parameters
-    ----------
-    balance : BlockBalance
-    root : Root, optional
-        Of the same first blocks.
-    real : type
-        Of the V-cycle's numbers. In short ones it takes two thirds of the time and the iteration as
-        many cycles, unless the body is so slender that rounding hides how it strains.
+    `real` is the type of the V-cycle's numbers: in short ones it takes two thirds of the time and
+    the iteration as many cycles, unless the body is so slender that rounding hides how it strains.
     """
 
     def __init__(

@@ -162,11 +162,7 @@ class Rows(NamedTuple):
 class Window:
     """Some agents of a forest as a composite grid: where all they touch is among them, as in it.
 
-    Attributes
-    ----------
-    balance : Balance
-    block, corner : int arrays, shape (agents,)
-        Block of every agent, and which of `Forest.corners` it is.
+    `block` is the block of every agent, and `corner` which of `Forest.corners` it is.
     """
 
     def __init__(self, forest: Forest, block: Index, chosen: Flags | None = None) -> None:
@@ -218,15 +214,8 @@ _LEAVES = ("lower", "size", "kind", "step", "cause", "code")
 class BlockBalance:
     """Energy and forces of a forest, level by level and of all its leaves together; scaled.
 
-    Attributes
-    ----------
-    forest : Forest
-    page : int array, shape (2, blocks)
-        Pages of the blocks on their own levels, and as parts of the whole.
-    pages : Pages
-    rows : Rows
-    scale : array, shape (blocks,)
-        Unit of the blocks' energy, h^(d-2).
+    `page` are the pages of the blocks on their own levels, and as parts of the whole, shape (2,
+    blocks); `scale` the unit of the blocks' energy, h^(d-2).
     """
 
     def __init__(self, forest: Forest) -> None:

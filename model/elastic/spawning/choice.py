@@ -69,26 +69,10 @@ def method_of(scene: Scene) -> Method:
 class EqualCells:
     """Runs with equal cells, one finer than the other, until one is within the tolerance.
 
-    Parameters
-    ----------
-    scene : Scene
-    tolerance : float
-        Relative error in the energy norm.
-    resolution : int or None
-        The cells that describe the body, per cell of the scene; none may be smaller.
-    stage : int or None
-    previous : ElasticResult, optional
-        The answer to a scene of which something was changed: the first run continues from it.
-    divides : bool
-        Divide cells even where smaller ones make round shapes rounder and point loads sharper.
-
-    Attributes
-    ----------
-    last : ElasticResult or None
-        The finest answer so far.
-    error : float
-        Its estimated error in the energy norm: its own estimate, or what the energy of the
-        answer before tells, if that is more.
+    None is smaller than the cells that describe the body (`resolution`). The first run continues
+    from a previous answer. Cells are divided even where smaller ones make round shapes rounder and
+    point loads sharper if `divides`. `last` is the finest answer so far; `error` its own estimate
+    in the energy norm, or what the energy of the answer before tells, if that is more.
     """
 
     def __init__(

@@ -34,8 +34,7 @@ class Ahead(NamedTuple):
     leaf: Index
     beyond: Index
     """A leaf, and its neighbour of the same size or larger. Shape (pairs,)."""
-    distance: Floats
-    """Shape (pairs,)."""
+    distance: Floats  # Shape (pairs,)
     own: Floats
     other: Floats
     """Weight of the pair in the mean over the leaf's neighbours, and over the neighbour's. Shape
@@ -80,14 +79,10 @@ class Ahead(NamedTuple):
 class Beside(NamedTuple):
     """∂²u_a/∂b² of the leaves, as a sum over the slopes at their edges."""
 
-    axes: tuple[int, int]
-    """A and b."""
-    gradients: tuple[Gradient, Gradient]
-    """∂u_a/∂b and ∂u_b/∂a."""
-    edge: Index
-    """Shape (4, leaves)."""
-    weight: Floats
-    """Of either gradient at each edge. Shape (2, 4, leaves)."""
+    axes: tuple[int, int]  # a and b
+    gradients: tuple[Gradient, Gradient]  # ∂u_a/∂b and ∂u_b/∂a
+    edge: Index  # Shape (4, leaves)
+    weight: Floats  # Of either gradient at each edge. Shape (2, 4, leaves)
 
     @classmethod
     def of(cls, grid: Composite, a: int, b: int) -> Beside:
@@ -135,8 +130,7 @@ class Bends(NamedTuple):
     along: tuple[Floats, ...]
     volume: tuple[Floats, ...]
     """Axis by axis, slopes of the strain along it and of the change in volume. Shape (pairs,)."""
-    beside: tuple[Floats, ...]
-    """∂²u_a/∂b² for every axis a and every other one b. Shape (leaves,)."""
+    beside: tuple[Floats, ...]  # ∂²u_a/∂b² for every axis a and every other one b. Shape (leaves,)
 
 
 class Curvature:
@@ -166,11 +160,7 @@ class Curvature:
     def of(self, u: Floats, walls: Floats | None = None) -> Bends:
         """Return the second differences of displacements of the faces.
 
-        Parameters
-        ----------
-        walls : array, shape (2·dimension + 1, dimension), optional
-            Displacement of the walls on the sides of the array, and inside; by default as the
-            scene gives it.
+        `walls` may tell how those on the sides of the array, and inside, move: by default as given.
         """
         d, n = self._grid.dimension, len(self._grid.leaves)
         stretch = (self._balance.strains[: n * d] @ u).reshape(d, n)

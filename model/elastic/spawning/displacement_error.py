@@ -56,10 +56,8 @@ BEHIND = 0.125
 class DisplacementError(NamedTuple):
     """Estimated displacement errors of the agents, relative to the largest displacement."""
 
-    far: Floats
-    """What comes from the curvature of all agents. Shape (agents,)."""
-    local: Floats
-    """What each cannot follow within itself. Shape (agents,)."""
+    far: Floats  # What comes from the curvature of all agents. Shape (agents,)
+    local: Floats  # What each cannot follow within itself. Shape (agents,)
 
     @property
     def largest(self) -> float:
@@ -122,12 +120,8 @@ def displacement_error(
 ) -> DisplacementError:
     """Return how far off the displacement of each agent is.
 
-    Parameters
-    ----------
-    hierarchy : NestedMultigrid
-        Of which the balance is the finest generation.
-    accuracy : float
-        To which share of itself the far-reaching part is solved.
+    The balance is the finest generation of the hierarchy; the far-reaching part is solved to a
+    share `accuracy` of itself.
     """
     grid = balance.grid
     largest = float(np.linalg.norm(AgentFields(balance, u).displacement, axis=1).max())

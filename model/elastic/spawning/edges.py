@@ -32,19 +32,15 @@ Floats = NDArray[np.float64]
 class Gradient:
     """∂u_a/∂b at the edges of a pair of axes: ``matrix @ u + constant``."""
 
-    matrix: sp.csr_array
-    """Shape (edges, faces)."""
-    constant: Floats
-    """From displaced walls. Shape (edges,)."""
-    valid: Flags
-    """Whether there is a face, or a wall, on both sides. Shape (edges,)."""
+    matrix: sp.csr_array  # Shape (edges, faces)
+    constant: Floats  # From displaced walls. Shape (edges,)
+    valid: Flags  # Whether there is a face, or a wall, on both sides. Shape (edges,)
     one_sided: Floats
     """1; 2 at a wall, where the face is only half the distance away. Shape (edges,)."""
     wall: Index
     """Side of the array on which the wall lies, 2·dimension inside, -1 without a wall. Shape
     (edges,)."""
-    pull: Floats
-    """Derivative by the wall's displacement. Shape (edges,)."""
+    pull: Floats  # Derivative by the wall's displacement. Shape (edges,)
     jump: Flags
     """Whether the material changes along b, so that ∂u_a/∂b differs on both sides. Shape
     (edges,)."""
@@ -54,12 +50,9 @@ class Gradient:
 class Edges:
     """The edges along one axis (in two dimensions: the corners), between a pair of axes."""
 
-    gradients: tuple[Gradient, Gradient]
-    """∂u_a/∂b and ∂u_b/∂a for the pair (a, b)."""
-    modulus: Floats
-    """Shear modulus, zero at free surfaces. Shape (edges,)."""
-    weight: Floats
-    """Volume that each edge stands for. Shape (edges,)."""
+    gradients: tuple[Gradient, Gradient]  # ∂u_a/∂b and ∂u_b/∂a for the pair (a, b)
+    modulus: Floats  # Shear modulus, zero at free surfaces. Shape (edges,)
+    weight: Floats  # Volume that each edge stands for. Shape (edges,)
     of_leaf: Index
     """Edge at the lower or upper end of a leaf along a and along b. Shape (leaves, 2, 2)."""
 
@@ -151,14 +144,9 @@ def _kinds_around(grid: Composite, point: Index, pair: Pair, around: Index) -> I
 
 
 def edge_modulus(kinds: Index, shear: Floats) -> Floats:
-    """Return the shear modulus of edges by the kinds of the four cells round them.
+    """Return the shear modulus of edges by the kinds of the four cells round them, shape (4, ...).
 
     It is the harmonic mean of theirs; see `staggered.edge_modulus`.
-
-    Parameters
-    ----------
-    kinds : int array, shape (4, ...)
-    shear : array, shape (materials,)
     """
     rigid = (kinds == RIGID) | (kinds == DISPLACED)
     body = kinds >= 0

@@ -14,18 +14,10 @@ from .rows import sum_rows
 def interpolation(
     grid: Composite, points: Floats, leaf: Index, axis: int
 ) -> tuple[sp.csr_array, Floats]:
-    """Return u_axis at points as ``matrix @ u + constant``.
+    """Return u_axis at points (units), each in or on a leaf, as ``matrix @ u + constant``.
 
-    Along its axis the displacement runs linearly between the leaf's two sides, across it
-    by the gradients at the edges that are nearest; where these lie on a free surface, by
-    those opposite.
-
-    Parameters
-    ----------
-    points : array, shape (n, dimension)
-        Places (units).
-    leaf : int array, shape (n,)
-        Leaf that each point lies in or on.
+    Along its axis the displacement runs linearly between the leaf's two sides, across it by the
+    gradients at the edges that are nearest; where these lie on a free surface, by those opposite.
     """
     leaves = grid.leaves
     local = (points - leaves.lower[leaf]) / leaves.size[leaf, None]

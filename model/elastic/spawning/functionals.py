@@ -277,12 +277,7 @@ def _bulge(fields: AgentFields, spots: Spots, middle: Floats) -> Floats:
 
 
 def _pulled(balance: Balance, spots: Spots, weight: Floats) -> Floats:
-    """Return the derivative by the faces of stresses that are weighted and added up.
-
-    Parameters
-    ----------
-    weight : array, shape (spots, dimension, dimension)
-    """
+    """Return the derivative by the faces of stresses that are weighted and added up."""
     grid, d = balance.grid, balance.grid.dimension
     n, kind = len(grid.leaves), grid.leaves.kind
     point, leaf = touching(grid, spots.points, spots.leaf)

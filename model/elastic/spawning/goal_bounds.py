@@ -43,19 +43,10 @@ class Between(NamedTuple):
 
 
 def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between | str:
-    """Hold the work of forces between two values that can be computed.
+    """Hold the work of forces between two values that can be computed; or say why there are none.
 
-    Parameters
-    ----------
-    own, asked : Boxes
-        The agents under the loads, and under the forces.
-    error, rest : float
-        Estimated energies of the errors of both.
-
-    Returns
-    -------
-    Between or str
-        In words why there are no bounds.
+    `own` are the agents under the loads, `asked` under the forces; with the estimated energies of
+    the errors of both.
     """
     larger = error + SMALL * _square(own), rest + SMALL * _square(asked)
     share = sqrt(larger[0] / larger[1]) if larger[1] > 0.0 else 1.0

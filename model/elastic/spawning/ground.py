@@ -46,18 +46,8 @@ class LeafForces(NamedTuple):
 class Ground:
     """A scene, asked for the boxes in which agents stand.
 
-    Attributes
-    ----------
-    scene : Scene
-        On the cells that describe the body.
-    cell : int
-        Edge of the scene's cells (units).
-    smallest : int
-        Edge of the smallest agents allowed (units).
-    scales : Scales
-        Scaled units, as in the solver on equal cells.
-    moduli : Moduli
-        Scaled moduli of the materials.
+    `cell` is the edge of the scene's cells, `smallest` that of the smallest agents allowed (units);
+    scales and moduli are as in the solver on equal cells.
     """
 
     def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:

@@ -29,15 +29,7 @@ ROUGH = 0.05
 
 
 class LeafSpawner(Spawner):
-    """Agents of which each may spawn; see `Spawner`.
-
-    Attributes
-    ----------
-    balance : Balance
-        This generation's grid.
-    displacement : array, shape (faces,)
-    hierarchy : NestedMultigrid
-    """
+    """Agents of which each may spawn; see `Spawner`."""
 
     indicator: Indicator
 

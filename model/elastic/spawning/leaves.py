@@ -48,19 +48,14 @@ def morton(points: Index) -> Index:
 class Leaves:
     """Agents of one body, in the order of their Morton codes."""
 
-    lower: Index
-    """Lower corners (units). Shape (n, dimension)."""
-    size: Index
-    """Edges (units), powers of two. Shape (n,)."""
-    kind: Index
-    """Material. Shape (n,)."""
-    step: Index
-    """Spawning step in which the agent came to be. Shape (n,)."""
+    lower: Index  # Lower corners (units). Shape (n, dimension)
+    size: Index  # Edges (units), powers of two. Shape (n,)
+    kind: Index  # Material. Shape (n,)
+    step: Index  # Spawning step in which the agent came to be. Shape (n,)
     cause: NDArray[np.float64]
     """Load (N) that its parent left unbalanced; 0 for those that were there from the start, NaN for
     those that spawned only to keep neighbours alike in size. Shape (n,)."""
-    code: Index
-    """Morton codes of the lower corners. Shape (n,)."""
+    code: Index  # Morton codes of the lower corners. Shape (n,)
 
     @classmethod
     def of(

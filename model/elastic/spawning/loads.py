@@ -25,21 +25,13 @@ ROUNDING = 1e-9
 
 
 class FaceLoads(NamedTuple):
-    """What the scene's loads put on the faces of agents; scaled.
+    """What the scene's loads put on the faces of agents; scaled."""
 
-    Attributes
-    ----------
-    face : array, shape (faces,)
-        External force on every face.
-    wall : array, shape (2·dimension + 1, dimension)
-        Force that goes straight into what holds the body: the sides of the array, and rigid
-        cells inside of it.
-    surface_shear : dict from pair of axes to array, shape (edges,)
-        Shear stress that loads along the surface put on the edges.
-    """
-
-    face: Floats
+    face: Floats  # External force on every face; shape (faces,)
+    # Force that goes straight into what holds the body: the sides of the array, and rigid cells
+    # inside of it; shape (2·dimension + 1, dimension)
     wall: Floats
+    # Shear stress that loads along the surface put on the edges; shape (edges,)
     surface_shear: dict[Pair, Floats]
 
 
@@ -67,26 +59,16 @@ def face_loads(grid: Composite) -> FaceLoads:
 
 
 class _Dragged(NamedTuple):
-    """Leaves with forces along a side.
+    """Leaves with forces along a side."""
 
-    Attributes
-    ----------
-    axis, normal : int
-        Axis of the forces, and normal of the side.
-    upper : int
-        Whether it is the upper one of the two sides.
-    leaf : array, shape (n,)
-    moment : array, shape (n,)
-        Of the forces about the leaves' middles, positive from `normal` to `axis`.
-    outer, inner : arrays, shape (2, n)
-        Edges of the side, and of the opposite one, at the lower and upper end along `axis`.
-    """
-
-    axis: int
+    axis: int  # axis, normal: Axis of the forces, and normal of the side
     normal: int
-    upper: int
-    leaf: Index
+    upper: int  # Whether it is the upper one of the two sides
+    leaf: Index  # Shape (n,)
+    # Of the forces about the leaves' middles, positive from `normal` to `axis`; shape (n,)
     moment: Floats
+    # outer, inner: Edges of the side, and of the opposite one, at the lower and upper end along
+    # `axis`; shape (2, n)
     outer: Index
     inner: Index
 

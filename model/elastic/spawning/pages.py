@@ -28,27 +28,21 @@ PLACES = ACROSS + 2
 class Pages(NamedTuple):
     """What the places of blocks are worth; a row for every kind of surroundings."""
 
-    cross: Floats
-    """C₁₂ of the cells. Shape (pages, places)."""
-    along: Floats
-    """C₁₁ - C₁₂. Shape (pages, places)."""
-    shear: Floats
-    """Modulus of the edges at the cells' lower corners. Shape (pages, pairs, places)."""
+    cross: Floats  # C₁₂ of the cells. Shape (pages, places)
+    along: Floats  # C₁₁ - C₁₂. Shape (pages, places)
+    shear: Floats  # Modulus of the edges at the cells' lower corners. Shape (pages, pairs, places)
     inverse: Floats
     """One over the diagonal of the stiffness, zero where no face is unknown. Shape (pages,
     dimension, places)."""
-    mask: Floats
-    """1 where a face is unknown. Shape (pages, dimension, places)."""
-    diagonal: Floats
-    """Of the stiffness. Shape (pages, dimension, places)."""
+    mask: Floats  # 1 where a face is unknown. Shape (pages, dimension, places)
+    diagonal: Floats  # Of the stiffness. Shape (pages, dimension, places)
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
     """Blocks by what they see around them."""
 
-    page: Index
-    """Page of every block. Shape (blocks,)."""
+    page: Index  # Page of every block. Shape (blocks,)
     pages: Pages
 
 

@@ -32,14 +32,10 @@ MANY = 10_000
 class Spots(NamedTuple):
     """Points that stand for parts of a place."""
 
-    points: Floats
-    """The middles of the parts (units). Shape (n, dimension)."""
-    leaf: Index
-    """A leaf in or on which each lies. Shape (n,)."""
-    weight: Floats
-    """Adds up to 1. Shape (n,)."""
-    span: Floats
-    """How far each part reaches along every axis (units). Shape (n, dimension)."""
+    points: Floats  # The middles of the parts (units). Shape (n, dimension)
+    leaf: Index  # A leaf in or on which each lies. Shape (n,)
+    weight: Floats  # Adds up to 1. Shape (n,)
+    span: Floats  # How far each part reaches along every axis (units). Shape (n, dimension)
 
 
 class Parts(NamedTuple):
@@ -48,8 +44,7 @@ class Parts(NamedTuple):
     leaf: Index
     side: Index
     """Side -1 is the whole leaf. Shape (n,)."""
-    share: Floats
-    """Of the place; adds up to 1. Shape (n,)."""
+    share: Floats  # Of the place; adds up to 1. Shape (n,)
     cut: Flags
     """Leaves on both sides of the place's rim: as long as there are any, it is not made up. Shape
     (leaves,)."""

@@ -52,14 +52,7 @@ def check_previous(previous: Ground, ground: Ground) -> None:
 
 
 class Heirs:
-    """Agents on new ground that begin with those of a previous answer.
-
-    Attributes
-    ----------
-    ground : Ground
-    before : Leaves
-        The previous agents.
-    """
+    """Agents on new ground that begin with those of a previous answer, `before`."""
 
     def __init__(self, ground: Ground, before: Leaves) -> None:
         self.ground, self.before = ground, before

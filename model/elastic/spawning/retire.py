@@ -20,15 +20,8 @@ fall like the edge, their squares like its square."""
 def even_share(leaves: Leaves, part: Floats, allowed: float, smallest: int = 1) -> float:
     """Return what an agent may leave, for all together to leave what is allowed.
 
-    Parameters
-    ----------
-    leaves : Leaves
-    part : array, shape (leaves,)
-        What every agent contributes to the error; parts add up.
-    allowed : float
-        At least a quarter of them all: children leave that much of their parents' parts.
-    smallest : int
-        Edge (units) of agents that spawn no children.
+    Parts of an error add up; at least a quarter of them has to be allowed, since children leave
+    that much of their parents' parts. Agents of the smallest edge (units) spawn no children.
     """
     large = leaves.size > smallest
     shares = [part[large]]

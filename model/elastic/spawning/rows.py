@@ -11,14 +11,9 @@ from .leaves import Index
 
 
 def sum_rows(matrix: sp.csr_array, index: Index, weight: Floats) -> sp.csr_array:
-    """Return a matrix whose rows are weighted sums of rows of another.
+    """Return a matrix whose rows are weighted sums of rows of another: `index`, shape (n, terms).
 
-    Parameters
-    ----------
-    matrix : sparse array, shape (rows, columns)
-    index : int array, shape (n, terms)
-        Rows to add up; any number where the weight is zero.
-    weight : array, shape (n, terms)
+    An index may be any number where its weight is zero.
     """
     some = weight != 0.0
     start = np.append(0, np.cumsum(some.sum(axis=1))).astype(np.int32)
@@ -37,16 +32,8 @@ def stiffness_of(
 ) -> sp.csr_array:
     """Return SᵀDS among some of the faces.
 
-    Parameters
-    ----------
-    strains : sparse array
-        S: the stretches of the leaves axis by axis, then the shear strains of the edges.
-    face : int array
-        Columns of S to keep, as rows and columns of the stiffness.
-    along, cross : arrays, shape (leaves,)
-        D: stress times volume along an axis by the stretch along it, and along the others.
-    shear : array, shape (edges,)
-        D: shear stress times volume by the shear strain.
+    S are the stretches of the leaves axis by axis, then the shear strains of the edges. D is stress
+    times volume: by the stretch along its axis, by those across, and by the shear strain.
     """
     n = len(along)
     own = strains if len(face) == strains.shape[1] else strains[:, face]

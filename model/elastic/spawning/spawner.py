@@ -36,35 +36,12 @@ FIRST_GUESS = 0.3
 class Spawner(ABC):
     """Agents that settle, look for what they leave unbalanced, and spawn, step by step.
 
-    They spawn one by one, or the agents of a block together.
-
-    Parameters
-    ----------
-    ground : Ground
-    tolerance : float
-        Relative error.
-    most_agents : int
-        End, short of the tolerance, before there are more agents than this.
-    aim : Aim, optional
-        What the tolerance is about; by default the error in the energy norm.
-
-    Attributes
-    ----------
-    square : array
-        The energy of the error, by those who spawn together.
-    energy : float
-    error : float
-        Estimated error of this generation in the energy norm; its target before it settles.
-    aimed : Aimed
-        The error that the tolerance is about, and who has to spawn for it.
-    finished : bool
-        Whether no step is left.
-    stopped : str
-        Why it ended short of the tolerance: "depth", "agents", "iteration" or "blind".
-    retired : int
-        Agents of the previous answer for which a parent has come back.
-    balance, displacement, indicator, hierarchy
-        Of single agents alone: what goals are asked of.
+    They spawn one by one, or the agents of a block together; `most_agents` ends that short of the
+    tolerance, which is about the error in the energy norm unless an `aim` is given. `square` is the
+    energy of the error by those who spawn together; `error` the estimate in the energy norm (the
+    target before agents settle); `aimed` the error that the tolerance is about, and who has to
+    spawn for it; `stopped` why there is no step left short of it: "depth", "agents", "iteration" or
+    "blind". Goals ask single agents for `balance`, `displacement`, `indicator` and `hierarchy`.
     """
 
     square: Floats

@@ -39,14 +39,7 @@ def bracket_of_agents(balance: Balance, u: Floats, settled: bool = True) -> Brac
 
 
 def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
-    """Return agents of many sizes with the stresses of a solution.
-
-    Parameters
-    ----------
-    balance : Balance
-    u : array, shape (faces,)
-        Displacements that balance the forces.
-    """
+    """Return agents of many sizes with the stresses of displacements that balance the forces."""
     grid, fields = balance.grid, AgentFields(balance, u)
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
     moduli, kind = grid.ground.moduli, leaves.kind

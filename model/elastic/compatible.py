@@ -214,7 +214,8 @@ class CompatibleField:
     def energies(self) -> Floats:
         """Return the strain energy of every box, scaled."""
         moved = kernels.moved_corners(self.mesh.element, self.displacement)
-        force = kernels.forces(*self._moduli, moved)
+        stretch, lateral, shear = self._moduli
+        force = kernels.forces(stretch, lateral, shear, moved)
         energy = 0.5 * np.einsum("ni,ni->n", moved, force)
         return np.asarray(np.bincount(self.mesh.owner, energy, len(self.boxes.size)), np.float64)
 

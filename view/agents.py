@@ -147,7 +147,7 @@ def plot_agents(
 ) -> Axes:
     """Draw the body with its agents, coloured by the generation in which they spawned."""
     stage = result.last
-    section = section_of(result.scene, result.focus, cut, crop)
+    section = section_of(result.scene, result.focus, cut, crop, caveats=result.caveats_in_brief)
     ax = new_axes(ax)
     entries = draw_body(ax, section)
     notes = draw_forces(ax, section, result.stage)

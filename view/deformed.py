@@ -226,7 +226,7 @@ def plot_deformed(
         section = layer = layer_of(cast("ElasticResult", result), cut, crop)
         tiles = moving_agents(cast("ElasticResult", result), layer)
     else:
-        section = section_of(result.grid, result.focus, cut, crop)
+        section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
         tiles = moving_cells(result, section)
     ax = new_axes(ax)
     entries, told = draw_deformation(ax, section, tiles, magnification)

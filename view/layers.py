@@ -42,8 +42,6 @@ class Layer(Section):
 
     place: float = 0.0
     """Where the plane lies along the axis that it cuts (m); 0 for bodies in the plane."""
-    caveats: tuple[str, ...] = ()
-    """What is approximate of the answer, in a few words."""
 
     def in_body(self, points: Floats) -> Floats:
         """Return points of the picture, shape (n, 2), as points of the body."""

@@ -144,7 +144,9 @@ def plot_loads(
             f"generation: this run has the generations 1 to {stage.generations}, got {generation}"
         )
     whole = CLOSE_UP if len(stage.cells) else WHOLE_UP_TO
-    section = section_of(result.scene, result.focus, cut, crop, ARROWS_ACROSS, whole)
+    section = section_of(
+        result.scene, result.focus, cut, crop, ARROWS_ACROSS, whole, result.caveats_in_brief
+    )
     ax = new_axes(ax)
     entries = draw_body(ax, section)
     notes = draw_forces(ax, section, result.stage)
@@ -257,7 +259,7 @@ def plot_load_path(
     stage = around_heaviest(whole)
     graph = load_path(result.scene, stage)
     focus, close = (stage.cells, CLOSE_UP) if len(stage.cells) else (result.focus, WHOLE_UP_TO)
-    section = section_of(result.scene, focus, cut, crop, 2**62, close)
+    section = section_of(result.scene, focus, cut, crop, 2**62, close, result.caveats_in_brief)
     ax = new_axes(ax)
     entries = draw_body(ax, section)
     notes = draw_forces(ax, section, result.stage)

@@ -144,7 +144,7 @@ def plot_map(
         look = colours_of(shown, squares.value, top)
         drawn = draw_squares(ax, layer, squares, "map", array=squares.value, **look)
     else:
-        section = section_of(result.grid, result.focus, cut, crop)
+        section = section_of(result.grid, result.focus, cut, crop, caveats=result.caveats_in_brief)
         entries = draw_body(ax, section)
         if len(shown.values):
             drawn = draw_map(ax, section, cast("TransferResult", result).last.cells, shown)

@@ -58,6 +58,8 @@ class Section:
     """A tile is block × block cells."""
     cropped: bool
     """Whether there is more body outside the picture."""
+    caveats: tuple[str, ...] = ()
+    """What is approximate of the answer, in a few words each."""
 
     @property
     def outlined(self) -> bool:
@@ -210,7 +212,7 @@ class Section:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must be told: the cut, the crop and the coarsening."""
+        """What a reader must be told: the cut, the crop, the coarsening, and the caveats."""
         told = []
         shape = np.array(self.scene.lattice.shape)
         if self.cut is not None:
@@ -224,7 +226,7 @@ class Section:
             told.append(f"cropped to {part} of {whole} cells")
         if self.block > 1:
             told.append(f"each tile stands for {self.block} × {self.block} cells")
-        return ["; ".join(told)] if told else []
+        return ["; ".join(words) for words in (told, self.caveats) if words]
 
 
 MOST_ACROSS = 240
@@ -240,6 +242,7 @@ def section_of(
     crop: bool | None = None,
     most_across: int = MOST_ACROSS,
     whole_up_to: int = WHOLE_UP_TO,
+    caveats: tuple[str, ...] = (),
 ) -> Section:
     """Choose what to show: the given cells with a margin, or the whole body.
 
@@ -259,6 +262,8 @@ def section_of(
         Where more cells than this lie side by side, tiles are blocks of cells.
     whole_up_to : int
         Bodies of up to this many cells across are shown as a whole.
+    caveats : tuple of str
+        What is approximate of the answer, in a few words each.
     """
     if cells is None:
         cells, crop = np.empty((0, scene.lattice.dimension), dtype=np.int64), False
@@ -279,7 +284,7 @@ def section_of(
         lower, upper = near_lower, near_upper
     block = ceil(int((upper - lower).max()) / most_across)
     rim = max(1, round(0.04 * int((upper - lower).max())))
-    return Section(scene, lower - rim, upper + rim, axes, where, block, cropped)
+    return Section(scene, lower - rim, upper + rim, axes, where, block, cropped, caveats)
 
 
 def _around(flat: Ints, lower: Ints, upper: Ints) -> tuple[Ints, Ints]:

@@ -485,8 +485,9 @@ class ElasticResult(BodyResult):
 
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:
-        """The `caveats` in a few words each, as pictures tell them."""
-        return tuple(caveat.brief for caveat in self._caveats.told)
+        """The `caveats`, and a tolerance that was missed, in a few words each."""
+        missed = ("tolerance missed",) if self.tolerance_kept == "missed" else ()
+        return (*missed, *(caveat.brief for caveat in self._caveats.told))
 
     @cached_property
     def _caveats(self) -> Caveats:

@@ -110,6 +110,11 @@ class Result:
         def films(self) -> tuple[str, ...]:
             """Names of the animations of it, the usual one first."""
 
+    @property
+    def caveats_in_brief(self) -> tuple[str, ...]:
+        """What is approximate of it, in a few words each, as pictures tell it."""
+        return ()
+
     @abstractmethod
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""

@@ -192,16 +192,27 @@ class TransferResult(BodyResult):
     def notes(self) -> tuple[str, ...]:
         """What a reader of the figures should know, in words."""
         notes = idle_rheology(self.scene)
-        rule = self.scene.rule
-        if isinstance(rule, PrescribedRule) and not rule.sense:
-            applied = self.scene.applied(len(self.stages))
-            row, direction, _ = split_force(self.scene.lattice, applied.force)
-            if pulls(self.scene, applied, row, direction).any():
-                notes.append(
-                    "a load pulls, but without a sense every load squeezes: set rule.sense = true "
-                    "to let pulls stretch"
-                )
+        if self._pulled_without_sense:
+            notes.append(
+                "a load pulls, but without a sense every load squeezes: set rule.sense = true "
+                "to let pulls stretch"
+            )
         return tuple(notes)
+
+    @property
+    def caveats_in_brief(self) -> tuple[str, ...]:
+        """The `notes` in a few words each, as pictures tell them."""
+        idle = ("materials do not creep here",) if idle_rheology(self.scene) else ()
+        return (*idle, *(("pulls squeeze, too",) if self._pulled_without_sense else ()))
+
+    @property
+    def _pulled_without_sense(self) -> bool:
+        rule = self.scene.rule
+        if not isinstance(rule, PrescribedRule) or rule.sense:
+            return False
+        applied = self.scene.applied(len(self.stages))
+        row, direction, _ = split_force(self.scene.lattice, applied.force)
+        return bool(pulls(self.scene, applied, row, direction).any())
 
     @cached_property
     def _squeeze(self) -> Squeeze:

@@ -6,7 +6,7 @@ import skfem
 from scipy.sparse.linalg import LinearOperator, eigsh
 from skfem.helpers import ddot, div, dot, sym_grad
 
-from kaju import Scene, finite_elements, solve
+from kaju import Deflection, Scene, finite_elements, solve
 from kaju.factors import factors_of
 from kaju.model.elastic.tractions import LARGEST
 
@@ -120,6 +120,18 @@ def test_finite_elements_take_loads_where_they_are_described(seed, elements, sha
     order, split = (4, 1) if elements == "triangles" else (2, 4)
     answer = finite_elements(square(load, 10), elements=elements, order=order, split=split)
     assert answer.strain_energy == pytest.approx(energy_by_elements(load), rel=share)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 8])
+def test_what_is_certain_of_a_goal_holds_for_the_load_described(seed):
+    load = drawn(np.random.default_rng(seed))
+    elements = finite_elements(square(load, 10), elements="triangles", order=4)
+    along = EDGE * (np.arange(400) + 0.5) / 400
+    top = elements.displacement_at(np.stack([along, np.full(400, EDGE * (1 - 1e-9))], axis=1))
+    for cells in (5, 10, 16):
+        answer = solve(square(load, cells), tolerance=0.1, tolerance_at=Deflection("top", "y"))
+        (goal,) = answer.goals
+        assert abs(goal.value - top[:, 1].mean()) <= goal.error_bound
 
 
 SOLID = [

@@ -1,0 +1,84 @@
+"""What is to be known of an answer stands in its notes, summary, picture and on the terminal."""
+
+import json
+
+import pytest
+
+from kaju import LoadModel, Scene, load_result, load_scene, plot, solve
+
+STEEL = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"}
+ROUND = {"disk": {"centre": [0.0, 0.0], "radius": 0.043}, "material": "air"}
+CORNER = {"box": [[0.04, 0.04], [0.08, 0.08]], "material": "air"}
+PRESSED = {"region": {"box": [[0.033, 0.08], [0.058, 0.08]]}, "force": [0.0, -2.0]}
+PULLED = {"cell": [4, 7], "force": [0.0, 2.0]}
+RULE = {"kind": "prescribed", "threshold": 0.1}
+CREEPS = {
+    "m": {
+        "youngs_modulus": 1e9,
+        "poissons_ratio": 0.3,
+        "rheology": {"K_f": 1.0, "D_f": 1.0, "D_d": 1.0},
+    }
+}
+SCENES = {
+    "rough": ({"loads": [{"cell": [6, 7], "force": [0.0, -2.0]}]}, "error about"),
+    "round": ({"body": {**STEEL, "regions": [ROUND]}}, "outlines are steps"),
+    "corner": ({"body": {**STEEL, "regions": [CORNER]}}, "no limit of stress"),
+    "within faces": ({"loads": [PRESSED]}, "loads end within faces"),
+    "pulled": ({"loads": [PULLED], "rule": RULE}, "pulls squeeze, too"),
+    "idle": (
+        {"body": {**STEEL, "material": "m"}, "materials": CREEPS, "rule": RULE},
+        "materials do not creep here",
+    ),
+}
+
+
+def scene_of(changes):
+    loads = [{"side": "right", "pressure": -1e6}]
+    return Scene(**{"body": STEEL, "sides": {"left": "rigid"}, "loads": loads} | changes)
+
+
+def drawn(result, what):
+    """The notes of a picture, as one line."""
+    texts = [text for ax in plot(result, what).axes for text in ax.texts]
+    return " ".join(t.get_text().replace("\n", " ") for t in texts if t.get_gid() == "notes")
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_warning_stands_everywhere_once(kaju, tmp_path, name):
+    changes, brief = SCENES[name]
+    scene = scene_of(changes)
+    verb = "run" if "rule" in changes else "solve"
+    result = LoadModel(scene).run() if verb == "run" else solve(scene)
+    (short,) = [each for each in result.caveats_in_brief if each.startswith(brief)]
+    assert len(result.caveats_in_brief) <= len(result.notes)
+    for what in ("stress", "deformed", "agents"):
+        assert drawn(result, what).count(short) == 1
+    assert len(set(result.notes)) == len(result.notes)
+    assert result.summary()["notes"] == list(result.notes)
+    assert load_result(result.save(tmp_path / "stored.npz")).notes == result.notes
+    scene.save(tmp_path / "s.toml")
+    code, said, _ = kaju(verb, "s.toml", "--out", "out", "--no-pictures")
+    assert code == 0
+    assert [said.count(f"note: {note}\n") for note in result.notes] == [1] * len(result.notes)
+    written = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
+    assert written == list(result.notes)
+    assert load_scene(tmp_path / "s.toml") == scene
+
+
+def test_a_tolerance_that_is_missed_is_told_and_no_smaller_one_suggested():
+    checkers = Scene.from_drawing(
+        "ab\nba",
+        legend={"a": "a", "b": "b"},
+        cell_size=0.01,
+        materials={
+            "a": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
+            "b": {"youngs_modulus": 1e13, "poissons_ratio": 0.3},
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, -1e3]}],
+    )
+    missed = solve(checkers, tolerance=0.3, resolution=4)
+    assert missed.tolerance_kept == "missed"
+    assert any("above the tolerance of 0.3" in note for note in missed.notes)
+    assert not any("ask for less" in note for note in missed.notes)
+    assert "tolerance missed" in drawn(missed, "stress")

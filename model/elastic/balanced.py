@@ -28,8 +28,9 @@ import numpy as np
 
 from kaju.model.scene.kinds import AIR
 
-from .boxes import Boxes, Index, Law
+from .boxes import Boxes, Index
 from .crossed import Form
+from .moduli import Moduli
 from .problem import Floats
 from .ragged import Ragged, found_data, ragged_tractions, uneven_modes
 from .staggered import Pair
@@ -84,7 +85,7 @@ class Polynomials:
         b, c = self.slopes(axis)
         return np.asarray(self.low[axis] + b + c)
 
-    def energy(self, law: Law) -> Floats:
+    def energy(self, law: Moduli) -> Floats:
         """Return the complementary energy of every box."""
         d = len(self.low)
         mean = self.mean_normal()

@@ -16,20 +16,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from .moduli import Moduli
 from .problem import Floats
 from .staggered import Pair
 from .tractions import Portions, data_error, softest
 
 Index = NDArray[np.int64]
 Flags = NDArray[np.bool_]
-
-
-class Law(NamedTuple):
-    """C₁₁, C₁₂ and μ of boxes, each an array of as many entries."""
-
-    stretch: Floats
-    lateral: Floats
-    shear: Floats
 
 
 class Hanging(NamedTuple):
@@ -109,7 +102,7 @@ class Boxes:
     """Boxes of material."""
 
     size: Floats  # Edges; shape (boxes,)
-    law: Law
+    law: Moduli  # C₁₁, C₁₂ and μ, an array each of as many entries
     sigma: Floats  # Normal stresses in the middles; shape (dimension, boxes)
     shear: dict[Pair, Floats]  # Shear stresses at the ends along both axes; shape (2, 2, boxes)
     body: Floats  # Force per volume within; shape (dimension, boxes)

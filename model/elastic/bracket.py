@@ -23,9 +23,11 @@ import numpy as np
 
 from kaju.model.scene.kinds import ROLLER
 
+from . import fields
 from .balanced import BALANCED, BalancedStress
-from .boxes import Boxes, Index, Law, corner_ends
+from .boxes import Boxes, Index, corner_ends
 from .compatible import CompatibleField
+from .moduli import Moduli
 from .problem import Floats
 from .volume_field import LOCKING, VolumeField
 
@@ -175,7 +177,7 @@ class MiddleStress:
         """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
         box = box if self.order is None else self.order[box]
         strain = self.field.strain_at(box, inside)
-        law = Law(*(modulus[box] for modulus in self.balanced.boxes.law))
+        law = Moduli(*(modulus[box] for modulus in self.balanced.boxes.law))
         return self.unit * 0.5 * (self.balanced.at(box, inside) + stress_of(law, strain))
 
     @cached_property
@@ -279,23 +281,15 @@ def _at_supports(stress: BalancedStress) -> tuple[float, float]:
     return bed, work
 
 
-def stress_of(law: Law, strain: Floats) -> Floats:
+def stress_of(law: Moduli, strain: Floats) -> Floats:
     """Return stress tensors by strain tensors, shape (n, d, d)."""
     volume = law.lateral * np.trace(strain, axis1=1, axis2=2)
-    return _tensors_of(strain, 2.0 * law.shear, law.stretch - law.lateral, volume)
-
-
-def strain_of(law: Law, stress: Floats) -> Floats:
-    """Return strain tensors by stress tensors, shape (n, d, d)."""
-    d, twice = stress.shape[1], law.stretch - law.lateral
-    share = law.lateral / (law.stretch + (d - 1) * law.lateral)
-    volume = -share / twice * np.trace(stress, axis1=1, axis2=2)
-    return _tensors_of(stress, 0.5 / law.shear, 1.0 / twice, volume)
-
-
-def _tensors_of(tensor: Floats, across: Floats, along: Floats, volume: Floats) -> Floats:
-    """Multiply what is off the diagonal of tensors, and what is on it, to which more is added."""
-    found = across[:, None, None] * tensor
-    for axis in range(tensor.shape[1]):
-        found[:, axis, axis] = along * tensor[:, axis, axis] + volume
+    found = (2.0 * law.shear)[:, None, None] * strain
+    for axis in range(strain.shape[1]):
+        found[:, axis, axis] = (law.stretch - law.lateral) * strain[:, axis, axis] + volume
     return np.asarray(found)
+
+
+def strain_of(law: Moduli, stress: Floats) -> Floats:
+    """Return strain tensors by stress tensors, shape (n, d, d)."""
+    return fields.strain_of(stress, law, np.arange(len(stress)))

@@ -27,7 +27,6 @@ from .boxes import (
     Hanging,
     Held,
     Index,
-    Law,
     Loads,
     Mesh,
     Others,
@@ -38,6 +37,7 @@ from .boxes import (
 )
 from .kernels_bilinear import element_stiffness
 from .loads import portions_of_cells
+from .moduli import Moduli
 from .problem import ElasticProblem, FaceFields, Floats
 from .staggered import Pair, axis_pairs, strains, stresses
 from .tractions import Portions
@@ -273,7 +273,7 @@ class Cells:
             others = Others(complementary, whole, rest, partial(self._tell, known))
         return Boxes(
             np.ones(n),
-            Law(*self.law[:, kinds[told]]),
+            Moduli(*self.law[:, kinds[told]]),
             self.sigma[:, told],
             {
                 pair: np.stack([tau[at] for at in self._edges(told, pair)]).reshape(2, 2, n)
@@ -416,7 +416,7 @@ def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
     size = dimension + 4 * len(pairs)
     first, second = np.repeat(np.eye(size), size, axis=0).T, np.tile(np.eye(size), (size, 1)).T
 
-    def energy(data: Floats, one: Law) -> Floats:
+    def energy(data: Floats, one: Moduli) -> Floats:
         shear = data[dimension:].reshape(len(pairs), 2, 2, -1)
         within = np.zeros((dimension, data.shape[1]))
         field = polynomials(data[:dimension], dict(zip(pairs, shear, strict=True)), within)
@@ -424,7 +424,7 @@ def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
 
     statics, stiffness = [], []
     for one in zip(*law, strict=True):
-        own = Law(*(np.array([modulus]) for modulus in one))
+        own = Moduli(*(np.array([modulus]) for modulus in one))
         if one[0] > 0.0:
             both = energy(first + second, own) - energy(first, own) - energy(second, own)
             statics.append(both.reshape(size, size))

@@ -16,7 +16,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from .boxes import Index, Law, corner_ends
+from .boxes import Index, corner_ends
+from .moduli import Moduli
 from .problem import Floats
 
 Point = tuple[float, ...]
@@ -37,7 +38,7 @@ class Form:
     data of a part)."""
 
     @classmethod
-    def of_laws(cls, dimension: int, law: Law, box: Index) -> list[tuple[Index, Form]]:
+    def of_laws(cls, dimension: int, law: Moduli, box: Index) -> list[tuple[Index, Form]]:
         """Return boxes of one material each, and their form."""
         if not len(box):
             return []

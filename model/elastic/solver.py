@@ -123,7 +123,9 @@ def settled(problem: ElasticProblem, solution: Solution, target: float) -> Solut
         return last * min(2.0 * last / before, 1.0)
 
     start = system.unknown(solution.displacement)
-    run = _iterate(system, hierarchy, start, lambda run: left(run) <= target or _at_rounding(run))
+    run = _iterate(
+        system, hierarchy, start, lambda run: left(run) <= target or run.at_rounding(1e-9)
+    )
     return replace(solution, displacement=system.displacement(run.solution), algebraic=left(run))
 
 
@@ -525,7 +527,7 @@ class _Watch:
         if target is None:
             target = _default_target(self.discretisation)
         stated = max(target, self.discretisation)
-        if (run.errors[-1] <= target and _held(self._system, run, stated)) or _at_rounding(run):
+        if (run.errors[-1] <= target and _held(self._system, run, stated)) or run.at_rounding(1e-9):
             self.slow = False
             return True
         if run.iterations >= PATIENCE and not self.patient:
@@ -540,16 +542,6 @@ def _held(system: System, run: Iteration, stated: float) -> bool:
     """Tell whether supports will bear the loads, to a share of the error that is stated."""
     last = run.rate or FIRST_RATE
     return last * system.unheld(run.left) <= BALANCE * stated
-
-
-def _at_rounding(run: Iteration) -> bool:
-    """Tell whether the residual has stopped falling because no digits are left."""
-    recent = run.residuals[-4:]
-    return (
-        len(run.residuals) > 8
-        and min(recent) > 0.5 * min(run.residuals[:-4])
-        and (run.errors[-1] < 1e-9)
-    )
 
 
 def missed(coarser: float, potential: float, whole: float) -> float:

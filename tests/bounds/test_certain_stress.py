@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from kaju import Scene, solve
+from kaju.agents.elastic_rule import Moduli
 from kaju.errors import ResultError
-from kaju.model.elastic.boxes import Law
 from kaju.model.elastic.bracket import strain_of, stress_of
 from kaju.model.elastic.crossed import _simplices
 
@@ -57,7 +57,7 @@ def distance(bracket):
     places, share = map(np.array, zip(*_points(d), strict=True))
     box = np.repeat(np.arange(len(boxes.size)), len(places))
     inside, share = np.tile(places, (len(boxes.size), 1)), np.tile(share, len(boxes.size))
-    law = Law(*(modulus[box] for modulus in boxes.law))
+    law = Moduli(*(modulus[box] for modulus in boxes.law))
     off = middle.balanced.at(box, inside) - stress_of(law, middle.field.strain_at(box, inside))
     square = np.einsum("nab,nab->n", off, strain_of(law, off))
     return np.sqrt(float((share * boxes.size[box] ** d) @ square))

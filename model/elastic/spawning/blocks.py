@@ -22,7 +22,7 @@ from . import block_kernels as kernels
 from .balance import Balance
 from .composite import Composite
 from .forest import ACROSS, COARSE, REFINED, Forest, corners, ways
-from .leaves import Flags, Index, Leaves
+from .leaves import Flags, Index
 from .pages import PLACES, Pages, surroundings
 
 Floats = NDArray[np.float64]
@@ -172,7 +172,7 @@ class Window:
         many = len(forest.corners)
         at = np.flatnonzero(chosen.ravel())
         order = np.argsort(cells.code, kind="stable")
-        self.leaves = Leaves(*(getattr(cells, name)[order] for name in _LEAVES))
+        self.leaves = cells.only(order)
         self.block, self.corner = block[at[order] // many], at[order] % many
         self._forest = forest
 
@@ -206,9 +206,6 @@ class Window:
         p[over, grid.axis[over]] = 1
         found = (block * d + grid.axis) * PLACES**d + p @ stride
         return np.where(grid.state == ACTIVE, found, -1)
-
-
-_LEAVES = ("lower", "size", "kind", "step", "cause", "code")
 
 
 class BlockBalance:

@@ -32,7 +32,7 @@ from .displacement_error import DisplacementAim
 from .functionals import Value, functional_of
 from .goal_bounds import Between, asking, work_between
 from .ground import Ground, LeafForces
-from .nested import LAST, NestedMultigrid, at_rounding
+from .nested import LAST, NestedMultigrid
 from .places import Parts
 from .quantities import (
     DISPLACEMENT,
@@ -119,7 +119,7 @@ class Influence:
         load, z = found.load[found.free], found.grid.value.copy()
 
         def done(run: Iteration) -> bool:
-            return run.errors[-1] <= LAST or at_rounding(run)
+            return run.errors[-1] <= LAST or run.at_rounding()
 
         z[found.free] = hierarchy.solve(load, self._displacement, done).solution
         return found, z, self._off**2 * float(dot(load, z[found.free]))

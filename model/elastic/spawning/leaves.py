@@ -139,7 +139,7 @@ class Leaves:
         """Return the leaves as if they had been there from the start."""
         return replace(self, step=np.zeros_like(self.step), cause=np.zeros_like(self.cause))
 
-    def only(self, chosen: Flags) -> Leaves:
+    def only(self, chosen: Flags | Index) -> Leaves:
         """Return some of the leaves."""
         return Leaves(
             self.lower[chosen],

@@ -232,17 +232,11 @@ def settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: float
         return 2 * float(dot(x, load)) - float(dot(x, right)) + given
 
     def done(run: Iteration) -> bool:
-        return run.errors[-1] <= min(share, WORST) or at_rounding(run)
+        return run.errors[-1] <= min(share, WORST) or run.at_rounding()
 
     run = hierarchy.solve(right, u[free], done, twice_energy)
     u[free] = run.solution
     return run
-
-
-def at_rounding(run: Iteration) -> bool:
-    """Tell whether rounding keeps an iteration from getting any further."""
-    recent = run.residuals
-    return len(recent) > 8 and min(recent[-4:]) > 0.5 * min(recent[:-4]) and run.errors[-1] < 1e-8
 
 
 def energy_of(balance: Balance, u: Floats) -> float:

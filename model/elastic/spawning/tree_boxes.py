@@ -11,7 +11,6 @@ from kaju.model.elastic.boxes import (
     Boxes,
     Hanging,
     Held,
-    Law,
     Loads,
     Mesh,
     corner_ends,
@@ -20,6 +19,7 @@ from kaju.model.elastic.boxes import (
     whole_mesh,
 )
 from kaju.model.elastic.bracket import Bracket, bracket_of
+from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.tractions import Portions
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
@@ -43,7 +43,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
     grid, fields = balance.grid, AgentFields(balance, u)
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
     moduli, kind = grid.ground.moduli, leaves.kind
-    law = Law(moduli.stretch[kind], moduli.lateral[kind], moduli.shear[kind])
+    law = Moduli(moduli.stretch[kind], moduli.lateral[kind], moduli.shear[kind])
     shear = {}
     for pair, edges in grid.edges.items():
         tau = edges.modulus * sum(fields.slopes[pair])
@@ -149,7 +149,7 @@ def _beds(grid: Composite) -> list[Bed]:
     return found
 
 
-def _mesh(grid: Composite, fields: AgentFields, law: Law) -> Mesh:
+def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     """Return the nodes: corners of leaves, and of the parts of those that smaller ones touch."""
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
     ends = corner_ends(d)
@@ -227,7 +227,7 @@ def _unlike_neighbours(grid: Composite) -> tuple[Index, Index]:
 
 
 def _at_corners(
-    grid: Composite, fields: AgentFields, law: Law, corner: Index, count: int
+    grid: Composite, fields: AgentFields, law: Moduli, corner: Index, count: int
 ) -> Floats:
     """Return displacements at nodes: what the leaves round them say, stiff ones counting more."""
     d = grid.dimension

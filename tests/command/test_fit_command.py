@@ -3,25 +3,14 @@
 import json
 
 import pytest
+from plates import plate
 from typer.testing import CliRunner
 
-from kaju import LoadModel, load_scene
+from kaju import LoadModel, PrescribedRule, load_scene
 from kaju.__main__ import app
 from kaju.errors import ParameterError
 
-PLATE = """
-[body]
-size = [0.06, 0.06]
-cells = [6, 6]
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [3, 5]
-force = [0.0, -2.0]
-[rule]
-threshold = 0.02
-"""
+PLATE = plate([6, 6], [3, 5], rule=PrescribedRule(threshold=0.02)).to_toml()
 
 
 @pytest.fixture

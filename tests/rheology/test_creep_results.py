@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
+from plates import plate
 
 from kaju import ElasticModel, History, Scene, ThreeElement, animate, creep, load_result, plot
 from kaju.errors import ParameterError, SceneError
@@ -168,18 +169,7 @@ def test_steps_out_of_range_are_refused(velocity, dt):
         LAW.step(ElementState(), velocity, dt)
 
 
-STEPS = """
-[body]
-cell_size = 0.01
-cells = [4, 4]
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [2, 3]
-force = [0.0, -1.0]
-[history]
-"""
+STEPS = plate([4, 4], [2, 3], [0.0, -1.0]).to_toml() + "[history]\n"
 
 
 @pytest.mark.parametrize(

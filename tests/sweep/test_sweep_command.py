@@ -2,25 +2,13 @@
 
 import pandas
 import pytest
+from plates import plate as plate_of
 from typer.testing import CliRunner
 
 from kaju.__main__ import app
 from kaju.errors import KajuError
 
-PLATE = """
-[body]
-size = [0.2, 0.2]
-cells = [20, 20]
-thickness = 0.002
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [10, 19]
-force = [0.0, -2.0]
-[rule]
-kind = "prescribed"
-"""
+PLATE = plate_of([20, 20], [10, 19], size=[0.2, 0.2], thickness=0.002).to_toml()
 
 
 @pytest.fixture

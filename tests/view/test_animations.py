@@ -8,7 +8,7 @@ import pytest
 from PIL import Image, ImageSequence
 from plates import plate
 
-from kaju import History, ThreeElement, creep
+from kaju import History, PrescribedRule, ThreeElement, creep
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.model.network.lattices import triangular
 from kaju.model.scene import Scene
@@ -19,45 +19,21 @@ from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import animate
 from kaju.view.reels import loading
 
-BLOCK = """
-[body]
-cells = [6, 5]
-cell_size = 0.01
-material = "oak"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [3, 4]
-force = [0.0, -1.0]
-steps = 3
-[rule]
-threshold = 0.1
-"""
+BLOCK = plate(
+    [6, 5], [3, 4], [0.0, -1.0], steps=3, material="oak", rule=PrescribedRule(threshold=0.1)
+)
 
-CUBE = """
-[body]
-cells = [4, 4, 4]
-cell_size = 0.01
-material = "oak"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [2, 2, 3]
-force = [0.0, 0.0, -1.0]
-[rule]
-threshold = 0.1
-"""
+CUBE = plate(
+    [4, 4, 4], [2, 2, 3], [0.0, 0.0, -1.0], material="oak", rule=PrescribedRule(threshold=0.1)
+)
 
 
-@pytest.fixture(autouse=True)
-def coarse(monkeypatch) -> None:
-    """Draw coarsely, which is quick."""
-    monkeypatch.setattr("kaju.view.animation._RESOLUTION", 40)
+pytestmark = pytest.mark.usefixtures("coarse")
 
 
 @pytest.fixture(scope="module")
 def result() -> TransferResult:
-    return LoadModel(Scene.from_toml(BLOCK)).run()
+    return LoadModel(BLOCK).run()
 
 
 def durations(path) -> list[int]:
@@ -78,7 +54,7 @@ def test_stages_have_a_frame_each(result, tmp_path) -> None:
 
 
 def test_cubes_are_animated_in_space_and_in_sections(tmp_path) -> None:
-    cube = LoadModel(Scene.from_toml(CUBE)).run()
+    cube = LoadModel(CUBE).run()
     frames = cube.last.generations + 1
     assert len(durations(animate(cube, tmp_path / "space.gif"))) == frames
     assert len(durations(animate(cube, tmp_path / "cut.gif", cut={"x": 0.025}))) == frames
@@ -103,7 +79,7 @@ def test_a_stored_run_is_animated_without_running_again(result, tmp_path, monkey
 
 
 def test_a_run_in_which_nothing_happens_is_one_frame(tmp_path) -> None:
-    quiet = LoadModel(Scene.from_toml(BLOCK.replace("0.1", "3.0"))).run()
+    quiet = LoadModel(BLOCK.replace(rule=PrescribedRule(threshold=3.0))).run()
     assert len(durations(animate(quiet, tmp_path / "quiet.gif", hold=0.0))) == 1
 
 
@@ -153,7 +129,7 @@ def test_what_has_no_frames_is_refused(tmp_path) -> None:
 
 def test_a_quiet_first_stage_does_not_hide_the_others(tmp_path) -> None:
     """Below γ nothing moves; the magnification is that of the stages that do."""
-    quiet = Scene.from_toml(BLOCK.replace("0.1", "0.4"))
+    quiet = BLOCK.replace(rule=PrescribedRule(threshold=0.4))
     reel = loading(LoadModel(quiet).run())
     reel.show(3)
     assert "deformation shown" in reel.notes.get_text()

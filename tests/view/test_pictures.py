@@ -11,6 +11,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from plates import plate as plate_of
 
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.scene import Scene
@@ -41,30 +42,9 @@ steps = {steps}
 threshold = {threshold}
 """
 
-CUBE = """
-[body]
-size = [1.0, 1.0, 1.0]
-cells = [10, 10, 10]
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [5, 5, 9]
-force = [0.0, 0.0, -2.0]
-"""
+CUBE = plate_of([10] * 3, [5, 5, 9], [0.0, 0.0, -2.0], size=[1.0] * 3).to_toml()
 
-HEXAGONS = """
-[body]
-cells = [9, 8]
-cell_size = 0.01
-lattice = "hexagon"
-material = "oak"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [4, 7]
-force = [0.0, -2.0]
-"""
+HEXAGONS = plate_of([9, 8], [4, 7], lattice="hexagon", material="oak").to_toml()
 
 DRAWN = """
 [body]

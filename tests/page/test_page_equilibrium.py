@@ -143,6 +143,23 @@ def test_what_has_the_focus_keeps_it_when_a_bar_is_built_anew(twin):
     assert twin.js("page.root.activeElement.textContent") == "Save CSV"
 
 
+def test_the_divider_moves_after_an_undo(twin):
+    twin.tab.get_by_role("button", name="Shape", exact=True).click()
+    twin.tab.get_by_role("button", name="Undo", exact=True).click()
+    assert not twin.js("page.look.deformed")
+    for key, split in (("Home", 0), ("ArrowRight", 1), ("End", 20)):
+        twin.tab.locator(".divider").press(key)
+        assert twin.js("page.look.twin.split") == split
+
+
+def test_what_a_lesson_does_not_say_of_the_twin_is_as_usual(twin):
+    twin.js("(page.look.twin = { show: 'move' }, page.refresh(), page.draw())")
+    swipe = twin.tab.get_by_role("button", name="Swipe", exact=True)
+    assert swipe.get_attribute("aria-pressed") == "true"
+    assert twin.js("page.drawnWith[0].quantity") == "move"
+    assert twin.js("page.twin.handle.hidden") is False
+
+
 def test_from_one_field_of_a_load_to_the_next(opened, scene, tmp_path):
     page = opened(kaju.export_page(scene, tmp_path / "plate.html"))
     page.tab.get_by_role("tab", name="Draw").click()

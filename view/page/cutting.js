@@ -46,7 +46,6 @@ function paintBars(page, view, cuts, box, upright) {
       const [x, y] = point(elastic, at + 0.5), s = Math.min(7, 0.5 * u);
       ctx.strokeStyle = inks.elastic; ctx.lineWidth = 2; ctx.fillStyle = inks.paper; ctx.fillRect(x - s / 2, y - s / 2, s, s); ctx.strokeRect(x - s / 2, y - s / 2, s, s);
     }
-    if (upright && u >= 13) { const inside = carried > 0.75 * high; paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : carried.toFixed(digits), F(carried) + (inside ? -46 : 6), P(at + 0.5), inks.ink, inks); }
   }
   rows.forEach((at, n) => {
     const ends = upright ? [[view.x0, P(at + 0.5)], [box.x + box.w, P(at + 0.5)]] : [[P(at + 0.5), view.y0 - u * view.height], [P(at + 0.5), box.y + box.h]], [hx, hy] = upright ? [view.x0 + u * view.width + 16, ends[0][1]] : [ends[0][0], view.y0 + 26];
@@ -56,6 +55,7 @@ function paintBars(page, view, cuts, box, upright) {
     ctx.beginPath(); ctx.roundRect(hx - 11, hy - 10, 22, 20, 6); ctx.fill(); ctx.stroke();
     paintWord(ctx, upright ? "↕" : "↔", hx, hy, inks.ink, { ...inks, paper: "transparent" }, { align: "center" });
   });
+  if (upright && u >= 13) for (const { at, carried } of cuts) paintWord(ctx, Math.abs(carried) < SAME * high ? "0" : carried.toFixed(digits), F(carried) + (carried > 0.75 * high ? -46 : 6), P(at + 0.5), inks.ink, inks);
   if (!page.elastic.answer) paintWord(ctx, page.elastic.why ? t("noAnswer", { why: page.elastic.why }) : t("solving"), upright ? box.x : view.x0, upright ? P(first) + 16 : box.y + box.h + 14, inks.elastic, inks);
 }
 

@@ -11,7 +11,7 @@ import { general, quantity } from "./words.js";
 
 const NOTHING = 1 / 400, SHADES = [4, 3];         // of a scale: what looks like nothing; steps of a difference below and above it
 const roundDown = (x) => { const p = 10 ** Math.floor(Math.log10(x) + 1e-12); return Number((p * [5, 2, 1].find((d) => d * p <= x * (1 + 1e-12))).toPrecision(1)); };
-const settings = (page) => page.look.twin ??= { show: "along", layout: "swipe", split: null, ruler: null };
+const settings = ({ look }) => (look.twin?.layout ? look.twin : (look.twin = { show: "along", layout: "swipe", split: null, ruler: null, ...look.twin }));   // a lesson names some
 
 /** Both answers at this generation, and the ends and the magnification that both are drawn with. */
 export function bothOf(page, show = settings(page).show) {
@@ -154,14 +154,14 @@ MODES.push({
   name: "twin", letter: "r",
   offered: (page) => page.solvable && page.deformable,
   open(page) {
-    const two = settings(page), main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
+    const main = page.canvas.parentElement, box = () => make("div", {}, make("canvas", { role: "img" }));
     const twin = page.twin = { at: -1, elastic: box(), gap: box(), line: make("span", { className: "soft" }), profile: make("div"), numbers: make("section", { className: "card", role: "status" }),
       handle: make("div", { className: "divider", role: "slider", tabIndex: 0, ariaLabel: page.t("divider"), ariaValueMin: 0 }) };
-    const split = (x) => { two.split = Math.max(0, Math.min(page.run.lattice.shape[0], x)); page.later(); };
+    const split = (x) => { settings(page).split = Math.max(0, Math.min(page.run.lattice.shape[0], x)); page.later(); };
     twin.handle.onpointerdown = (event) => twin.handle.setPointerCapture(event.pointerId);
     twin.handle.onpointermove = (event) => { if (event.buttons) split((event.clientX - main.getBoundingClientRect().left - page.view.x0) / page.view.u); };
     twin.handle.onkeydown = (event) => {
-      const to = { ArrowLeft: Math.ceil(two.split) - 1, ArrowRight: Math.floor(two.split) + 1, Home: 0, End: Infinity }[event.key];
+      const to = { ArrowLeft: Math.ceil(settings(page).split) - 1, ArrowRight: Math.floor(settings(page).split) + 1, Home: 0, End: Infinity }[event.key];
       if (to !== undefined) { split(to); event.preventDefault(); event.stopPropagation(); }
     };
     for (const name of ["elastic", "gap"]) {

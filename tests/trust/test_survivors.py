@@ -7,6 +7,7 @@ import pytest
 
 import kaju
 from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
+from kaju.model.elastic.caveats import stepped_cells
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.spawning import leaf_spawner
@@ -252,3 +253,24 @@ def test_a_history_starts_at_0_and_never_falls(times):
     with pytest.raises(kaju.KajuError, match="times must start at 0 and never fall"):
         kaju.History(times, (0.0,) * len(times))
     assert kaju.History((0.0, 1.0, 1.0), (0.0, 1.0, 0.5)).duration == 1.0
+
+
+def test_workers_are_as_many_as_processors_that_may_be_used(monkeypatch):
+    from kaju.model.study import sweep
+
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0, 3, 5}, raising=False)
+    assert sweep._processors() == 3
+
+
+def test_cells_that_an_outline_crosses_have_points_on_both_sides_of_it():
+    disk = {"disk": {"centre": [0.04, 0.04], "radius": 0.0325}, "material": "air"}
+    body = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel", "regions": [disk]}
+    scene = plate(body=body)
+    lower = np.argwhere(np.ones((8, 8)))
+    corners = [np.hypot(*((lower + end) - 4.0).T) for end in ((0, 0), (0, 1), (1, 0), (1, 1))]
+    near, far = np.min(corners, axis=0), np.max(corners, axis=0)
+    found = {tuple(cell) for cell in stepped_cells(scene).tolist()}
+    assert found <= {tuple(cell) for cell in lower[(near < 3.25) & (far > 3.25)].tolist()}
+    assert found >= {tuple(cell) for cell in lower[(near < 3.05) & (far > 3.45)].tolist()}
+    assert len(found) > 15

@@ -4,6 +4,7 @@ import json
 import resource
 import sqlite3
 import sys
+import time
 import zlib
 from contextlib import closing
 
@@ -79,7 +80,7 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path, monkeypatch):
     busy = sweep_work.start(str(tmp_path))
     try:
         while not (tmp_path / "sweep.sqlite").exists():
-            pass
+            time.sleep(0.01)
         with pytest.raises(kaju.KajuError, match="another sweep is writing"):
             sweep_work.run_slow(str(tmp_path))
     finally:

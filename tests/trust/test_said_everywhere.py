@@ -82,3 +82,10 @@ def test_a_tolerance_that_is_missed_is_told_and_no_smaller_one_suggested():
     assert any("above the tolerance of 0.3" in note for note in missed.notes)
     assert not any("ask for less" in note for note in missed.notes)
     assert "tolerance missed" in drawn(missed, "stress")
+
+
+def test_what_has_no_proof_says_so_and_why():
+    sides = {"left": {"displacement": [1e-6, 0.0]}, "bottom": "rigid"}
+    answer = solve(scene_of({"sides": sides}), tolerance=0.3)
+    assert answer.tolerance_kept == "estimated"
+    assert sum(answer.no_bound in note for note in answer.notes) == 1

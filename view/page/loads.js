@@ -53,8 +53,8 @@ export class Loads {
     ctx.font = font;
     const wide = ctx.measureText(text).width, mx = x + dx * length * 0.4, lies = Math.abs(dx) > Math.abs(dy), my = y + dy * length * 0.4 - (lies ? 14 : 0);
     for (const left of lies ? [mx - wide / 2] : [mx + 11, mx - 11 - wide]) {   // where it meets no other arrow and no other word
-      const meets = ([a, b]) => a > left - 6 && a < left + wide + 6 && Math.abs(b - my) < 16;
-      const free = left > 4 && left + wide < w - 4 && !this.spots.some((s) => s.n !== n && (meets(s.tail) || meets(s.head))) && !this.said.some(([from, to, at]) => from < left + wide + 6 && to > left - 6 && Math.abs(at - my) < 16);
+      const meets = (a, b) => a > left - 6 && a < left + wide + 6 && Math.abs(b - my) < 16;
+      const free = left > 4 && left + wide < w - 4 && !this.spots.some(({ n: other, tail: [ax, ay], head: [bx, by] }) => other !== n && [0, 0.25, 0.5, 0.75, 1].some((k) => meets(ax + k * (bx - ax), ay + k * (by - ay)))) && !this.said.some(([from, to, at]) => from < left + wide + 6 && to > left - 6 && Math.abs(at - my) < 16);
       if (!free) continue;
       this.said.push([left, left + wide, my]);
       paintWord(ctx, text, left, my, inks.load, inks, { font });

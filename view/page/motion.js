@@ -90,7 +90,7 @@ export class MotionPage extends Page {
   }
 
   drawBody() {
-    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: 64 }), { ctx, r } = view;
+    const { inks, look, t } = this, view = this.view = new View(this.canvas, this.run.lattice, look.camera, { foot: this.loads.list.some(({ force }) => force[1] > 0) ? 96 : 64 }), { ctx, r } = view;
     ctx.setTransform(r, 0, 0, r, 0, 0); ctx.clearRect(0, 0, view.w, view.h);
     this.times = look.deformed && this.moved ? this.magnification() : 0;
     const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));

@@ -67,12 +67,13 @@ def refused(library, folder, words, what, number):
         },
     )
     told = f"{words} {what} {number}: {done.returncode} {done.stderr[-300:]}"
-    # Rust, in which libraries below are written, ends the process itself, and says why.
+    # Rust, in which libraries below are written, ends the process itself, says why, and lets
+    # nobody tidy up: what was being written stays under its hidden name, as after a kill.
     aborted = done.returncode == -6 and "memory allocation of" in done.stderr
     assert done.returncode in (0, 2) or aborted, told
     assert "Traceback" not in done.stderr, told
     written = {path.name for path in place.iterdir()} - before
-    assert not any(name.startswith(".kaju") for name in written), told
+    assert aborted or not any(name.startswith(".kaju") for name in written), told
     if done.returncode == 2:
         assert "error: " in done.stderr, told
     for path in place.rglob("*.npz"):

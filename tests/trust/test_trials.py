@@ -210,6 +210,7 @@ REFUSALS = {
     796: "ConvergenceError: creep: at 0.01947",
     2962: "",
     5036: "BucklingError: creep: at 6.77",
+    5162: "ConvergenceError: solve: ",
     8529: "",
 }
 SECONDS = 60

@@ -111,8 +111,7 @@ def read_csv(page, name="Save CSV"):
 
 def pressed_while_it_is_drawn(page, name):
     """Press a button, have everything written anew, and let the button go."""
-    box = page.tab.get_by_role("button", name=name, exact=True).bounding_box()
-    page.tab.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.tab.get_by_role("button", name=name, exact=True).hover()
     page.tab.mouse.down()
     page.js("(page.draw(), page.refresh(), page.draw())")
     page.tab.mouse.up()

@@ -42,25 +42,28 @@ class Portions(NamedTuple):
     ) -> Portions:
         """Return what sides have of loads on faces of cells, whose rows are taken one by one.
 
-        Lower corners and edges of the agents count in cells, from the cell's own lower corner on.
+        Lower corners and edges of the agents count in cells, from the cell's own lower corner on;
+        edges are one number for each, or one along every axis.
         """
         n, d = force.shape
+        size = np.broadcast_to(size.T, (d, n)).T
         across = np.ones((n, d), dtype=np.bool_)
         across[np.arange(n), side // 2] = False
         low = np.maximum(uneven.part[:, 0], lower)
-        high = np.minimum(uneven.part[:, 1], lower + size[:, None])
+        high = np.minimum(uneven.part[:, 1], lower + size)
         length = np.where(across, np.maximum(high - low, 0.0), 1.0)
         area = length.prod(axis=1)
         own = np.where(across, uneven.part[:, 1] - uneven.part[:, 0], 1.0).prod(axis=1)
         away = np.where(across, 0.5 * (low + high) - uneven.part.mean(axis=1), 0.0)
         mean = force / own[:, None] + np.einsum("nik,nk->ni", uneven.growth, away)
-        arm = np.where(across, 0.5 * (low + high) - lower - 0.5 * size[:, None], 0.0)
+        arm = np.where(across, 0.5 * (low + high) - lower - 0.5 * size, 0.0)
         total = area[:, None] * mean
         spread = uneven.growth * (area[:, None] * length**2 / 12.0)[:, None]
         moment = total[:, :, None] * arm[:, None] + spread
         square = area * (mean**2).sum(axis=1) + (uneven.growth * spread).sum(axis=(1, 2))
-        whole = size ** (d - 1)
-        linear = (total**2).sum(axis=1) + 12.0 * (moment**2).sum(axis=(1, 2)) / size**2
+        whole = np.where(across, size, 1.0).prod(axis=1)
+        slopes = moment**2 / np.where(across, size, 1.0)[:, None] ** 2
+        linear = (total**2).sum(axis=1) + 12.0 * slopes.sum(axis=(1, 2))
         rest = np.sqrt(np.maximum(square - linear / whole, 0.0))
         rest[rest <= 1e-7 * np.sqrt(square)] = 0.0  # rounding
         return cls(box, side, total, moment, rest)

@@ -290,63 +290,47 @@ def stiffness(scene: Scene, basis: Any, moduli: Moduli) -> Any:
     return depth(scene) * form.assemble(basis, lateral=lateral, shear=shear)
 
 
-def densities(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
-    """Return forces per facet of the boundary and per element, each for unit area or volume.
-
-    Forces in the middle of cells are spread over these. Loads that cover faces in part, or not
-    evenly, are left to `_uneven_tractions`.
-    """
-    d, shape = scene.lattice.dimension, scene.lattice.shape
+def _weight(scene: Scene, mesh: Any) -> Floats:
+    """Return the forces in the middle of cells, spread over the elements, for unit volume."""
     applied = scene.applied()
-    on_faces, within = np.zeros((d, 2 * d, *shape)), np.zeros((d, *shape))
-    surface = applied.direction >= 0
-    beyond = applied.cells[surface] + scene.lattice.normals[applied.direction[surface]].astype(int)
-    if (scene.kinds(beyond) >= 0).any():
-        raise ParameterError("scene: a force enters by a face inside the body, not by its surface")
-    even = surface.copy()
-    if applied.uneven is not None:
-        even[applied.uneven.row] = False
-    for axis in range(d):
-        force = applied.force[:, axis]
-        place = (applied.direction[even], *applied.cells[even].T)
-        np.add.at(on_faces[axis], place, force[even])
-        np.add.at(within[axis], tuple(applied.cells[~surface].T), force[~surface])
-    cell, way = _faces_of(mesh, facets)
-    return on_faces[:, way, *cell], within[:, *cells_of(mesh)]
+    inside = applied.direction < 0
+    within = np.zeros((*scene.lattice.shape, scene.lattice.dimension))
+    np.add.at(within, tuple(applied.cells[inside].T), applied.force[inside])
+    return np.asarray(within[tuple(cells_of(mesh))].T)
 
 
-def _uneven_tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
-    """Return the mean and the growth along each axis of uneven loads on facets of the boundary.
+def _tractions(scene: Scene, mesh: Any, facets: Index) -> tuple[Floats, Floats]:
+    """Return the mean of the loads on facets of the boundary, and its growth along each axis.
 
-    They are linear there, with the force and the moments of the loads as described.
+    Both are for unit area. Linear in a facet, they have the force and the moments of the loads as
+    described, also of those that end within a face.
     """
+    import pandas as pd
+
     d, applied = scene.lattice.dimension, scene.applied()
-    mean, growth = np.zeros((d, len(facets))), np.zeros((d, d, len(facets)))
-    if applied.uneven is None or not len(applied.uneven.row):
-        return mean, growth
-    cell, way = _faces_of(mesh, facets)
-    row, part, slope = applied.uneven
+    row = np.flatnonzero(applied.direction >= 0)
+    cells, way, force = applied.cells[row], applied.direction[row], applied.force[row]
+    if (scene.kinds(cells + scene.lattice.normals[way].astype(int)) >= 0).any():
+        raise ParameterError("scene: a force enters by a face inside the body, not by its surface")
+    part = np.tile([[0.0], [1.0]], (len(applied.force), 1, d))
+    slope = np.zeros((len(applied.force), d, d))
+    if applied.uneven is not None:
+        part[applied.uneven.row], slope[applied.uneven.row] = applied.uneven[1:]
+    cell, own = _faces_of(mesh, facets)
     sizes = (*scene.lattice.shape, 2 * d)
-    keys = np.ravel_multi_index((*cell, way), sizes)
-    wanted = np.ravel_multi_index((*applied.cells[row].T, applied.direction[row]), sizes)
-    order = np.argsort(keys, kind="stable")
-    first = np.searchsorted(keys, wanted, "left", order)
-    count = np.searchsorted(keys, wanted, "right", order) - first
-    load = np.repeat(np.arange(len(row)), count)
-    facet = order[first[load] + np.arange(len(load)) - (np.cumsum(count) - count)[load]]
-    corners = mesh.p[:, mesh.facets[:, facets[facet]]]
-    low = (corners.min(axis=1) - cell[:, facet]).T
-    size = np.ptp(corners, axis=1).max(axis=0)
-    on_facet = Uneven(load, part[load], slope[load])
-    force = applied.force[row][load]
-    portions = Portions.of(facet, way[facet], force, on_facet, low, size)
-    area = size[:, None] ** (d - 1)
-    np.add.at(mean.T, facet, portions.force / area)
-    np.add.at(
-        growth.transpose(2, 0, 1),
-        facet,
-        12.0 * portions.moment / (area * size[:, None] ** 2)[:, None],
-    )
+    loads = pd.DataFrame({"face": np.ravel_multi_index((*cells.T, way), sizes)})
+    sides = pd.DataFrame({"face": np.ravel_multi_index((*cell, own), sizes)})
+    both = loads.reset_index(names="load").merge(sides.reset_index(names="side"), on="face")
+    load, side = both["load"].to_numpy(), both["side"].to_numpy()
+    corners = mesh.p[:, mesh.facets[:, facets[side]]]
+    low, size = (corners.min(axis=1) - cell[:, side]).T, np.ptp(corners, axis=1).T
+    size[np.arange(len(side)), own[side] // 2] = 1.0  # across a side: any
+    described = Uneven(load, part[row][load], slope[row][load])
+    found = Portions.of(side, own[side], force[load], described, low, size)
+    area = size.prod(axis=1)[:, None]
+    mean, growth = np.zeros((len(facets), d)), np.zeros((len(facets), d, d))
+    np.add.at(mean, side, found.force / area)
+    np.add.at(growth, side, 12.0 * found.moment / (area * size**2)[:, None])
     return mean, growth
 
 
@@ -355,18 +339,16 @@ def _load_vector(scene: Scene, basis: Any) -> Floats:
     import skfem
 
     mesh = basis.mesh
-    facets = mesh.boundary_facets()
-    traction, weight = densities(scene, mesh, facets)
-    mean, growth = _uneven_tractions(scene, mesh, facets)
-    traction = traction + mean
-    loaded = np.abs(traction).max(axis=0) + np.abs(growth).max(axis=(0, 1)) > 0.0
+    facets, weight = mesh.boundary_facets(), _weight(scene, mesh)
+    mean, growth = _tractions(scene, mesh, facets)
     total = _assembled(weight[:, :, None], basis) if weight.any() else np.zeros(basis.N)
+    loaded = mean.any(axis=1) | growth.any(axis=(1, 2))
     if loaded.any():
         side = skfem.FacetBasis(mesh, basis.elem, facets=facets[loaded])
         middle = mesh.p[:, mesh.facets[:, facets[loaded]]].mean(axis=1)
         away = np.asarray(side.global_coordinates()) - middle[:, :, None]
-        linear = np.einsum("abf,bfq->afq", growth[:, :, loaded], away)
-        total += _assembled(traction[:, loaded, None] + linear, side)
+        linear = np.einsum("fab,bfq->afq", growth[loaded], away)
+        total += _assembled(mean[loaded].T[:, :, None] + linear, side)
     return total
 
 

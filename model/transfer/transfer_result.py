@@ -188,31 +188,31 @@ class TransferResult(BodyResult):
             )
         return replace(self, stages=self.stages[:stage])
 
-    @cached_property
+    @property
     def notes(self) -> tuple[str, ...]:
         """What a reader of the figures should know, in words."""
-        notes = idle_rheology(self.scene)
-        if self._pulled_without_sense:
-            notes.append(
-                "a load pulls, but without a sense every load squeezes: set rule.sense = true "
-                "to let pulls stretch"
-            )
-        return tuple(notes)
+        return tuple(full for _, full in self._caveats)
 
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:
         """The `notes` in a few words each, as pictures tell them."""
-        idle = ("materials do not creep here",) if idle_rheology(self.scene) else ()
-        return (*idle, *(("pulls squeeze, too",) if self._pulled_without_sense else ()))
+        return tuple(brief for brief, _ in self._caveats)
 
-    @property
-    def _pulled_without_sense(self) -> bool:
+    @cached_property
+    def _caveats(self) -> list[tuple[str, str]]:
+        """What is approximate, in a few words and in full."""
+        found = [("materials do not creep here", note) for note in idle_rheology(self.scene)]
         rule = self.scene.rule
-        if not isinstance(rule, PrescribedRule) or rule.sense:
-            return False
-        applied = self.scene.applied(len(self.stages))
-        row, direction, _ = split_force(self.scene.lattice, applied.force)
-        return bool(pulls(self.scene, applied, row, direction).any())
+        if isinstance(rule, PrescribedRule) and not rule.sense:
+            applied = self.scene.applied(len(self.stages))
+            row, direction, _ = split_force(self.scene.lattice, applied.force)
+            if pulls(self.scene, applied, row, direction).any():
+                told = (
+                    "a load pulls, but without a sense every load squeezes: set rule.sense = true "
+                    "to let pulls stretch"
+                )
+                found.append(("pulls squeeze, too", told))
+        return found
 
     @cached_property
     def _squeeze(self) -> Squeeze:

@@ -422,13 +422,12 @@ def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
         field = polynomials(data[:dimension], dict(zip(pairs, shear, strict=True)), within)
         return field.energy(one)
 
-    statics, stiffness = [], []
+    statics, stiffness, forms = [], [], element_stiffness(dimension)
     for one in zip(*law, strict=True):
         own = Moduli(*(np.array([modulus]) for modulus in one))
         if one[0] > 0.0:
             both = energy(first + second, own) - energy(first, own) - energy(second, own)
             statics.append(both.reshape(size, size))
-            forms = element_stiffness(dimension)
             stiffness.append(sum(modulus * form for modulus, form in zip(one, forms, strict=True)))
     return np.stack(statics), np.stack(stiffness)
 

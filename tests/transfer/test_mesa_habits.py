@@ -48,8 +48,12 @@ class Shuffling(LoadModel):
         self.agents.select(lambda a: isinstance(a, MaterialAgent)).shuffle_do("step")
 
 
+LIVING = []  # Mesa's sets hold agents weakly: without its model a set empties at any collection
+
+
 def stepped(count=3, **more):
     model = LoadModel(plate(), threshold=0.01, **more)
+    LIVING.append(model)
     for _ in range(count):
         model.step()
     return model
@@ -289,6 +293,7 @@ SNIPPETS = [
 @pytest.mark.parametrize("snippet", SNIPPETS, ids=lambda snippet: snippet.__name__)
 def test_it_works_or_says_what_to_do(snippet):
     snippet()
+    LIVING.clear()
 
 
 def test_there_are_thirty_at_least():

@@ -225,14 +225,15 @@ def load_error(result: ElasticResult) -> float:
     found, applied = result.found, result.grid.applied(result.stage)
     if applied.uneven is None or not len(applied.uneven.row) or not found.energy > 0.0:
         return 0.0
-    if result.spawned:
+    if found.storage == "tree":
         ground = found.tree.ground
         portions = ground.forces(found.tree.leaves).uneven or Portions.none(ground.dimension)
         size, kind = result.size / result.grid.lattice.cell_size, result.material
     else:
         portions = portions_of_cells(applied, found.scales.force)
-        kind = result.grid.kinds(applied.cells)
-        size = np.ones(len(kind))
+        size, kind = np.ones(len(applied.cells)), np.zeros(len(applied.cells), dtype=np.int64)
+        uneven = applied.uneven.row
+        kind[uneven] = found.moduli_of_cells(applied.cells[uneven])
     least = softest(*found.moduli, result.grid.lattice.dimension)[kind]
     return data_error(portions, size, least) / sqrt(2.0 * found.energy)
 

@@ -5,23 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import sqrt
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import ResultFileError
+from kaju.errors import ResultError, ResultFileError
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import INSIDE
 
 from . import fields
-from .grid import problem_of_scene
+from .grid import problem_of_scene, repeated
 from .moduli import Moduli
 from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
 from .reactions import reactions
 from .solver import Solution, settled
-from .staggered import Strains
+from .staggered import Strains, energy_of_cells
 
 if TYPE_CHECKING:
     from kaju.model.elastic.spawning.tree_agents import TreeAgents
@@ -35,7 +35,7 @@ Index = NDArray[np.int64]
 class CellAgents:
     """Agents of one size: arrays over the box around the body."""
 
-    storage: ClassVar[str] = "cells"
+    storage: ClassVar[Literal["cells"]] = "cells"
     grid: Scene
     """The scene on the cells that were solved."""
     stage: int | None
@@ -43,6 +43,9 @@ class CellAgents:
     """The scaled arrays that were solved."""
     origin: tuple[int, ...]  # The grid's cell that is the arrays' first
     solution: Solution  # Displacements of the faces and the history of the iteration
+    field: Floats | None = None
+    """What moduli are multiplied by, one number for every cell of the scene that was asked about;
+    every agent is a kind of the problem's own then."""
 
     @property
     def scales(self) -> Scales:
@@ -118,8 +121,29 @@ class CellAgents:
 
     @property
     def material(self) -> Index:
-        """Index of each agent's material."""
+        """Index of each agent's moduli."""
         return np.asarray(self.problem.kinds[self.problem.inner][self.body], dtype=np.int64)
+
+    def materials_of(self, moduli: Index) -> Index:
+        """Return the materials of agents, by the indices of their moduli."""
+        return moduli if self.field is None else self._materials[moduli]
+
+    @cached_property
+    def _materials(self) -> Index:
+        return np.asarray(self.grid.kinds(self.cells))
+
+    @property
+    def stiffness(self) -> Floats | None:
+        """What the moduli of each agent's material are multiplied by."""
+        if self.field is None:
+            return None
+        division = self.grid.lattice.shape[0] // len(self.field)
+        return np.asarray(self.field[tuple((self.cells // division).T)])
+
+    @cached_property
+    def energies(self) -> Floats:
+        """Energy stored in each agent, with its share of the edges round it."""
+        return energy_of_cells(self.problem, self.solution.displacement)[self.body]
 
     @cached_property
     def displacement(self) -> Floats:
@@ -154,6 +178,8 @@ class CellAgents:
 
         problem, solution = self.problem, self.solution
         dragged = any(np.any(shear) for shear in problem.surface_shear.values())
+        if dragged and self.field is not None:
+            return "loads act along a surface of agents with a field of stiffness"
         share = SETTLED_TREE if dragged else SETTLED * solution.discretisation
         solution = settled(problem, solution, share)
         if dragged:
@@ -209,11 +235,23 @@ class CellAgents:
 
     def stress_at(self, points: Floats, cells: Index) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
-        kinds = self.problem.kinds[self.problem.inner]
-        return fields.stress_at(self.parts, kinds, *self._within(points, cells))
+        return fields.stress_at(self.parts, self._alike, *self._within(points, cells))
+
+    @cached_property
+    def _alike(self) -> NDArray[np.int32]:
+        """Numbers of the box's cells: the same if their moduli are, below 0 without material."""
+        kinds = self.problem.kinds[self.problem.inner].copy()
+        if self.field is not None:
+            moduli = np.stack(self.moduli, axis=1)
+            kinds[self.body] = np.unique(moduli, axis=0, return_inverse=True)[1].ravel()
+        return kinds
 
     def material_at(self, points: Floats, cells: Index) -> Index:
-        """Return the material of the cells in or on which points lie."""
+        """Return the index of the moduli of the cells in or on which points lie."""
+        return self.moduli_of_cells(cells)
+
+    def moduli_of_cells(self, cells: Index) -> Index:
+        """Return the index of the moduli of cells of the grid."""
         kinds = self.problem.kinds[self.problem.inner]
         return np.asarray(kinds[tuple((cells - np.asarray(self.origin)).T)], dtype=np.int64)
 
@@ -224,6 +262,11 @@ class CellAgents:
     @cached_property
     def tree(self) -> TreeAgents:
         """The same agents as the tree of one level, which knows their errors one by one."""
+        if self.field is not None:
+            raise ResultError(
+                "stiffness: agents with a field of stiffness have no errors one by one, nor "
+                "values of goals; `displacement_at`, `stress_at` and `energy_bounds` tell theirs"
+            )
         from kaju.model.elastic.spawning.tree_agents import tree_of_cells
 
         return tree_of_cells(self)
@@ -254,6 +297,8 @@ class CellAgents:
     def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return what is stored: arrays, and plain values."""
         faces = {f"face.{a}": values for a, values in enumerate(self.solution.displacement)}
+        if self.field is not None:
+            faces["stiffness"] = self.field
         return faces, {"solution": plain_of(self.solution)}
 
     @classmethod
@@ -263,10 +308,15 @@ class CellAgents:
         if not 1 <= division <= 1 << 20:
             raise ResultFileError(f"{archive.path}: 'subdivision' must be 1 or more")
         grid = scene if division == 1 else scene.refine(division)
-        problem, origin = problem_of_scene(grid, stage)
+        field = None
+        if "stiffness" in archive.arrays:
+            field = archive.array("stiffness", "f", scene.lattice.shape)
+            if not np.all(field[scene.rasterise() >= 0] > 0.0):
+                raise ResultFileError(f"{archive.path}: 'stiffness' must be above 0")
+        problem, origin = problem_of_scene(grid, stage, repeated(field, division))
         faces = tuple(
             archive.array(f"face.{axis}", "f", problem.face_shape(axis))
             for axis in range(problem.dimension)
         )
         solution = Solution(displacement=faces, **archive.record("solution", Solution))
-        return cls(grid, stage, problem, origin, solution)
+        return cls(grid, stage, problem, origin, solution, field)

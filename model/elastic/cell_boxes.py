@@ -49,6 +49,8 @@ KINDS = 5
 """Kinds of cells that are no material: they count from the end of a table."""
 FEW = {2: 50_000, 3: 5_000}
 """So few cells are told one by one."""
+KINDS_SUMMED = 1_000
+"""Cells of more kinds are told one by one, too."""
 AT_ONCE = 10_000
 """So many are added up at a time."""
 ROUND_EDGES, ROUND_CORNERS = 2, 1
@@ -135,7 +137,8 @@ class Cells:
         moduli, kinds = self.problem.moduli, self.kinds
         used = np.bincount(kinds[self.body], minlength=len(moduli.shear)) > 0
         locks = self.dimension == 2 and np.any((moduli.lateral > LOCKING * moduli.stretch) & used)
-        if len(self.body) <= FEW[self.dimension] or locks:
+        many = len(moduli.shear) > KINDS_SUMMED
+        if len(self.body) <= FEW[self.dimension] or locks or many:
             return self.boxes(self.body)
         body, near = kinds >= 0, self.near
         plain = body & ~near

@@ -160,7 +160,12 @@ class ElasticResult(BodyResult):
     @property
     def material(self) -> Index:
         """Index into `scene.cell_materials` of each agent."""
-        return self.found.material
+        return self.found.materials_of(self.found.material)
+
+    @property
+    def stiffness(self) -> Floats | None:
+        """What each agent's material was multiplied by, shape (agents,); None: nothing was."""
+        return self.found.stiffness
 
     @property
     def level(self) -> Index:
@@ -197,7 +202,7 @@ class ElasticResult(BodyResult):
     @cached_property
     def strain(self) -> Floats:
         """Strain tensors of the agents, shape (agents, dimension, dimension)."""
-        return self._strain_of(self.stress, self.material)
+        return self._strain_of(self.stress, self.found.material)
 
     @cached_property
     def principal_stress(self) -> Floats:
@@ -207,7 +212,7 @@ class ElasticResult(BodyResult):
     @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the agents."""
-        return self._von_mises_of(self.stress, self.material)
+        return self._von_mises_of(self.stress, self.found.material)
 
     @cached_property
     def reactions(self) -> dict[str, Floats]:
@@ -226,6 +231,21 @@ class ElasticResult(BodyResult):
         if found is not None and (found.error <= (self.tolerance or 0.0) or self._contradicted):
             own = 0.5 * (found.lower + found.upper)
         return own * self._energy_unit
+
+    @property
+    def energy(self) -> Floats:
+        """Energy (J) stored in each agent, with its share of the edges round it, shape (agents,).
+
+        It sums to the energy of the body, a foundation's left out. Divided by the agent's
+        stiffness it is the derivative of that energy by this stiffness at given displacements; of
+        the compliance F·u under given forces the derivative is minus twice that.
+
+        Raises
+        ------
+        ResultError
+            If the agents spawned: those of many sizes share their edges.
+        """
+        return np.asarray(self._energy_unit * self.found.energies)
 
     @property
     def error_estimate(self) -> float:

@@ -77,10 +77,14 @@ class EqualArrays:
     @cached_property
     def material(self) -> Index:
         """Index into `scene.cell_materials` of each cell, -1 where there is no body."""
-        found, place = self._result.found, self._result._located(self.middle)
         material = np.full(self.shape, -1, dtype=np.int64)
-        material[self.body] = found.material_at(*place)
+        material[self.body] = self._result.found.materials_of(self._moduli)
         return material
+
+    @cached_property
+    def _moduli(self) -> Index:
+        """Index of the moduli of each cell of the body."""
+        return self._result.found.material_at(*self._result._located(self.middle))
 
     @cached_property
     def displacement(self) -> Floats:
@@ -97,16 +101,12 @@ class EqualArrays:
     @cached_property
     def strain(self) -> Floats:
         """Strain tensors of the cells, shape (n, ..., dimension, dimension)."""
-        return self._spread(
-            self._result._strain_of(self.stress[self.body], self.material[self.body])
-        )
+        return self._spread(self._result._strain_of(self.stress[self.body], self._moduli))
 
     @cached_property
     def von_mises(self) -> Floats:
         """Equivalent stress (Pa) of the cells."""
-        return self._spread(
-            self._result._von_mises_of(self.stress[self.body], self.material[self.body])
-        )
+        return self._spread(self._result._von_mises_of(self.stress[self.body], self._moduli))
 
     @cached_property
     def principal_stress(self) -> Floats:

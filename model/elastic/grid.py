@@ -7,19 +7,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError, SceneError, SupportError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
 
 from .problem import CellLoads, ElasticProblem, Side, problem_of, rim_layer
-from .solver import same_body
+from .solver import held_alike
 from .supports import check_supports, slender_cell
 
 Origin = tuple[int, ...]
 
 
-def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticProblem, Origin]:
+def problem_of_scene(
+    scene: Scene, stage: int | None = None, stiffness: Floats | None = None
+) -> tuple[ElasticProblem, Origin]:
     """Return the problem that a scene poses, cut to the box around its body.
 
     Parameters
@@ -28,6 +31,9 @@ def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticPro
         Of squares or cubes, on the cells that are to be solved.
     stage : int, optional
         Stage of loading; the last one by default.
+    stiffness : array, optional
+        What the materials' moduli are multiplied by, cell by cell. Every cell of material is a
+        kind of its own then, numbered row by row.
 
     Returns
     -------
@@ -55,10 +61,16 @@ def problem_of_scene(scene: Scene, stage: int | None = None) -> tuple[ElasticPro
         applied.force[inside],
         applied.uneven and applied.uneven.within(inside),
     )
-    constants = [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
+    constants = np.array([(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials])
+    kinds = np.ascontiguousarray(rim[box])
+    if stiffness is not None:
+        body = kinds >= 0
+        constants = constants[kinds[body]]
+        constants[:, 0] *= np.pad(stiffness, 1)[box][body]
+        kinds[body] = np.arange(len(constants))
     try:
         problem = problem_of(
-            np.ascontiguousarray(rim[box]),
+            kinds,
             constants,
             lattice.cell_size,
             plane=scene.plane,
@@ -103,12 +115,16 @@ class Grid(NamedTuple):
 
 
 def grid_of(
-    scene: Scene, stage: int | None, division: int = 1, known: ElasticProblem | None = None
+    scene: Scene,
+    stage: int | None,
+    division: int = 1,
+    known: ElasticProblem | None = None,
+    stiffness: Floats | None = None,
 ) -> Grid:
-    """Return the grid of a scene.
+    """Return the grid of a scene, with a relative stiffness of each of its cells if given.
 
     Its cells are halved where a member, or what holds the body against turning, is one cell wide:
-    neither resists on this grid. A body that is `known` needs no look.
+    neither resists on this grid. A body that is `known`, of whatever stiffness, needs no look.
 
     Raises
     ------
@@ -117,8 +133,8 @@ def grid_of(
     SupportError
         If a part of the body could move without straining.
     """
-    grid = _refined(scene, stage, division)
-    if known is not None and same_body(grid.problem, known):
+    grid = _refined(scene, stage, division, stiffness)
+    if known is not None and held_alike(grid.problem, known):
         return grid
     narrow, loose = _narrow(grid), None
     if not narrow:
@@ -129,7 +145,7 @@ def grid_of(
             if "could turn" not in str(error):
                 raise
             loose = error
-    finer = _refined(scene, stage, 2 * division)
+    finer = _refined(scene, stage, 2 * division, stiffness)
     if narrow and _narrow(finer):
         raise SceneError(
             f"body: a member is one cell wide at cell {_narrow(finer)} of the grid refined by "
@@ -145,9 +161,17 @@ def grid_of(
     return finer._replace(notes=(f"{reason}: the cells were halved",))
 
 
-def _refined(scene: Scene, stage: int | None, division: int) -> Grid:
+def _refined(scene: Scene, stage: int | None, division: int, stiffness: Floats | None) -> Grid:
     fine = scene if division == 1 else scene.refine(division)
-    return Grid(fine, *problem_of_scene(fine, stage), division)
+    return Grid(fine, *problem_of_scene(fine, stage, repeated(stiffness, division)), division)
+
+
+def repeated(stiffness: Floats | None, division: int) -> Floats | None:
+    """Return a field of stiffness on cells so many times smaller."""
+    if stiffness is not None:
+        for axis in range(stiffness.ndim):
+            stiffness = np.repeat(stiffness, division, axis)
+    return stiffness
 
 
 def _narrow(grid: Grid) -> str:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from kaju.arrays import Floats
-from kaju.errors import ParameterError
+from kaju.errors import ParameterError, ResultError
 from kaju.model.scene.kinds import AIR
 
 if TYPE_CHECKING:
@@ -211,6 +211,11 @@ _Fields = tuple[Floats, Floats]
 
 def _factor(result: ElasticResult, tip: _Tip, mode: _Mode, outer: float) -> float:
     """Return the factor of a mode from a ring round the tip."""
+    if result.stiffness is not None:
+        raise ResultError(
+            "intensity: the factors are those of one material all round the tip, and this answer "
+            "has a field of stiffness"
+        )
     material = result.scene.cell_materials[int(result.grid.kinds(_ahead(result, tip))[0])]
     nu = material.poissons_ratio
     shear = material.youngs_modulus / (2.0 * (1.0 + nu))

@@ -132,8 +132,10 @@ class ElasticProblem:
     @property
     def needs_mixed_form(self) -> bool:
         """Whether a material is so nearly incompressible that pressure needs its own unknown."""
-        stiff = np.flatnonzero(self.moduli.lateral / self.moduli.shear > STIFF_PRESSURE)
-        return self.plane != "stress" and any(bool(np.any(self.kinds == k)) for k in stiff)
+        stiff = self.moduli.lateral / self.moduli.shear > STIFF_PRESSURE
+        if self.plane == "stress" or not stiff.any():
+            return False
+        return bool(stiff[self.kinds[self.kinds >= 0]].any())
 
 
 def _states(kinds: NDArray[np.int32], axis: int) -> NDArray[np.int8]:
@@ -170,7 +172,7 @@ def rim_layer(dimension: int, index: int) -> tuple[slice | int, ...]:
 
 def problem_of(
     rim: NDArray[np.int32],
-    materials: Sequence[tuple[float, float]],
+    materials: Sequence[tuple[float, float]] | Floats,
     cell_size: float,
     *,
     plane: Literal["stress", "strain"] | None,
@@ -186,7 +188,7 @@ def problem_of(
     rim : int array
         Index into `materials` of each cell, or AIR, RIGID; with one layer more that says what lies
         beyond the sides.
-    materials : sequence of (Young's modulus in Pa, Poisson's ratio)
+    materials : sequence of (Young's modulus in Pa, Poisson's ratio), or array
     cell_size, thickness : float
         In metres; the thickness counts in two dimensions only.
     plane : {"stress", "strain", None}
@@ -240,7 +242,7 @@ def _scales(
     loads: CellLoads | None,
 ) -> Scales:
     """Choose units in which the largest modulus and the largest force are one."""
-    used = [k for k in range(len(table)) if len(table) == 1 or bool(np.any(rim == k))]
+    used = slice(None) if len(table) == 1 else np.unique(rim[rim >= 0])
     modulus = float(np.max(table[used, 0]))
     stiffness = modulus * (thickness if rim.ndim == 2 else cell_size)
     moved = [float(np.abs(side[1]).max()) for side in sides.values() if side[0] == "displacement"]

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from time import perf_counter
 
+from numpy.typing import ArrayLike
+
+from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, stopped
 
-from .arguments import SMALLEST, check_numbers
+from .arguments import SMALLEST, check_numbers, checked_stiffness
 from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
 from .grid import Grid, grid_of
@@ -23,6 +26,7 @@ def solve(
     *,
     stage: int | None = None,
     previous: ElasticResult | None = None,
+    stiffness: ArrayLike | None = None,
 ) -> ElasticResult:
     """Solve a scene as linear elasticity, on equal cells.
 
@@ -44,6 +48,9 @@ def solve(
     previous : ElasticResult, optional
         The answer to a scene on as many cells, of which something was changed: where many
         cells are iterated they start from it.
+    stiffness : array, optional
+        What the materials' moduli are multiplied by, one number for every cell of the scene.
+        With a previous result few cells are iterated, too.
 
     Returns
     -------
@@ -60,10 +67,12 @@ def solve(
     """
     start = perf_counter()
     check_numbers(tolerance, resolution, least=SMALLEST)
-    grid, before = _grid(scene, stage, resolution, previous)
-    solution = solve_problem(grid.problem, tolerance, before)
+    field = None if stiffness is None else checked_stiffness(scene, stiffness)
+    grid, before = _grid(scene, stage, resolution, previous, field)
+    iterate = field is not None and before is not None
+    solution = solve_problem(grid.problem, tolerance, before, iterate=iterate)
     solution.notes[:0] = [note for note in grid.notes if note not in solution.notes]
-    found = CellAgents(grid.scene, stage, grid.problem, grid.origin, solution)
+    found = CellAgents(grid.scene, stage, grid.problem, grid.origin, solution, field)
     result = ElasticResult(
         scene, stage, found, perf_counter() - start, tolerance=None, resolution=resolution
     )
@@ -74,18 +83,23 @@ def solve(
 
 
 def _grid(
-    scene: Scene, stage: int | None, resolution: int | None, previous: ElasticResult | None
+    scene: Scene,
+    stage: int | None,
+    resolution: int | None,
+    previous: ElasticResult | None,
+    stiffness: Floats | None,
 ) -> tuple[Grid, FaceFields | None]:
     """Return the grid, and how it moved before if that is of as many cells in the same place."""
     if previous is None:
-        return grid_of(scene, stage, resolution or 1), None
+        return grid_of(scene, stage, resolution or 1, stiffness=stiffness), None
     found = previous.found
     if not isinstance(found, CellAgents):
         raise ParameterError(
             "previous: equal cells continue from equal cells, and its agents are of many sizes; "
             "take strategy='spawning', or leave `previous` out"
         )
-    grid = grid_of(scene, stage, resolution or previous.subdivision, found.problem)
+    division = resolution or previous.subdivision
+    grid = grid_of(scene, stage, division, found.problem, stiffness)
     if found.origin != grid.origin or found.problem.kinds.shape != grid.problem.kinds.shape:
         return grid, None
     unit = found.scales.displacement / grid.problem.scales.displacement

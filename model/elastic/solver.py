@@ -88,14 +88,19 @@ class Solution:
 
 
 def solve_problem(
-    problem: ElasticProblem, tolerance: float | None = None, start: FaceFields | None = None
+    problem: ElasticProblem,
+    tolerance: float | None = None,
+    start: FaceFields | None = None,
+    *,
+    iterate: bool = False,
 ) -> Solution:
     """Find the displacements at which every face of a supported body is in balance.
 
     To a relative algebraic error in the energy norm, by default well below the estimated error of
     the grid, and for small bodies 1e-10; iterations may start from displacements of as many faces.
+    Few cells are solved by factors, unless it is asked to `iterate`.
     """
-    if np.count_nonzero(problem.kinds >= 0) <= FEW[problem.dimension]:
+    if not iterate and np.count_nonzero(problem.kinds >= 0) <= FEW[problem.dimension]:
         solution = _by_factors(problem)
         if solution is not None:
             return solution
@@ -322,6 +327,13 @@ def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
     if ours.plane != theirs.plane or not np.array_equal(ours.kinds, theirs.kinds):
         return False
     pairs = zip((*ours.moduli, *ours.spring), (*theirs.moduli, *theirs.spring), strict=True)
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
+    """Tell whether two problems are of cells in the same places, alike supported."""
+    one, other = (np.minimum(problem.kinds, 0) for problem in (ours, theirs))
+    pairs = zip((one, *ours.spring), (other, *theirs.spring), strict=True)
     return all(np.array_equal(a, b) for a, b in pairs)
 
 

@@ -77,6 +77,26 @@ def edge_modulus(
         return np.where(corner, reentrant * 3.0 / np.where(corner, total, 1.0), modulus)
 
 
+def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
+    """Return the energy stored in every cell, rim left out.
+
+    An edge's energy belongs to the cells round it by their compliances. So a cell's energy is its
+    stiffness times the derivative of all energy by that, at given displacements.
+    """
+    strain = strains(u)
+    stress = stresses(problem, strain)
+    pairs = zip(stress.cells, strain.cells, strict=True)
+    energy = np.add.reduce([0.5 * sigma * epsilon for sigma, epsilon in pairs])
+    compliance = cell_modulus(problem, 1.0 / problem.moduli.shear)
+    for pair, gamma in strain.edges.items():
+        width = [(1, 1) if axis in pair else (0, 0) for axis in range(compliance.ndim)]
+        total = np.add.reduce(_four(np.pad(compliance, width), pair))
+        share = np.zeros_like(total)
+        np.divide(0.5 * stress.edges[pair] * gamma, total, out=share, where=total > 0.0)
+        energy += compliance * np.add.reduce(_four(share, pair))
+    return np.asarray(energy[problem.inner])
+
+
 def stiff_edges(problem: ElasticProblem, pair: Pair) -> NDArray[np.bool_]:
     """Return where `edge_modulus` is above zero: between four cells, or round a corner of air."""
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(problem.dimension)]

@@ -14,7 +14,7 @@ from kaju.errors import SceneError
 from . import kinds
 from .body import Body
 from .filling import FilledShape, Filling, count, grid
-from .pictures import Picture, from_array, from_drawing, from_image
+from .pictures import Picture, check_count, from_array, from_drawing, from_image
 from .sides import FREE, SideCondition
 
 # Whatever does not carry load beside the body gives loads back alike.
@@ -51,6 +51,7 @@ def contents_of(
     found = {
         name: _material(name, key, materials) for name, key in names.items() if name not in NOT_BODY
     }
+    check_count(len(found))
     kind_of = NOT_BODY | {name: index for index, name in enumerate(found)}
     base: int | NDArray[np.int16]
     if picture is None:

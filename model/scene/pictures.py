@@ -91,6 +91,8 @@ def read_array(path: str, key: str) -> NDArray[np.generic]:
 
 _LETTERS = "#o*+xO%@&ABCDEFGHIJKLMNPQRSTUVWXYZabcdefghijklmnpqrstuvwyz0123456789"
 _MOST_DRAWN = 20_000
+MOST_MATERIALS = 1 << 15
+"""Kinds of cells are kept in 16 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,8 +211,19 @@ def check_size(shape: tuple[int, ...], key: str) -> None:
 
 
 def _coded(legend: Mapping[str, str]) -> tuple[tuple[str, ...], dict[str, int]]:
-    names = tuple(dict.fromkeys(legend.values()))
-    return names, {key: names.index(name) for key, name in legend.items()}
+    code_of = {name: code for code, name in enumerate(dict.fromkeys(legend.values()))}
+    check_count(len(code_of))
+    return tuple(code_of), {key: code_of[name] for key, name in legend.items()}
+
+
+def check_count(materials: int) -> None:
+    """Refuse more materials than there are numbers for kinds of cells."""
+    if materials > MOST_MATERIALS:
+        raise SceneError(
+            f"materials: a body is of {MOST_MATERIALS} at most, got {materials}; where every cell "
+            "has a stiffness of its own, describe one material and solve with "
+            "kaju.solve(scene, stiffness=array)"
+        )
 
 
 def _rows(drawing: str, legend: Mapping[str, str]) -> list[str]:

@@ -171,6 +171,11 @@ def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
                 f"compare: a {type(answer).__name__} has no body of cells; give "
                 "results of load transfer or elasticity, or a Reference"
             )
+        if getattr(answer, "stiffness", None) is not None:
+            raise ResultError(
+                "compare: an answer with a field of stiffness is of another body than its scene's; "
+                "compare its `energy` and `displacement` with those of another by yourself"
+            )
     ours = result.scene.lattice.dimension
     theirs = other.dimension if isinstance(other, Reference) else other.scene.lattice.dimension
     if ours != theirs:

@@ -13,6 +13,8 @@ from kaju.stopping import keeping
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from numpy.typing import ArrayLike
+
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.spawning.quantities import ToleranceAt
     from kaju.model.network import NetworkResult, SpringNetwork
@@ -34,6 +36,7 @@ def solve(
     previous: ElasticResult | None = None,
     stage: int | None = None,
     *,
+    stiffness: ArrayLike | None = None,
     most_agents: int | None = None,
     engine: None = None,
 ) -> ElasticResult: ...
@@ -64,6 +67,7 @@ def solve(
     previous: ElasticResult | None = None,
     stage: int | None = None,
     *,
+    stiffness: ArrayLike | None = None,
     most_agents: int | None = None,
     engine: Literal["petsc"] | None = None,
     increments: int | None = None,
@@ -102,6 +106,12 @@ def solve(
         others are given.
     stage : int, optional
         Stage of loading; by default the last.
+    stiffness : array, optional
+        What the materials' moduli are multiplied by: one number above 0 for every cell of the
+        scene, indexed as `Scene.from_array` does; where there is no material it is not looked at.
+        The cells are solved as they are, or `resolution` times as many along every axis, and
+        the tolerance is that of their equations: in a loop that changes the stiffness a little
+        each time, 0.01 with the `previous` answer does.
     most_agents : int, optional
         Give up before there are more; by default 4 million, 400,000 in three dimensions.
     engine : {None, "petsc"}
@@ -149,14 +159,19 @@ def solve(
         _refuse(subject, increments=increments, method=method)
         if engine is not None:
             _refuse_beside_petsc(
-                engine, strategy, previous=previous, tolerance_at=tolerance_at, agents=most_agents
+                engine,
+                strategy,
+                previous=previous,
+                tolerance_at=tolerance_at,
+                agents=most_agents,
+                stiffness=stiffness,
             )
             from kaju.model.scale.solve import solve_petsc
 
             return solve_petsc(subject, tolerance, resolution, stage=stage)
         try:
             asked = (tolerance, resolution, strategy, tolerance_at, previous, stage, most_agents)
-            return keeping(lambda: _solve_scene(subject, *asked))
+            return keeping(lambda: _solve_scene(subject, *asked, stiffness))
         except MemoryError as error:
             if isinstance(error, OutOfMemoryError):
                 raise
@@ -179,6 +194,7 @@ def solve(
         tolerance_at=tolerance_at,
         previous=previous,
         stage=stage,
+        stiffness=stiffness,
         most_agents=most_agents,
         engine=engine,
     )
@@ -215,6 +231,7 @@ def _solve_scene(
     previous: ElasticResult | None,
     stage: int | None,
     most_agents: int | None,
+    stiffness: ArrayLike | None,
 ) -> ElasticResult:
     from kaju.model.elastic.caveats import refuse_singular
     from kaju.model.elastic.elastic_result import ElasticResult
@@ -227,6 +244,18 @@ def _solve_scene(
             f"previous: an ElasticResult is needed to start from, got {type(previous).__name__}"
         )
     check_numbers(tolerance, resolution, stage, most_agents, least=SMALLEST)
+    if stiffness is not None:
+        beside = {"tolerance_at": tolerance_at, "most_agents": most_agents}
+        names = [name for name, value in beside.items() if value is not None]
+        names += ["strategy='spawning'"] if strategy == "spawning" else []
+        if names:
+            raise ParameterError(
+                f"stiffness: a field of it belongs to equal cells, which know no {names[0]}; leave "
+                "the one or the other out"
+            )
+        return solve_uniform(
+            scene, tolerance, resolution, stage=stage, previous=previous, stiffness=stiffness
+        )
     spawned = previous is not None and previous.found.storage == "tree"
     if strategy == "auto" and (tolerance_at is not None or spawned):
         strategy = "spawning"

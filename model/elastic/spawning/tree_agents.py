@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import ResultFileError
+from kaju.errors import ResultError, ResultFileError
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.problem import Scales
 from kaju.model.results.archive import Archive, plain_of
@@ -41,7 +41,8 @@ _LEAVES = ("lower", "size", "kind", "step", "cause")
 class TreeAgents:
     """Agents as the leaves of a tree, along a space-filling curve."""
 
-    storage: ClassVar[str] = "tree"
+    storage: ClassVar[Literal["tree"]] = "tree"
+    stiffness: ClassVar[None] = None
     spawning: Spawning
     """Agents, displacements and history."""
     stage: int | None
@@ -137,6 +138,18 @@ class TreeAgents:
     def material(self) -> Index:
         """Index of each agent's material."""
         return self.leaves.kind
+
+    def materials_of(self, moduli: Index) -> Index:
+        """Return the materials of agents, by the indices of their moduli: the same."""
+        return moduli
+
+    @property
+    def energies(self) -> Floats:
+        """Nothing: edges between agents of two sizes have no owners."""
+        raise ResultError(
+            "energy: agents of many sizes do not tell their energies one by one; equal ones do "
+            "(strategy='uniform')"
+        )
 
     @property
     def fields(self) -> AgentFields:

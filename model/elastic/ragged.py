@@ -30,14 +30,16 @@ from .problem import Floats
 
 HOLD = 1e-6
 """Share of its stiffness that keeps a box of a group without a wall from floating."""
-FACTORED, MOST_STEPS = {2: 100_000, 3: 12_000}, 2_000
+FACTORED, MOST_STEPS = {2: 100_000, 3: 30_000}, 2_000
 """Up to how many unknowns leftovers are passed on by factors; beyond, iterations at most."""
 ROUNDING = 1e-12
 """Share of the leftovers that rounding leaves over."""
 SMALLER = 0.1
 """What an iteration leaves, as a share of what may be left over."""
-WIDER = 6
-"""How often those beside unbalanced boxes are asked to pass on as well."""
+WIDER = (1, 1, 2, 8, 32, 0)
+"""So many more layers round unbalanced boxes are asked to pass on as well, time after time: those
+that hang together are left with the sum of what rounding leaves on all their sides, until they
+reach a wall."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +83,7 @@ def ragged_tractions(
     helps[hanging.box] = False
     uneven = uneven.copy()
     uneven[hanging.box] = True
-    for _ in range(WIDER):
+    for layers in WIDER:
         found = _taken(boxes, normal, pressed, springs, np.flatnonzero(uneven))
         off = _imbalance(boxes, found)
         group, left = np.arange(len(off)), np.abs(off).max(axis=1, initial=0.0)
@@ -94,10 +96,12 @@ def ragged_tractions(
         far = found.box[np.isin(group, group[left > small])]
         if not (len(far) and ended):
             break
-        around = boxes.beside[:, far].ravel()
-        helps[around[around >= 0]] = True
-        helps[hanging.box[np.isin(hanging.fine, far).any(axis=1)]] = True
-        helps[hanging.fine[np.isin(hanging.box, far)].ravel()] = True
+        for _ in range(layers):
+            around = boxes.beside[:, far].ravel()
+            larger = hanging.box[np.isin(hanging.fine, far).any(axis=1)]
+            smaller = hanging.fine[np.isin(hanging.box, far)].ravel()
+            far = np.unique(np.concatenate([far, around[around >= 0], larger, smaller]))
+        helps[far] = True
         uneven |= helps
     return found
 
@@ -373,7 +377,8 @@ def _solver(
             factor = factors_of(matrix + sp.diags_array(held))
         return True, lambda right: (np.asarray(factor.solve(right)), True)
     scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
-    alike = sp.csr_array(sp.diags_array(scale) @ matrix @ sp.diags_array(scale))
+    firm = matrix + sp.diags_array(holds)
+    alike = sp.csr_array(sp.diags_array(scale) @ firm @ sp.diags_array(scale))
 
     def solved(right: Floats) -> tuple[Floats, bool]:
         # What is left after so many steps is told as left over.

@@ -220,6 +220,17 @@ def test_what_an_iteration_has_left_belongs_to_the_bound():
         assert exact.bracket.error <= found.error < exact.bracket.error + 4 * share
 
 
+def test_what_is_left_far_from_any_wall_is_passed_on_until_it_comes_to_one():
+    """Stresses a little too large: only the wall at the other end can bear the rest."""
+    bar = drawn(["a" * 40] * 2, [{"side": "right", "pressure": -1e3}], {"left": "rigid"})
+    exact = solve(bar, resolution=1, strategy="uniform").found
+    boxes = boxes_of_cells(exact.problem, exact.solution.displacement, 0.0, exact.grid, None)
+    boxes.sigma[:] *= 1.0 + 1e-5
+    stress = BalancedStress(boxes)
+    assert stress.left < 1e-9
+    assert len(stress.ragged.box) == 80
+
+
 def rubber(rows):
     return Scene(
         body={"cell_size": 0.05, "drawing": "\n".join(rows), "plane": "strain", "thickness": 0.01},

@@ -42,7 +42,7 @@ from .units import quantity as with_unit
 
 if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts
-    from kaju.model.study.beside_elasticity import BesideElasticity, Way
+    from kaju.model.study.beside_elasticity import BesideElasticity, StraightWay
 
 
 COLOURS = ("#c8963e", "#b2340b", "#0b5394", "#4d8b57", "#8a5aa8")
@@ -420,7 +420,7 @@ def pictures_beside(
     return figures
 
 
-def _line(study: BesideElasticity, way: Way) -> Line:
+def _line(study: BesideElasticity, way: StraightWay) -> Line:
     across = "xyz"[0 if study.axis else 1]
     if way.depth is None:
         return Line("way down from the load", way.start, way.end)

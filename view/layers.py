@@ -140,7 +140,7 @@ def _plane(result: ElasticResult, cut: Mapping[str, float] | None) -> tuple[int 
     return axis, place
 
 
-class Squares(NamedTuple):
+class DrawnSquares(NamedTuple):
     """What is drawn: lower corners (m) in the picture, edges, values, and whose they are."""
 
     lower: Floats
@@ -154,12 +154,12 @@ class Squares(NamedTuple):
         return np.asarray(self.lower[:, None] + _RING * self.size[:, None, None])
 
 
-def squares_of(layer: Layer, tiles: Tiles) -> Squares:
+def squares_of(layer: Layer, tiles: Tiles) -> DrawnSquares:
     """Return the squares in which a layer meets agents, those too small to be seen together."""
     rows = layer.meets(tiles.lower, tiles.size)
     met = Tiles(tiles.lower[rows][:, layer.axes], tiles.size[rows], tiles.value[rows])
     drawn, chosen = together(met, layer.span / FINEST)
-    return Squares(*drawn, rows[chosen])
+    return DrawnSquares(*drawn, rows[chosen])
 
 
 def together(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
@@ -189,7 +189,9 @@ def together(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
     return Tiles(lower, size, value[row]), row
 
 
-def draw_squares(ax: Axes, layer: Layer, drawn: Squares, name: str, **look: Any) -> PolyCollection:
+def draw_squares(
+    ax: Axes, layer: Layer, drawn: DrawnSquares, name: str, **look: Any
+) -> PolyCollection:
     """Draw agents with outlines where these can be seen."""
     large = drawn.size > layer.span / OUTLINED
     return add_polygons(

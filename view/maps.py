@@ -16,7 +16,7 @@ from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .body import draw_body, draw_forces, finish
-from .layers import Squares, draw_squares, draw_surroundings, layer_of, squares_of
+from .layers import DrawnSquares, draw_squares, draw_surroundings, layer_of, squares_of
 from .loads import load_norm
 from .section import Section, section_of
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
@@ -162,7 +162,7 @@ def plot_map(
     return ax
 
 
-def _top(squares: Squares) -> tuple[float, bool]:
+def _top(squares: DrawnSquares) -> tuple[float, bool]:
     """Return the largest value of the scale, and whether there are values beyond it."""
     size = np.abs(squares.value)
     order = np.argsort(-size, kind="stable")

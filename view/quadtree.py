@@ -33,7 +33,7 @@ from .layers import (
     squares_of,
     together,
 )
-from .space import Box, box_around, space_for
+from .space import DrawnBox, box_around, space_for
 from .style import FORCE, SEQUENTIAL, SIZE, add_polygons, caption, colour_bar, new_axes
 from .units import quantity
 
@@ -61,7 +61,7 @@ OF_EVERY_GENERATION = ("level", "spawn_step", "unbalanced_load")
 DECADES = 6
 
 
-class Standing(NamedTuple):
+class DrawnAgents(NamedTuple):
     """The agents of a generation with what their colours show, and when they spawned."""
 
     tiles: Tiles
@@ -109,7 +109,7 @@ def told(result: ElasticResult, generation: int | None) -> str:
     return agents_told(found.agents, number, found.error)
 
 
-def standing(result: ElasticResult, colour: str, generation: int | None = None) -> Standing:
+def standing(result: ElasticResult, colour: str, generation: int | None = None) -> DrawnAgents:
     """Return the agents of a generation, with what their colours show."""
     if colour not in COLOURS:
         raise ParameterError(
@@ -119,7 +119,7 @@ def standing(result: ElasticResult, colour: str, generation: int | None = None) 
     last = len(result.generations) - 1
     if generation is None or generation == last:
         value = np.asarray(getattr(result, colour), dtype=np.float64)
-        return Standing(result.tiles(value), result.spawn_step)
+        return DrawnAgents(result.tiles(value), result.spawn_step)
     if not 0 <= generation <= last:
         raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
     if colour not in OF_EVERY_GENERATION:
@@ -136,7 +136,7 @@ def standing(result: ElasticResult, colour: str, generation: int | None = None) 
     }
     value = np.asarray(values[colour], dtype=np.float64)
     tiles = Tiles(family.lower[rows], family.size[rows], value)
-    return Standing(tiles, values["spawn_step"])
+    return DrawnAgents(tiles, values["spawn_step"])
 
 
 def look_of(colour: str, values: Floats) -> dict[str, Any]:
@@ -173,7 +173,7 @@ _LIGHT = {0: 0.88, 1: 0.8, 2: 0.95}
 class View(NamedTuple):
     """What is shown of a body: a box (m), less the quarter in front of two upright planes."""
 
-    box: Box
+    box: DrawnBox
     lower: Floats
     upper: Floats
     planes: tuple[float, float]
@@ -237,7 +237,7 @@ def view_told(view: View) -> list[str]:
 
 
 def draw_cubes(
-    ax: Axes3D, scene: Scene, view: View, agents: Standing, look: dict[str, Any]
+    ax: Axes3D, scene: Scene, view: View, agents: DrawnAgents, look: dict[str, Any]
 ) -> Poly3DCollection:
     """Draw the faces of agents that can be seen, coloured by their values."""
     finest = 2.0 * float((view.upper - view.lower).max()) / FINEST

@@ -46,7 +46,7 @@ _EDGES = np.array(
 )  # of a box whose corner k lies at the upper end along axis i if bit i of k is set
 
 
-class Box(NamedTuple):
+class DrawnBox(NamedTuple):
     """The part of a body that a picture in space shows."""
 
     lower: Ints
@@ -58,7 +58,7 @@ class Box(NamedTuple):
     """What a reader must be told."""
 
 
-def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> Box:
+def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> DrawnBox:
     """Return a box around cells, cropped as pictures of a plane are."""
     lower, upper = scene.bounds()
     whole = upper - lower
@@ -75,7 +75,7 @@ def box_around(scene: Scene, cells: Ints, crop: bool | None = None) -> Box:
     block = -(-int((upper - lower).max()) // MOST_ACROSS)
     if block > 1:
         notes.append(f"each voxel stands for {' × '.join([str(block)] * 3)} cells")
-    return Box(lower, upper, block, notes)
+    return DrawnBox(lower, upper, block, notes)
 
 
 def seen_faces(voxels: Ints) -> tuple[Ints, Ints]:
@@ -104,7 +104,7 @@ def draw_voxels(ax: Axes3D, voxels: Ints, edge: float, colours: Floats) -> Poly3
     return drawn
 
 
-def draw_frame(ax: Axes3D, scene: Scene, box: Box) -> None:
+def draw_frame(ax: Axes3D, scene: Scene, box: DrawnBox) -> None:
     """Draw the edges of the body's bounding box, and its rigid sides as hatched planes."""
     edge = scene.lattice.cell_size
     ends = np.stack([box.lower, box.upper]) * edge
@@ -142,7 +142,7 @@ def draw_frame(ax: Axes3D, scene: Scene, box: Box) -> None:
 
 
 def draw_arrows(
-    ax: Axes3D, scene: Scene, box: Box, stage: int | None, most: int = MOST_ARROWS
+    ax: Axes3D, scene: Scene, box: DrawnBox, stage: int | None, most: int = MOST_ARROWS
 ) -> list[str]:
     """Draw the applied forces, or `most` of them; return a note that says how much they are."""
     applied = scene.applied(stage)
@@ -160,7 +160,7 @@ def draw_arrows(
 
 
 def space_for(
-    ax: Axes | None, scene: Scene, box: Box, stage: int | None, most: int = MOST_ARROWS
+    ax: Axes | None, scene: Scene, box: DrawnBox, stage: int | None, most: int = MOST_ARROWS
 ) -> tuple[Axes3D, list[str]]:
     """Return axes with a box's frame and the forces in it, and a note of how much these are."""
     space = cast(Axes3D, new_axes(ax, (6.8, 6.2), "3d"))
@@ -169,7 +169,12 @@ def space_for(
 
 
 def draw_agents_in_space(
-    ax: Axes3D, scene: Scene, stage: Stage, box: Box, norm: Normalize, generation: int | None = None
+    ax: Axes3D,
+    scene: Scene,
+    stage: Stage,
+    box: DrawnBox,
+    norm: Normalize,
+    generation: int | None = None,
 ) -> list[Artist]:
     """Draw the agents that have spawned up to a generation; return the artists."""
     until = stage.generations + 1 if generation is None else generation

@@ -27,7 +27,7 @@ from .spawning.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_o
 from .tractions import Portions, data_error, softest
 
 if TYPE_CHECKING:
-    from kaju.model.scene.loads import Load
+    from kaju.model.scene.loads import LoadTable
     from kaju.model.scene.selection import Selection
 
     from .elastic_result import ElasticResult
@@ -238,7 +238,7 @@ def load_error(result: ElasticResult) -> float:
     return data_error(portions, size, least) / sqrt(2.0 * found.energy)
 
 
-def _off_place(load: Load, chosen: Selection, h: float) -> str:
+def _off_place(load: LoadTable, chosen: Selection, h: float) -> str:
     """Say how far a load on some cells of edge h is moved; nothing if it is not."""
     if load.point is not None:
         how = "with its moment" if chosen.offset is not None else "round its middle"

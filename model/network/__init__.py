@@ -1,7 +1,7 @@
 """Springs between nodes: any graph, loaded in increments, in large deformation."""
 
 from .assembler import Assembler, Geometry
-from .equilibrium import Balance, SpringLaw, elastic_law, find_balance
+from .equilibrium import NetworkBalance, SpringLaw, elastic_law, find_balance
 from .hexagon_body import hexagon_body
 from .increments import IncrementalLoading, load_in_increments, solve
 from .lattices import face_centred, random_geometric, square_braced, triangular
@@ -11,10 +11,10 @@ from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [
     "Assembler",
-    "Balance",
     "Geometry",
     "IncrementalLoading",
     "Method",
+    "NetworkBalance",
     "NetworkResult",
     "SpringLaw",
     "SpringNetwork",

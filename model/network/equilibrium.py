@@ -75,7 +75,7 @@ SpringLaw = Callable[[Floats], tuple[Floats, Floats]]
 """From elongations (m), shape (m,), to tensions (N) and their growth with length (N/m)."""
 
 
-class Balance(NamedTuple):
+class NetworkBalance(NamedTuple):
     """A state in which every free node is in balance."""
 
     displacement: Floats
@@ -108,7 +108,7 @@ def find_balance(
     force_scale: float = 0.0,
     tolerance: float = 1e-12,
     limit: int = 25,
-) -> Balance:
+) -> NetworkBalance:
     """Correct a displacement until the springs carry the force.
 
     Parameters
@@ -148,7 +148,9 @@ def find_balance(
         force_scale = max(force_scale, np.abs(force).max(), np.abs(tension).max())
         residual = float(np.abs(unbalanced).max(initial=0.0))
         if residual <= tolerance * force_scale and not jump.any():
-            return Balance(displacement, tension, residual / (force_scale or 1.0), corrections)
+            return NetworkBalance(
+                displacement, tension, residual / (force_scale or 1.0), corrections
+            )
         if corrections == limit:
             break
         if jump.any():

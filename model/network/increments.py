@@ -20,7 +20,7 @@ from kaju.stopping import stopped
 
 from .assembler import Assembler
 from .equilibrium import (
-    Balance,
+    NetworkBalance,
     elastic_law,
     find_balance,
     solve_tangent,
@@ -42,7 +42,7 @@ class JumpError(ConvergenceError):
     """The balance that was found lies far from where the network was."""
 
 
-class Record(NamedTuple):
+class NetworkRecord(NamedTuple):
     """State of a network at one point of the load path."""
 
     stage: float
@@ -100,7 +100,7 @@ class IncrementalLoading:
         self.solver = tangent_solver(self.assembler, method)
         self.law = elastic_law(network)
         self._force_scale = float(np.abs(network.forces).max())
-        self.records: list[Record] = []
+        self.records: list[NetworkRecord] = []
         self._settle()
 
     @property
@@ -150,7 +150,7 @@ class IncrementalLoading:
     def _settle(self) -> None:
         """Let springs that are stretched or pressed from the start come into balance."""
         rest = np.zeros_like(self.network.positions)
-        start = Record(0.0, rest, self.network.stiffness * self.network.prestretch, 0.0, 0)
+        start = NetworkRecord(0.0, rest, self.network.stiffness * self.network.prestretch, 0.0, 0)
         self.records.append(start)
         try:
             balance = self._balance(start, 0.0)
@@ -161,9 +161,9 @@ class IncrementalLoading:
                 f"rest_length: so far from the first lengths that the springs alone, before any "
                 f"load, find no balance near by ({trouble}); place the nodes nearer to it"
             ) from trouble
-        self.records[0] = Record(0.0, *balance)
+        self.records[0] = NetworkRecord(0.0, *balance)
 
-    def _euler_step(self, last: Record, goal: float) -> Record:
+    def _euler_step(self, last: NetworkRecord, goal: float) -> NetworkRecord:
         geometry = self.assembler.geometry(last.displacement)
         tension, stiffness = self.law(geometry.elongation)
         jump = self.network.displacement_at(goal) - self.network.displacement_at(last.stage)
@@ -183,7 +183,7 @@ class IncrementalLoading:
             )
         return record
 
-    def _record(self, stage: float, displacement: Floats) -> Record:
+    def _record(self, stage: float, displacement: Floats) -> NetworkRecord:
         geometry = self.assembler.geometry(displacement)
         tension, _ = self.law(geometry.elongation)
         force = self.network.force_at(stage)
@@ -191,9 +191,11 @@ class IncrementalLoading:
             force + self.assembler.internal_force(geometry, tension)
         )
         scale = max(self._force_scale, float(np.abs(tension).max())) or 1.0
-        return Record(stage, displacement, tension, np.abs(unbalanced).max(initial=0.0) / scale, 1)
+        return NetworkRecord(
+            stage, displacement, tension, np.abs(unbalanced).max(initial=0.0) / scale, 1
+        )
 
-    def _newton_step(self, last: Record, goal: float) -> Record:
+    def _newton_step(self, last: NetworkRecord, goal: float) -> NetworkRecord:
         start, size, corrections = last.stage, goal - last.stage, 0
         finest = _FINEST * size
         while last.stage < goal:
@@ -213,11 +215,11 @@ class IncrementalLoading:
                     f"and {goal:.6g}): {trouble}"
                 ) from trouble
             corrections += balance.corrections
-            last = Record(target, *balance)
+            last = NetworkRecord(target, *balance)
             size *= 2.0
         return last._replace(corrections=corrections)
 
-    def _balance(self, last: Record, target: float) -> Balance:
+    def _balance(self, last: NetworkRecord, target: float) -> NetworkBalance:
         balance = find_balance(
             self.assembler,
             self.solver,
@@ -251,14 +253,14 @@ class IncrementalLoading:
                 return "the network snaps through states that do not resist"
         return ""
 
-    def _check_stability(self, record: Record) -> None:
+    def _check_stability(self, record: NetworkRecord) -> None:
         geometry = self.assembler.geometry(record.displacement)
         _, stiffness = self.law(geometry.elongation)
         weakness = weakness_of(self.assembler, self.solver, geometry, record.tension, stiffness)
         if weakness is not None:
             raise self._gives_way(record, weakness)
 
-    def _weakest(self, record: Record) -> GivesWayError:
+    def _weakest(self, record: NetworkRecord) -> GivesWayError:
         """Return the direction that a state resists least, by inverse iteration."""
         geometry = self.assembler.geometry(record.displacement)
         _, stiffness = self.law(geometry.elongation)
@@ -268,7 +270,7 @@ class IncrementalLoading:
             direction = self.solver.solve(direction / np.linalg.norm(direction))
         return GivesWayError(direction / np.linalg.norm(direction))
 
-    def _gives_way(self, last: Record, weakness: GivesWayError) -> TangentError:
+    def _gives_way(self, last: NetworkRecord, weakness: GivesWayError) -> TangentError:
         """Name the nodes that move, and attach what was computed up to here."""
         geometry = self.assembler.geometry(last.displacement)
         _, stiffness = self.law(geometry.elongation)

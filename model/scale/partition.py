@@ -47,7 +47,7 @@ FEWEST_FACES = 1500
 
 
 @dataclass(frozen=True)
-class Level:
+class PetscLevel:
     """The faces of one level."""
 
     dm: Any
@@ -72,7 +72,7 @@ class Level:
         return np.asarray(self.number[axis][tuple((faces - self.ghosts[0]).T)])
 
 
-def levels_of(shape: tuple[int, ...], comm: Any) -> list[Level]:
+def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
     """Return the levels of a body's hierarchy, the finest first.
 
     Parameters
@@ -132,7 +132,7 @@ def _cuts(
 
 def _level(
     shape: tuple[int, ...], cuts: list[Index], parts: tuple[int, ...], comm: Any, width: int
-) -> Level:
+) -> PetscLevel:
     from petsc4py import PETSc
 
     dimension = len(shape)
@@ -159,7 +159,7 @@ def _level(
     numbers = np.asarray(dm.getLGMap().getIndices(), dtype=np.int64)
     table = numbers.reshape(*ghost_count[::-1], dm.getEntriesPerElement())
     lower = np.array(start, dtype=np.int64) - 1
-    return Level(
+    return PetscLevel(
         dm,
         shape,
         (lower, lower + np.array(count, dtype=np.int64)),
@@ -169,7 +169,7 @@ def _level(
 
 
 @dataclass(frozen=True)
-class Body:
+class PiecedBody:
     """A scene, cut to the box around its body, and its units."""
 
     scene: Scene
@@ -255,7 +255,7 @@ class Body:
         )
 
 
-def body_of(scene: Scene, stage: int | None) -> Body:
+def body_of(scene: Scene, stage: int | None) -> PiecedBody:
     """Return the body of a scene, with units in which nothing has been chosen yet.
 
     Parameters
@@ -278,10 +278,10 @@ def body_of(scene: Scene, stage: int | None) -> Body:
         applied.force[inside],
         applied.uneven and applied.uneven.within(inside),
     )
-    return Body(scene, stage, lower, shape, Scales(1.0, 1.0, 1.0, 1.0), loads)
+    return PiecedBody(scene, stage, lower, shape, Scales(1.0, 1.0, 1.0, 1.0), loads)
 
 
-def materials_in(body: Body, cells: Box) -> Flags:
+def materials_in(body: PiecedBody, cells: Box) -> Flags:
     """Return which of the scene's materials occur in some cells."""
     count = len(body.scene.cell_materials)
     present = np.zeros(count, dtype=np.bool_)
@@ -292,7 +292,7 @@ def materials_in(body: Body, cells: Box) -> Flags:
     return present
 
 
-def scaled(body: Body, present: Flags) -> Body:
+def scaled(body: PiecedBody, present: Flags) -> PiecedBody:
     """Return a body in units in which its largest modulus and largest force are one."""
     if not present.any():
         raise SceneError("body: no cell is of a material, so there is nothing to solve")
@@ -334,7 +334,7 @@ def slabs_of(box: Box) -> list[Box]:
 
 
 @dataclass(frozen=True)
-class Rows:
+class PetscRows:
     """The rows of the stiffness matrix that belong to some faces, and what acts on them.
 
     Attributes
@@ -357,7 +357,7 @@ class Rows:
     active: Flags
 
 
-def rows_of(body: Body, level: Level, cells: Box) -> Rows:
+def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:
     """Return the rows of the faces below some cells of a process's own, behind its last too."""
     problem, origin = body.window(cells, halo=HALO)
     numbering = Numbering(problem.face_states())
@@ -402,4 +402,4 @@ def rows_of(body: Body, level: Level, cells: Box) -> Rows:
     assert (column >= 0).all()
     right = np.zeros(len(mine))
     right[moves] = load[mine[moves]]
-    return Rows(numbers, start, column, value, right, moves)
+    return PetscRows(numbers, start, column, value, right, moves)

@@ -45,11 +45,11 @@ from kaju.model.scene.kinds import INSIDE
 
 from .partition import (
     HALO,
-    Body,
     Box,
     Index,
-    Level,
-    Rows,
+    PetscLevel,
+    PetscRows,
+    PiecedBody,
     body_of,
     levels_of,
     materials_in,
@@ -110,7 +110,7 @@ def solve_petsc(
     body = scaled(body, np.any(comm.allgather(present), axis=0))
     rows = together(comm, lambda: rows_on(body, levels[0]))
     matrix, right, moves = assembled(levels[0], rows)
-    hierarchy = Hierarchy(levels, matrix, moves)
+    hierarchy = PetscHierarchy(levels, matrix, moves)
     solved = _solved(hierarchy, right, rtol)
     local = levels[0].dm.createLocalVec()
     levels[0].dm.globalToLocal(solved[0], local)
@@ -140,10 +140,10 @@ def solve_petsc(
 
 
 @dataclass(frozen=True)
-class Window:
+class PetscWindow:
     """A process's own cells and those around them, with their displacements."""
 
-    body: Body
+    body: PiecedBody
     problem: ElasticProblem
     origin: Index
     """Cell of the body at which the problem's rim begins."""
@@ -196,7 +196,7 @@ class Window:
         return {name: self.problem.scales.force * force for name, force in found.items()}
 
 
-def window_of(body: Body, level: Level, local: Any) -> Window:
+def window_of(body: PiecedBody, level: PetscLevel, local: Any) -> PetscWindow:
     """Return a process's part of the answer, from PETSc's local vector with its ghosts."""
     shape = np.array(body.shape)
     cells = np.maximum(level.own[0], 0), np.minimum(level.own[1], shape)
@@ -221,7 +221,7 @@ def window_of(body: Body, level: Level, local: Any) -> Window:
         inside = np.all((own >= 0) & (own < np.array(field.shape)), axis=1)
         mine[tuple(own[inside].T)] = True
         owned.append(mine)
-    return Window(body, problem, origin, cells, tuple(faces), tuple(owned))
+    return PetscWindow(body, problem, origin, cells, tuple(faces), tuple(owned))
 
 
 def communicator() -> Any:
@@ -290,7 +290,7 @@ def _examined(
 Solved = tuple[Any, list[float], bool, float]
 
 
-def _solved(hierarchy: Hierarchy, right: Any, rtol: float) -> Solved:
+def _solved(hierarchy: PetscHierarchy, right: Any, rtol: float) -> Solved:
     """Return displacements, residuals, whether they suffice, and the coarser level's potential."""
     start = right.duplicate()
     start.set(0.0)
@@ -318,7 +318,7 @@ def _potential(matrix: Any, x: Any, right: Any) -> float:
     return 0.5 * float(x.dot(force)) - float(x.dot(right))
 
 
-def _missed(hierarchy: Hierarchy, right: Any, solved: Solved, energy: float) -> float:
+def _missed(hierarchy: PetscHierarchy, right: Any, solved: Solved, energy: float) -> float:
     """Return the relative error of the parents' answer, by its potential energy."""
     x, _, _, coarser = solved
     missed = 2.0 * (coarser - _potential(hierarchy.matrices[0], x, right))
@@ -330,7 +330,7 @@ def _result(
     scene: Scene,
     stage: int | None,
     division: int,
-    window: Window,
+    window: PetscWindow,
     solution: Solution,
     comm: Any,
     seconds: float,
@@ -360,12 +360,12 @@ def _result(
     )
 
 
-def rows_on(body: Body, level: Level) -> list[Rows]:
+def rows_on(body: PiecedBody, level: PetscLevel) -> list[PetscRows]:
     """Return the rows of a process's own faces."""
     return [rows_of(body, level, cells) for cells in slabs_of(level.own)]
 
 
-def assembled(level: Level, parts: list[Rows]) -> tuple[Any, Any, Any]:
+def assembled(level: PetscLevel, parts: list[PetscRows]) -> tuple[Any, Any, Any]:
     """Return stiffness matrix, right-hand side, and a vector that is 1 at faces that move."""
     row = np.concatenate([part.row for part in parts])
     right, moves = level.dm.createGlobalVec(), level.dm.createGlobalVec()
@@ -375,7 +375,7 @@ def assembled(level: Level, parts: list[Rows]) -> tuple[Any, Any, Any]:
     return _matrix(parts, row - first, right), right, moves
 
 
-def _matrix(parts: list[Rows], place: Index, like: Any, columns: Any = None) -> Any:
+def _matrix(parts: list[PetscRows], place: Index, like: Any, columns: Any = None) -> Any:
     """Return a PETSc matrix of rows in any order."""
     from petsc4py import PETSc
 
@@ -391,7 +391,7 @@ def _matrix(parts: list[Rows], place: Index, like: Any, columns: Any = None) -> 
     return PETSc.Mat().createAIJ(sizes, csr=csr, comm=like.getComm())
 
 
-def interpolation(fine: Level, coarse: Level, moves: Any = None) -> Any:
+def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> Any:
     """Return the matrix from the coarse faces to the fine ones.
 
     Parameters
@@ -422,7 +422,7 @@ def interpolation(fine: Level, coarse: Level, moves: Any = None) -> Any:
         keep[np.ix_(whole, second)] = False
         start = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
         nothing = np.zeros(len(row))
-        parts.append(Rows(row, start, column[keep], weight[keep], nothing, nothing > 0))
+        parts.append(PetscRows(row, start, column[keep], weight[keep], nothing, nothing > 0))
     place = np.concatenate([part.row for part in parts]) - first
     return _matrix(parts, place, like, columns)
 
@@ -441,19 +441,19 @@ def _across(face: Index) -> list[tuple[Index, Floats]]:
     return [(parent, np.full(len(face), 0.75)), (beside, np.full(len(face), 0.25))]
 
 
-class Hierarchy:
+class PetscHierarchy:
     """Matrices of all levels, the finest first, and solvers that start on any of them.
 
     Parameters
     ----------
-    levels : list of Level
+    levels : list of PetscLevel
     matrix : Mat
         Of the finest level.
     moves : Vec
         1 at the finest faces that move.
     """
 
-    def __init__(self, levels: list[Level], matrix: Any, moves: Any) -> None:
+    def __init__(self, levels: list[PetscLevel], matrix: Any, moves: Any) -> None:
         from petsc4py import PETSc
 
         self.matrices, self.interpolations = [matrix], []

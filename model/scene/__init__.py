@@ -2,7 +2,7 @@
 
 from .body import Body
 from .lattice import Lattice
-from .loads import Load, LoadRegion
+from .loads import LoadRegion, LoadTable
 from .regions import Region, RegionImage, Round
 from .scene import Scene, load_scene, scene_needed
 from .selection import AppliedLoads
@@ -12,8 +12,8 @@ __all__ = [
     "AppliedLoads",
     "Body",
     "Lattice",
-    "Load",
     "LoadRegion",
+    "LoadTable",
     "Region",
     "RegionImage",
     "Round",

@@ -19,7 +19,7 @@ from kaju.model.rheology.load_history import History
 from .body import Body
 from .contents import NOT_BODY
 from .described import Count, Described, Flag, Number, Text, one_given
-from .loads import Load
+from .loads import LoadTable
 from .shared_materials import shared_materials
 from .sides import SideCondition
 
@@ -254,7 +254,7 @@ class Description(Described):
     legend: dict[Text, Text] = Field(default_factory=dict)
     materials: dict[Text, MaterialEntry] = Field(default_factory=dict)
     sides: dict[Text, SideCondition] = Field(default_factory=dict)
-    loads: tuple[Load, ...] = ()
+    loads: tuple[LoadTable, ...] = ()
     rule: RuleEntry = PrescribedRule()
     history: HistoryEntry | None = None
 

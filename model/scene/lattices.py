@@ -17,7 +17,7 @@ from kaju.errors import SceneError
 from .lattice import PERIOD, Cells, Lattice, area_of
 
 
-class Boxes(Lattice):
+class BoxLattice(Lattice):
     """Squares or cubes along the axes: everything by formula, in two and three dimensions."""
 
     boxes: ClassVar[bool] = True
@@ -117,7 +117,7 @@ class Boxes(Lattice):
         return loads
 
 
-class Squares(Boxes):
+class Squares(BoxLattice):
     """Squares.
 
     Examples
@@ -131,7 +131,7 @@ class Squares(Boxes):
     kind: ClassVar[str] = "square"
 
 
-class Cubes(Boxes):
+class Cubes(BoxLattice):
     """Cubes.
 
     Examples
@@ -207,7 +207,9 @@ MOST_DIRECTIONS = 8
 def check_lattice(lattice: Lattice) -> None:
     """Refuse a lattice of one's own whose answers do not fit together."""
     few = lattice.few
-    if isinstance(lattice, Boxes):  # its places and neighbours are formulas; its ways are its own
+    if isinstance(
+        lattice, BoxLattice
+    ):  # its places and neighbours are formulas; its ways are its own
         conditions = _of_ways(lattice)
     else:
         conditions = chain(

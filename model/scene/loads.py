@@ -106,7 +106,7 @@ class LoadRegion(Described):
         return flat[0] if flat else None
 
 
-class Load(Described):
+class LoadTable(Described):
     """A force or a pressure, and where it acts.
 
     Exactly one place: `cell`, `point` or `region`, or `side` alone. Exactly one of `force`,
@@ -170,7 +170,7 @@ class Load(Described):
     )
 
     @model_validator(mode="after")
-    def _one_place_one_load(self) -> Load:
+    def _one_place_one_load(self) -> LoadTable:
         places = [name for name in ("cell", "point", "region") if getattr(self, name) is not None]
         if len(places) > 1 or not (places or self.side):
             raise ParameterError(

@@ -13,7 +13,7 @@ from kaju.errors import ParameterError, SceneError
 from . import kinds
 from .body import Body
 from .lattice import Cells, Lattice
-from .loads import Load
+from .loads import LoadTable
 from .pictures import Picture, check_size
 from .selection import Selection
 
@@ -50,12 +50,12 @@ def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) 
 
 
 def refined_loads(
-    loads: Sequence[Load],
+    loads: Sequence[LoadTable],
     selections: Sequence[Selection],
     lattice: Lattice,
     fine_kinds: Kinds,
     k: int,
-) -> Iterator[Load]:
+) -> Iterator[LoadTable]:
     """Yield loads of the same force on the same places of the finer lattice.
 
     Points, regions and sides are places in metres and stay. A load on a face of a cell is
@@ -74,8 +74,8 @@ def refined_loads(
 
 
 def _on_face(
-    load: Load, cell: tuple[int, ...], arm: int, lattice: Lattice, fine_kinds: Kinds, k: int
-) -> Iterator[Load]:
+    load: LoadTable, cell: tuple[int, ...], arm: int, lattice: Lattice, fine_kinds: Kinds, k: int
+) -> Iterator[LoadTable]:
     axis, upper_end = divmod(arm, 2)
     along = [range(k * index, k * index + k) for index in cell]
     along[axis] = along[axis][-1:] if upper_end else along[axis][:1]
@@ -96,8 +96,8 @@ def _on_face(
         yield _changed(load, cell=tuple(map(int, child)), side=side, force=force)
 
 
-def _changed(load: Load, **changes: object) -> Load:
-    return Load(**(dict(load) | {"cell": None, "side": None} | changes))
+def _changed(load: LoadTable, **changes: object) -> LoadTable:
+    return LoadTable(**(dict(load) | {"cell": None, "side": None} | changes))
 
 
 def _box(cell: tuple[int, ...], size: float) -> tuple[list[float], list[float]]:

@@ -22,7 +22,7 @@ from . import kinds
 from .contents import Contents
 from .filling import CellBox, Filling, count, grid, slabs
 from .lattice import Cells, Lattice
-from .loads import Load
+from .loads import LoadTable
 from .shapes import Box, Shape
 
 MOST_FACES = 50_000_000
@@ -53,7 +53,7 @@ class Selection:
             return np.ones(len(self.cells))
         return np.asarray((self.part[:, 1] - self.part[:, 0]).prod(axis=1))
 
-    def uneven(self, load: Load, force: Floats, lattice: Lattice, thickness: float) -> Uneven:
+    def uneven(self, load: LoadTable, force: Floats, lattice: Lattice, thickness: float) -> Uneven:
         """Return which faces the load covers in part, or not evenly, and how."""
         n, d = self.cells.shape
         if self.part is None and self.offset is None and load.pressure_slope is None:
@@ -73,7 +73,7 @@ class Selection:
         row = np.flatnonzero(odd)
         return Uneven(row, part[row], growth[row])
 
-    def forces(self, load: Load, lattice: Lattice, thickness: float) -> Floats:
+    def forces(self, load: LoadTable, lattice: Lattice, thickness: float) -> Floats:
         """Return the force (N) on each face or cell, shape (n, dimension)."""
         if load.force is not None:
             return np.outer(self.share / self.share.sum(), np.asarray(load.force))
@@ -284,7 +284,7 @@ def _check_free(filling: Filling, cells: Cells, direction: Ints, where: str) -> 
 _NUDGE = 1e-6  # of a cell: a point this near to a neighbour belongs to both
 
 
-def select(filling: Filling, load: Load, where: str) -> Selection:
+def select(filling: Filling, load: LoadTable, where: str) -> Selection:
     """Return the faces and cells that a load acts on."""
     lattice = filling.lattice
     if load.force is not None:
@@ -314,7 +314,7 @@ def select(filling: Filling, load: Load, where: str) -> Selection:
     return _in_region(filling, load, load.region.box, f"{where}.region.box")
 
 
-def _in_region(filling: Filling, load: Load, box: Corners, where: str) -> Selection:
+def _in_region(filling: Filling, load: LoadTable, box: Corners, where: str) -> Selection:
     assert load.region is not None
     region = load.region
     for corner in box:
@@ -385,7 +385,7 @@ def _cells_at(filling: Filling, point: tuple[float, ...], where: str) -> Cells:
     return cells[found >= 0]
 
 
-def _into(filling: Filling, cells: Cells, load: Load, where: str) -> Selection:
+def _into(filling: Filling, cells: Cells, load: LoadTable, where: str) -> Selection:
     """Return the faces by which a load enters single cells."""
     if load.side is not None:
         lattice = filling.lattice
@@ -471,7 +471,7 @@ class AppliedLoads:
 
 def at_stage(
     contents: Contents,
-    loads: Sequence[Load],
+    loads: Sequence[LoadTable],
     selections: Sequence[Selection],
     stage: int,
     thickness: float,
@@ -500,7 +500,7 @@ def at_stage(
     )
 
 
-def _said(load: Load) -> int:
+def _said(load: LoadTable) -> int:
     """Return what a load's description says of its sense."""
     if load.sense is not None:
         return PUSH if load.sense == "push" else PULL

@@ -20,7 +20,7 @@ from kaju.files import scratch_beside
 
 from .body import Body
 from .description import TABLES, Description
-from .loads import Load
+from .loads import LoadTable
 from .pictures import EMBEDDED, Picture
 from .shared_materials import LONGEST, with_shared
 
@@ -120,7 +120,7 @@ def _check_first(key: str) -> None:
     homes = {
         "rule.": {key for table in TABLES.values() for key in table.model_fields},
         "body.": set(Body.model_fields),
-        "loads.0.": set(Load.model_fields),
+        "loads.0.": set(LoadTable.model_fields),
     }
     whole = {key: home + key for home, keys in homes.items() for key in keys}
     near = get_close_matches(key, list(whole), n=1, cutoff=0.7)

@@ -39,7 +39,7 @@ ELASTIC_TOLERANCE = 1e-6
 """So far the elastic agents are run beside a prescribed rule."""
 
 
-class Way(NamedTuple):
+class StraightWay(NamedTuple):
     """A straight way through the body: its two ends (m), and its depth below the load (m).
 
     The depth of the way down from the load is None.
@@ -71,14 +71,14 @@ class BesideElasticity:
     """What is to be known of it, such as that it was interrupted."""
 
     @property
-    def down(self) -> Way:
+    def down(self) -> StraightWay:
         """The way from the middle of the load through the body, along the load."""
         place, _, far = self._load
         start, end = place.copy(), place.copy()
         start[self.axis], end[self.axis] = self._surface, far
-        return Way(tuple(start.tolist()), tuple(end.tolist()), None)
+        return StraightWay(tuple(start.tolist()), tuple(end.tolist()), None)
 
-    def rows(self, depths: Sequence[float] | None = None) -> list[Way]:
+    def rows(self, depths: Sequence[float] | None = None) -> list[StraightWay]:
         """Return ways across the load at some depths (m) below it.
 
         Parameters
@@ -103,7 +103,7 @@ class BesideElasticity:
             start, end = place.copy(), place.copy()
             start[self.axis] = end[self.axis] = self._surface + into * depth
             start[across], end[across] = 0.0, self.scene.lattice.extent[across]
-            ways.append(Way(tuple(start.tolist()), tuple(end.tolist()), float(depth)))
+            ways.append(StraightWay(tuple(start.tolist()), tuple(end.tolist()), float(depth)))
         return ways
 
     @property

@@ -20,7 +20,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import AgentError
 from kaju.model.scene import Scene
 
-from .stage import History, Ledger, News, Stage, TakenRows, Totals
+from .stage import Ledger, News, Stage, TakenHistory, TakenRows, Totals
 from .transfer import Transfer
 
 MOST_INDEXED = 1 << 27
@@ -121,7 +121,7 @@ class AgentTable:
         return newborn
 
 
-class Rows(NamedTuple):
+class WaitingLoads(NamedTuple):
     """Waiting loads, ordered by cell, state and magnitude."""
 
     slot: Ints
@@ -131,9 +131,9 @@ class Rows(NamedTuple):
     copies: Floats
     """How many equal loads the row stands for."""
 
-    def part(self, chosen: Any) -> Rows:
+    def part(self, chosen: Any) -> WaitingLoads:
         """Return some of the rows."""
-        return Rows(self.slot[chosen], self.number[chosen], self.copies[chosen])
+        return WaitingLoads(self.slot[chosen], self.number[chosen], self.copies[chosen])
 
 
 class Arrivals(NamedTuple):
@@ -207,7 +207,7 @@ class Sent(NamedTuple):
     """Magnitudes that travel next (N)."""
 
 
-class PackedHistory(History):
+class PackedHistory(TakenHistory):
     """A history that is unpacked when it is looked at: its columns can be larger than the run."""
 
     def __init__(self, record: list[tuple[Ints, Floats]], states: int, directions: int) -> None:
@@ -316,7 +316,7 @@ class ArrayEngine:
         sent = self._what_they_send(kind)
         self._new_values(sent.values)
         self._name_cells(slot)
-        pieces: list[Rows] = []
+        pieces: list[WaitingLoads] = []
         tail: list[Arrivals] = []
         begin, whole = 0, self.accumulate or self.names is not None
         while begin < len(slot):
@@ -501,7 +501,7 @@ class ArrayEngine:
             woken_by[cell[rousing[rows.bits[rousing] == bit]]] |= bit
         return Arrivals(found + first * self.codes, amount[found], woken_by[found // self.codes])
 
-    def _arrive(self, rows: Arrivals) -> Rows:
+    def _arrive(self, rows: Arrivals) -> WaitingLoads:
         """Wake agents in the cells that loads have reached; return the loads that wait there."""
         copies = rows.amount
         if self.accumulate:
@@ -519,18 +519,20 @@ class ArrayEngine:
             agent[new] = self.agents.spawn(cells[new], woken_by, self.generation + 1)
         agent = np.repeat(agent, _lengths(first, len(key)))
         if self.accumulate:
-            return Rows(agent * self.states + rest, np.arange(len(rest), dtype=np.int32), copies)
+            return WaitingLoads(
+                agent * self.states + rest, np.arange(len(rest), dtype=np.int32), copies
+            )
         state, number = _divided(rest, self.codes // self.states)
-        return Rows(agent * self.states + state, number.astype(np.int32), copies)
+        return WaitingLoads(agent * self.states + state, number.astype(np.int32), copies)
 
-    def _wait(self, pieces: list[Rows]) -> None:
+    def _wait(self, pieces: list[WaitingLoads]) -> None:
         """Let loads wait to be taken; only the magnitudes that still travel stay in the table."""
         slot, number, copies = (np.concatenate(column) for column in zip(*pieces, strict=True))
         used = np.bincount(number, minlength=len(self.values)) > 0
         if not used.all():
             self.values = self.values[used]
             number = (np.cumsum(used, dtype=np.int32) - 1)[number]
-        self.waiting = Rows(slot, number, copies)
+        self.waiting = WaitingLoads(slot, number, copies)
         self.load = self.values[number] * copies
         self.pending = float(self.load.sum())
 

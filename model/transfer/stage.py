@@ -47,7 +47,7 @@ class Ledger:
 
 
 @dataclass(frozen=True, eq=False)
-class History:
+class TakenHistory:
     """Loads taken, generation by generation: one row per agent, direction and generation.
 
     Attributes
@@ -139,7 +139,7 @@ class Stage:
     arrived: Floats
     """Loads that reached them (N), by the direction their force points along. Shape (boundary
     agents, directions)."""
-    history: History
+    history: TakenHistory
     """The loads taken, generation by generation."""
     ledger: Ledger
     """The account of every newton."""
@@ -161,10 +161,10 @@ class TakenRows(NamedTuple):
         return cls(*(np.concatenate(column) for column in columns))
 
 
-def history_of(record: Iterable[TakenRows], key: Ints, directions: int) -> History:
+def history_of(record: Iterable[TakenRows], key: Ints, directions: int) -> TakenHistory:
     """Return the loads taken as a history of agents, whose cells are `key`."""
     taken = TakenRows.joined(record)
     order = np.argsort(key)
     agent = order[np.searchsorted(key, taken.key, sorter=order)]
     pull, direction = np.divmod(taken.state, directions)
-    return History(taken.generation, agent, direction, taken.load, pull > 0)
+    return TakenHistory(taken.generation, agent, direction, taken.load, pull > 0)

@@ -32,7 +32,7 @@ from kaju.model.scene.kinds import AIR, INSIDE, RIGID, ROLLER
 
 from .deformation import DisplacementField, Squeeze, squeeze
 from .stability import Certificate
-from .stage import History, Ledger, Stage
+from .stage import Ledger, Stage, TakenHistory
 from .transfer import BOUNDARY_NAMES, pulls, split_force
 
 if TYPE_CHECKING:
@@ -396,7 +396,7 @@ class TransferResult(BodyResult):
                 unknown = (len(columns["returned"]), scene.lattice.directions)
                 columns["arrived"] = np.full(unknown, np.nan)
             agents = {"agents": len(columns["cells"])}
-            history = History(**archive.columns(HISTORY, sizes | agents, f"{number}.history."))
+            history = TakenHistory(**archive.columns(HISTORY, sizes | agents, f"{number}.history."))
             stages.append(Stage(**told, **columns, history=history))
         if not 1 <= len(stages) <= scene.stages:
             raise ResultError(f"it has {len(stages)} stages, the scene {scene.stages}")
@@ -436,7 +436,7 @@ PICTURES = (
 )
 
 
-def _columns(record: Stage | History) -> dict[str, NDArray[Any]]:
+def _columns(record: Stage | TakenHistory) -> dict[str, NDArray[Any]]:
     every = {field.name: getattr(record, field.name) for field in fields(record)}
     return {name: value for name, value in every.items() if isinstance(value, np.ndarray)}
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from kaju.errors import KajuError, SceneError, SceneFileError
-from kaju.model.scene import Body, Load, Region, Scene, SideCondition
+from kaju.model.scene import Body, LoadTable, Region, Scene, SideCondition
 
 BODY = {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"}
 GIVEN = {"sides": {"bottom": "rigid"}, "loads": [{"cell": [10, 19], "force": [0, -2]}]}
@@ -270,7 +270,7 @@ def test_python_is_as_strict_as_files():
     with pytest.raises(SceneError, match=r"^size.0: must be above 0, got -1"):
         Body(size=[-1, 1], cells=[1, 1], material="ice")
     with pytest.raises(SceneError, match=r"^force.0: must be a number, got 'much'"):
-        Load(cell=[0, 0], force=["much", 0])
+        LoadTable(cell=[0, 0], force=["much", 0])
     with pytest.raises(SceneError, match=r"^box: a region has exactly one shape"):
         Region(material="ice")
     with pytest.raises(SceneError, match=r"^stiffness: must be above 0"):
@@ -282,7 +282,7 @@ def test_python_is_as_strict_as_files():
 
 
 def test_descriptions_cannot_be_changed():
-    load = Load(cell=[0, 0], force=[0, -1])
+    load = LoadTable(cell=[0, 0], force=[0, -1])
     with pytest.raises(ValueError, match=r"frozen"):
         load.steps = 5
 
@@ -308,7 +308,7 @@ anything = st.recursive(
 )
 PLACES = [
     *[f"body.{key}" for key in Body.model_fields if key not in ("image", "array")],
-    *[f"loads.0.{key}" for key in Load.model_fields],
+    *[f"loads.0.{key}" for key in LoadTable.model_fields],
     "body", "legend", "materials", "materials.steel", "materials.m.youngs_modulus", "sides",
     "sides.bottom", "sides.left", "loads", "loads.0", "rule", "rule.kind", "rule.alpha",
     "rule.beta", "rule.threshold", "rule.materials", "regions", "nothing",

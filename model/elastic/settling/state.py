@@ -20,7 +20,7 @@ Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class LevelFaces:
     """The faces of one level."""
 
     left: Floats
@@ -49,7 +49,7 @@ class PushState:
                 left[: len(table.load)] = table.load
             moved, taken = np.zeros(level.size), np.zeros(level.size)
             step = np.zeros(level.size, dtype=np.int64)
-            self.grounds.append(Ground(left, moved, taken, step, table.weight(number)))
+            self.grounds.append(LevelFaces(left, moved, taken, step, table.weight(number)))
         self.energy = 0.0
         self.pushes = 0
         self.generation = 0

@@ -22,7 +22,7 @@ from kaju.model.elastic.supports import check_supports
 from kaju.model.scene.kinds import AIR
 
 from . import block_kernels as kernels
-from .blocks import BlockBalance, Rows, Window
+from .blocks import BlockBalance, BlockRows, Window
 from .forest import ACROSS, ways
 from .held import check_held
 from .leaves import Index
@@ -127,7 +127,7 @@ class BlockMultigrid:
             (8 * k - 4) / (2 * k + 1) / radius,
             balance.scale,
         )
-        self._rows = Rows(*self._rounded(*balance.rows))
+        self._rows = BlockRows(*self._rounded(*balance.rows))
         self._pages = Pages(*self._rounded(*balance.pages))
         self._ties = self._rounded(*balance.layout.ties)
         self._u: NDArray[Any] = np.zeros(balance.shape, real)

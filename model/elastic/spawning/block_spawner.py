@@ -79,7 +79,7 @@ def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class BlockGeneration:
     """One step of spawning, agents told by their blocks; see `Generation`."""
 
     error: float
@@ -102,7 +102,7 @@ class Record:
 class Records(Sequence[Generation]):
     """Generations, laid out agent by agent when they are asked for."""
 
-    def __init__(self, records: Sequence[Record] = ()) -> None:
+    def __init__(self, records: Sequence[BlockGeneration] = ()) -> None:
         self.records = list(records)
 
     def __len__(self) -> int:
@@ -321,7 +321,7 @@ class BlockSpawner(Spawner):
     ) -> None:
         super().__init__(forest.ground, tolerance, most_agents)
         self._rest = CYCLE[forest.dimension]
-        self.records: list[Record] = []
+        self.records: list[BlockGeneration] = []
         self._mirrors: tuple[int, ...] = ()
         if previous is None:
             blocks = BlockBalance(forest)
@@ -450,4 +450,4 @@ class BlockSpawner(Spawner):
 
     def _remember(self, iterations: int, chosen: Flags) -> None:
         cost = (self.error, self.energy, iterations + 1)  # a cycle is gone along as well
-        self.records.append(Record(*cost, self.blocks.forest, self._loads, chosen))
+        self.records.append(BlockGeneration(*cost, self.blocks.forest, self._loads, chosen))

@@ -149,7 +149,7 @@ def _halves(d: int, stride: Index) -> tuple[Index, Index, Index]:
     return start, np.array(fine), np.array(source)
 
 
-class Rows(NamedTuple):
+class BlockRows(NamedTuple):
     """Strains where agents of two sizes meet, level by level of the smaller ones."""
 
     level: Index  # shape (levels + 1,): First row of every level
@@ -334,7 +334,7 @@ class BlockBalance:
         kernels.clean(u, forest.leaf, self.page[1], self.pages.mask)
         return u
 
-    def _rows(self) -> Rows:
+    def _rows(self) -> BlockRows:
         """Return the strains of all edges, and of all large agents, where two sizes meet."""
         forest, d = self.forest, self.forest.dimension
         irregular = (self.states == COARSE) | (self.states == REFINED)
@@ -343,7 +343,7 @@ class BlockBalance:
         if not len(block):
             nothing = np.empty(0, dtype=np.int64)
             level = np.zeros(forest.depth + 1, dtype=np.int64)
-            return Rows(level, np.zeros(1, np.int64), nothing, np.empty(0), np.empty(0))
+            return BlockRows(level, np.zeros(1, np.int64), nothing, np.empty(0), np.empty(0))
         reach = _reach(d)
         meets = irregular.astype(np.float32)
         window = Window(forest, block, meets[block] @ reach.max(axis=(2, 3, 4)) > 0)
@@ -378,7 +378,7 @@ def _reach(dimension: int) -> NDArray[np.float32]:
     return found.astype(np.float32)
 
 
-def _collected(forest: Forest, window: Window, edges: list[Index]) -> Rows:
+def _collected(forest: Forest, window: Window, edges: list[Index]) -> BlockRows:
     """Return the strains of large agents and of some edges as rows over places."""
     grid, balance, d = window.grid, window.balance, forest.dimension
     n = len(grid.leaves)
@@ -407,7 +407,7 @@ def _collected(forest: Forest, window: Window, edges: list[Index]) -> Rows:
     new[number] = np.arange(len(number))
     order = order[np.argsort(new[row[order]], kind="stable")]
     counts = np.bincount(new[row[order]], minlength=len(number))
-    return Rows(
+    return BlockRows(
         np.searchsorted(level[number], np.arange(forest.depth + 1)),
         np.concatenate([[0], np.cumsum(counts)]),
         place[order],

@@ -13,7 +13,7 @@ error of all (U: strain energy).
 
 from __future__ import annotations
 
-from itertools import product
+from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +76,7 @@ class Ahead(NamedTuple):
         return np.asarray(np.bincount(self.beyond, push, n) - np.bincount(self.leaf, push, n))
 
 
-class Beside(NamedTuple):
+class CurvatureAcross(NamedTuple):
     """∂²u_a/∂b² of the leaves, as a sum over the slopes at their edges."""
 
     axes: tuple[int, int]  # a and b
@@ -85,7 +85,7 @@ class Beside(NamedTuple):
     weight: Floats  # Of either gradient at each edge. Shape (2, 4, leaves)
 
     @classmethod
-    def of(cls, grid: Composite, a: int, b: int) -> Beside:
+    def of(cls, grid: Composite, a: int, b: int) -> CurvatureAcross:
         """Return the edges of a grid that tell ∂²u_a/∂b²; where some are unknown it is zero."""
         edges = grid.edges[min(a, b), max(a, b)]
         gradients, table = oriented(edges, a < b)
@@ -155,7 +155,7 @@ class Curvature:
         self._shear = unit * moduli.shear[kind]
         self._lateral = unit * np.maximum(moduli.lateral[kind], 0.0)
         self._ahead = [Ahead.of(grid, a) for a in axes]
-        self._beside = [Beside.of(grid, a, b) for a, b in product(axes, repeat=2) if a != b]
+        self._beside = [CurvatureAcross.of(grid, a, b) for a, b in permutations(axes, 2)]
 
     def of(self, u: Floats, walls: Floats | None = None) -> Bends:
         """Return the second differences of displacements of the faces.

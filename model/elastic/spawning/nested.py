@@ -48,7 +48,7 @@ class NestedMultigrid:
 
     def __init__(self, balance: Balance) -> None:
         direct = self._direct_limit = _direct_limit(balance.grid.ground)
-        self._levels: list[_Level] = []
+        self._levels: list[_NestedLevel] = []
         ancestors = [balance]
         while len(ancestors[-1].free) > direct:
             grid = ancestors[-1].grid
@@ -151,7 +151,7 @@ def _direct_limit(ground: Ground) -> int:
     return RUBBER[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]
 
 
-class _Level:
+class _NestedLevel:
     """One generation: its stiffness, the way to its parents, and the faces that it changed.
 
     Only these yield to their residuals, for the others did so among their parents (Brandt
@@ -205,8 +205,8 @@ class _Level:
         x[self.rows] += total
 
 
-def _level(balance: Balance, prolong: sp.csr_array | None = None) -> _Level:
-    return _Level(balance.stiffness(balance.free), prolong)
+def _level(balance: Balance, prolong: sp.csr_array | None = None) -> _NestedLevel:
+    return _NestedLevel(balance.stiffness(balance.free), prolong)
 
 
 def _inverse(matrix: sp.csr_array) -> Floats:

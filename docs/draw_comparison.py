@@ -20,7 +20,7 @@ from kaju.model.study.fitting import Fit, fit_rule
 from kaju.model.study.reference import Reference
 from kaju.model.transfer.load_model import LoadModel
 from kaju.view.comparison import Line, plot_maps, plot_profiles, plot_shapes, plot_stress_ratio
-from kaju.view.files import save
+from kaju.view.picture_files import save
 
 ROOT = Path(__file__).parent.parent
 PICTURES = Path(__file__).parent / "pictures"

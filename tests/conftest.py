@@ -34,7 +34,7 @@ def pytest_runtest_makereport(item, call):
 @pytest.fixture
 def coarse(monkeypatch):
     """Let pictures and films be coarse, which is quick."""
-    monkeypatch.setattr("kaju.view.files.RESOLUTION", 40)
+    monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
     monkeypatch.setattr("kaju.view.animation._RESOLUTION", 30)
 
 

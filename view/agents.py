@@ -20,7 +20,7 @@ from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body import draw_body, draw_forces, finish
+from .body_plots import draw_body, draw_forces, finish
 from .section import Section, section_of
 from .style import INK, PULL, SEQUENTIAL, add_polygons, colour_bar, new_axes
 from .units import counted, quantity

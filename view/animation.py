@@ -24,10 +24,10 @@ from kaju.model.scene import Scene
 from . import motion
 from .creep import curves_over_time, network_over_time
 from .face_agents import waves
-from .files import new_folder
 from .fracture_plots import breaking
 from .motion import film_of_motion
 from .network_plots import increments
+from .picture_files import new_folder
 from .plots import check_options
 from .reels import Reel, creeping, generations, growing, loading, spawning
 

@@ -21,8 +21,8 @@ from kaju.errors import ParameterError
 from kaju.model.study.compare import Comparison, Pair, near_line
 from kaju.model.study.reference import Reference
 
-from .body import draw_body, draw_forces
-from .cuts import KEPT, frame_cuts
+from .body_plots import draw_body, draw_forces
+from .cut_plots import KEPT, frame_cuts
 from .deformed import corner_displacements
 from .maps import Quantity, draw_map
 from .section import Section, section_of

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from kaju.errors import ParameterError
 from kaju.model.results.result import Curves
 
-from .body import draw_forces, finish
+from .body_plots import draw_forces, finish
 from .comparison import COLOURS
 from .deformed import draw_deformation, moving_cells
 from .network_plots import Colour, Stand, plot_network
@@ -26,8 +26,8 @@ from .units import quantity
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from kaju.model.rheology.creep_result import BodyCourse, Course
     from kaju.model.rheology.network import NetworkCreepResult
-    from kaju.model.rheology.state import BodyCourse, Course
 
 
 _ACROSS = 2  # panels side by side

@@ -19,7 +19,7 @@ from kaju.model.results.mesh import same_points
 from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body import draw_body, draw_forces, finish
+from .body_plots import draw_body, draw_forces, finish
 from .layers import OUTLINED, Layer, layer_of, squares_of
 from .section import Section, section_of
 from .style import BODY, FAINT, SIZE, add_polygons, colour_bar, new_axes

@@ -21,7 +21,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 
 from .agents import spawn_bar, spawn_norm
-from .body import draw_body, draw_forces, finish
+from .body_plots import draw_body, draw_forces, finish
 from .reels import TWO_LINES, Reel
 from .section import Section, section_of
 from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, figure_of, new_axes, new_figure

@@ -16,7 +16,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.result import Tiles
 
-from .body import draw_body
+from .body_plots import draw_body
 from .section import Section, layer_at, section_of
 from .style import INK, add_polygons
 from .units import grouped, quantity

@@ -15,9 +15,9 @@ from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
-from .body import draw_body, draw_forces, finish
+from .body_plots import draw_body, draw_forces, finish
 from .layers import DrawnSquares, draw_squares, draw_surroundings, layer_of, squares_of
-from .loads import load_norm
+from .load_plots import load_norm
 from .section import Section, section_of
 from .style import DIVERGING, LOADS, SIZE, add_polygons, colour_bar, new_axes
 from .units import quantity

@@ -29,14 +29,14 @@ from kaju.model.results.result import BodyResult
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .deformed import Joined, check_magnification, join, largest_shift
-from .files import new_folder
+from .picture_files import new_folder
 from .style import SIZE
 from .units import round_down
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.network.network_result import NetworkResult
-    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.creeping_body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
     from kaju.model.rheology.network import NetworkCreepResult
 

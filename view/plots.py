@@ -19,17 +19,17 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import plot_agents
-from .body import draw_scene
+from .body_plots import draw_scene
 from .creep import plot_body_at, plot_curves, plot_network_at
-from .cuts import plot_cuts
+from .cut_plots import plot_cuts
 from .deformed import plot_deformed
 from .face_agents import plot_face_agents, plot_left
-from .files import save
 from .fracture_plots import plot_avalanches, plot_crack, plot_load_and_displacement
 from .ledger import plot_ledger
-from .loads import plot_load_path, plot_loads
+from .load_plots import plot_load_path, plot_loads
 from .maps import plot_map
 from .network_plots import plot_network, plot_response
+from .picture_files import save
 from .quadtree import plot_octree, plot_quadtree
 from .section import section_of
 from .space import plot_body_in_space, plot_voxels

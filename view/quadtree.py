@@ -22,7 +22,7 @@ from kaju.errors import ParameterError
 from kaju.model.results.result import Tiles
 from kaju.model.scene import Scene
 
-from .body import draw_forces, finish
+from .body_plots import draw_forces, finish
 from .layers import (
     FINEST,
     agents_told,

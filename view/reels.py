@@ -25,10 +25,10 @@ from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import boundary_entries, draw_agents, spawn_bar, spawn_norm
-from .body import draw_body, draw_forces, finish
+from .body_plots import draw_body, draw_forces, finish
 from .deformed import Moving, draw_deformed, draw_rest, magnification_for, moving_cells
 from .layers import draw_squares, draw_surroundings, layer_of, squares_of
-from .loads import FILM_ARROWS_ACROSS, draw_loads, load_norm, loads_taken, sense_entries
+from .load_plots import FILM_ARROWS_ACROSS, draw_loads, load_norm, loads_taken, sense_entries
 from .quadtree import (
     MOST_ARROWS,
     OF_EVERY_GENERATION,
@@ -48,7 +48,7 @@ from .units import counted, quantity, times
 
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.creeping_body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
 
 

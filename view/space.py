@@ -19,7 +19,7 @@ from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import SYMBOLS, boundary_entries, counts, spawn_bar, spawn_norm
-from .body import MOST_ARROWS, force_arrows, told
+from .body_plots import MOST_ARROWS, force_arrows, told
 from .section import one_a_place
 from .style import BODY, FAINT, FORCE, INK, SEQUENTIAL, caption, label_axis, legend, new_axes
 from .units import grouped

@@ -29,7 +29,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from kaju.arrays import Floats
 
-from .files import RESOLUTION
+from .picture_files import RESOLUTION
 from .units import scale_for
 
 INK = "#262626"

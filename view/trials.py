@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from .files import save
+from .picture_files import save
 from .style import FAINT, INK, new_figure
 
 if TYPE_CHECKING:

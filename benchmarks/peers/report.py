@@ -15,7 +15,7 @@ from textwrap import fill
 import numpy as np
 import pandas as pd
 
-from kaju.view.files import save
+from kaju.view.picture_files import save
 from kaju.view.style import FAINT, INK, new_figure
 
 from .measure import Measurement

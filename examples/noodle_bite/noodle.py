@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.model.network.lattices import triangular
+from kaju.model.network.spring_lattices import triangular
 from kaju.model.network.springs import SpringNetwork
+from kaju.model.rheology.creep_result import CreepState
 from kaju.model.rheology.creeping import creep
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
 from kaju.model.rheology.network import NetworkCreepResult
-from kaju.model.rheology.state import CreepState
 
 Floats = NDArray[np.float64]
 

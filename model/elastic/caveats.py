@@ -21,8 +21,8 @@ from kaju.model.scene.lattice import Cells
 from kaju.model.scene.purity import relation
 from kaju.model.scene.shapes import Box, Shape
 
+from .cell_loads import portions_of_cells
 from .corners import sharp_corners, singular_at
-from .loads import portions_of_cells
 from .spawning.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_of
 from .tractions import Portions, data_error, softest
 

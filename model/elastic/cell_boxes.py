@@ -35,8 +35,8 @@ from .boxes import (
     parted,
     whole_mesh,
 )
+from .cell_loads import portions_of_cells
 from .kernels_bilinear import element_stiffness
-from .loads import portions_of_cells
 from .moduli import Moduli
 from .problem import ElasticProblem, FaceFields, Floats
 from .staggered import Pair, axis_pairs, strains, stresses

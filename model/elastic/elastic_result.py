@@ -733,7 +733,7 @@ class ElasticResult(BodyResult):
         """Return one row per agent: place, size, material, displacement, strain and stress."""
         import pandas as pd
 
-        from .export import columns
+        from .elastic_export import columns
 
         return pd.DataFrame(columns(self))
 
@@ -745,7 +745,7 @@ class ElasticResult(BodyResult):
         MissingExtraError
             If xarray is not installed.
         """
-        from .export import dataset
+        from .elastic_export import dataset
 
         return dataset(self, resolution)
 
@@ -757,7 +757,7 @@ class ElasticResult(BodyResult):
         MissingExtraError
             If meshio is not installed.
         """
-        from .export import write_mesh
+        from .elastic_export import write_mesh
 
         return write_mesh(self, path)
 

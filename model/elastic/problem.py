@@ -204,7 +204,7 @@ def problem_of(
     SceneError
         If no cell is of a material.
     """
-    from .loads import face_forces
+    from .cell_loads import face_forces
 
     table = np.asarray(materials, dtype=np.float64).reshape(-1, 2)
     if scales is None:

@@ -4,9 +4,9 @@ from .assembler import Assembler, Geometry
 from .equilibrium import NetworkBalance, SpringLaw, elastic_law, find_balance
 from .hexagon_body import hexagon_body
 from .increments import IncrementalLoading, load_in_increments, solve
-from .lattices import face_centred, random_geometric, square_braced, triangular
 from .linear import Method, tangent_solver
 from .network_result import NetworkResult
+from .spring_lattices import face_centred, random_geometric, square_braced, triangular
 from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [

@@ -434,10 +434,10 @@ def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.fracture.fracture_result import FractureResult
     from kaju.model.network import NetworkResult
-    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.creep_result import CreepResult
+    from kaju.model.rheology.creeping_body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
     from kaju.model.rheology.network import NetworkCreepResult
-    from kaju.model.rheology.state import CreepResult
     from kaju.model.transfer.transfer_result import TransferResult
 
     static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)

@@ -21,9 +21,9 @@ from kaju.model.scene import Scene
 from kaju.model.scene.description import history_from
 from kaju.stepping import Until
 
+from .creep_result import CreepState
 from .creeping import AnyCourse, Drives, TimeTask
 from .march import Log
-from .state import CreepState
 
 
 class CreepModel(SteppedModel):

@@ -27,11 +27,11 @@ from kaju.model.scene import Scene
 from kaju.model.transfer.load_model import LoadModel
 from kaju.stopping import NOTE, keeping, stopped
 
-from .body import CreepingAgents, Elements, TransferCreepResult
+from .creep_result import CreepResult, CreepState
+from .creeping_body import CreepingAgents, Elements, TransferCreepResult
 from .elastic import CorrespondingBody, ElasticCreepResult, SteppedBody, elastic_body
 from .march import Drive, Log, Pace, stops
 from .network import CreepingNetwork, NetworkCreepResult
-from .state import CreepResult, CreepState
 
 System = Elements | CreepingNetwork | SteppedBody
 _STATIC_TOLERANCE = 1e-10

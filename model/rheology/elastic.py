@@ -60,9 +60,9 @@ from kaju.model.rheology.schemes import (
     stored_energy,
 )
 
-from .body import Elements, law_of
+from .creep_result import BodyCourse, times_of
+from .creeping_body import Elements, law_of
 from .march import Fields, Push
-from .state import BodyCourse, times_of
 
 _FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
 """Faces up to which factors, which serve many steps, are worth their making, by dimension."""

@@ -29,7 +29,7 @@ from kaju.model.rheology.load_history import History
 from kaju.model.rheology.schemes import Energy, Scheme
 from kaju.stopping import stopped
 
-from .state import CreepState
+from .creep_result import CreepState
 
 Fields = tuple[Floats, ...]
 

@@ -36,8 +36,8 @@ from kaju.model.rheology.schemes import (
     stored_energy,
 )
 
+from .creep_result import Course, times_of
 from .march import Fields, Push
-from .state import Course, times_of
 
 
 class HeavyAssembler(Assembler):

@@ -296,7 +296,7 @@ class PiecedResult(BodyResult):
         path : path
             A new folder.
         """
-        from .solve import together
+        from .solve_petsc import together
 
         target, comm = Path(path), self._comm
         if comm is None:

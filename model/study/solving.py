@@ -116,7 +116,7 @@ def solve(
         Give up before there are more; by default 4 million, 400,000 in three dimensions.
     engine : {None, "petsc"}
         "petsc" solves equal cells by PETSc, under ``mpirun`` on many processes, and the
-        tolerance is that of their equations: see `kaju.model.scale.solve`.
+        tolerance is that of their equations: see `kaju.model.scale.solve_petsc`.
     increments : int, optional
         Steps in which a network is loaded; 10 unless given.
     method : str, optional
@@ -166,7 +166,7 @@ def solve(
                 agents=most_agents,
                 stiffness=stiffness,
             )
-            from kaju.model.scale.solve import solve_petsc
+            from kaju.model.scale.solve_petsc import solve_petsc
 
             return solve_petsc(subject, tolerance, resolution, stage=stage)
         try:
@@ -262,7 +262,7 @@ def _solve_scene(
     if tolerance_at is not None:
         refuse_singular(scene, tolerance_at, stage)
     if strategy == "spawning":
-        from kaju.model.elastic.spawning.solve import solve_spawning
+        from kaju.model.elastic.spawning.solve_spawning import solve_spawning
 
         return solve_spawning(
             scene,

@@ -181,7 +181,7 @@ def _check_free(folder: Path, force: bool) -> None:
 def _write(
     folder: Path, summary: dict[str, Any], figures: Figures, pictures: bool, console: Console
 ) -> None:
-    from kaju.view.files import save
+    from kaju.view.picture_files import save
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -135,8 +135,8 @@ def _listed(text: str) -> list[Any]:
 
 def _draw(table: pandas.DataFrame, folder: Path, measure: list[str] | None) -> list[Path]:
     """Draw the first measure that varies."""
-    from kaju.view.files import save
-    from kaju.view.sweeps import plot_effects, plot_sweep_map
+    from kaju.view.picture_files import save
+    from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
     about = table.attrs["sweep"]
     good = table[table["error"] == ""]

@@ -46,7 +46,7 @@ def solve_on_processes(scene: Scene, folder: Path, console: Console, **how: Any)
         False, with nothing done, if this process is alone.
     """
     from kaju.model.scale.pieces import PiecedResult
-    from kaju.model.scale.solve import communicator, solve_petsc, together
+    from kaju.model.scale.solve_petsc import communicator, solve_petsc, together
 
     comm = communicator()
     if comm.Get_size() == 1:

@@ -76,7 +76,7 @@ class Folder:
             plot_all(result, scratch)
         elif pictures is Drawn.ONE:
             from kaju.view import plot
-            from kaju.view.files import save
+            from kaju.view.picture_files import save
 
             save(plot(result), scratch / f"{result.pictures[0]}.png")
 

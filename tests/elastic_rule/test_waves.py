@@ -9,7 +9,7 @@ from kaju.agents.materials import LIBRARY, Material
 from kaju.agents.rules import ElasticRule
 from kaju.errors import SceneError, StabilityError
 from kaju.model.elastic.settling.elastic_model import ElasticModel
-from kaju.model.elastic.settling.stability import certify_waves
+from kaju.model.elastic.settling.push_stability import certify_waves
 from kaju.model.elastic.settling.table import PushTable
 from kaju.model.scene import Scene
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import kaju
 from kaju.model.fracture import breaking
-from kaju.model.network.lattices import random_geometric
+from kaju.model.network.spring_lattices import random_geometric
 
 
 def test_three_fibres():

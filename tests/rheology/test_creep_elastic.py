@@ -8,11 +8,11 @@ from kaju.agents.materials import Material
 from kaju.model.elastic.problem import CellLoads
 from kaju.model.rheology import elastic as creep_elastic
 from kaju.model.rheology import schemes as steps
+from kaju.model.rheology.creep_result import CreepState
 from kaju.model.rheology.elastic import CreepingBody
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
 from kaju.model.rheology.march import Drive, Log, Pace, stops
-from kaju.model.rheology.state import CreepState
 
 SOFT = ThreeElement(K_f=1e5, D_f=3e5, D_d=2e6)
 BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from kaju.errors import ConvergenceError, ParameterError, ResultError, ResultFileError
+from kaju.model.rheology.creep_result import CreepState
 from kaju.model.rheology.creeping import creep
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
-from kaju.model.rheology.state import CreepState
 
 ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 BITE = History().ramp(1.0, 0.2).hold(5.0).release(0.1).hold(20.0)

@@ -5,7 +5,7 @@ import pytest
 
 from kaju import CreepModel, History, Scene, ThreeElement, creep, export_page, plot
 from kaju.errors import ParameterError, ResultError
-from kaju.model.network.lattices import triangular
+from kaju.model.network.spring_lattices import triangular
 
 DOUGH = ThreeElement(K_f=2.0, D_f=1.0, D_d=20.0)
 TIMES = [0.0, 0.5, 1.0, 2.0, 4.0]

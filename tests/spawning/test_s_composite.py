@@ -10,7 +10,7 @@ from kaju.model.elastic.spawning.composite import Composite
 from kaju.model.elastic.spawning.field import interpolation
 from kaju.model.elastic.spawning.ground import Ground
 from kaju.model.elastic.spawning.leaves import Leaves, morton
-from kaju.model.elastic.spawning.solve import solve_spawning
+from kaju.model.elastic.spawning.solve_spawning import solve_spawning
 
 STEEL = {"material": "steel"}
 

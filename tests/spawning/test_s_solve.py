@@ -8,7 +8,7 @@ import kaju
 from kaju import Scene, solve
 from kaju.errors import ConvergenceError, ParameterError, ResultFileError, SupportError
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.spawning.solve import solve_spawning
+from kaju.model.elastic.spawning.solve_spawning import solve_spawning
 from kaju.model.results.result import load_result
 
 

@@ -14,9 +14,9 @@ from typing import Literal, Protocol
 import numpy as np
 
 from kaju.arrays import Floats
+from kaju.model.rheology.creep_result import CreepResult
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
-from kaju.model.rheology.state import CreepResult
 
 _ELEMENT = ThreeElement(K_f=2.0, D_f=3.0, D_d=5.0)
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 import kaju
-from kaju.model.network.lattices import triangular
+from kaju.model.network.spring_lattices import triangular
 
 
 def cut_network(width, rows, half, given=False):

@@ -25,7 +25,7 @@ from kaju.errors import KajuError
 from kaju.model.network import triangular
 from kaju.model.results.archive import seal_of
 from kaju.model.results.formats import CREEP_STATE
-from kaju.model.rheology.state import CreepState
+from kaju.model.rheology.creep_result import CreepState
 from kaju.model.scale.pieces import Piece, PiecedResult
 from kaju.model.study.reference import Reference
 from kaju.model.study.sweep_store import load_sweep

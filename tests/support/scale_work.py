@@ -95,7 +95,7 @@ def apart(ours, theirs):
 
 
 def compare(count):
-    from kaju.model.scale.solve import communicator
+    from kaju.model.scale.solve_petsc import communicator
 
     comm = communicator()
     for seed in range(count):
@@ -134,23 +134,23 @@ def save_space(folder):
 
 def fail():
     """Fail on the last process only, in the middle of the work."""
-    from kaju.model.scale import solve
+    from kaju.model.scale import solve_petsc
 
-    comm = solve.communicator()
+    comm = solve_petsc.communicator()
     if comm.Get_rank() == comm.Get_size() - 1:
 
         def broken(*arguments):
             raise MemoryError("no more of it")
 
-        solve.rows_on = broken
+        solve_petsc.rows_on = broken
     kaju.solve(plate(), engine="petsc")
 
 
 def die(folder):
     """Be killed on the last process while pieces are written."""
-    from kaju.model.scale import pieces, solve
+    from kaju.model.scale import pieces, solve_petsc
 
-    comm = solve.communicator()
+    comm = solve_petsc.communicator()
     if comm.Get_rank() == comm.Get_size() - 1:
         pieces._write = lambda *arguments: os.kill(os.getpid(), signal.SIGKILL)
     kaju.solve(plate(), engine="petsc").save(folder)

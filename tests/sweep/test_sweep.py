@@ -245,7 +245,7 @@ def test_a_measure_that_is_not_there_names_those_that_are():
 
 
 def test_tables_without_a_sweep_are_named(tmp_path):
-    from kaju.view.sweeps import plot_effects
+    from kaju.view.sweep_plots import plot_effects
 
     table = alone(sweep_work.square, {"x": [1.0, 2.0]})
     with pytest.raises(kaju.KajuError, match="no column 'cube'"):
@@ -262,7 +262,7 @@ def bare(table):
 
 
 def test_pictures_show_what_was_swept(tmp_path):
-    from kaju.view.sweeps import plot_effects, plot_sweep_map
+    from kaju.view.sweep_plots import plot_effects, plot_sweep_map
 
     vary = {"rule.alpha[1]": [0.1, 0.5, 3.0], "rule.threshold": [1e-3, 1e-2, 1e-1]}
     table = alone(scene(), vary, ["load_taken", "spectral_radius"])

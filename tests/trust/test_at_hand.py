@@ -7,7 +7,7 @@ import kaju
 from kaju import LoadModel, NetworkModel, Scene
 from kaju.__main__ import app
 from kaju.errors import KajuError, ParameterError
-from kaju.model.network.lattices import triangular
+from kaju.model.network.spring_lattices import triangular
 
 
 def block():

@@ -10,7 +10,7 @@ from plates import plate
 
 from kaju import History, PrescribedRule, ThreeElement, creep
 from kaju.errors import MissingExtraError, ParameterError, ResultFileError
-from kaju.model.network.lattices import triangular
+from kaju.model.network.spring_lattices import triangular
 from kaju.model.scene import Scene
 from kaju.model.study.solving import solve
 from kaju.model.transfer import load_model

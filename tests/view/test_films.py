@@ -15,7 +15,7 @@ from PIL import Image
 
 import kaju
 from kaju.errors import ParameterError, ResultFileError
-from kaju.model.network.lattices import triangular
+from kaju.model.network.spring_lattices import triangular
 
 COMPONENT = {5121: np.uint8, 5125: np.uint32, 5126: np.float32}
 WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}

@@ -7,7 +7,7 @@ import pytest
 
 from kaju.errors import ParameterError
 from kaju.model.elastic.solve import solve
-from kaju.model.network.lattices import face_centred, triangular
+from kaju.model.network.spring_lattices import face_centred, triangular
 from kaju.model.scene import Scene
 from kaju.view import plot, plot_all
 from kaju.view.network_plots import plot_network

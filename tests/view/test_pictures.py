@@ -20,7 +20,7 @@ from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import PICTURES, plot, plot_all
 from kaju.view.agents import plot_agents
 from kaju.view.deformed import plot_deformed
-from kaju.view.loads import plot_loads
+from kaju.view.load_plots import plot_loads
 from kaju.view.reels import spawning
 from kaju.view.section import section_of
 from kaju.view.stages import plot_stages
@@ -350,7 +350,7 @@ def test_an_unknown_picture_is_refused_with_a_suggestion() -> None:
 
 @pytest.mark.parametrize("toml", [PLATE.format(threshold=0.01, steps=3), CUBE])
 def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, toml: str) -> None:
-    monkeypatch.setattr("kaju.view.files.RESOLUTION", 40)
+    monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
     paths = plot_all(run(toml), tmp_path)
     assert {path.name for path in paths} == {path.name for path in tmp_path.iterdir()}
     assert {path.name for path in paths} <= set(PICTURES)
@@ -368,7 +368,7 @@ def test_views_load_no_drawing_library_and_never_pyplot(tmp_path) -> None:
     code = (
         "import sys, kaju.view\n"
         "assert 'matplotlib' not in sys.modules\n"
-        "import kaju.view.files; kaju.view.files.RESOLUTION = 40\n"
+        "import kaju.view.picture_files; kaju.view.picture_files.RESOLUTION = 40\n"
         "from kaju.view import plot_all\n"
         "from kaju.model.transfer.load_model import LoadModel\n"
         "from kaju.model.scene import Scene\n"

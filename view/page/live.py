@@ -30,7 +30,7 @@ from kaju.model.transfer.stability import Certificate
 from .motion_data import MovingFaces, Pictures, applied, curve_data, diamonds, picture_data
 from .own import acting_controls, own_data, own_parts
 from .packing import pack
-from .scene_data import FORMAT, Account, Amounts, scene_data
+from .scene_data import FORMAT, Account, SentAmounts, scene_data
 
 if TYPE_CHECKING:
     from kaju.model.elastic.settling.table import PushTable
@@ -165,7 +165,7 @@ class LiveRun(Session):
         model, lattice = self.model, self.model.lattice
         news = model.since(self._sent, self._known)
         channels = lattice.directions * (2 if model.transfer.rule.sense else 1)
-        rows = Amounts(news.generation, news.key * channels + news.channel, news.load)
+        rows = SentAmounts(news.generation, news.key * channels + news.channel, news.load)
         span = self._sent + 1, model.generation
         columns: Columns = rows.columns(*span) | self._account.columns(*span)
         columns |= {

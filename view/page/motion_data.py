@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network import SpringNetwork
-    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.creep_result import CreepResult
+    from kaju.model.rheology.creeping_body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
-    from kaju.model.rheology.state import CreepResult
     from kaju.view.motion import Motion
 
 
@@ -141,10 +141,10 @@ def _pictures(result: Result) -> Pictures:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.network.network_result import NetworkResult
-    from kaju.model.rheology.body import TransferCreepResult
+    from kaju.model.rheology.creep_result import CreepResult
+    from kaju.model.rheology.creeping_body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
     from kaju.model.rheology.network import NetworkCreepResult
-    from kaju.model.rheology.state import CreepResult
 
     if isinstance(result, NetworkResult):
         over, moved = ("stage", "", result.stage), _largest(result.displacement)

@@ -112,7 +112,7 @@ def _loads(scene: Scene) -> list[dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class Amounts:
+class SentAmounts:
     """Amounts, ready to be sent: one row a generation and place."""
 
     generation: Ints
@@ -208,7 +208,7 @@ class Account:
         for name in names:
             rows = self._rows.pop(name, [])
             parts = (np.concatenate(part) for part in zip(none, *rows, strict=True))
-            columns |= Amounts(*parts).columns(first, last, exact, f"{name} ")
+            columns |= SentAmounts(*parts).columns(first, last, exact, f"{name} ")
         return columns
 
 
@@ -233,7 +233,7 @@ def history_columns(
     sense = isinstance(scene.rule, PrescribedRule) and scene.rule.sense
     states = lattice.directions * (2 if sense else 1)
     state = history.direction + lattice.directions * history.pull
-    rows = Amounts(history.generation, key[history.agent] * states + state, history.load)
+    rows = SentAmounts(history.generation, key[history.agent] * states + state, history.load)
     if account is None:
         account = Account(scene, not _by_shares(scene, stage))
         account.note(stage.generations, stage, float(stage.returned.sum()))

@@ -11,13 +11,13 @@ from kaju.errors import ParameterError, StabilityError
 from kaju.mesa_model import SteppedModel
 from kaju.stepping import Order, Until, takes_objects
 
-from .agent_engine import AgentPushEngine
-from .array_engine import ArrayPushEngine
+from .face_agent_engine import AgentPushEngine
+from .face_array_engine import ArrayPushEngine
 from .orders import Visit, largest_first, multilevel, own_order, wave
+from .push_stability import WaveCertificate, certify_waves
+from .push_state import PushState
 from .records import Recorder, StepRecord
 from .run import ElasticRun, collect
-from .stability import WaveCertificate, certify_waves
-from .state import PushState
 from .table import PushTable
 
 if TYPE_CHECKING:

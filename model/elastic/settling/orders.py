@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from .state import Floats, Integers, PushState
+from .push_state import Floats, Integers, PushState
 
 if TYPE_CHECKING:
     from kaju.agents.face_agent import FaceAgent
     from kaju.stepping import Order
 
-    from .agent_engine import AgentPushEngine
+    from .face_agent_engine import AgentPushEngine
 
 MOST_WHO_CONFER = 500
 """Up to this many topmost parents settle their loads at once; more of them take turns."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .state import PushState
+from .push_state import PushState
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

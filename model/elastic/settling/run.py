@@ -20,8 +20,8 @@ from kaju.model.results.cuts import Carrying
 from kaju.model.results.formats import BOUNDARY_AGENTS, FACE_AGENTS, MOMENTS, LedgerRecord, sizes_of
 from kaju.model.results.result import BALANCE, BodyResult, Check, Curves, idle_rheology
 
+from .push_stability import WaveCertificate
 from .records import BoundaryAgents, FaceAgents, Moments, PushLedger, StepRecord
-from .stability import WaveCertificate
 
 if TYPE_CHECKING:
     import pandas

@@ -25,7 +25,7 @@ from kaju.model.elastic.staggered import Numbering, stiffness_matrix
 from kaju.model.scene import scene_needed
 
 from .boundary import Boundary, free_surfaces, supports
-from .transfer import coarsen
+from .push_transfer import coarsen
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene

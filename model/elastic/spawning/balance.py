@@ -15,8 +15,8 @@ from kaju.model.scene.kinds import INSIDE
 
 from .composite import Composite, Floats
 from .ground import Ground
+from .leaf_loads import FaceLoads, face_loads
 from .leaves import Flags, Index
-from .loads import FaceLoads, face_loads
 from .rows import stiffness_of, sum_rows
 
 

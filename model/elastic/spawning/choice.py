@@ -29,7 +29,7 @@ from kaju.model.scene.selection import AppliedLoads
 from kaju.stopping import stopped
 
 from .block_spawner import FEWEST, SPREAD
-from .solve import MOST_AGENTS, solve_spawning
+from .solve_spawning import MOST_AGENTS, solve_spawning
 
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
 """An agent, spawned generation by generation, costs as much as so many equal cells."""

@@ -18,8 +18,8 @@ from .balance import Balance
 from .composite import Composite, Floats
 from .field import interpolation
 from .ground import Ground, LeafForces
+from .leaf_places import Parts, Site, Spots, site_of
 from .leaves import Flags
-from .places import Parts, Site, Spots, site_of
 from .quantities import Deflection, Quantity, Reaction, Stress, component_of, ways_of
 
 NEGLIGIBLE = 0.01

@@ -32,8 +32,8 @@ from .displacement_error import DisplacementAim
 from .functionals import Value, functional_of
 from .goal_bounds import Between, asking, work_between
 from .ground import Ground, LeafForces
+from .leaf_places import Parts
 from .nested import LAST, NestedMultigrid
-from .places import Parts
 from .quantities import (
     DISPLACEMENT,
     Quantity,

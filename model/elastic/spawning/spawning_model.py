@@ -20,7 +20,7 @@ from .generations import Generation
 from .goals import aim_of, asked
 from .ground import ground_of
 from .quantities import ToleranceAt
-from .solve import MOST_AGENTS, doubts_of, rest_of
+from .solve_spawning import MOST_AGENTS, doubts_of, rest_of
 from .tree_agents import TreeAgents
 
 if TYPE_CHECKING:

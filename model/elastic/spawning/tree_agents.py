@@ -25,9 +25,9 @@ from .curvature import indicate
 from .family import levels
 from .generations import Generation, Spawning
 from .ground import Ground, ground_of
+from .leaf_places import located
 from .leaves import Index, Leaves
 from .nested import relative_error
-from .places import located
 from .tree_boxes import bracket_of_agents
 
 if TYPE_CHECKING:

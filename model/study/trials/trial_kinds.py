@@ -126,7 +126,7 @@ def _agents(rng: Generator, number: int) -> Told:
 def _network(rng: Generator, number: int) -> Told:
     """Press a lattice of springs or a body of hexagons, lightly or until it gives way, or creep."""
     from kaju.model.network.hexagon_body import hexagon_body
-    from kaju.model.network.lattices import triangular
+    from kaju.model.network.spring_lattices import triangular
     from kaju.model.rheology.creeping import creep
     from kaju.model.rheology.element import ThreeElement
     from kaju.model.rheology.load_history import History

@@ -13,8 +13,8 @@ from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.model.scene.kinds import AIR
 from kaju.stepping import Order, chosen
 
-from .array_engine import replay, seat
-from .state import Floats, Integers, PushState
+from .face_array_engine import replay, seat
+from .push_state import Floats, Integers, PushState
 from .table import PushTable
 
 if TYPE_CHECKING:

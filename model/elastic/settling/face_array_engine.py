@@ -12,7 +12,7 @@ import numpy as np
 
 from kaju.compiling import njit
 
-from .state import Floats, Integers, PushState
+from .push_state import Floats, Integers, PushState
 from .table import PushTable
 
 

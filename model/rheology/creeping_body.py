@@ -33,8 +33,8 @@ from kaju.model.rheology.schemes import (
 from kaju.model.transfer.deformation import DisplacementField, Squeeze, squeeze
 from kaju.model.transfer.transfer_result import TransferResult
 
+from .creep_result import BodyCourse, times_of
 from .march import Fields, Push
-from .state import BodyCourse, times_of
 
 
 class Elements:

@@ -1,4 +1,4 @@
-"""How forces on agents enter the faces; the twin on equal cells is `kaju.model.elastic.loads`.
+"""How forces on agents enter the faces; the twin on equal cells is `kaju.model.elastic.cell_loads`.
 
 Moments are entered by gradients of the displacement at edges, which are exact for turns of
 the whole body whatever the sizes of the agents, so that no moment is lost.

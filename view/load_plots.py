@@ -19,7 +19,7 @@ from kaju.errors import ParameterError
 from kaju.model.transfer.stage import Stage
 from kaju.model.transfer.transfer_result import TransferResult, load_path
 
-from .body import draw_body, draw_forces, finish
+from .body_plots import draw_body, draw_forces, finish
 from .section import WHOLE_UP_TO, Section, section_of
 from .style import (
     FORCE,

@@ -30,31 +30,30 @@ SMALLEST = 1e-3
 
 def plot_trials(outcomes: Sequence[Outcome], path: str | Path) -> Path:
     """Draw what came of trials, and estimated against true errors; return the file."""
-    figure = new_figure((11.0, 6.0))
-    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
-    _bars(left, outcomes)
-    _errors(right, outcomes)
+    figure = new_figure((7.0, 8.5))
+    upper, lower = figure.subplots(2, 1)
+    _bars(upper, outcomes)
+    _errors(lower, outcomes)
     return save(figure, path)
 
 
 def _bars(ax: Axes, outcomes: Sequence[Outcome]) -> None:
-    """Draw a bar for every kind of scene under every engine, in shares of its trials."""
-    names = sorted({(o.engine, o.family) for o in outcomes}, reverse=True)
-    row = {name: place for place, name in enumerate(names)}
+    """Draw a bar for every kind of trial, in shares of its trials."""
+    names = sorted({o.engine for o in outcomes}, reverse=True)
     counts = np.zeros((len(names), len(COLOURS)))
     for o in outcomes:
-        counts[row[o.engine, o.family], list(COLOURS).index(o.verdict)] += 1
+        counts[names.index(o.engine), list(COLOURS).index(o.verdict)] += 1
     whole = counts.sum(axis=1)
     start = np.zeros(len(names))
     for column, (verdict, colour) in enumerate(COLOURS.items()):
         share = counts[:, column] / whole
         ax.barh(range(len(names)), share, left=start, color=colour, label=WORDS[verdict])
         start += share
-    ax.set_yticks(range(len(names)), [f"{e}: {f}" for e, f in names], fontsize=6)
+    ax.set_yticks(range(len(names)), names)
     ax.set_xlim(0.0, 1.0)
-    ax.set_xlabel(f"share of the trials ({len(outcomes)} in all)")
+    ax.set_xlabel(f"share of the trials ({len(outcomes):,} in all)")
     ax.set_ylim(-0.6, len(names) - 0.4)
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False, fontsize=8)
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
 
 
 def _errors(ax: Axes, outcomes: Sequence[Outcome]) -> None:
@@ -62,12 +61,12 @@ def _errors(ax: Axes, outcomes: Sequence[Outcome]) -> None:
     told = np.array([o.estimate for o in known])
     true = np.maximum([o.true_error for o in known], SMALLEST)
     ax.plot([SMALLEST, 10.0], [SMALLEST, 10.0], color=INK, linewidth=0.8)
-    ax.plot(true, told, "o", color=COLOURS["answered"], markersize=3, alpha=0.6)
+    ax.plot(true, told, "o", color=COLOURS["answered"], markersize=4, alpha=0.6)
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.set_xlabel("true error (energy norm; graded elements of order 4)", fontsize=8)
-    ax.set_ylabel("error that the answer states", fontsize=8)
-    ax.set_title(f"{len(known)} plane bodies; above the line: on the safe side", fontsize=9)
+    ax.set_xlabel("true error (energy norm; graded elements of order 4)")
+    ax.set_ylabel("error that the answer states")
+    ax.set_title(f"{len(known)} plane bodies; above the line: on the safe side", fontsize=11)
 
 
 def plot_stability(maps: Sequence[StabilityMap], path: str | Path) -> Path:
@@ -76,7 +75,7 @@ def plot_stability(maps: Sequence[StabilityMap], path: str | Path) -> Path:
     Parameters
     ----------
     maps : sequence of StabilityMap
-        Drawn side by side.
+        Drawn two in a row.
     path : path
         The picture's file.
 
@@ -84,19 +83,18 @@ def plot_stability(maps: Sequence[StabilityMap], path: str | Path) -> Path:
     -------
     Path
     """
-    figure = new_figure((3.6 * len(maps), 4.2))
-    for ax, one in zip(figure.subplots(1, len(maps), squeeze=False)[0], maps, strict=True):
+    rows = -(-len(maps) // 2)
+    figure = new_figure((7.0, 3.6 * rows))
+    for place, one in enumerate(maps, start=1):
+        ax = figure.add_subplot(rows, 2, place)
         x, y = np.meshgrid(one.forward, one.friction, indexing="ij")
         grew = one.growth > 1.0
-        ax.plot(x[~grew], y[~grew], "o", color=COLOURS["answered"], markersize=4)
-        ax.plot(x[grew], y[grew], "x", color=COLOURS["failed"], markersize=4)
+        ax.plot(x[~grew], y[~grew], "o", color=COLOURS["answered"], markersize=4, clip_on=False)
+        ax.plot(x[grew], y[grew], "x", color=COLOURS["failed"], markersize=4, clip_on=False)
         ax.contour(x, y, one.radius, levels=[1.0], colors=INK, linewidths=1.5)
         ax.contour(x, y, one.radius, levels=[0.5, 1.5, 2.0], colors=FAINT, linewidths=0.5)
-        ax.set_title(f"β = {one.beta:g}, ν = {one.poissons_ratio:g}", fontsize=9)
+        ax.set_title(f"β = {one.beta:g}, ν = {one.poissons_ratio:g}", fontsize=11)
         ax.set_xlabel("forward α₂")
         ax.set_ylabel("friction α₃")
-    figure.suptitle(
-        "loads that are added up: ● ended or faded, × grew; line: the certificate's limit",
-        fontsize=9,
-    )
+    figure.suptitle("● ended or faded, × grew; line: the certificate's limit", fontsize=11)
     return save(figure, path)

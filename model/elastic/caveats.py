@@ -17,6 +17,7 @@ import numpy as np
 from kaju.arrays import Flags, Floats, first_largest
 from kaju.errors import SingularPlaceError
 from kaju.model.scene import Scene
+from kaju.model.scene.kinds import AIR
 from kaju.model.scene.lattice import Cells
 from kaju.model.scene.purity import relation
 from kaju.model.scene.shapes import Box, Shape
@@ -41,6 +42,8 @@ SAMPLES = {2: 4, 3: 2}
 """Points along the edge of a cell by which an outline is found in it."""
 LEFT_OUT = 1e-3
 """Share of the energy norm from which on it is told what agents do not take of loads."""
+STEPS_OF_COUPLE = 0.01
+"""Share of a couple's moment from which on it is told that it acts by steps."""
 ON_EDGE = 1e-6
 """Of a cell: what is nearer to an edge lies on it."""
 
@@ -148,9 +151,9 @@ class Caveats:
 
     def _loads(self) -> list[Caveat]:
         """Say which loads do not act just where they are described, and how far off they are."""
-        grid, h, found = self.result.grid, self.result.grid.lattice.cell_size, []
+        grid, found = self.result.grid, []
         for number, (load, chosen) in enumerate(zip(grid.loads, grid.selections, strict=True)):
-            told = _off_place(load, chosen, h)
+            told = _off_place(load, chosen, grid)
             found += [Caveat(f"loads.{number} spread by cells", f"loads.{number}: {told}")][
                 : len(told)
             ]
@@ -238,23 +241,48 @@ def load_error(result: ElasticResult) -> float:
     return data_error(portions, size, least) / sqrt(2.0 * found.energy)
 
 
-def _off_place(load: LoadTable, chosen: Selection, h: float) -> str:
-    """Say how far a load on some cells of edge h is moved; nothing if it is not."""
+def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
+    """Say how far a load on some cells is from what is described; nothing if it is not."""
+    h, inside = grid.lattice.cell_size, bool(np.all(chosen.direction < 0))
+    shaped = load.region is not None and load.region.box is None
+    edge = f"which moves the edge of its region by up to {0.5 * h:.3g} m"
+    told = []
     if load.point is not None:
         how = "with its moment" if chosen.offset is not None else "round its middle"
-        return (
+        told.append(
             f"a force at a point has no limit of energy; it is spread over the {h:.3g} m of its "
             f"cell, {how}, and smaller cells make it sharper"
         )
-    inside = bool(np.all(chosen.direction < 0))
-    if load.region is not None and load.region.box is None and load.force is not None:
-        return f"takes whole cells, which moves the edge of its region by up to {0.5 * h:.3g} m"
-    if inside and chosen.part is not None:
-        return (
+    elif shaped and inside:
+        told.append(f"takes whole cells, {edge}")
+    elif shaped and _ends_on_surface(grid, chosen):
+        told.append(f"takes whole faces, {edge}; a box without thickness ends within them")
+    elif inside and chosen.part is not None:
+        told.append(
             "its region ends inside cells, and acts on the whole of each, which moves its edge by "
             f"up to {h:.3g} m; smaller cells or a resolution lessen it"
         )
-    return ""
+    steps = chosen.steps_of_couple(grid.lattice) if load.couple is not None else 0.0
+    if steps > STEPS_OF_COUPLE:
+        told.append(
+            f"a couple acts evenly on each face, where it would grow across it: steps that are "
+            f"{steps:.2g} of its moment; smaller cells lessen them"
+        )
+    return "; ".join(told)
+
+
+def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:
+    """Tell whether a free face that is not among some goes on from one of them in its plane."""
+    lattice = grid.lattice
+    for way, axis, step in product(np.unique(chosen.direction), range(lattice.dimension), (-1, 1)):
+        cells = chosen.cells[chosen.direction == way]
+        beside = cells + step * (np.arange(lattice.dimension) == axis)
+        beside = beside[lattice.contains(beside)]
+        beside = beside[~np.isin(lattice.key(beside), lattice.key(cells))]
+        beside = beside[grid.kinds(beside) >= 0]
+        if axis != way // 2 and np.any(grid.kinds(lattice.neighbours(beside, int(way))) == AIR):
+            return True
+    return False
 
 
 def _crossed(shape: Shape, scene: Scene) -> Cells:

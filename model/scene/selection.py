@@ -83,19 +83,29 @@ class Selection:
         area = self.share * lattice.face_area(thickness)
         pressure = np.full(len(area), load.pressure)
         if load.pressure_slope is not None:
-            at = self._middles(lattice)
-            if self.part is not None:
-                at = at + (self.part.mean(axis=1) - 0.5) * lattice.cell_size
-            pressure = pressure + at @ np.asarray(load.pressure_slope)
+            pressure = pressure + self._levers(lattice) @ np.asarray(load.pressure_slope)
         return -(pressure * area)[:, None] * lattice.normals[self.direction]
 
-    def _middles(self, lattice: Lattice) -> Floats:
-        """Return the middles of the faces, or cells (m)."""
-        return lattice.face_middles(self.cells, self.direction)
+    def _levers(self, lattice: Lattice) -> Floats:
+        """Return the middles of what is covered of the faces, or cells (m)."""
+        middle = lattice.face_middles(self.cells, self.direction)
+        if self.part is None:
+            return middle
+        return np.asarray(middle + (self.part.mean(axis=1) - 0.5) * lattice.cell_size)
+
+    def steps_of_couple(self, lattice: Lattice) -> float:
+        """Return the share of a couple's moment that even forces on faces take from within them."""
+        arm = self._levers(lattice)
+        arm = arm - self.share @ arm / self.share.sum()
+        edge = np.ones_like(arm) if self.part is None else self.part[:, 1] - self.part[:, 0]
+        edge[np.arange(len(arm)), self.direction // 2] = 0.0
+        between = float(self.share @ (arm * arm).sum(axis=1))
+        within = float(self.share @ (edge * edge).sum(axis=1)) * lattice.cell_size**2 / 12.0
+        return within / (between + within)
 
     def _couple(self, moment: Floats, lattice: Lattice) -> Floats:
         """Return forces a × r, r from their middle, without a sum, whose moment (N m) is given."""
-        arm = self._middles(lattice)
+        arm = self._levers(lattice)
         arm = np.pad(arm - self.share @ arm / self.share.sum(), ((0, 0), (0, 3 - arm.shape[1])))
         square = np.einsum("n,ni,nj->ij", self.share, arm, arm)
         inertia = np.trace(square) * np.eye(3) - square

@@ -122,6 +122,13 @@ def plate(**load):
             {"region": {"disk": {"centre": [0.1, 0.1], "radius": 0.03}}, "force": [1.0, 0.0]},
             "0.005",
         ),
+        (
+            {"region": {"disk": {"centre": [0.1, 0.2], "radius": 0.033}}, "pressure": 1e3},
+            "takes whole faces, which moves the edge of its region by up to 0.005 m",
+        ),
+        ({"region": {"box": [[0.0, 0.2], [0.02, 0.2]]}, "couple": 1.0}, "0.25 of its moment"),
+        ({"side": "top", "couple": 1.0}, ""),
+        ({"region": {"polygon": [[-1, 0.197], [1, 0.197], [1, 1], [-1, 1]]}, "pressure": 1e3}, ""),
         ({"region": {"box": [[0.095, 0.2], [0.105, 0.2]]}, "force": [0.0, -2.0]}, ""),
         ({"region": {"box": [[0.09, 0.2], [0.11, 0.2]]}, "force": [0.0, -2.0]}, ""),
         ({"point": [0.098, 0.2], "force": [0.0, -2.0]}, "spread over the 0.01 m"),

@@ -112,6 +112,21 @@ def test_a_couple_has_a_moment_and_no_force(place):
     assert Scene.from_toml(scene.to_toml()) == scene
 
 
+def test_a_couple_that_ends_within_faces_has_its_moment_about_what_is_covered():
+    ends = [0.083, 0.117]
+    scene = plate({"region": {"box": [[x, 0.2] for x in ends]}, "couple": 7.0})
+    applied = scene.applied()
+    left, right = np.clip([applied.cells[:, 0], applied.cells[:, 0] + 1], *np.array(ends) / SIZE)
+    arm = SIZE * (left + right) / 2.0 - 0.1
+    assert (arm * applied.force[:, 1]).sum() == pytest.approx(7.0)
+    # Forces are as the covered part of the face, and as its distance from the middle of all.
+    np.testing.assert_allclose(np.ptp(applied.force[:, 1] / (right - left) / arm), 0.0, atol=1e-6)
+    edges = (SIZE * (right - left)) ** 2 / 12.0
+    between, within = ((right - left) * arm**2).sum(), ((right - left) * edges).sum()
+    (chosen,) = scene.selections
+    assert chosen.steps_of_couple(scene.lattice) == pytest.approx(within / (between + within))
+
+
 def test_a_couple_bends_a_bar_as_a_beam():
     """A bar of 40 × 8 cells, clamped below, bent by a couple on its top: u = M L²/(2 E I)."""
     scene = plate({"side": "top", "couple": 100.0}, cells=(8, 40), rule={"kind": "elastic"})

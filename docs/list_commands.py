@@ -25,6 +25,7 @@ kaju run my.toml --set rule.kind=elastic --out elastic-agents
 kaju solve my.toml                            # the answer of elasticity: my-solved
 kaju solve my.toml --tolerance 0.05 --out kept
 kaju creep my.toml --hold 10                  # in time, if its materials flow: my-creep
+kaju grow my.toml --volume 40%                # where it carries, material stays: my-grown
 kaju animate my-result                        # a film of the stored run
 kaju compare my-result kept                   # how far is one answer from another?
 kaju compare my.toml                          # the rule beside elasticity: figures and words

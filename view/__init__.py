@@ -31,6 +31,8 @@ PICTURES = (
     "curves.png",
     "crack.png",
     "avalanches.png",
+    "design.png",
+    "history.png",
 )
 """Names of all files that `plot_all` may write."""
 

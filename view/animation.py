@@ -25,6 +25,7 @@ from . import motion
 from .creep import curves_over_time, network_over_time
 from .face_agents import waves
 from .fracture_plots import breaking
+from .growth_plots import growing_body
 from .motion import film_of_motion
 from .network_plots import increments
 from .picture_files import new_folder
@@ -81,6 +82,7 @@ ANIMATIONS_OF = {
     "elastic": ELASTIC,
     "spring network": NETWORK,
     "fracture": FRACTURE,
+    "growth": Animations({"steps": growing_body}, {}),
     "element in time": ELEMENT_CREEP,
     "network in time": NETWORK_CREEP,
     "load transfer in time": CREEP,
@@ -116,9 +118,10 @@ def animate(
     what : str, optional
         Of load transfer "generations" of the last stage (as unless given) or "stages" of
         loading; of agents of the elastic rule "waves"; of an elastic body "loading"; of a
-        spring network "increments", of one that breaks "breaks"; of agents of many sizes
-        "generations", or "loads", which colours them by the load that they leave unbalanced (as
-        meshes "loading"); of what creeps "times", or "curves" with a dot that runs along them.
+        spring network "increments", of one that breaks "breaks"; of a body that grows "steps";
+        of agents of many sizes "generations", or "loads", which colours them by the load that they
+        leave unbalanced (as meshes "loading"); of what creeps "times", or "curves" with a dot that
+        runs along them.
     fps : float
         Frames per second, up to 50.
     hold : float

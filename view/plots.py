@@ -25,6 +25,7 @@ from .cut_plots import plot_cuts
 from .deformed import plot_deformed
 from .face_agents import plot_face_agents, plot_left
 from .fracture_plots import plot_avalanches, plot_crack, plot_load_and_displacement
+from .growth_plots import plot_design, plot_growth
 from .ledger import plot_ledger
 from .load_plots import plot_load_path, plot_loads
 from .maps import plot_map
@@ -162,6 +163,7 @@ PICTURES_OF: dict[str, dict[str, Picture]] = {
     "elastic agents": FACES,
     "spring network": NETWORK,
     "fracture": FRACTURE,
+    "growth": {"design": plot_design, "history": plot_growth},
     "element in time": {"curves": plot_curves},
     "network in time": {"curves": plot_curves, "deformed": plot_network_at},
     "load transfer in time": BODY_IN_TIME,
@@ -198,7 +200,7 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
         the scene, and of agents of many sizes "agents" as well; of agents of the elastic rule
         also "left" and "curves"; of what creeps "curves" and, but for a single element,
         "deformed". Of a network's result "deformed" or "response"; of one that breaks
-        "crack", "response" or "avalanches".
+        "crack", "response" or "avalanches"; of a body that grows "design" or "history".
     ax : matplotlib Axes, optional
         Where to draw; a new figure unless given.
     **options
@@ -216,7 +218,8 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
           sizes: the generation to show, from 0.
         - ``colour`` of agents of many sizes: "level" (as unless given), "spawn_step",
           "unbalanced_load", "error_share" or "von_mises"; of networks "tension" or "strain".
-        - ``step`` of agents of many sizes in the plane: outline those that spawned then.
+        - ``step`` of agents of many sizes in the plane: outline those that spawned then; of
+          "design": after which step, the last unless given.
         - ``level`` of agents of the elastic rule: 0 for those on the faces, 1 for parents ...
         - ``record`` of networks and of what creeps: which state; the last unless given.
         - ``breaks`` of "crack": after how many; the last state that resisted unless given.

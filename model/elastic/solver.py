@@ -134,6 +134,24 @@ def settled(problem: ElasticProblem, solution: Solution, target: float) -> Solut
     return replace(solution, displacement=system.displacement(run.solution), algebraic=left(run))
 
 
+def followed(problem: ElasticProblem, start: FaceFields | None, tolerance: float) -> Solution:
+    """Solve a body that is one of many alike, from the displacement of the one before.
+
+    To a relative algebraic error in the energy norm; that of the grid is not looked at. The energy
+    is off by the square of that error.
+    """
+    hierarchy = Hierarchy(problem)
+    system = System(problem, hierarchy)
+    x = system.unknown(start) if start else hierarchy.full_multigrid(system.right)[0]
+    run = _iterate(system, hierarchy, x, lambda run: run.errors[-1] <= tolerance)
+    if not run.converged and not stopped():
+        return solve_problem(problem, tolerance, start)
+    solution = system.solution(run, "Galerkin multigrid", 0.0, hierarchy.depth)
+    x = run.solution
+    solution.energy += 0.5 * float(dot(x, system.right) - dot(x, hierarchy.apply(x)))
+    return solution
+
+
 class Space(Protocol):
     """What takes faces' values to vectors and back."""
 

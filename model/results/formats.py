@@ -96,6 +96,15 @@ BREAKS = {
     "released": Column("f", "breaks", 0.0),
     "work": Column("f", "breaks"),
 }
+GROWTH = {
+    "cells": Column("f", "agents", 0.0, 1.0),
+    "stiffness_of_cells": Column("f", "agents", 0.0, 1.0),
+    "designs": Column("s", "kept agents", 0.0, 1.0),
+    "compliances": Column("f", "steps", 0.0),
+    "volumes": Column("f", "steps", 0.0, 1.0),
+    "changes": Column("f", "steps", 0.0, 1.0),
+    "iterations": Column("i", "steps", 0),
+}
 COURSE = {"times": Column("f", "times", 0.0, order="never falling")} | {
     name: Column("f", "times") for name in ("factors", "work", "stored", "dissipated", "numerical")
 }
@@ -139,6 +148,7 @@ TABLES = {
     "spring network, network": NETWORK,
     "spring network": RECORDS,
     "fracture": BREAKS,
+    "growth": GROWTH,
     "anything in time, course": COURSE,
     "element in time": ELEMENT_IN_TIME,
     "network in time": NETWORK_IN_TIME,

@@ -433,6 +433,7 @@ def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.fracture.fracture_result import FractureResult
+    from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network import NetworkResult
     from kaju.model.rheology.creep_result import CreepResult
     from kaju.model.rheology.creeping_body import TransferCreepResult
@@ -442,4 +443,4 @@ def _kinds() -> tuple[type[Result], ...]:
 
     static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)
     in_time = (CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult)
-    return *static, *in_time, FractureResult
+    return *static, *in_time, FractureResult, GrowthResult

@@ -81,7 +81,8 @@ class Body(Described):
     lattice : {"square", "hexagon", "cube"} or type of Lattice, optional
         Form of the cells: one of these, or a class of your own.
     material : str, optional
-        What fills the array, under the regions: a material's name, "air" or "rigid".
+        What fills the array, under the regions: a material's name, "air", "rigid" or
+        "roller".
     gravity : tuple of float, optional
         Acceleration (m/s²) that pulls every cell.
     regions : tuple of Region

@@ -19,7 +19,7 @@ from .sides import FREE, SideCondition
 
 # Whatever does not carry load beside the body gives loads back alike.
 MEDIA = ("air", "water", "gas", "vacuum")
-NOT_BODY = dict.fromkeys(MEDIA, kinds.AIR) | {"rigid": kinds.RIGID}
+NOT_BODY = dict.fromkeys(MEDIA, kinds.AIR) | {"rigid": kinds.RIGID, "roller": kinds.ROLLER}
 _FEW = 10_000
 
 

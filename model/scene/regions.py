@@ -53,7 +53,7 @@ class Region(Described):
     Parameters
     ----------
     material : str
-        A material's name, "air" or "rigid".
+        A material's name, "air", "rigid" or "roller".
     box : pair of points, optional
         Lower and upper corner (m).
     disk : Round, optional
@@ -66,7 +66,7 @@ class Region(Described):
         The dark pixels of an image, in two dimensions.
     """
 
-    material: Text = Field(description='a material\'s name, "air" or "rigid"')
+    material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
     box: tuple[Point, Point] | None = Field(
         default=None, description="the lower and the upper corner (m), such as [[0, 0], [0.1, 0.2]]"
     )

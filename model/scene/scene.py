@@ -56,7 +56,7 @@ class Scene(Description):
         The cells and what fills them.
     legend : dict of str to str
         What the letters, colours or codes of a drawn body stand for: a material's name,
-        "air" or "rigid".
+        "air", "rigid" or "roller".
     materials : dict of str to Material, or path
         Materials by name; names of the library need no entry. A path is that of a TOML file that
         holds them, which several scenes may share.
@@ -112,7 +112,7 @@ class Scene(Description):
         drawing : str
             One letter a cell.
         legend : mapping of str to str
-            What each letter stands for: a material's name, "air" or "rigid".
+            What each letter stands for: a material's name, "air", "rigid" or "roller".
         cell_size : float
             Edge of a cell (m).
         **others
@@ -257,7 +257,7 @@ class Scene(Description):
         Parameters
         ----------
         material : str
-            A material's name, "air" or "rigid".
+            A material's name, "air", "rigid" or "roller".
         **shape
             One of `box`, `disk`, `ball`, `polygon` and `image`, as in `Region`.
         """

@@ -36,8 +36,8 @@ def _check_samples(filling: Filling, allow_floating: bool) -> None:
     boxes = [filling.box] + [filling.cells_of(region.shape) for region in filling.regions]
     if not any(_has_body(filling, box) for box in boxes):
         raise SceneError(_empty(filling))
-    base_holds = np.any(np.asarray(filling.base) == kinds.RIGID)
-    if allow_floating or base_holds or any(part.kind == kinds.RIGID for part in filling.regions):
+    inside = [filling.base, *(part.kind for part in filling.regions)]
+    if allow_floating or any(bool(np.isin(np.asarray(kind), _HOLDS).any()) for kind in inside):
         return
     for side in np.flatnonzero(np.isin(filling.beyond, _HOLDS)):
         axis, upper_end = divmod(int(side), 2)

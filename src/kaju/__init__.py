@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from kaju.model.elastic.spawning.spawning_model import SpawningModel as SpawningModel
     from kaju.model.fracture.fracture_model import FractureModel as FractureModel
     from kaju.model.fracture.fracture_result import FractureResult as FractureResult
+    from kaju.model.growth.growth_model import GrowthModel as GrowthModel
+    from kaju.model.growth.growth_result import GrowthResult as GrowthResult
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
     from kaju.model.network.network_model import NetworkModel as NetworkModel
@@ -81,6 +83,8 @@ _NAMES = {
     "model.elastic.spawning.spawning_model": "SpawningModel",
     "model.fracture.fracture_model": "FractureModel",
     "model.fracture.fracture_result": "FractureResult",
+    "model.growth.growth_model": "GrowthModel",
+    "model.growth.growth_result": "GrowthResult",
     "model.network": "NetworkResult SpringNetwork",
     "model.network.network_model": "NetworkModel",
     "model.results.result": "Result load_result",

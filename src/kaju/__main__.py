@@ -48,6 +48,7 @@ for _verb in (
     commands_run.solve,
     commands_run.creep,
     commands_run.break_,
+    commands_run.grow,
     commands_look.animate,
     commands_look.page,
     commands_look.watch,

@@ -415,3 +415,62 @@ def break_(
         Drawn.NONE if no_pictures else pictures,
         force,
     )
+
+
+class GrowthRuleName(Enum):
+    """How cells grow, for the shell to complete."""
+
+    COMPLIANCE = "compliance"
+    REMODELLING = "remodelling"
+    STRESS = "stress"
+
+
+def grow(
+    scene: SceneFile,
+    out: Out = None,
+    settings: Settings = None,
+    rule: Annotated[
+        GrowthRuleName, typer.Option(help="How cells grow by what they feel.")
+    ] = GrowthRuleName.COMPLIANCE,
+    volume: Annotated[
+        float | None,
+        typer.Option(
+            parser=fraction,
+            metavar="SHARE",
+            help="Share of the body that is filled: at first, and by compliance throughout; 50% "
+            "unless given.",
+        ),
+    ] = None,
+    radius: Annotated[
+        float, typer.Option(help="Cells over which compliance averages.", min=0.0)
+    ] = 2.4,
+    steps: Annotated[int, typer.Option(min=1, help="End after so many steps.")] = 100,
+    pictures: Draw = Drawn.ONE,
+    no_pictures: DrawNone = False,
+    force: Force = False,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Let a body grow where it carries and fade where it does not.
+
+    Every cell of material has a density, which changes step by step. Writes summary.json,
+    result.npz and pictures: the design and its history. `kaju animate` makes a film of the folder.
+    """
+    console, described = Console(as_json, quiet), scene_of(scene, settings)
+
+    def answer() -> Result:
+        from kaju.model.growth.growth_model import GrowthModel
+
+        share = 0.5 if volume is None else volume
+        options: dict[str, Any] = {"volume": share, "filter_radius": radius, "most_steps": steps}
+        grown = GrowthModel(described, rule=rule.value, **options).run()
+        console.say(f"cells grow by the rule of {rule.value}: {grown.outcome}")
+        return grown
+
+    into_folder(
+        out or Path(f"{scene.stem}-grown"),
+        console,
+        answer,
+        Drawn.NONE if no_pictures else pictures,
+        force,
+    )

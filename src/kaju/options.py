@@ -23,8 +23,8 @@ Out = Annotated[
         *("--out", "-o"),
         metavar="DIR",
         help="Folder for the results; unless given it is named after scene and verb, such as "
-        "plate-result (run), plate-solved (solve), plate-creep, plate-broken, plate-compared or "
-        "kaju-demo.",
+        "plate-result (run), plate-solved (solve), plate-creep, plate-broken, plate-grown, "
+        "plate-compared or kaju-demo.",
     ),
 ]
 Settings = Annotated[

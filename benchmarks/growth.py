@@ -1,0 +1,226 @@
+"""Growth beside its peer: designs judged by both solvers, and what a step costs.
+
+    python benchmarks/growth.py [--steps 60] [--repeat 3]   # compliance, processor time
+    python benchmarks/growth.py --truth     # the designs in tests/data/half_beam_designs.npz
+    python benchmarks/growth.py --large     # 1,000 x 500 cells from grey
+    python benchmarks/growth.py --local     # the local rule: starts, grey, stability
+    python benchmarks/growth.py --refine    # the same radius on ever finer grids
+    python benchmarks/growth.py --michell   # rising columns towards Michell's truss
+    python benchmarks/growth.py --plain     # no filter: checkerboards, and the claim on finer cells
+
+The peer is the 88-line method rewritten in `peers/optimality.py`, with SciPy's SuperLU in minimum
+degree order, and with PARDISO where pypardiso is installed. Processor time, both in one run, by
+turns; the first steps, in which kaju may compile, are not counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from statistics import median
+from time import process_time
+
+import numpy as np
+from peers.optimality import POWER, VOID, Beam, Bilinear, optimised
+
+import kaju
+from kaju.arrays import Floats
+from kaju.model.growth.growth_rules import Compliance, Remodelling
+
+DATA = Path(__file__).parent.parent / "tests" / "data" / "half_beam_designs.npz"
+CASES = {
+    "half beam 150 x 50": (Beam("half beam", (150, 50)), 0.5, 2.4),
+    "cantilever 160 x 100": (Beam("cantilever", (160, 100)), 0.4, 4.0),
+}
+MICHELL = 5.001
+"""Least Σ |force| · length of a truss for the cantilever 1.6 × 1 under F = 1, over F · height: by a
+ground structure of 32 × 20 cells (linear programming)."""
+
+
+def by_kaju(beam: Beam, density: Floats) -> float:
+    """Return the compliance of a design by equal cells, solved exactly."""
+    scene = beam.scene()
+    field = np.ones(scene.lattice.shape)
+    field[:, -density.shape[1] :] = VOID + (1.0 - VOID) * density**POWER
+    return 2.0 * kaju.solve(scene, stiffness=field).strain_energy
+
+
+def by_peer(beam: Beam, density: Floats) -> float:
+    """Return the compliance of a design by bilinear elements."""
+    return Bilinear(beam).feel(VOID + (1.0 - VOID) * density**POWER)[0]
+
+
+def grown(beam: Beam, volume: float, radius: float, filter: str, steps: int) -> Floats:
+    """Return what kaju grows, in the peer's shape."""
+    options = {"volume": volume, "filter_radius": radius, "most_steps": steps, "at_rest": 0.0}
+    rule = Compliance("density" if filter == "density" else "sensitivity")
+    found = kaju.GrowthModel(beam.scene(), rule=rule, keep=False, **options).run(progress=False)
+    return found.density[:, -beam.cells[1] :]
+
+
+def designs(steps: int) -> Iterator[str]:
+    """Yield the compliances of both designs by both solvers."""
+    for name, (beam, volume, radius) in CASES.items():
+        for filter in ("density", "sensitivity"):
+            ours = grown(beam, volume, radius, filter, steps)
+            theirs = optimised(beam, volume, radius, "density" if filter == "density" else filter)
+            ratios = [judge(beam, ours) / judge(beam, theirs) for judge in (by_peer, by_kaju)]
+            yield (
+                f"{name}, {filter} filter: F·u of kaju's design / the peer's "
+                f"{ratios[0]:.4f} by bilinear elements, {ratios[1]:.4f} by kaju"
+            )
+
+
+def prices(repeat: int) -> Iterator[str]:
+    """Yield what a step costs, and 60 of them."""
+    solvers = ["superlu"] + ["pardiso"] * (find_spec("pypardiso") is not None)
+    for name, (beam, volume, radius) in CASES.items():
+        options = {"volume": volume, "filter_radius": radius, "most_steps": 10_000, "at_rest": 0.0}
+        model = kaju.GrowthModel(beam.scene(), keep=False, **options)
+        for _ in range(10):
+            model.step()
+        ours, theirs = [], {solver: [] for solver in solvers}
+        for _ in range(repeat):
+            began = process_time()
+            for _ in range(10):
+                model.step()
+            ours.append((process_time() - began) / 10)
+            for solver, found in theirs.items():
+                began = process_time()
+                optimised(beam, volume, radius, steps=3, solver=solver)
+                found.append((process_time() - began) / 3)
+        own = median(ours)
+        for solver, found in theirs.items():
+            yield (
+                f"{name}: a step {1e3 * own:.1f} ms, the peer by {solver} "
+                f"{1e3 * median(found):.0f} ms: {median(found) / own:.1f} times"
+            )
+
+
+def large(steps: int) -> Iterator[str]:
+    """Yield what 1,000 × 500 cells cost from grey."""
+    beam = Beam("cantilever", (1000, 500), 10)
+    options = {"volume": 0.4, "filter_radius": 4.0, "most_steps": steps, "at_rest": 0.0}
+    kaju.GrowthModel(Beam("cantilever", (64, 32)).scene(), most_steps=2).run(progress=False)
+    began = process_time()
+    result = kaju.GrowthModel(beam.scene(), keep=False, **options).run(progress=False)
+    yield f"1,000 x 500, {steps} steps: {process_time() - began:.1f} s, F·u {result.compliance:.2f}"
+
+
+def overlap(one: Floats, other: Floats) -> float:
+    """Return the share of filled volume that two designs have in common."""
+    return float(np.minimum(one, other).sum() / np.maximum(one, other).sum())
+
+
+def local() -> Iterator[str]:
+    """Yield what the local rule makes of three starts, and where it becomes unstable."""
+    beam = Beam("cantilever", (96, 60))
+    starts = {
+        "full": np.ones(beam.cells),
+        "half": np.full(beam.cells, 0.5),
+        "random": np.random.default_rng(0).uniform(0.2, 1.0, beam.cells),
+    }
+    found = {}
+    for name, start in starts.items():
+        rule = Remodelling(stimulus=0.0333)
+        model = kaju.GrowthModel(beam.scene(), rule=rule, start=start, most_steps=160, keep=False)
+        found[name] = result = model.run(progress=False)
+        yield (
+            f"from {name}: volume {result.volumes[-1]:.3f}, F·u {result.compliance:.2f}, grey "
+            f"{result.grey:.3f}, {result.outcome}"
+        )
+    half = found["half"].density
+    for name in ("full", "random"):
+        yield f"overlap of half and {name}: {overlap(half, found[name].density):.3f}"
+    for power in (1.0, 3.0):
+        for share in (0.7, 0.9, 1.1, 1.3, 2.0):
+            gain = share * 2.0 / (power + 1.0)
+            rule = Remodelling(0.02, gain, 0.0, (power, power), allow_unstable=True)
+            options = {"start": starts["half"], "most_steps": 100, "at_rest": 0.0, "keep": False}
+            model = kaju.GrowthModel(beam.scene(), rule=rule, **options)
+            moving = np.mean(model.run(progress=False).changes[-8:])
+            yield f"p = {power:g}, gain {share:g} of the limit: largest change a step {moving:.1e}"
+
+
+def refined() -> Iterator[str]:
+    """Yield compliances of one design problem on ever finer grids, the radius held in metres."""
+    last = None
+    for k in (1, 2, 4):
+        beam, radius = Beam("cantilever", (80 * k, 50 * k), 2 * k), 2.0 * k
+        options = {"volume": 0.4, "filter_radius": radius, "most_steps": 100, "at_rest": 0.0}
+        result = kaju.GrowthModel(beam.scene(), keep=False, **options).run(progress=False)
+        told = "" if last is None else f", {result.compliance / last - 1.0:+.2%}"
+        yield f"{80 * k} x {50 * k}, radius {radius:g}: F·u {result.compliance:.2f}{told}"
+        last = result.compliance
+
+
+def michell() -> Iterator[str]:
+    """Yield how near designs come to Michell's truss: F·u · volume over the square of its bound."""
+    start = None
+    for k in (1, 2, 4):
+        beam = Beam("cantilever", (160 * k, 100 * k), 2 * k)
+        options = {"volume": 0.3, "filter_radius": 1.8, "at_rest": 0.0, "start": start}
+        steps = 60 if k < 4 else 40
+        model = kaju.GrowthModel(beam.scene(), most_steps=steps, keep=False, **options)
+        result = model.run(progress=False)
+        ratio = result.compliance * 0.3 * result.cells.size / (MICHELL * beam.cells[1]) ** 2
+        yield f"{beam.cells[0]} columns: {ratio:.3f}"
+        start = np.kron(model.design.reshape(beam.cells), np.ones((2, 2)))
+
+
+def checkerboards(density: Floats) -> int:
+    """Return at how many corners full and empty cells alternate."""
+    a, b, c, d = density[:-1, :-1], density[1:, 1:], density[1:, :-1], density[:-1, 1:]
+    return int((np.abs(a + b - c - d) > 1.6).sum())
+
+
+def plain() -> Iterator[str]:
+    """Yield what grows without a filter, and whether finer cells uphold its compliance."""
+    beam, fine = Beam("cantilever", (160, 100)), Beam("cantilever", (640, 400), 8)
+    found = {
+        "kaju": (grown(beam, 0.4, 1.0, "density", 60), by_kaju),
+        "bilinear elements": (optimised(beam, 0.4, 1.0), by_peer),
+    }
+    for name, (density, judge) in found.items():
+        claimed, upheld = judge(beam, density), by_kaju(fine, np.kron(density, np.ones((4, 4))))
+        yield (
+            f"{name}: {checkerboards(density)} checkerboard places, F·u claimed {claimed:.2f}, on "
+            f"cells four times finer {upheld:.2f}"
+        )
+
+
+def main() -> None:
+    """Print what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--steps", type=int, default=60)
+    parser.add_argument("--repeat", type=int, default=3)
+    for name in ("truth", "large", "local", "refine", "michell", "plain", "prices", "designs"):
+        parser.add_argument(f"--{name}", action="store_true")
+    asked = parser.parse_args()
+    if asked.truth:
+        beam, volume, radius = CASES["half beam 150 x 50"]
+        found = {
+            filter: np.rint(1e4 * optimised(beam, volume, radius, filter, asked.steps))
+            for filter in ("density", "sensitivity")
+        }
+        np.savez_compressed(DATA, **{name: d.astype(np.uint16) for name, d in found.items()})
+        return
+    parts = {
+        "designs": lambda: designs(asked.steps),
+        "prices": lambda: prices(asked.repeat),
+        "large": lambda: large(asked.steps),
+        "local": local,
+        "refine": refined,
+        "michell": michell,
+        "plain": plain,
+    }
+    chosen = [name for name in parts if getattr(asked, name)] or ["designs", "prices"]
+    for name in chosen:
+        for line in parts[name]():
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()

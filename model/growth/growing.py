@@ -1,0 +1,158 @@
+"""A body whose cells have a share of their material's stiffness each, solved again and again.
+
+References
+----------
+T. E. Bruns, D. A. Tortorelli, "Topology optimization of non-linear elastic structures and
+compliant mechanisms", Computer Methods in Applied Mechanics and Engineering 190 (2001) 3443-3459:
+the density filter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import ceil
+
+import numpy as np
+from scipy.ndimage import correlate
+
+from kaju.arrays import Flags, Floats
+from kaju.errors import SceneError
+from kaju.model.elastic import fields
+from kaju.model.elastic.grid import grid_of
+from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.problem import FaceFields
+from kaju.model.elastic.solver import followed
+from kaju.model.elastic.staggered import energy_of_cells
+from kaju.model.scene import Scene
+
+
+class Neighbours:
+    """Weighted means over cells of a body, which know nothing beyond its surface.
+
+    Parameters
+    ----------
+    body : array of bool
+        Which cells of a box are of the body.
+    weights : array
+        Of a cell's surroundings, the same along opposite ways.
+    """
+
+    def __init__(self, body: Flags, weights: Floats) -> None:
+        self.body, self._weights = body, weights
+        self._alone = np.count_nonzero(weights) == 1
+        self._whole = self.sums(np.ones(np.count_nonzero(body)))
+
+    @classmethod
+    def within(cls, body: Flags, radius: float) -> Neighbours:
+        """Return means whose weights fall linearly to 0 at a radius (cells)."""
+        reach = max(ceil(radius) - 1, 0)
+        place = np.indices((2 * reach + 1,) * body.ndim) - reach
+        distance = np.sqrt((place**2).sum(axis=0))
+        return cls(body, np.maximum(max(radius, 1.0) - distance, 0.0))
+
+    @classmethod
+    def across_faces(cls, body: Flags) -> Neighbours:
+        """Return means over a cell and those it shares a face with, itself as much as all others.
+
+        Were it less, a checkerboard would be felt as its own opposite, and grow.
+        """
+        weights = np.zeros((3,) * body.ndim)
+        for axis in range(body.ndim):
+            weights[tuple([slice(None, None, 2) if a == axis else 1 for a in range(body.ndim)])] = 1
+        weights[(1,) * body.ndim] = 2 * body.ndim
+        return cls(body, weights)
+
+    def sums(self, values: Floats) -> Floats:
+        """Return the weighted sums of the cells' values."""
+        if self._alone:
+            return np.asarray(values * self._weights.max())
+        whole = np.zeros(self.body.shape)
+        whole[self.body] = values
+        return np.asarray(correlate(whole, self._weights, mode="constant")[self.body])
+
+    def means(self, values: Floats) -> Floats:
+        """Return the weighted means of the cells' values."""
+        return np.asarray(self.sums(values) / self._whole)
+
+    def handed_back(self, values: Floats) -> Floats:
+        """Return the derivative by the cells' values of a sum of means with these factors."""
+        return self.sums(values / self._whole)
+
+
+class GrowingBody:
+    """The cells of a scene, how stiff they are, and what they feel under its loads.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of squares or cubes, loaded by forces alone.
+    stage : int or None
+        Stage of loading; None is the last.
+
+    Attributes
+    ----------
+    body : array of bool
+        Which cells of the box around the body are of material.
+    compliance : float
+        F·u: work of the final forces on the displacements (J).
+    energy : (n,) floats
+        Stored in every cell (J), with its share of the edges round it.
+    iterations : int
+        Of the last solution.
+
+    Raises
+    ------
+    SceneError
+        If the loads are no forces, or depend on what has grown, or cells are too large.
+    """
+
+    def __init__(self, scene: Scene, stage: int | None) -> None:
+        if scene.body.gravity is not None:
+            raise SceneError(
+                "body.gravity: the weight of a body that grows would change with it; leave it out"
+            )
+        if any(side.displacement is not None for side in scene.sides.values()):
+            raise SceneError(
+                "sides: a body grows under forces; of a side that is moved the work grows with "
+                "the stiffness. Load it by [[loads]]"
+            )
+        applied = scene.applied(stage)
+        if not np.any(applied.force):
+            raise SceneError("loads: nothing grows without forces; add [[loads]]")
+        grid = grid_of(scene, stage, stiffness=np.ones(scene.lattice.shape))
+        if grid.division > 1:
+            raise SceneError(f"body: {grid.notes[0]}; give smaller cells (scene.refine(2))")
+        self._whole = grid.problem
+        self.body: Flags = np.asarray(self._whole.kinds[self._whole.inner] >= 0)
+        lower = grid.origin
+        self.box = tuple(slice(a, a + n) for a, n in zip(lower, self.body.shape, strict=True))
+        self._moved: FaceFields | None = None
+
+    def solve(self, stiffness: Floats, tolerance: float) -> None:
+        """Find what cells of a relative stiffness feel, starting from what they felt before."""
+        moduli = Moduli(*(modulus * stiffness for modulus in self._whole.moduli))
+        problem = replace(self._whole, moduli=moduli)
+        solution = followed(problem, self._moved, tolerance)
+        self._moved = solution.displacement
+        unit = problem.scales.force * problem.scales.displacement
+        self.compliance = 2.0 * unit * solution.energy
+        self.energy = unit * energy_of_cells(problem, self._moved)[self.body]
+        self.iterations = solution.iterations
+
+    def forget(self) -> None:
+        """Start from nothing again."""
+        self._moved = None
+
+    def von_mises(self) -> Floats:
+        """Return the equivalent stress (Pa) of the whole material at the cells' strain."""
+        assert self._moved is not None
+        problem = self._whole
+        parts = fields.stress_parts(replace(problem, surface_shear={}), self._moved)
+        stress = fields.cell_tensor(problem, parts)[self.body]
+        across: Floats | float = 0.0
+        if problem.plane == "strain":
+            lateral, shear = problem.moduli.lateral, problem.moduli.shear
+            across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
+        scales = problem.scales
+        unit = scales.modulus * scales.displacement / scales.length
+        return unit * fields.von_mises(stress, across)

@@ -1,0 +1,299 @@
+"""A body that grows, as a Mesa model: every step its cells feel, and thicken or thin."""
+
+from __future__ import annotations
+
+from copy import copy
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kaju.arrays import Floats
+from kaju.errors import ParameterError
+from kaju.mesa_model import SteppedModel
+from kaju.model.elastic.arguments import SMALLEST
+from kaju.model.scene import Scene
+from kaju.model.scene.scene import scene_needed
+from kaju.progress import progress_line
+from kaju.stepping import Until
+
+from .growing import GrowingBody, Neighbours
+from .growth_result import COLUMNS, GrowthResult
+from .growth_rules import RULES, Felt, GrowthRule
+
+AT_REST = "at rest: no density changes any more"
+_TIGHT = 1e-6
+"""To which the equations of the last design are solved."""
+
+
+class GrowthModel(SteppedModel):
+    """A body whose cells thicken where they carry and thin where they do not.
+
+    Every cell has a density from 0 to 1, the share of it that is filled; its stiffness is the
+    density to the rule's power, as a share of its material's. A step changes all densities by what
+    the cells feel, and lets them feel again: the elastic equations are solved from the displacement
+    before. Displacements are small.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of squares or cubes, all of whose material may go; held, and loaded by forces.
+    rule : {"compliance", "remodelling", "stress"} or GrowthRule
+        How cells grow: least compliance of a given volume, towards a set energy that a unit of mass
+        saves, or towards an allowed stress. An object of one of these classes, or of your own,
+        takes its own parameters (`kaju.model.growth.growth_rules`).
+    volume : float
+        Share of the body's volume that is filled at first, and by "compliance" throughout.
+    filter_radius : float
+        Radius (cells) over which densities, or what they feel, are averaged by "compliance"; 1 or
+        less averages nothing.
+    start : array, optional
+        First densities, of the shape of the scene's cells, instead of the same everywhere.
+    stage : int, optional
+        Stage of loading; by default the last.
+    most_steps : int
+        Steps after which growth ends.
+    at_rest : float
+        Growth ends when no density changes by more in a step.
+    tolerance : float
+        Relative error in the energy norm to which the equations are solved; its square is the
+        error of the compliance. The last design is solved to 1e-6.
+    keep : bool
+        Whether the result has the densities of every step (4 bytes a cell and step), for films.
+    rng, seed : int, optional
+        For rules of one's own that draw random numbers; those by name draw none.
+
+    Attributes
+    ----------
+    running : bool
+        Whether a step is left.
+    outcome : str
+        Why there is none; "" while there is.
+    density : (n,) floats
+        Of the cells of material, row by row.
+    compliance : float
+        F·u: work of the forces on the displacements (J).
+    rule : GrowthRule
+    datacollector : mesa.DataCollector
+        The last row of the history after every step.
+
+    Raises
+    ------
+    ParameterError
+        If an argument breaks its rule.
+    SceneError
+        If the scene is nothing that can grow: moved sides, weight, no forces.
+
+    See Also
+    --------
+    kaju.solve : the same mechanics for any field of stiffness, with bounds of the error.
+
+    Examples
+    --------
+    >>> import kaju
+    >>> scene = kaju.Scene(
+    ...     body={"cells": [24, 12], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"left": "rigid"},
+    ...     loads=[{"region": {"box": [[0.22, 0.05], [0.24, 0.07]]}, "force": [0.0, -1.0]}],
+    ... )
+    >>> grown = kaju.GrowthModel(scene, volume=0.4, filter_radius=1.5, most_steps=20).run()
+    >>> bool(grown.compliance < 0.5 * grown.history["compliance_J"][0])
+    True
+    >>> grown.density.shape, round(float(grown.density.mean()), 12)
+    ((24, 12), 0.4)
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        rule: str | GrowthRule = "compliance",
+        volume: float = 0.5,
+        filter_radius: float = 2.4,
+        start: ArrayLike | None = None,
+        stage: int | None = None,
+        most_steps: int = 100,
+        at_rest: float = 0.01,
+        tolerance: float = 1e-2,
+        keep: bool = True,
+        rng: Any = None,
+        seed: int | None = None,
+    ) -> None:
+        super().__init__(rng, seed)
+        scene_needed(scene)
+        if isinstance(rule, str) and rule not in RULES:
+            raise ParameterError(f"rule: {', '.join(map(repr, RULES))}, got {rule!r}")
+        if not isinstance(rule, (str, GrowthRule)):
+            raise ParameterError(f"rule: a name or a GrowthRule is needed, got {rule!r:.80}")
+        if not 0.0 < volume <= 1.0:
+            raise ParameterError(f"volume: a share above 0, at most 1, got {volume}")
+        if not 0.0 <= filter_radius <= max(scene.lattice.shape):
+            raise ParameterError(
+                f"filter_radius: from 0 to the {max(scene.lattice.shape)} cells of the body, got "
+                f"{filter_radius}"
+            )
+        if most_steps < 1:
+            raise ParameterError(f"most_steps: at least 1, got {most_steps}")
+        if not at_rest >= 0.0:
+            raise ParameterError(f"at_rest: 0 or more, got {at_rest}")
+        if not SMALLEST <= tolerance < 1.0:
+            raise ParameterError(f"tolerance: from {SMALLEST:g} to below 1, got {tolerance}")
+        self.scene, self._asked = scene, rule
+        self._options: dict[str, Any] = {
+            "volume": volume,
+            "filter_radius": filter_radius,
+            "start": None if start is None else np.asarray(start).tolist(),
+            "stage": stage,
+            "most_steps": most_steps,
+            "at_rest": at_rest,
+            "tolerance": tolerance,
+            "keep": keep,
+        }
+        self._growing = GrowingBody(scene, stage)
+        self._first = _first_design(self._growing, scene, volume, start)
+        self._around = Neighbours.within(self._growing.body, filter_radius)
+        self._beside = Neighbours.across_faces(self._growing.body)
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the first densities."""
+        self._start_again()
+        began = perf_counter()
+        asked = self._asked
+        self.rule = RULES[asked]() if isinstance(asked, str) else copy(asked)
+        self.outcome = ""
+        self.design = self._first.copy()
+        self._growing.forget()
+        self._rows: list[tuple[float, ...]] = []
+        self._designs: list[Floats] = []
+        self._feel(0.0, self._options["tolerance"])
+        self.rule.prepare(self._felt())
+        self.seconds = perf_counter() - began
+        self._note()
+
+    @property
+    def compliance(self) -> float:
+        """F·u: work of the forces on the displacements (J)."""
+        return self._growing.compliance
+
+    def step(self) -> None:
+        """Let all densities change by what their cells feel, and let them feel again."""
+        began = perf_counter()
+        grown = np.asarray(self.rule.grow(self._felt()), dtype=np.float64)
+        right = grown.shape == self.design.shape
+        if not (right and np.all((grown >= 0.0) & (grown <= 1.0))):
+            raise ParameterError(
+                f"rule: {type(self.rule).__name__}.grow must return {self.design.size} densities "
+                f"from 0 to 1, one a cell, got {grown!r:.80}"
+            )
+        change = float(np.abs(grown - self.design).max())
+        self.design = grown
+        if self.steps >= self.rule.patience and change <= self._options["at_rest"]:
+            self.outcome = AT_REST
+        elif self.steps == self._options["most_steps"]:
+            self.outcome = f"ended after {self.steps} steps, as asked"
+        self.running = not self.outcome
+        self._feel(change, self._options["tolerance"] if self.running else _TIGHT)
+        self.seconds += perf_counter() - began
+
+    def _feel(self, change: float, tolerance: float) -> None:
+        """Find what the design's cells feel, and note it."""
+        self.density = self.design
+        if self.rule.smooth:
+            self.density = np.minimum(self._around.means(self.design), 1.0)
+        least = self.rule.least_stiffness
+        self.stiffness = least + (1.0 - least) * self.density ** self.rule.penalty(self.steps)
+        self._growing.solve(self.stiffness, min(tolerance, self._options["tolerance"]))
+        volume = float(self.density.mean())
+        self._rows.append((self.compliance, volume, change, self._growing.iterations))
+        if self._options["keep"]:
+            self._designs.append(self.density.astype(np.float32))
+
+    def _felt(self) -> Felt:
+        """Return what the cells feel."""
+        power, least = self.rule.penalty(self.steps), self.rule.least_stiffness
+        # Of F·u under given forces: minus twice the energy's derivative at given displacements.
+        rise = (1.0 - least) * power * self.density ** (power - 1.0)
+        lattice = self.scene.lattice
+        volume = lattice.cell_size**lattice.dimension
+        return Felt(
+            step=self.steps,
+            density=self.density,
+            design=self.design,
+            energy=self._growing.energy,
+            slope=-2.0 * rise * self._growing.energy / self.stiffness,
+            von_mises=self._growing.von_mises,
+            volume=self._options["volume"],
+            around=self._around,
+            beside=self._beside,
+            cell_volume=volume * (self.scene.thickness if lattice.dimension == 2 else 1.0),
+        )
+
+    def figures(self) -> dict[str, float]:
+        """Return what is noted after every step: compliance (J), volume, change, iterations."""
+        return dict(zip(COLUMNS, self._rows[-1], strict=True))
+
+    def run(self, until: Until | None = None, progress: bool | None = None) -> GrowthResult:
+        """Grow until nothing changes any more, or a question is answered with yes.
+
+        Parameters
+        ----------
+        until : function of the model or int, optional
+            Asked before every step whether to stop; or a number of steps.
+        progress : bool, optional
+            Show a line of progress; None does so at a terminal.
+        """
+        with progress_line(progress) as report:
+
+            def told() -> None:
+                now = self.figures()
+                report(
+                    f"step {self.steps} of {self._options['most_steps']}: compliance "
+                    f"{now['compliance']:.4g} J, volume {now['volume']:.1%}, largest change "
+                    f"{now['change']:.2g}"
+                )
+
+            return self._run(until, self.result, told)
+
+    def result(self) -> GrowthResult:
+        """Return what has grown so far."""
+        columns = dict(zip(COLUMNS, np.array(self._rows).T, strict=True))
+        return GrowthResult(
+            scene=self.scene,
+            stage=self._options["stage"],
+            rule=self.rule.name,
+            cells=self.density.copy(),
+            stiffness_of_cells=self.stiffness.copy(),
+            designs=np.array(self._designs, dtype=np.float32).reshape(-1, self.density.size),
+            compliances=columns["compliance"],
+            volumes=columns["volume"],
+            changes=columns["change"],
+            iterations=columns["iterations"].astype(np.int64),
+            volume=self._options["volume"],
+            holds_volume=self.rule.holds_volume,
+            filter_radius=self._options["filter_radius"],
+            outcome=self.outcome,
+            seconds=self.seconds,
+        )
+
+    def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the model's plain arguments, and those that no file can hold."""
+        if isinstance(self._asked, str):
+            return self._options | {"rule": self._asked}, {}
+        return dict(self._options), {"rule": self._asked}
+
+
+def _first_design(
+    growing: GrowingBody, scene: Scene, volume: float, start: ArrayLike | None
+) -> Floats:
+    """Return the densities that growth starts from."""
+    if start is None:
+        return np.full(np.count_nonzero(growing.body), float(volume))
+    field, shape = np.asarray(start, dtype=np.float64), scene.lattice.shape
+    if field.shape != shape:
+        raise ParameterError(f"start: densities of shape {shape} are needed, got {field.shape}")
+    design: Floats = field[growing.box][growing.body]
+    if not np.all((design >= 0.0) & (design <= 1.0)):
+        raise ParameterError("start: densities from 0 to 1 are needed where there is material")
+    return design

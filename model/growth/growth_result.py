@@ -1,0 +1,242 @@
+"""What growing a body returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju import __version__
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ParameterError, ResultFileError
+from kaju.model.results.archive import Archive
+from kaju.model.results.cuts import Carrying
+from kaju.model.results.formats import GROWTH
+from kaju.model.results.result import BOOKS, BodyResult, Check
+from kaju.model.scene import Scene
+
+if TYPE_CHECKING:
+    import pandas
+
+    from kaju.model.elastic.elastic_result import ElasticResult
+
+COLUMNS = ("compliance", "volume", "change", "iterations")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GrowthResult(BodyResult):
+    """What has grown, and what it felt step by step.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    stage : int or None
+        Stage of loading; None is the last.
+    rule : str
+        Name of the rule; "own" of one of your own.
+    cells, stiffness_of_cells : (n,) floats
+        Density from 0 to 1, and stiffness as a share of its material's, of each cell of material,
+        row by row.
+    designs : (steps + 1, n) floats
+        Densities at first and after every step, in single precision; none if they were not kept.
+    compliances, volumes, changes : (steps + 1,) floats
+        Work of the forces F·u (J), mean density, and largest change of a density.
+    iterations : (steps + 1,) ints
+        That the equations took.
+    volume : float
+        Share of the body's volume that was asked for.
+    holds_volume : bool
+        Whether the rule keeps it.
+    filter_radius : float
+        In cells.
+    outcome : str
+        Why growth ended; "" if nobody asked.
+    seconds : float
+        Time that the computation took (s).
+
+    Examples
+    --------
+    >>> import kaju
+    >>> scene = kaju.Scene(
+    ...     body={"cells": [20, 10], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"left": "rigid"},
+    ...     loads=[{"region": {"box": [[0.18, 0.0], [0.2, 0.02]]}, "force": [0.0, -1.0]}],
+    ... )
+    >>> grown = kaju.GrowthModel(scene, rule="stress", volume=0.5).run(10)
+    >>> grown.history.columns.tolist()
+    ['step', 'compliance_J', 'volume', 'change', 'iterations']
+    >>> answer = grown.answer  # of the last design, with bounds
+    >>> low, high = answer.energy_bounds
+    >>> low <= 0.5 * grown.compliance <= high
+    True
+    """
+
+    kind: ClassVar[str] = "growth"
+    pictures: ClassVar[tuple[str, ...]] = ("design", "history")
+    films: ClassVar[tuple[str, ...]] = ("steps",)
+    scene: Scene
+    stage: int | None
+    rule: str
+    cells: Floats
+    stiffness_of_cells: Floats
+    designs: NDArray[np.float32]
+    compliances: Floats
+    volumes: Floats
+    changes: Floats
+    iterations: Ints
+    volume: float
+    holds_volume: bool
+    filter_radius: float
+    outcome: str
+    seconds: float
+
+    @property
+    def name(self) -> str:
+        """What it is called beside another answer."""
+        return "growth"
+
+    @cached_property
+    def body(self) -> Flags:
+        """Which of the scene's cells are of material, in the shape of the array."""
+        return np.asarray(self.scene.rasterise() >= 0)
+
+    def spread(self, values: Floats) -> Floats:
+        """Return values of the cells of material in the shape of the scene's cells; 0 elsewhere."""
+        field = np.zeros(self.body.shape)
+        field[self.body] = values
+        return field
+
+    @property
+    def density(self) -> Floats:
+        """Densities in the shape of the scene's cells; 0 where there is no material."""
+        return self.spread(self.cells)
+
+    @property
+    def stiffness(self) -> Floats:
+        """Shares of the materials' stiffness in the shape of the scene's cells, for `solve`."""
+        return self.spread(self.stiffness_of_cells)
+
+    @property
+    def compliance(self) -> float:
+        """F·u of the last design: work of the forces on the displacements (J)."""
+        return float(self.compliances[-1])
+
+    @property
+    def grey(self) -> float:
+        """Mean of 4 ρ (1 - ρ): 0 where every cell is full or empty, 1 where all are half full."""
+        return float(4.0 * (self.cells * (1.0 - self.cells)).mean())
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.compliances) - 1
+
+    @cached_property
+    def answer(self) -> ElasticResult:
+        """The last design, solved anew and exactly, with bounds of its error."""
+        from kaju.model.study.solving import solve
+
+        return solve(self.scene, stiffness=self.stiffness, stage=self.stage)
+
+    def density_at(self, step: int | None = None) -> Floats:
+        """Return the densities of the cells of material after a step, from 0; none: the last.
+
+        Raises
+        ------
+        ParameterError
+            If there were fewer steps, or their densities were not kept.
+        """
+        if step is None:
+            return self.cells
+        if not len(self.designs):
+            raise ParameterError("step: densities were not kept; grow with keep=True")
+        if not 0 <= step <= self.steps:
+            raise ParameterError(f"step: 0 to {self.steps}, got {step}")
+        return np.asarray(self.designs[step], dtype=np.float64)
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) of the last design, at points (m)."""
+        return self.answer.displacement_at(points)
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) of the last design, at points (m)."""
+        return self.answer.stress_at(points)
+
+    def _carrying(self, axis: int) -> Carrying:
+        return self.answer._carrying(axis)
+
+    @property
+    def history(self) -> pandas.DataFrame:
+        """One row per step, the start included: compliance, volume, change, iterations."""
+        import pandas
+
+        return pandas.DataFrame(
+            {
+                "step": np.arange(self.steps + 1),
+                "compliance_J": self.compliances,
+                "volume": self.volumes,
+                "change": self.changes,
+                "iterations": self.iterations,
+            }
+        )
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return the history."""
+        return self.history
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        return {
+            "model": "growth",
+            "kaju_version": __version__,
+            "rule": self.rule,
+            "cells": len(self.cells),
+            "filter_radius": self.filter_radius,
+            "volume_asked": self.volume,
+            "volume": float(self.volumes[-1]),
+            "steps": self.steps,
+            "compliance_J": self.compliance,
+            "compliance_at_first_J": float(self.compliances[0]),
+            "grey": self.grey,
+            "largest_change": float(self.changes[-1]),
+            "outcome": self.outcome,
+            "seconds": self.seconds,
+        }
+
+    def checks(self) -> list[Check]:
+        """Return whether the volume is what was asked for, at every step, if the rule holds it."""
+        if not self.holds_volume:
+            return []
+        off = float(np.abs(self.volumes[1:] / self.volume - 1.0).max(initial=0.0))
+        return [Check("the volume is held", off, BOOKS)]
+
+    def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        told = ("stage", "rule", "volume", "holds_volume", "filter_radius", "outcome")
+        about = {name: getattr(self, name) for name in told}
+        return {name: getattr(self, name) for name in GROWTH}, about
+
+    @classmethod
+    def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
+        agents = int(np.count_nonzero(scene.rasterise() >= 0))
+        columns = archive.columns(GROWTH, {"agents": agents})
+        stage, steps = archive.value("stage", int | None), len(columns["compliances"])
+        scene.applied(stage)  # which knows whether there is such a stage
+        if not steps or len(columns["designs"]) not in (0, steps):
+            raise ResultFileError(
+                f"{archive.path}: 'designs' must be of no step or of all, and there must be one"
+            )
+        return cls(
+            scene=scene,
+            stage=stage,
+            rule=archive.value("rule", str),
+            **columns,
+            volume=archive.value("volume", float),
+            holds_volume=archive.value("holds_volume", bool),
+            filter_radius=archive.value("filter_radius", float),
+            outcome=archive.value("outcome", str),
+            seconds=archive.value("seconds", float),
+        )

@@ -1,0 +1,327 @@
+"""How cells grow by what they feel: three rules by name, and the ground for one's own.
+
+References
+----------
+O. Sigmund, "A 99 line topology optimization code written in Matlab", Structural and
+Multidisciplinary Optimization 21 (2001) 120-127; M. P. Bendsøe, O. Sigmund, *Topology
+Optimization* (Springer 2003), ch. 1: `Compliance`.
+
+A. Tovar et al., "Topology optimization using a hybrid cellular automaton method with local
+control rules", Journal of Mechanical Design 128 (2006) 1205-1216; R. Huiskes et al., "Adaptive
+bone-remodeling theory applied to prosthetic-design analysis", Journal of Biomechanics 20 (1987)
+1135-1150 (the lazy zone): `Remodelling`.
+
+R. Razani, "Behavior of fully stressed design of structures and its relationship to minimum-weight
+design", AIAA Journal 3 (1965) 2262-2268: `FullyStressed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from scipy.optimize import brentq
+
+from kaju.arrays import Floats
+from kaju.errors import ParameterError
+from kaju.model.elastic.krylov import dot
+
+from .growing import Neighbours
+
+
+@dataclass(frozen=True, eq=False)
+class Felt:
+    """What the cells of a body feel at a step; arrays have one entry for each, row by row."""
+
+    step: int
+    """Steps taken before."""
+    density: Floats
+    """Share of a cell that is filled, from 0 to 1: what stiffness and volume follow from."""
+    design: Floats
+    """What a rule changes: the same, or what the density is the mean of over neighbours."""
+    energy: Floats
+    """Stored in each cell (J), with its share of the edges round it."""
+    slope: Floats
+    """By how much the compliance F·u grows with the density (J); not above 0."""
+    von_mises: Callable[[], Floats]
+    """Returns the equivalent stress (Pa) of the whole material at each cell's strain."""
+    volume: float
+    """Share of the body that was asked for."""
+    around: Neighbours
+    """Means over the cells within the filter's radius."""
+    beside: Neighbours
+    """Means over a cell and those beside it."""
+    cell_volume: float  # In m³
+
+
+class GrowthRule:
+    """How cells grow: override `grow`, and what else differs.
+
+    Attributes
+    ----------
+    smooth : bool
+        Whether the density is the mean of the design over the cells within the filter's radius.
+    holds_volume : bool
+        Whether the volume stays what was asked for.
+    least_stiffness : float
+        Share of its material's stiffness that a cell without density keeps.
+    patience : int
+        Steps before which a body is not at rest.
+
+    Examples
+    --------
+    Cells that carry less than the mean fade by a tenth, the others grow by a tenth:
+
+    >>> import numpy as np
+    >>> import kaju
+    >>> from kaju.model.growth.growth_rules import GrowthRule
+    >>> class Tenths(GrowthRule):
+    ...     def grow(self, felt):
+    ...         carries = felt.energy > felt.energy.mean()
+    ...         return np.clip(felt.design * np.where(carries, 1.1, 0.9), 0.01, 1.0)
+    ...
+    >>> scene = kaju.Scene(
+    ...     body={"cells": [12, 8], "cell_size": 0.01, "material": "steel"},
+    ...     sides={"left": "rigid"},
+    ...     loads=[{"region": {"box": [[0.1, 0.0], [0.12, 0.02]]}, "force": [0.0, -1.0]}],
+    ... )
+    >>> grown = kaju.GrowthModel(scene, rule=Tenths()).run(5)
+    >>> len(grown.history)
+    6
+    """
+
+    name: ClassVar[str] = "own"
+    smooth: bool = False
+    holds_volume: bool = False
+    least_stiffness: float = 1e-9
+    patience: int = 0
+
+    def penalty(self, step: int) -> float:
+        """Return the power p of the density that the stiffness follows at a step."""
+        return 3.0
+
+    def prepare(self, felt: Felt) -> None:
+        """Look at the body before its first step."""
+
+    def grow(self, felt: Felt) -> Floats:
+        """Return the next design, shape (n,), from 0 to 1."""
+        raise NotImplementedError
+
+
+class Compliance(GrowthRule):
+    """Least compliance of a given volume: optimality criteria.
+
+    A cell grows by the root of what the compliance loses by it, beside a price that all pay
+    alike, and which keeps the volume.
+
+    Parameters
+    ----------
+    filter : {"density", "sensitivity"}
+        What is averaged over the cells within the filter's radius.
+    penalty : float
+        Power of the density that the stiffness follows; 1 or more.
+    move : float
+        How far a density may change in a step; above 0, at most 1.
+
+    Raises
+    ------
+    ParameterError
+        If an argument breaks its rule.
+    """
+
+    name = "compliance"
+    holds_volume = True
+
+    def __init__(
+        self,
+        filter: Literal["density", "sensitivity"] = "density",
+        penalty: float = 3.0,
+        move: float = 0.2,
+    ) -> None:
+        if filter not in ("density", "sensitivity"):
+            raise ParameterError(f"filter: 'density' or 'sensitivity', got {filter!r}")
+        if not 1.0 <= penalty < 100.0:
+            raise ParameterError(f"penalty: a power of 1 or more, got {penalty}")
+        if not 0.0 < move <= 1.0:
+            raise ParameterError(f"move: above 0, at most 1, got {move}")
+        self.smooth, self._penalty, self._move = filter == "density", penalty, move
+        self._price = 0.0
+
+    def penalty(self, step: int) -> float:
+        """Return the same power at every step."""
+        return self._penalty
+
+    def grow(self, felt: Felt) -> Floats:
+        """Return what grows most where it helps most."""
+        x, around = felt.design, felt.around
+        if self.smooth:
+            slope, weight = around.handed_back(felt.slope), around.handed_back(np.ones_like(x))
+        else:
+            slope = around.means(x * felt.slope) / np.maximum(x, 1e-3)
+            weight = np.ones_like(x)
+        wish = x * np.sqrt(np.maximum(-slope, 0.0) / weight)
+        wish /= wish.max() or 1.0
+        low, high = np.maximum(x - self._move, 0.0), np.minimum(x + self._move, 1.0)
+
+        def missing(price: float) -> float:
+            grown = np.clip(wish * np.exp(-price), low, high)
+            return dot(weight, grown) / len(x) - felt.volume
+
+        self._price = _root(missing, self._price)
+        return np.asarray(np.clip(wish * np.exp(-self._price), low, high))
+
+
+def _root(falling: Callable[[float], float], guess: float) -> float:
+    """Return where a function that never rises is 0, or as near to that as it comes."""
+    step = 0.25
+    low = high = guess
+    while falling(low) < 0.0 and step < 200.0:
+        low, step = low - step, 2.0 * step
+    while falling(high) > 0.0 and step < 200.0:
+        high, step = high + step, 2.0 * step
+    if low == high or not falling(low) >= 0.0 >= falling(high):
+        return low if falling(high) >= 0.0 else high
+    return float(brentq(falling, low, high, xtol=1e-15, rtol=1e-15, maxiter=200))
+
+
+class Remodelling(GrowthRule):
+    """Bone's rule: every cell grows until what it and its neighbours carry is a set stimulus.
+
+    The stimulus is p U / x: the energy that a unit of filled volume saves. Nobody knows the volume
+    or the compliance. Densities rest where the stimulus misses its aim by less than the lazy zone.
+
+    Parameters
+    ----------
+    stimulus : float, optional
+        Aim (J/m³); unless given the mean of the body that growth starts from, at a power of 1.
+    gain : float
+        Share of the missing logarithm by which a density's logarithm changes in a step. Under
+        given forces the stimulus falls with the power p + 1 of the density, so a gain of
+        2/(p + 1) or more overshoots for ever (`stability_limit`).
+    lazy : float
+        Logarithm of the stimulus by which nothing changes.
+    powers : tuple of float
+        The power p at first and in the end: what is built from 1 on depends less on the start.
+    while_rising : tuple of int
+        Steps from which on and to which it rises.
+    allow_unstable : bool
+        Take a gain beyond the limit.
+
+    Raises
+    ------
+    ParameterError
+        If an argument breaks its rule, or the gain is not stable.
+    """
+
+    name = "remodelling"
+    least_stiffness = 1e-6
+    _LEAST, _MOST_STEP = 1e-3, 0.3
+
+    def __init__(
+        self,
+        stimulus: float | None = None,
+        gain: float = 0.25,
+        lazy: float = 0.05,
+        powers: tuple[float, float] = (1.0, 3.0),
+        while_rising: tuple[int, int] = (40, 100),
+        allow_unstable: bool = False,
+    ) -> None:
+        if stimulus is not None and not 0.0 < stimulus < np.inf:
+            raise ParameterError(f"stimulus: finite and above 0 (J/m³), got {stimulus}")
+        if not lazy >= 0.0:
+            raise ParameterError(f"lazy: 0 or more, got {lazy}")
+        if not all(1.0 <= power < 100.0 for power in powers):
+            raise ParameterError(f"powers: 1 or more each, got {powers}")
+        first, last = while_rising
+        if not 0 <= first < last:
+            raise ParameterError(f"while_rising: two steps in order, got {while_rising}")
+        self._powers, self._rising, self.patience = powers, while_rising, last
+        if powers[0] == powers[1]:
+            self.patience = 0
+        limit = self.stability_limit
+        if not (gain > 0.0 and (gain < limit or allow_unstable)):
+            raise ParameterError(
+                f"gain: above 0 and below 2/(p + 1) = {limit:.3g}, or densities overshoot for "
+                f"ever, got {gain}; take a smaller one, or allow_unstable=True"
+            )
+        self.stimulus, self._gain, self._lazy = stimulus, gain, lazy
+
+    @property
+    def stability_limit(self) -> float:
+        """The gain that is too large."""
+        return 2.0 / (max(self._powers) + 1.0)
+
+    def penalty(self, step: int) -> float:
+        """Return a power that rises from the first to the last."""
+        return float(np.interp(step, self._rising, self._powers))
+
+    def prepare(self, felt: Felt) -> None:
+        """Aim at what the body feels at first, if no aim was given."""
+        if self.stimulus is None:
+            filled = felt.density.sum() * felt.cell_volume
+            self.stimulus = float(felt.energy.sum() / filled)
+
+    def grow(self, felt: Felt) -> Floats:
+        """Return what comes nearer to the stimulus."""
+        filled = np.maximum(felt.beside.means(felt.density), self._LEAST) * felt.cell_volume
+        felt_now = self.penalty(felt.step) * felt.beside.means(felt.energy) / filled
+        assert self.stimulus is not None
+        missing = np.log(np.maximum(felt_now / self.stimulus, 1e-9))
+        missing = np.sign(missing) * np.maximum(np.abs(missing) - self._lazy, 0.0)
+        step = np.clip(self._gain * missing, -self._MOST_STEP, self._MOST_STEP)
+        return np.clip(felt.design * np.exp(step), self._LEAST, 1.0)
+
+
+class FullyStressed(GrowthRule):
+    """Every cell becomes as thick as makes its stress the one that is allowed.
+
+    Densities are shares of the thickness here: stiffness grows with them, not with a power.
+
+    Parameters
+    ----------
+    stress : float, optional
+        Equivalent stress (Pa) that is allowed; unless given the mean of the body that growth
+        starts from.
+    gain : float
+        Power of the ratio of stresses by which a cell grows; 1 is exact where forces do not
+        depend on the thickness. Above 0, below 2.
+
+    Raises
+    ------
+    ParameterError
+        If an argument breaks its rule.
+    """
+
+    name = "stress"
+    least_stiffness = 1e-6
+    _LEAST = 1e-3
+
+    def __init__(self, stress: float | None = None, gain: float = 1.0) -> None:
+        if stress is not None and not 0.0 < stress < np.inf:
+            raise ParameterError(f"stress: finite and above 0 (Pa), got {stress}")
+        if not 0.0 < gain < 2.0:
+            raise ParameterError(f"gain: above 0 and below 2, got {gain}")
+        self.stress, self._gain = stress, gain
+
+    def penalty(self, step: int) -> float:
+        """Return 1: a plate half as thick is half as stiff."""
+        return 1.0
+
+    def prepare(self, felt: Felt) -> None:
+        """Allow the mean of what the body bears at first, if nothing else is allowed."""
+        if self.stress is None:
+            self.stress = float(felt.von_mises().mean())
+
+    def grow(self, felt: Felt) -> Floats:
+        """Return what bears the stress that is allowed, if the forces stay as they are."""
+        assert self.stress is not None
+        ratio = felt.beside.means(felt.von_mises()) / self.stress
+        return np.clip(felt.design * ratio**self._gain, self._LEAST, 1.0)
+
+
+RULES: dict[str, type[GrowthRule]] = {
+    rule.name: rule for rule in (Compliance, Remodelling, FullyStressed)
+}
+"""Rules by name."""

@@ -80,6 +80,7 @@ ANIMATIONS_OF = {
     "load transfer": TRANSFER,
     "elastic agents": FACES,
     "elastic": ELASTIC,
+    "true outlines": Animations({}, {}),
     "spring network": NETWORK,
     "fracture": FRACTURE,
     "growth": Animations({"steps": growing_body}, {}),

@@ -30,6 +30,7 @@ from .ledger import plot_ledger
 from .load_plots import plot_load_path, plot_loads
 from .maps import plot_map
 from .network_plots import plot_network, plot_response
+from .outlined import plot_cut_agents
 from .picture_files import save
 from .quadtree import plot_octree, plot_quadtree
 from .section import section_of
@@ -160,6 +161,7 @@ BODY_IN_TIME: dict[str, Picture] = {
 PICTURES_OF: dict[str, dict[str, Picture]] = {
     "load transfer": TRANSFER,
     "elastic": ELASTIC,
+    "true outlines": {"agents": plot_cut_agents},
     "elastic agents": FACES,
     "spring network": NETWORK,
     "fracture": FRACTURE,

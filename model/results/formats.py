@@ -62,6 +62,14 @@ BOUNDARY_AGENTS = {
     "reaction": Column("f", "boundary dimension"),
     "returned": Column("f", "boundary", 0.0),
 }
+OUTLINE_AGENTS = {
+    "x": Column("i", "agents", 0),
+    "y": Column("i", "agents", 0),
+    "width": Column("i", "agents", 1),
+    "corner_displacement": Column("f", "agents 4 2"),
+    "mean_stress": Column("f", "agents 3"),
+    "area": Column("f", "agents", 0.0),
+}
 MOMENTS = {
     "step": Column("i", "moments", 0),
     "level": Column("i", "moments", 0, 64),
@@ -142,6 +150,7 @@ REFERENCE = {
 TABLES = {
     "load transfer, every stage": STAGE,
     "load transfer, every stage's history": HISTORY,
+    "true outlines": OUTLINE_AGENTS,
     "elastic agents, agents": FACE_AGENTS,
     "elastic agents, boundary": BOUNDARY_AGENTS,
     "elastic agents, moments": MOMENTS,

@@ -435,12 +435,13 @@ def _kinds() -> tuple[type[Result], ...]:
     from kaju.model.fracture.fracture_result import FractureResult
     from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network import NetworkResult
+    from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.rheology.creep_result import CreepResult
     from kaju.model.rheology.creeping_body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
     from kaju.model.rheology.network import NetworkCreepResult
     from kaju.model.transfer.transfer_result import TransferResult
 
-    static = (TransferResult, ElasticResult, ElasticRun, NetworkResult)
+    static = (TransferResult, ElasticResult, OutlineResult, ElasticRun, NetworkResult)
     in_time = (CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult)
     return *static, *in_time, FractureResult, GrowthResult

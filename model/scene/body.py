@@ -125,6 +125,11 @@ class Body(Described):
         given = [key for key in _PICTURES if getattr(self, key) is not None]
         return given[0] if given else None
 
+    @property
+    def outlined(self) -> bool:
+        """Whether a region has a true outline."""
+        return any(region.outline == "true" for region in self.regions)
+
     @model_validator(mode="after")
     def _one_way_to_say_it(self) -> Body:
         given = [key for key in _PICTURES if getattr(self, key) is not None]

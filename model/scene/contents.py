@@ -66,7 +66,7 @@ def contents_of(
     )
     beyond = np.array([sides.get(side, FREE).code for side in lattice.sides], dtype=np.int64)
     filling = Filling(lattice, base, regions, beyond)
-    _check_regions(filling)
+    _check_regions(filling, body.outlined)
     return Contents(filling, tuple(found.values()), picture)
 
 
@@ -134,9 +134,9 @@ def _check_sides(sides: Mapping[str, SideCondition], known: tuple[str, ...]) -> 
             )
 
 
-def _check_regions(filling: Filling) -> None:
+def _check_regions(filling: Filling, outlined: bool) -> None:
     """Refuse a region so small that no cell's centre lies in it: it would do nothing."""
-    for number, region in enumerate(filling.regions):
+    for number, region in enumerate(() if outlined else filling.regions):
         box = filling.cells_of(region.shape)
         if count(box) > _FEW:
             continue

@@ -109,8 +109,8 @@ class LoadRegion(Described):
 class LoadTable(Described):
     """A force or a pressure, and where it acts.
 
-    Exactly one place: `cell`, `point` or `region`, or `side` alone. Exactly one of `force`,
-    `pressure` and `couple`.
+    Exactly one place: `cell`, `point`, `region` or `outline`, or `side` alone. Exactly one of
+    `force`, `pressure` and `couple`.
 
     Parameters
     ----------
@@ -120,6 +120,8 @@ class LoadTable(Described):
         A point in or on the body (m). Between cells, these share the force.
     region : LoadRegion, optional
         A box of surface or of cells.
+    outline : str, optional
+        The name of a region whose outline is true: a pressure acts all along it.
     side : str, optional
         With `cell` or `point`: the side of the cell by which the force enters; unless given
         it is the one that faces the force most. Alone: every face of the body on that side
@@ -149,6 +151,9 @@ class LoadTable(Described):
         default=None, description="a point (m), such as [0.1, 0.2]"
     )
     region: LoadRegion | None = None
+    outline: Text | None = Field(
+        default=None, description="the name of a region with a true outline, such as 'bore'"
+    )
     side: Text | None = Field(default=None, description="a side's name, such as 'top'")
     force: tuple[Number, ...] | None = Field(
         default=None, description="the total force (N), such as [0.0, -2.0]"
@@ -171,13 +176,17 @@ class LoadTable(Described):
 
     @model_validator(mode="after")
     def _one_place_one_load(self) -> LoadTable:
-        places = [name for name in ("cell", "point", "region") if getattr(self, name) is not None]
+        known = ("cell", "point", "region", "outline")
+        places = [name for name in known if getattr(self, name) is not None]
         if len(places) > 1 or not (places or self.side):
             raise ParameterError(
-                "cell: a load acts in one place: give either cell, point, region, or side alone"
+                "cell: a load acts in one place: give either cell, point, region, "
+                "outline, or side alone"
             )
         if self.region is not None and self.side is not None:
             raise ParameterError("side: a region selects its own faces; leave side out")
+        if self.outline is not None and self.side is not None:
+            raise ParameterError("side: an outline is pressed all along; leave side out")
         given = [name for name in _LOADS if getattr(self, name) is not None]
         if self.pressure_slope is not None and given != ["pressure"]:
             raise ParameterError("pressure_slope: belongs to a pressure, that at the origin (Pa)")

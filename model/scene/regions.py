@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from pydantic import Field, model_validator
 
-from kaju.errors import SceneError
+from kaju.errors import ParameterError, SceneError
 
 from .described import Coordinate, Described, Length, Text, one_given
 from .lattice import Lattice
@@ -64,6 +66,11 @@ class Region(Described):
         Corners (m), in two dimensions.
     image : RegionImage, optional
         The dark pixels of an image, in two dimensions.
+    outline : {"cells", "true"}
+        "cells" makes it a staircase of cells; "true" keeps the shape as it is, for `kaju.solve`
+        alone: see the page *True outlines*.
+    name : str, optional
+        What loads call its outline.
     """
 
     material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
@@ -79,10 +86,18 @@ class Region(Described):
         description="the corners (m), three or more; finer shapes are drawn as an image",
     )
     image: RegionImage | None = None
+    outline: Literal["cells", "true"] = Field(
+        default="cells", description='"cells" for a staircase of cells, "true" for the shape itself'
+    )
+    name: Text | None = Field(default=None, description="what loads call the region's outline")
 
     @model_validator(mode="after")
     def _one_shape(self) -> Region:
-        one_given(self, _SHAPES, ONE_SHAPE)
+        shape = one_given(self, _SHAPES, ONE_SHAPE)
+        if self.outline == "true" and shape in ("ball", "image"):
+            raise ParameterError(
+                f'outline: "true" is known of disk, polygon and box, not of {shape}; leave it out'
+            )
         return self
 
     def shape_in(self, lattice: Lattice, where: str) -> Shape:

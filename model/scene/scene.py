@@ -42,6 +42,7 @@ from .text import (
     table_of,
     text_of,
 )
+from .true_outlines import check_no_outlines, check_outlines
 
 
 class Scene(Description):
@@ -91,6 +92,10 @@ class Scene(Description):
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
         check_rule(self.rule, [*self.materials, *(m.name for m in self.cell_materials)])
+        if self.outlined:
+            check_outlines(self)
+            return self
+        check_no_outlines(self)
         check_body(self._contents.filling, self.body.allow_floating)
         check_gravity(self._contents, self.body.gravity)
         _ = self.selections
@@ -157,6 +162,22 @@ class Scene(Description):
         return cls(body={key: picture, "cell_size": cell_size, **body}, legend=legend, **rest)
 
     @property
+    def outlined(self) -> bool:
+        """Whether the body has true outlines, which `kaju.solve` alone knows."""
+        return self.body.outlined
+
+    @property
+    def _of_cells(self) -> Contents:
+        """What the cells are filled with; refused where true outlines say what the body is."""
+        if self.outlined:
+            raise SceneError(
+                'body.regions: outline = "true" is answered by kaju.solve alone so far; for what '
+                "needs cells (agents that pass loads on, creep, sweeps of cells, pages, pictures) "
+                'take outline = "cells" on small cells'
+            )
+        return self._contents
+
+    @property
     def lattice(self) -> Lattice:
         """The grid of cells."""
         return self._contents.filling.lattice
@@ -205,20 +226,20 @@ class Scene(Description):
             Indices into `cell_materials`, or the negative constants of
             `kaju.model.scene.kinds`.
         """
-        return self._contents.filling.kinds(np.asarray(cells, dtype=np.int64))
+        return self._of_cells.filling.kinds(np.asarray(cells, dtype=np.int64))
 
     @property
     def uniform(self) -> bool:
         """Whether every cell of the array is of one kind."""
-        return self._contents.filling.uniform
+        return self._of_cells.filling.uniform
 
     def bounds(self) -> CellBox:
         """Return a box outside of which there is no body: lower <= cell < upper."""
-        return self._contents.filling.bounds()
+        return self._of_cells.filling.bounds()
 
     def purity(self) -> Purity:
         """Return what tells the kinds of whole boxes of cells."""
-        return Purity(self._contents.filling)
+        return Purity(self._of_cells.filling)
 
     def rasterise(self) -> NDArray[np.int16]:
         """Return the kinds of all cells, shape `lattice.shape`.
@@ -228,7 +249,7 @@ class Scene(Description):
         SceneError
             If there are more than 2e8 cells.
         """
-        return self._contents.filling.rasterise()
+        return self._of_cells.filling.rasterise()
 
     def applied(self, stage: int | None = None) -> AppliedLoads:
         """Return the forces on the cells at a stage of loading, 1 to `stages`; None: the last."""
@@ -236,7 +257,7 @@ class Scene(Description):
         if not 1 <= stage <= self.stages:
             raise SceneError(f"stage: must lie between 1 and {self.stages}, got {stage}")
         return at_stage(
-            self._contents, self.loads, self.selections, stage, self.thickness, self.body.gravity
+            self._of_cells, self.loads, self.selections, stage, self.thickness, self.body.gravity
         )
 
     def same_body(self, other: Scene) -> bool:
@@ -275,7 +296,7 @@ class Scene(Description):
         SceneError
             If the cells are neither squares nor cubes, which alone nest.
         """
-        contents = self._contents
+        contents = self._of_cells
         body = refined_body(self.body, self.lattice, contents.picture, k)
         names = contents.picture.names if contents.picture else ()
         legend = {str(code): name for code, name in enumerate(names)}
@@ -357,7 +378,7 @@ class Scene(Description):
     @cached_property
     def selections(self) -> tuple[Selection, ...]:
         """The faces or cells on which each load acts, and how much of each it covers."""
-        filling = self._contents.filling
+        filling = self._of_cells.filling
         return tuple(
             select(filling, load, f"loads.{number}") for number, load in enumerate(self.loads)
         )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from kaju.model.elastic.spawning.quantities import ToleranceAt
     from kaju.model.network import NetworkResult, SpringNetwork
     from kaju.model.network.network_model import NetworkModel
+    from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.scale.pieces import PiecedResult
     from kaju.model.transfer.load_model import LoadModel
 
@@ -72,7 +73,7 @@ def solve(
     engine: Literal["petsc"] | None = None,
     increments: int | None = None,
     method: str | None = None,
-) -> ElasticResult | PiecedResult | NetworkResult:
+) -> ElasticResult | OutlineResult | PiecedResult | NetworkResult:
     """Return how a body or a network of springs answers its loads.
 
     Parameters
@@ -157,6 +158,16 @@ def solve(
     subject = question_of(subject)
     if isinstance(subject, Scene):
         _refuse(subject, increments=increments, method=method)
+        if subject.outlined:
+            _refuse_with_outlines(
+                resolution=resolution,
+                strategy=None if strategy in ("auto", "spawning") else strategy,
+                tolerance_at=tolerance_at,
+                previous=previous,
+                stage=None if stage == 1 else stage,
+                engine=engine,
+            )
+            return keeping(lambda: _solve_outlined(subject, tolerance, most_agents))
         if engine is not None:
             _refuse_beside_petsc(
                 engine,
@@ -213,6 +224,24 @@ def _refuse_beside_petsc(engine: str, strategy: str, **given: object) -> None:
             f"engine: 'petsc' solves equal cells, by tolerance (of the equations), resolution and "
             f"stage; it knows no {names[0]}"
         )
+
+
+def _refuse_with_outlines(**given: object) -> None:
+    names = [name for name, value in given.items() if value is not None]
+    if names:
+        raise ParameterError(
+            f"{names[0]}: is not known of true outlines, whose agents spawn for the energy norm "
+            'alone so far; leave it out, or take regions with outline = "cells"'
+        )
+
+
+def _solve_outlined(
+    scene: Scene, tolerance: float | None, most_agents: int | None
+) -> OutlineResult:
+    check_numbers(tolerance, None, None, most_agents)
+    from kaju.model.outline.outlined_scene import solve_outlined
+
+    return solve_outlined(scene, tolerance, most_agents)
 
 
 def _refuse(subject: object, **given: object) -> None:

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from kaju.model.network import NetworkResult as NetworkResult
     from kaju.model.network import SpringNetwork as SpringNetwork
     from kaju.model.network.network_model import NetworkModel as NetworkModel
+    from kaju.model.outline.outline_result import OutlineResult as OutlineResult
     from kaju.model.results.result import Result as Result
     from kaju.model.results.result import load_result as load_result
     from kaju.model.rheology.creep_model import CreepModel as CreepModel
@@ -87,6 +88,7 @@ _NAMES = {
     "model.growth.growth_result": "GrowthResult",
     "model.network": "NetworkResult SpringNetwork",
     "model.network.network_model": "NetworkModel",
+    "model.outline.outline_result": "OutlineResult",
     "model.results.result": "Result load_result",
     "model.rheology.creep_model": "CreepModel",
     "model.rheology.creeping": "creep",

@@ -1,0 +1,1 @@
+"""Bodies with true outlines in the plane: both bounds, agents cut by them."""

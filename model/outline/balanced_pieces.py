@@ -1,0 +1,351 @@
+"""A stress in balance within an outline, free of traction on it: the best of its kind."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import SupportError
+from kaju.factors import factors_of, rigid_motions
+
+from .convex_pieces import Corners, Point, area_of, outlines_of, triangles_of
+from .split_triangle import SplitTriangles
+from .square_leaves import SquareLeaves
+
+NEAR = 3e-9
+"""Points nearer than this (in edges of the first leaves) are one."""
+LEAST_SHAPE, LEAST_AREA = 1e-10, 1e-4
+"""Pieces with a flatter triangle are left out, and those of little area (in leaves) with one of a
+millionth: a body within the body is at least as soft."""
+SMALL_RESIDUAL = 1e-7
+"""Largest force out of balance, as a share of the largest load: rounding, not equations."""
+
+
+class WholeLeaf(NamedTuple):
+    """Leaves that are whole and alike in what hangs on their sides, made of triangles."""
+
+    triangles: SplitTriangles
+    own: Ints
+    """Unknowns of the twelve of each triangle: first those of the sides, then of the spokes."""
+    matrix: Floats
+    """Forces on the sides by displacements of the sides."""
+    inner: Floats
+    """Displacements of the spokes by those of the sides."""
+
+
+def whole_leaf(halved: tuple[bool, ...], compliance: Floats) -> WholeLeaf:
+    """Return the table of a unit square with a middle on some of its sides."""
+    ring = _ring((0.0, 0.0), 1.0, halved)
+    n = len(ring)
+    corners = np.array([[ring[k], ring[(k + 1) % n], (0.5, 0.5)] for k in range(n)])
+    triangles = SplitTriangles(corners, compliance)
+    four = np.arange(4)
+    own = np.empty((n, 12), dtype=np.int64)
+    for k in range(n):
+        following = n + (k + 1) % n
+        own[k] = np.concatenate(
+            [4 * k + four, 4 * following + four, 4 * (n + k) + four[[2, 3, 0, 1]]]
+        )
+    matrix = np.zeros((8 * n, 8 * n))
+    for rows, part in zip(own, triangles.matrix, strict=True):
+        matrix[np.ix_(rows, rows)] += part
+    sides, spokes = slice(0, 4 * n), slice(4 * n, 8 * n)
+    inner = np.asarray(-np.linalg.solve(matrix[spokes, spokes], matrix[spokes, sides]), np.float64)
+    return WholeLeaf(triangles, own, matrix[sides, sides] + matrix[sides, spokes] @ inner, inner)
+
+
+def _ring(low: Point, size: float, halved: tuple[bool, ...]) -> list[Point]:
+    """Return the corners of a square, and middles of some sides, counter-clockwise."""
+    (x, y), h = low, size
+    corners = [(x, y), (x + h, y), (x + h, y + h), (x, y + h)]
+    middles = [(x + h / 2, y), (x + h, y + h / 2), (x + h / 2, y + h), (x, y + h / 2)]
+    ring: list[Point] = []
+    for corner, middle, half in zip(corners, middles, halved, strict=True):
+        ring += [corner, middle] if half else [corner]
+    return ring
+
+
+class BalancedPieces:
+    """Triangles of all leaves within the inner outline, joined by linear tractions on their sides.
+
+    Parameters
+    ----------
+    leaves : SquareLeaves
+    pieces : list
+        What of each leaf is taken; None for all of it.
+    halved : array of bool, shape (n, 4)
+        Sides with a smaller leaf beside them.
+    compliance : array, shape (3, 3)
+        Strain (xx, yy, 2 xy) of a stress.
+    """
+
+    def __init__(
+        self,
+        leaves: SquareLeaves,
+        pieces: list[list[Corners] | None],
+        halved: Flags,
+        compliance: Floats,
+    ):
+        self.leaves, self.compliance = leaves, compliance
+        self.low = leaves.lower()
+        self.high = self.low + (leaves.size * leaves.unit)[:, None]
+        self._triangulate(pieces, halved)
+        self._join()
+
+    def _triangulate(self, pieces: list[list[Corners] | None], halved: Flags) -> None:
+        leaves = self.leaves
+        lines = self._points_on_sides(pieces)
+        corners: list[tuple[Point, Point, Point]] = []
+        owner: list[int] = []
+        left_out: list[list[tuple[Point, Point]]] = []
+        whole: dict[tuple[bool, ...], list[int]] = {}
+        for leaf, held in enumerate(pieces):
+            if held is not None and not held:
+                continue
+            beside = self._beside(leaf, lines)
+            half = tuple(halved[leaf].tolist())
+            if held is None and len(beside) == sum(half):
+                whole.setdefault(half, []).append(leaf)
+                continue
+            (x0, y0), (x1, y1) = self.low[leaf].tolist(), self.high[leaf].tolist()
+            square = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+            made, flat = _triangles_in(held or [square], [*square, *beside], x1 - x0)
+            corners += made
+            left_out += flat
+            owner += [leaf] * len(made)
+        self.corners = np.array(corners, dtype=float).reshape(-1, 3, 2)
+        self.owner = np.array(owner, dtype=np.int64)
+        sides = [side for ring in left_out for side in ring]
+        self.flat_ends = np.array(sides, dtype=float).reshape(-1, 2, 2)
+        self.flat = np.repeat(np.arange(len(left_out)), [len(ring) for ring in left_out])
+        self.cut = SplitTriangles(self.corners, self.compliance)
+        self.whole = [
+            (whole_leaf(half, self.compliance), half, np.array(rows, dtype=np.int64))
+            for half, rows in whole.items()
+        ]
+        self.area = np.zeros(len(leaves))
+        np.add.at(self.area, self.owner, self.cut.area)
+        for _, _, rows in self.whole:
+            self.area[rows] = (leaves.size[rows] * leaves.unit) ** 2
+
+    def _points_on_sides(
+        self, pieces: list[list[Corners] | None]
+    ) -> dict[tuple[int, float], list[float]]:
+        """Return where on the lines along leaves' sides corners of leaves or of pieces lie."""
+        lines: dict[tuple[int, float], set[float]] = {}
+        for x0, y0, x1, y1 in np.column_stack([self.low, self.high]).tolist():
+            for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)):
+                lines.setdefault((0, x), set()).add(y)
+                lines.setdefault((1, y), set()).add(x)
+        for leaf, held in enumerate(pieces):
+            if not held:
+                continue
+            xs, ys = ({self.low[leaf, a], self.high[leaf, a]} for a in (0, 1))
+            for piece in held:
+                for x, y in piece:
+                    if x in xs:
+                        lines[0, x].add(y)
+                    if y in ys:
+                        lines[1, y].add(x)
+        return {key: sorted(values) for key, values in lines.items()}
+
+    def _beside(self, leaf: int, lines: dict[tuple[int, float], list[float]]) -> list[Point]:
+        """Return the points within the sides of a leaf."""
+        (x0, y0), (x1, y1) = self.low[leaf].tolist(), self.high[leaf].tolist()
+        found: list[Point] = []
+        for axis, at, low, high in (
+            (1, y0, x0, x1),
+            (0, x1, y0, y1),
+            (1, y1, x0, x1),
+            (0, x0, y0, y1),
+        ):
+            line = lines[axis, at]
+            last = low
+            for value in line[bisect_right(line, low + NEAR) : bisect_left(line, high - NEAR)]:
+                if value - last > NEAR:
+                    found.append((at, value) if axis == 0 else (value, at))
+                    last = value
+        return found
+
+    def _join(self) -> None:
+        """Count the sides: first those of triangles in cut leaves, then those round whole ones."""
+        ends = [self.corners[:, [0, 1]], self.corners[:, [1, 2]], self.corners[:, [2, 0]]]
+        starts = [np.stack(ends, axis=1).reshape(-1, 2, 2)]
+        leaf_of = [np.repeat(self.owner, 3)]
+        for _, half, rows in self.whole:
+            ring = np.array(_ring((0.0, 0.0), 1.0, half))
+            pairs = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+            size = self.leaves.size[rows] * self.leaves.unit
+            placed = self.low[rows][:, None, None] + size[:, None, None, None] * pairs
+            starts.append(placed.reshape(-1, 2, 2))
+            leaf_of.append(np.repeat(rows, len(ring)))
+        self.ends = np.concatenate(starts)
+        self.leaf_of = np.concatenate(leaf_of)
+        points = np.concatenate([self.ends, self.flat_ends]).reshape(-1, 2)
+        near = cKDTree(points).query_pairs(NEAR, output_type="ndarray")
+        graph = sp.csr_array(
+            (np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points), len(points))
+        )
+        number = connected_components(graph, directed=False)[1].reshape(-1, 2)
+        first, last = number.min(axis=1), number.max(axis=1)
+        key = first.astype(np.int64) * len(points) + last
+        known, side = np.unique(key, return_inverse=True)
+        n = len(self.ends)
+        self.side, self.flat_side = side[:n], side[n:]
+        self.shared = np.bincount(self.side, minlength=len(known))
+        turned = (number[:, 0] != first)[:n]
+        order = np.where(turned[:, None], [[2, 3, 0, 1]], [[0, 1, 2, 3]])
+        self.dofs = 4 * self.side[:, None] + order
+        self.alone = self.shared[self.side] == 1
+        low, high = self.low[self.leaf_of], self.high[self.leaf_of]
+        on = (self.ends == low[:, None]).all(axis=1) | (self.ends == high[:, None]).all(axis=1)
+        self.on_square = on.any(axis=1)
+
+    def blocks(self) -> list[tuple[Floats, Ints]]:
+        """Return element matrices, and the unknowns of each."""
+        n = 3 * len(self.owner)
+        out = [(self.cut.matrix, self.dofs[:n].reshape(-1, 12))]
+        for known, half, rows in self.whole:
+            size = 4 + sum(half)
+            dofs = self.dofs[n : n + size * len(rows)].reshape(len(rows), -1)
+            n += size * len(rows)
+            out.append((np.broadcast_to(known.matrix, (len(rows), 4 * size, 4 * size)), dofs))
+        return out
+
+    def settle(self, force: Floats, held: Flags) -> float:
+        """Find the stress under forces on ends of sides; return the upper bound of their work.
+
+        Parameters
+        ----------
+        force : array, shape (k, 2, 2)
+            Moments ∫ t N of what acts on each of `ends`, where it lies at the outline.
+        held : array of bool, shape (k, 2)
+            Which components supports hold on each of `ends`.
+        """
+        blocks = self.blocks()
+        count = 4 * len(self.shared)
+        load = np.bincount(self.dofs.ravel(), force.ravel(), count)
+        fixed = np.zeros(count, dtype=np.bool_)
+        fixed[self.dofs[held[:, [0, 1, 0, 1]]]] = True
+        self._check_held(blocks, held, force)
+        fixed |= self._idle | np.repeat(self.shared == 0, 4)
+        rows = [np.repeat(dofs, dofs.shape[1], axis=1).ravel() for _, dofs in blocks]
+        columns = [np.tile(dofs, (1, dofs.shape[1])).ravel() for _, dofs in blocks]
+        values = [np.ascontiguousarray(part).ravel() for part, _ in blocks]
+        matrix = sp.csr_array(
+            (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
+            shape=(count, count),
+        )
+        free = np.flatnonzero(~fixed)
+        own, asked = matrix[free][:, free], load[free]
+        scale = 1.0 / np.sqrt(own.diagonal())
+        scaled = sp.csc_array(sp.diags_array(scale) @ own @ sp.diags_array(scale))
+        factors = factors_of(scaled)
+        moved = np.zeros(count)
+        left = load.copy()
+        for _ in range(4):  # what is left is that of the stress itself, to the last digit
+            moved[free] += scale * factors.solve(scale * left[free])
+            self._stress_of(moved)
+            left = load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
+            self.residual = float(np.abs(left[free]).max() / np.abs(asked).max())
+            if self.residual < 1e-14:
+                break
+        return float(self.energies().sum())
+
+    def _check_held(self, blocks: list[tuple[Floats, Ints]], held: Flags, force: Floats) -> None:
+        """Leave out parts that nothing holds and nothing loads; refuse those that could move."""
+        n = len(self.shared)
+        firsts = np.concatenate(
+            [np.repeat(dofs[:, 0] // 4, dofs.shape[1] // 4) for _, dofs in blocks]
+        )
+        others = np.concatenate([(dofs[:, ::4] // 4).ravel() for _, dofs in blocks])
+        graph = sp.csr_array((np.ones(len(firsts)), (firsts, others)), shape=(n, n))
+        parts, label = connected_components(graph, directed=False)
+        of = label[self.side]
+        self._idle = np.zeros(4 * n, dtype=np.bool_)
+        self.loose = np.zeros(len(self.leaves), dtype=np.bool_)
+        for part in range(parts):
+            if not (of == part).any():  # a side of what was left out
+                continue
+            at = np.flatnonzero((of == part) & held.any(axis=1))
+            end, axis = np.nonzero(np.repeat(held[at], 2, axis=0))
+            places = self.ends[at].reshape(-1, 2)[end]
+            size = np.ptp(self.ends[of == part], axis=(0, 1)).max()
+            motions = (
+                rigid_motions((places - places.mean(axis=0)) / size, axis) if len(at) else None
+            )
+            if motions is not None and np.linalg.matrix_rank(motions, 1e-9) == 3:
+                continue
+            if motions is None and not force[of == part].any():
+                self._idle[np.flatnonzero(np.repeat(label == part, 4))] = True
+                self.loose[self.leaf_of[of == part]] = True
+                continue
+            raise LooseError
+
+    def _stress_of(self, moved: Floats) -> None:
+        """Take the stress that displacements of the sides stand for."""
+        n = 3 * len(self.owner)
+        self.patterns = np.einsum(
+            "nmi,ni->nm", self.cut.answer, moved[self.dofs[:n]].reshape(-1, 12)
+        )
+        moments = [self.cut.tractions(self.patterns).reshape(-1, 4)]
+        self.whole_patterns = []
+        for known, half, rows in self.whole:
+            size = 4 + sum(half)
+            outer = moved[self.dofs[n : n + size * len(rows)]].reshape(len(rows), -1)
+            n += size * len(rows)
+            local = np.concatenate([outer, outer @ known.inner.T], axis=1)[:, known.own]
+            patterns = np.einsum("tmi,nti->ntm", known.triangles.answer, local)
+            self.whole_patterns.append(patterns)
+            traction = np.einsum("tim,ntm->nti", known.triangles.moments[:, :4], patterns)
+            moments.append(traction.reshape(-1, 4))
+        self.moments = np.concatenate(moments)
+
+    def energies(self) -> Floats:
+        """Return ∫ σ S σ of each leaf."""
+        out = np.zeros(len(self.leaves))
+        np.add.at(out, self.owner, self.cut.energies(self.patterns))
+        for (known, _, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
+            out[rows] = np.einsum("ntk,tkl,ntl->n", patterns, known.triangles.cost, patterns)
+        return out
+
+    def mean_stress(self) -> Floats:
+        """Return the mean stress (xx, yy, xy) of what each leaf holds, shape (n, 3)."""
+        out = np.zeros((len(self.leaves), 3))
+        np.add.at(out, self.owner, self.cut.area[:, None] * self.cut.means(self.patterns))
+        held = self.area > 0.0
+        out[held] /= self.area[held, None]
+        for (known, _, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
+            mean = np.einsum("t,tim,ntm->ni", known.triangles.area, known.triangles.mean, patterns)
+            out[rows] = mean / (self.leaves.size[rows] * self.leaves.unit)[:, None]
+        return out
+
+
+class LooseError(SupportError):
+    """A part of the pieces could move without straining."""
+
+
+def _triangles_in(
+    pieces: list[Corners], beside: list[Point], edge: float
+) -> tuple[list[tuple[Point, Point, Point]], list[list[tuple[Point, Point]]]]:
+    """Return triangles of the pieces of a leaf, and the sides of those pieces that are too flat."""
+    points, rings = outlines_of(pieces, beside, NEAR)
+    if any(area_of([points[k] for k in ring]) < 0.0 for ring in rings):  # round a hole
+        joints = list(points)
+        rings = [ring for piece in pieces for ring in outlines_of([piece], joints, NEAR)[1]]
+    made: list[tuple[Point, Point, Point]] = []
+    flat: list[list[tuple[Point, Point]]] = []
+    for ring in rings:
+        triangles, shape = triangles_of(points, ring) if len(ring) > 2 else ([], 0.0)
+        small = area_of([points[k] for k in ring]) < LEAST_AREA * edge**2
+        if shape > (LEAST_AREA**1.5 if small else LEAST_SHAPE):
+            made += [(points[a], points[b], points[c]) for a, b, c in triangles]
+        else:
+            flat.append([(points[k], points[ring[i - len(ring) + 1]]) for i, k in enumerate(ring)])
+    return made, flat

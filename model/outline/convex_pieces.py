@@ -1,0 +1,207 @@
+"""Convex pieces of a square: cut by straight lines, made whole again, and split into triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+Point = tuple[float, float]
+Corners = list[Point]
+"""Corners of a polygon, counter-clockwise."""
+HalfPlane = tuple[float, float, float]
+"""a, b, c: all points with a x + b y <= c; (a, b) has length 1."""
+
+ON_LINE = 1e-9
+"""Points this near to a line (in edges of the first agents) lie on it."""
+
+
+def area_of(corners: Corners) -> float:
+    """Return the area of a polygon, negative if it runs clockwise."""
+    x0, y0 = corners[0]
+    total = 0.0
+    for (x1, y1), (x2, y2) in pairwise(corners[1:]):
+        total += (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    return 0.5 * total
+
+
+def clipped(corners: Corners, plane: HalfPlane) -> Corners | None:
+    """Return the part of a convex polygon within a half-plane, None if it has no area."""
+    a, b, c = plane
+    away = [a * x + b * y - c for x, y in corners]
+    away = [0.0 if abs(d) < ON_LINE else d for d in away]
+    if max(away) <= 0.0:
+        return corners
+    if min(away) >= 0.0:
+        return None
+    kept: Corners = []
+    for k, (p, here) in enumerate(zip(corners, away, strict=True)):
+        q, there = corners[k - len(corners) + 1], away[k - len(corners) + 1]
+        if here <= 0.0:
+            kept.append(p)
+        if here * there < 0.0:
+            t = here / (here - there)
+            # along an axis the other coordinate stays exactly what it was
+            x = p[0] if p[0] == q[0] else p[0] + t * (q[0] - p[0])
+            y = p[1] if p[1] == q[1] else p[1] + t * (q[1] - p[1])
+            kept.append((x, y))
+    return kept
+
+
+def within(corners: Corners, planes: Iterable[HalfPlane]) -> Corners | None:
+    """Return the part of a convex polygon within all half-planes, None if it has no area."""
+    left: Corners | None = corners
+    for plane in planes:
+        if left is None:
+            return None
+        left = clipped(left, plane)
+    return left
+
+
+def without(pieces: list[Corners], planes: list[HalfPlane]) -> list[Corners]:
+    """Return what is left of convex pieces outside of the common part of half-planes."""
+    left: list[Corners] = []
+    for piece in pieces:
+        if within(piece, planes) is None:
+            left.append(piece)
+            continue
+        rest: Corners | None = piece
+        for a, b, c in planes:
+            assert rest is not None
+            beyond = clipped(rest, (-a, -b, -c))
+            if beyond is not None:
+                left.append(beyond)
+            rest = clipped(rest, (a, b, c))
+            if rest is None:
+                break
+    return left
+
+
+def outlines_of(
+    pieces: list[Corners], beside: list[Point], near: float
+) -> tuple[list[Point], list[list[int]]]:
+    """Return points, and closed lines through them round pieces that touch.
+
+    Parameters
+    ----------
+    pieces : list of polygons
+        Convex, without common area.
+    beside : list of points
+        Further points, at which sides are split where these lie on them.
+    near : float
+        Points nearer than this are one.
+    """
+    points: list[Point] = []
+
+    def number(point: Point) -> int:
+        for k, (x, y) in enumerate(points):
+            if abs(point[0] - x) <= near and abs(point[1] - y) <= near:
+                return k
+        points.append(point)
+        return len(points) - 1
+
+    for point in beside:
+        number(point)
+    rings = [[number(point) for point in piece] for piece in pieces]
+    sides: set[tuple[int, int]] = set()
+    for ring in rings:
+        for k, first in enumerate(ring):
+            last = ring[k - len(ring) + 1]
+            run = _points_along(points, first, last, near)
+            for side in pairwise(run):
+                back = (side[1], side[0])
+                if back in sides:
+                    sides.remove(back)
+                else:
+                    sides.add(side)
+    return points, _chained(points, sides)
+
+
+def _points_along(points: list[Point], first: int, last: int, near: float) -> list[int]:
+    """Return the points on the straight line between two of them, in order."""
+    (x0, y0), (x1, y1) = points[first], points[last]
+    dx, dy = x1 - x0, y1 - y0
+    length = (dx * dx + dy * dy) ** 0.5
+    if length == 0.0:
+        return [first]
+    between = []
+    for k, (x, y) in enumerate(points):
+        along = ((x - x0) * dx + (y - y0) * dy) / length
+        off = abs((x - x0) * dy - (y - y0) * dx) / length
+        if k not in (first, last) and off <= near and 0.0 < along < length:
+            between.append((along, k))
+    return [first, *(k for _, k in sorted(between)), last]
+
+
+def _chained(points: list[Point], sides: set[tuple[int, int]]) -> list[list[int]]:
+    """Return closed lines of directed sides; where two meet in a point, each turns sharply left."""
+    onward: dict[int, list[int]] = {}
+    for first, last in sorted(sides):
+        onward.setdefault(first, []).append(last)
+    rings = []
+    while onward:
+        start = next(iter(onward))
+        ring, here = [], start
+        while True:
+            ring.append(here)
+            ways = onward[here]
+            if len(ways) == 1 or len(ring) == 1:
+                way = ways.pop()
+            else:
+                (x0, y0), (x1, y1) = points[ring[-2]], points[here]
+                way = max(
+                    ways,
+                    key=lambda k: _turn(x1 - x0, y1 - y0, points[k][0] - x1, points[k][1] - y1),
+                )
+                ways.remove(way)
+            if not ways:
+                del onward[here]
+            here = way
+            if here == start:
+                break
+        rings.append(ring)
+    return rings
+
+
+def _turn(ax: float, ay: float, bx: float, by: float) -> float:
+    """Return what grows with the angle from one direction to another, counter-clockwise."""
+    sine, cosine = ax * by - ay * bx, ax * bx + ay * by
+    length = abs(sine) + abs(cosine)
+    return (1.0 - cosine / length) * (1.0 if sine >= 0.0 else -1.0)
+
+
+def triangles_of(points: list[Point], ring: list[int]) -> tuple[list[tuple[int, int, int]], float]:
+    """Return the triangles of a polygon whose worst has the best shape, and that shape.
+
+    The shape is 4 √3 area / Σ sides², 1 if all sides are alike. Triangles that all run
+    counter-clockwise and end at the polygon's sides cannot overlap, whatever the polygon.
+    """
+    n = len(ring)
+    at = [points[k] for k in ring]
+    best = [[2.0] * n for _ in range(n)]
+    apex = [[-1] * n for _ in range(n)]
+    for span in range(2, n):
+        for i in range(n - span):
+            k = i + span
+            (x0, y0), (x2, y2) = at[i], at[k]
+            found, where = -2.0, -1
+            for j in range(i + 1, k):
+                sofar = min(best[i][j], best[j][k])
+                if sofar <= found:
+                    continue
+                x1, y1 = at[j]
+                double = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+                squares = (x1 - x0) ** 2 + (y1 - y0) ** 2 + (x2 - x1) ** 2 + (y2 - y1) ** 2
+                squares += (x2 - x0) ** 2 + (y2 - y0) ** 2
+                shape = min(sofar, 3.4641016151377544 * double / squares)
+                if shape > found:
+                    found, where = shape, j
+            best[i][k], apex[i][k] = found, where
+    triangles, open_ = [], [(0, n - 1)]
+    while open_:
+        i, k = open_.pop()
+        if k - i < 2:
+            continue
+        j = apex[i][k]
+        triangles.append((ring[i], ring[j], ring[k]))
+        open_ += [(i, j), (j, k)]
+    return triangles, best[0][n - 1]

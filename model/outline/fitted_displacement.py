@@ -1,0 +1,168 @@
+"""A displacement without gaps: bilinear on whole leaves, its energy counted within the outline."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import scipy.sparse as sp
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.factors import factors_of
+
+from .convex_pieces import Corners
+from .square_leaves import SquareLeaves
+
+CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+_ROW = np.int64(1) << 31
+_GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+
+
+def shapes_at(local: Floats) -> Floats:
+    """Return the four bilinear functions at points of the unit square, shape (n, 4)."""
+    x, y = local.T
+    return np.stack([(1 - x) * (1 - y), x * (1 - y), x * y, (1 - x) * y], axis=1)
+
+
+def strain_rows(local: Floats) -> Floats:
+    """Return strain (xx, yy, 2 xy) of a unit square's corner displacements, shape (n, 3, 8)."""
+    x, y = local.T
+    along = np.stack([y - 1, 1 - y, y, -y], axis=1)
+    across = np.stack([x - 1, -x, x, 1 - x], axis=1)
+    rows = np.zeros((len(local), 3, 8))
+    rows[:, 0, 0::2] = rows[:, 2, 1::2] = along
+    rows[:, 1, 1::2] = rows[:, 2, 0::2] = across
+    return rows
+
+
+class FittedDisplacement:
+    """Bilinear displacements of the corners of leaves; smaller leaves hang on larger ones.
+
+    Parameters
+    ----------
+    leaves : SquareLeaves
+        All that hold a part of the body.
+    pieces : list
+        What of each leaf counts; None for all of it.
+    stiffness : array, shape (3, 3)
+        Stress of a strain (xx, yy, 2 xy).
+    held : function
+        Which displacements supports hold at places, shape (n, 2).
+    """
+
+    def __init__(self, leaves: SquareLeaves, pieces: list[list[Corners] | None], stiffness: Floats):
+        self.leaves = leaves
+        self._number_corners()
+        points = np.array([(x, y) for x in _GAUSS for y in _GAUSS])
+        rows = strain_rows(points)
+        whole = 0.25 * np.einsum("qai,ab,qbj->ij", rows, stiffness, rows)
+        self.area = leaves.size.astype(float) ** 2 * leaves.unit**2
+        cut = np.array([k for k, held in enumerate(pieces) if held is not None], dtype=np.int64)
+        self.elements = np.broadcast_to(whole, (len(leaves), 8, 8)).copy()
+        self.elements[cut] = 0.0
+        owner, corners = _fans(pieces)
+        if len(owner):
+            first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+            area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+            share = area / self.area[owner]
+            self.area[cut] = np.bincount(owner, area, len(leaves))[cut]
+            for weights in (np.ones((3, 3)) + 3.0 * np.eye(3)) / 6.0:
+                rows = strain_rows(self.local(owner, np.einsum("k,nkd->nd", weights, corners)))
+                local = np.einsum("n,nai,ab,nbj->nij", share / 3.0, rows, stiffness, rows)
+                np.add.at(self.elements, owner, local)
+        else:
+            self.area[cut] = 0.0
+        self.displacement = np.zeros((self.nodes, 2))
+
+    def _number_corners(self) -> None:
+        leaves = self.leaves
+        px = leaves.x[:, None] + CORNERS[:, 0] * leaves.size[:, None]
+        py = leaves.y[:, None] + CORNERS[:, 1] * leaves.size[:, None]
+        keys, inverse = np.unique((px * _ROW + py).ravel(), return_inverse=True)
+        self.corner: Ints = inverse.reshape(-1, 4)
+        self.nodes = n = len(keys)
+        self.place = np.stack([keys // _ROW, keys % _ROW], axis=1) * leaves.unit
+        self.hanging = np.zeros(n, dtype=np.bool_)
+        self.halved = np.zeros((len(leaves), 4), dtype=np.bool_)
+        middle = np.full(n, -1, dtype=np.int64)
+        ends = np.zeros((n, 2), dtype=np.int64)
+        for side in range(4):
+            a, b = side, (side + 1) % 4
+            key = (px[:, a] + px[:, b]) // 2 * _ROW + (py[:, a] + py[:, b]) // 2
+            at = np.minimum(np.searchsorted(keys, key), n - 1)
+            hit = (keys[at] == key) & (leaves.size > 1)
+            self.halved[:, side] = hit
+            middle[at[hit]] = at[hit]
+            ends[at[hit]] = self.corner[hit][:, [a, b]]
+        self.hanging = middle >= 0
+        own, tied = np.flatnonzero(~self.hanging), np.flatnonzero(self.hanging)
+        rows = np.concatenate([own, tied, tied])
+        columns = np.concatenate([own, ends[tied, 0], ends[tied, 1]])
+        values = np.concatenate([np.ones(len(own)), np.full(2 * len(tied), 0.5)])
+        tie = sp.csr_array((values, (rows, columns)), shape=(n, n))
+        while tie[:, tied].nnz:  # a corner may hang on one that hangs itself
+            tie = tie @ tie
+            tie.eliminate_zeros()
+        self._tie = tie
+
+    def local(self, leaf: Ints, points: Floats) -> Floats:
+        """Return where in their leaves points lie, from 0 to 1."""
+        low = np.stack([self.leaves.x[leaf], self.leaves.y[leaf]], axis=1) * self.leaves.unit
+        return np.asarray((points - low) / (self.leaves.size[leaf] * self.leaves.unit)[:, None])
+
+    def spread(self, leaf: Ints, points: Floats, forces: Floats) -> Floats:
+        """Return what forces at points of leaves do at the corners, shape (nodes, 2)."""
+        shares = shapes_at(self.local(leaf, points))
+        out = np.zeros((self.nodes, 2))
+        for k in range(4):
+            np.add.at(out, self.corner[leaf, k], shares[:, k, None] * forces)
+        return out
+
+    def settle(self, force: Floats, held: Flags) -> float:
+        """Find the displacement under forces on the corners; return the lower bound of their work.
+
+        Whatever the displacement, work² / (2 energy) is not above the work of the true one.
+        """
+        n = self.nodes
+        dofs = np.stack([2 * self.corner, 2 * self.corner + 1], axis=2).reshape(-1, 8)
+        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
+        shape = (2 * n, 2 * n)
+        matrix = sp.csr_array((self.elements.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+        free = np.flatnonzero(~(held | self.hanging[:, None]).ravel())
+        tie = sp.kron(self._tie, sp.eye_array(2)).tocsr()[:, free]
+        own = sp.csr_array(tie.T @ matrix @ tie)
+        diagonal = own.diagonal()
+        kept = diagonal > 1e-14 * diagonal.max()  # corners of slivers: held still
+        tie, own, diagonal = tie[:, kept], own[kept][:, kept], diagonal[kept]
+        scale = 1.0 / np.sqrt(diagonal)
+        scaled = sp.diags_array(scale) @ own @ sp.diags_array(scale)
+        factors = factors_of(scaled)
+        asked = scale * (tie.T @ force.ravel())
+        found = factors.solve(asked)
+        found += factors.solve(asked - scaled @ found)
+        moved = tie @ (scale * found)
+        work = float(force.ravel() @ moved)
+        stored = float(moved @ (matrix @ moved))
+        self.displacement = (work / stored * moved).reshape(-1, 2)
+        return work**2 / stored
+
+    def energies(self) -> Floats:
+        """Return the work of the stresses of each leaf within the outline: twice its energy."""
+        moved = self.displacement[self.corner].reshape(-1, 8)
+        return np.asarray(np.einsum("ni,nij,nj->n", moved, self.elements, moved))
+
+    def at(self, leaf: Ints, points: Floats) -> Floats:
+        """Return the displacement at points of leaves, shape (n, 2)."""
+        shares = shapes_at(self.local(leaf, points))
+        return np.asarray(np.einsum("nk,nkd->nd", shares, self.displacement[self.corner[leaf]]))
+
+
+def _fans(pieces: list[list[Corners] | None]) -> tuple[Ints, Floats]:
+    """Return triangles that fill convex pieces: their leaf, and corners of shape (n, 3, 2)."""
+    owner, corners = [], []
+    for leaf, held in enumerate(pieces):
+        for piece in held or ():
+            for second, third in pairwise(piece[1:]):
+                owner.append(leaf)
+                corners.append((piece[0], second, third))
+    return np.array(owner, dtype=np.int64), np.array(corners, dtype=float).reshape(-1, 3, 2)

@@ -1,0 +1,154 @@
+"""Both bounds on a body with true outlines, and leaves split where they are apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ConvergenceError
+
+from .balanced_pieces import SMALL_RESIDUAL, BalancedPieces, LooseError
+from .convex_pieces import Corners
+from .fitted_displacement import FittedDisplacement
+from .outline_problem import OutlineProblem, UnlikeError
+from .square_leaves import SquareLeaves
+
+MOST = 0.5
+"""Share of the gap whose leaves are split."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineBracket:
+    """The work of the loads (twice the energy) from below and from above, and both fields."""
+
+    leaves: SquareLeaves
+    lower: float
+    upper: float
+    fitted: FittedDisplacement
+    balanced: BalancedPieces
+    share: Floats
+    """What each leaf adds to upper - lower."""
+    kept: Ints
+    """Which of all leaves, the empty ones among them, these are."""
+
+    @property
+    def error(self) -> float:
+        """Largest error of the mean of both stresses in the energy norm, relative to the truth."""
+        if self.lower <= 0.0:
+            return np.inf
+        return 0.5 * float(np.sqrt(max(self.upper - self.lower, 0.0) / self.lower))
+
+
+class NotYetError(Exception):
+    """The pieces of these cut leaves do not hang together, or miss a part of a pressed outline."""
+
+    def __init__(self, cut: Ints, why: Exception):
+        super().__init__(cut, why)
+        self.cut, self.why = cut, why
+
+
+def bracket(problem: OutlineProblem, leaves: SquareLeaves) -> OutlineBracket:
+    """Return the bounds on given leaves; leaves without any of the body go."""
+    for shape in problem.shapes:
+        shape.refine(leaves)
+    outer = [pieces_of(problem, leaves, k, True) for k in range(len(leaves))]
+    kept = np.array([k for k, held in enumerate(outer) if held != []], dtype=np.int64)
+    leaves, outer = leaves.only(kept), [outer[k] for k in kept]
+    inner = [pieces_of(problem, leaves, k, False) for k in range(len(leaves))]
+    fitted = FittedDisplacement(leaves, outer, problem.stiffness)
+    compliance = np.asarray(np.linalg.inv(problem.stiffness), dtype=np.float64)
+    balanced = BalancedPieces(leaves, inner, fitted.halved, compliance)
+    try:
+        force, held, loaded = problem.on_balanced(balanced)
+        upper = balanced.settle(force, held)
+        if balanced.residual > SMALL_RESIDUAL:
+            raise UnlikeError(f"forces balance to {balanced.residual:.1e} only")
+    except (LooseError, UnlikeError) as error:
+        cut = np.array([held is not None for held in inner])
+        raise NotYetError(kept[cut], error) from error
+    places = fitted.place
+    lower = fitted.settle(problem.on_fitted(fitted, loaded), problem.held_at(places))
+    band = problem.band * (fitted.area - balanced.area)
+    share = balanced.energies() + fitted.energies() + 2.0 * band
+    share -= 2.0 * _work(balanced, fitted, force)
+    return OutlineBracket(
+        leaves, lower - band.sum(), upper + band.sum(), fitted, balanced, share, kept
+    )
+
+
+def pieces_of(
+    problem: OutlineProblem, leaves: SquareLeaves, leaf: int, outer: bool
+) -> list[Corners] | None:
+    """Return the convex pieces of the body in a leaf, at most or at least; None for all of it."""
+    (x, y), h = leaves.lower()[leaf].tolist(), float(leaves.size[leaf] * leaves.unit)
+    square = [(x, y), (x + h, y), (x + h, y + h), (x, y + h)]
+    pieces = problem.body.pieces(square, outer)
+    return None if pieces == [square] else pieces
+
+
+def _work(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:
+    """Return the work of each leaf's tractions on the displacement: ∫ σ : ε(v) within it."""
+    leaf, ends = balanced.leaf_of, balanced.ends
+    out = np.zeros(len(balanced.leaves))
+    at = balanced.on_square
+    moved = np.stack([fitted.at(leaf[at], ends[at, k]) for k in (0, 1)], axis=1)
+    work = np.einsum("nkd,nkd->n", balanced.moments[at].reshape(-1, 2, 2), moved)
+    out += np.bincount(leaf[at], work, len(out))
+    at = ~at & balanced.alone & force.any(axis=(1, 2))
+    run = ends[at, 1] - ends[at, 0]
+    for g in 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0):
+        moved = fitted.at(leaf[at], ends[at, 0] + g * run)
+        out += np.bincount(leaf[at], (force[at, 0] * moved).sum(axis=1), len(out))
+    return out
+
+
+def spawn(
+    problem: OutlineProblem,
+    tolerance: float,
+    most: int,
+    tell: Callable[[OutlineBracket], None] = lambda found: None,
+) -> OutlineBracket:
+    """Return bounds whose error is within a tolerance, leaves split where the gap is.
+
+    Raises
+    ------
+    SupportError
+        If the body could move without straining.
+    ConvergenceError
+        If it takes more leaves than `most`.
+    """
+    if not problem.held_whole:
+        raise LooseError
+    leaves = SquareLeaves.first(problem.shape)
+    patience = 6
+    while True:
+        try:
+            found = bracket(problem, leaves)
+        except NotYetError as not_yet:  # coarse pieces may not
+            patience -= 1
+            if not patience or len(leaves) > most or not len(not_yet.cut):
+                raise not_yet.why from None
+            leaves = leaves.split(_flags(len(leaves), not_yet.cut))
+            continue
+        tell(found)
+        if found.error <= tolerance:
+            return found
+        order = np.argsort(-found.share)
+        total = np.cumsum(found.share[order])
+        count = int(np.searchsorted(total, MOST * total[-1])) + 1
+        leaves = leaves.split(_flags(len(leaves), found.kept[order[:count]]))
+        if len(leaves) > most:
+            raise ConvergenceError(
+                f"tolerance: {tolerance:g} takes more than {most:,} agents (most_agents); the "
+                f"error bound is {found.error:.3g} so far",
+                best=found,
+            )
+
+
+def _flags(count: int, chosen: Ints) -> Flags:
+    flags = np.zeros(count, dtype=np.bool_)
+    flags[chosen] = True
+    return flags

@@ -1,0 +1,229 @@
+"""What is solved on true outlines: body, law, supports and loads, in numbers near 1."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.factors import rigid_motions
+
+from .balanced_pieces import NEAR, BalancedPieces
+from .fitted_displacement import FittedDisplacement
+from .square_leaves import SquareLeaves
+from .true_shapes import TrueBody, TrueShape
+
+SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
+"""Of each side of the array its axis, and whether it is the upper one."""
+ON_BORDER = 1e-8
+"""Middles of sides this near to an outline (in edges of the first agents) lie on it."""
+_GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+
+
+@dataclass(frozen=True)
+class PressedOutline:
+    """A pressure on the outline of a region."""
+
+    name: str
+    shape: TrueShape
+    solid: bool
+    pressure: float
+
+
+@dataclass(frozen=True)
+class OutlineProblem:
+    """A body of one material; lengths in edges of the first agents, its Young's modulus is 1."""
+
+    body: TrueBody
+    shape: tuple[int, int]
+    """First agents along x and y."""
+    stiffness: Floats
+    """Stress of a strain (xx, yy, 2 xy). Shape (3, 3)."""
+    held: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """Of sides that support, the axes along which they hold."""
+    pulled: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Total force on sides."""
+    pressed_sides: dict[str, float] = field(default_factory=dict)
+    pressed: tuple[PressedOutline, ...] = ()
+
+    @property
+    def shapes(self) -> tuple[TrueShape, ...]:
+        """The shapes of all regions."""
+        return tuple(region.shape for region in self.body.regions)
+
+    @property
+    def band(self) -> float:
+        """What a unit of area between both bodies costs, where it is under the largest pressure."""
+        unit = np.array([1.0, 1.0, 0.0])
+        largest = max((abs(one.pressure) for one in self.pressed), default=0.0)
+        return largest**2 * float(unit @ np.linalg.solve(self.stiffness, unit))
+
+    @property
+    def held_whole(self) -> bool:
+        """Whether the sides hold a body that touches them all against rigid motion."""
+        corners = np.array([(0, 0), (1, 0), (0, 1), (1, 1)], dtype=float) * self.shape
+        corner, axis = np.nonzero(self.held_at(corners))
+        return len(axis) > 2 and np.linalg.matrix_rank(rigid_motions(corners[corner], axis)) == 3
+
+    def _on_side(self, name: str, points: Floats) -> Flags:
+        axis, upper = SIDES[name]
+        return np.asarray(points[..., axis] == (self.shape[axis] if upper else 0.0))
+
+    def held_at(self, points: Floats) -> Flags:
+        """Tell which components supports hold at points, shape (n, 2)."""
+        held = np.zeros((len(points), 2), dtype=np.bool_)
+        for name, axes in self.held.items():
+            for axis in axes:
+                held[:, axis] |= self._on_side(name, points)
+        return held
+
+    def on_balanced(
+        self, pieces: BalancedPieces
+    ) -> tuple[Floats, Flags, list[tuple[Floats, Floats]]]:
+        """Return what acts on the sides of pieces, what holds them, and where sides are loaded.
+
+        Raises
+        ------
+        UnlikeError
+            If the pieces miss a part of an outline that is pressed.
+        """
+        ends = pieces.ends
+        force, held = np.zeros((len(ends), 2, 2)), np.zeros((len(ends), 2), dtype=np.bool_)
+        run = ends[:, 1] - ends[:, 0]
+        length = np.hypot(run[:, 0], run[:, 1])
+        for name, axes in self.held.items():
+            at = pieces.alone & self._on_side(name, ends).all(axis=1)
+            for axis in axes:
+                held[at, axis] = True
+        loaded = []
+        for name in SIDES:
+            at = pieces.alone & self._on_side(name, ends).all(axis=1)
+            traction = np.zeros(2)
+            if name in self.pulled or name in self.pressed_sides:
+                flat = self._on_side(name, pieces.flat_ends).all(axis=1)
+                if flat.any() or not at.any():
+                    raise UnlikeError(f"{name} has no body, or slivers of it, to be loaded")
+            if name in self.pulled:
+                traction += np.asarray(self.pulled[name]) / length[at].sum()
+            if name in self.pressed_sides:
+                axis, upper = SIDES[name]
+                traction[axis] -= self.pressed_sides[name] * (1.0 if upper else -1.0)
+            if traction.any():
+                force[at] += 0.5 * length[at, None, None] * traction
+                loaded.append((ends[at], traction))
+        for one in self.pressed:
+            border = self._within_array(one.shape.border(not one.solid))
+            rows = np.flatnonzero(pieces.alone)
+            rows = rows[place_on(ends[rows].mean(axis=1), border)[0] < ON_BORDER]
+            found = length[rows].sum()
+            beside, flat_length = self._beside_flat(pieces, border)
+            rows = np.union1d(rows, beside)
+            outward = np.stack([run[rows, 1], -run[rows, 0]], axis=1)
+            force[rows] -= 0.5 * one.pressure * outward[:, None]
+            whole = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
+            if abs(found + flat_length - whole) > 1e-7 * whole:
+                raise UnlikeError(one.name)
+        return force, held, loaded
+
+    def _beside_flat(self, pieces: BalancedPieces, border: Floats) -> tuple[Ints, float]:
+        """Return the sides beside pieces that were left out at a pressed outline.
+
+        The stress there is the pressure alone, which needs no support but the outline, other such
+        pieces, the sides of the body beside them, or a side of the array that holds against it.
+        """
+        ends = pieces.flat_ends
+        on = place_on(ends.mean(axis=1), border)[0] < ON_BORDER
+        pressed = np.isin(pieces.flat, pieces.flat[on])
+        rows = np.flatnonzero(pieces.alone & np.isin(pieces.side, pieces.flat_side[pressed & ~on]))
+        borne = np.isin(pieces.flat_side, pieces.side[rows]) | on
+        borne |= (
+            np.bincount(pieces.flat_side[pressed], minlength=len(pieces.shared))[pieces.flat_side]
+            > 1
+        )
+        for name, axes in self.held.items():
+            if SIDES[name][0] in axes:
+                borne |= self._on_side(name, ends).all(axis=1)
+        run = ends[:, 1] - ends[:, 0]
+        length = np.hypot(run[:, 0], run[:, 1])
+        if (pressed & ~borne & (length > NEAR)).any():
+            raise UnlikeError("a piece too flat")
+        return rows, float(length[on].sum())
+
+    def on_fitted(self, field: FittedDisplacement, loaded: list[tuple[Floats, Floats]]) -> Floats:
+        """Return the forces on the corners of leaves, shape (nodes, 2)."""
+        out = np.zeros((field.nodes, 2))
+        for ends, traction in loaded:
+            run = ends[:, 1] - ends[:, 0]
+            weight = 0.5 * np.hypot(run[:, 0], run[:, 1])[:, None] * traction
+            inward = np.array([0.5, 0.5]) * self.shape - ends.mean(axis=1)
+            for g in _GAUSS:
+                at = ends[:, 0] + g * run
+                leaf = field.leaves.at(at + 1e-9 * inward)
+                out += field.spread(leaf, at, weight)
+        for one in self.pressed:
+            border = self._within_array(one.shape.border(one.solid is True))
+            ends = _on_lines(border, field.leaves)
+            run = ends[:, 1] - ends[:, 0]
+            outward = np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if one.solid else -1.0)
+            inward = -ON_BORDER * outward / np.hypot(run[:, 0], run[:, 1])[:, None]
+            leaf = field.leaves.at(ends.mean(axis=1) + inward)
+            if (leaf < 0).any():
+                raise UnlikeError(one.name)
+            for g in _GAUSS:
+                out += field.spread(leaf, ends[:, 0] + g * run, -0.5 * one.pressure * outward)
+        return out
+
+    def _within_array(self, border: Floats) -> Floats:
+        """Return the sides of a polygon within the array, shape (n, 2, 2)."""
+        ends = np.stack([border[:-1], border[1:]], axis=1)
+        run = ends[:, 1] - ends[:, 0]
+        low, high = np.zeros(len(ends)), np.ones(len(ends))
+        for axis in (0, 1):
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t = (np.array([0.0, self.shape[axis]]) - ends[:, 0, axis, None]) / run[
+                    :, axis, None
+                ]
+            level = run[:, axis] == 0.0
+            outside = level & ((ends[:, 0, axis] < 0) | (ends[:, 0, axis] > self.shape[axis]))
+            low = np.maximum(low, np.where(level, 0.0, t.min(axis=1)))
+            high = np.where(outside, -1.0, np.minimum(high, np.where(level, 1.0, t.max(axis=1))))
+        kept = high - low > 1e-12
+        at = np.stack([low, high], axis=1)[kept]
+        return ends[kept, :1] + at[:, :, None] * run[kept, None]
+
+
+class UnlikeError(Exception):
+    """The pieces do not have all of an outline yet."""
+
+
+def place_on(points: Floats, border: Floats) -> tuple[Floats, Floats]:
+    """Return the distance of points to straight lines, and how far along them the nearest is."""
+    best, place, sofar = np.full(len(points), np.inf), np.zeros(len(points)), 0.0
+    for start, end in border:
+        run = end - start
+        length = np.hypot(*run)
+        t = np.clip((points - start) @ run / (run @ run), 0.0, 1.0)
+        away = np.hypot(*(points - start - t[:, None] * run).T)
+        nearer = away < best
+        best[nearer], place[nearer] = away[nearer], sofar + t[nearer] * length
+        sofar += length
+    return best, place
+
+
+def _on_lines(border: Floats, leaves: SquareLeaves) -> Floats:
+    """Return straight lines split where they cross sides of the smallest leaves."""
+    edge = leaves.size.min() * leaves.unit
+    out = []
+    for start, end in border:
+        cuts = [0.0, 1.0]
+        for axis in (0, 1):
+            low, high = sorted((start[axis], end[axis]))
+            lines = np.arange(np.ceil(low / edge), np.floor(high / edge) + 1) * edge
+            if high > low:
+                cuts += ((lines - start[axis]) / (end[axis] - start[axis])).tolist()
+        at = np.unique(np.clip(cuts, 0.0, 1.0))
+        at = start + at[:, None] * (end - start)
+        keep = np.hypot(*(at[1:] - at[:-1]).T) > 1e-13
+        out.append(np.stack([at[:-1], at[1:]], axis=1)[keep])
+    return np.concatenate(out)

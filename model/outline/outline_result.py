@@ -1,0 +1,405 @@
+"""The answer to a body with true outlines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju import __version__
+from kaju.arrays import Flags, Floats, Ints
+from kaju.errors import ResultError
+from kaju.model.elastic.fields import von_mises
+from kaju.model.results.archive import Archive
+from kaju.model.results.formats import OUTLINE_AGENTS
+from kaju.model.results.result import Result
+from kaju.model.scene import Scene
+from kaju.model.scene.contents import NOT_BODY
+from kaju.model.scene.shapes import Shape
+
+from .fitted_displacement import shapes_at, strain_rows
+from .outline_bracket import OutlineBracket
+from .outline_problem import ON_BORDER, OutlineProblem, place_on
+from .square_leaves import SquareLeaves
+
+if TYPE_CHECKING:
+    import pandas
+
+ROUNDING = 1e-7
+"""Share by which the bounds are set wider, for coordinates and forces are rounded."""
+_SCENE = "scene."
+_EDGE = 1e-9
+"""Of a shape's extent: points this near to the edge of a hole belong to the body."""
+_SLIVER = 0.1
+"""What agents hold less of themselves says nothing of the hoop stress."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OutlineResult(Result):
+    """Linear elasticity of a plane body with true outlines: agents whole or cut, and both bounds.
+
+    Attributes
+    ----------
+    scene : Scene
+        What was asked.
+    seconds : float
+    tolerance : float
+        Error in the energy norm that was asked for, relative.
+    first_edge : float
+        Edge (m) of the first agents.
+    x, y, width : int array, shape (agents,)
+        Lower corner and edge of each agent, in 2^-16 of `first_edge`.
+    corner_displacement : array, shape (agents, 4, 2)
+        Of each agent's corners (m), counter-clockwise from the lower left one.
+    mean_stress : array, shape (agents, 3)
+        Mean (Pa) of the stress in balance in what each agent holds: xx, yy and xy.
+    area : array, shape (agents,)
+        What of each agent (m²) lies within the body at least.
+    energy_bounds : tuple of float
+        Energies (J) below and above that of the true body, corners, curves and all.
+    hoops : dict of str to array
+        Of each named outline: x and y (m), hoop stress (Pa). Shape (n, 3).
+    notes : tuple of str
+        What a reader should know.
+
+    Examples
+    --------
+    >>> from kaju import Scene, solve
+    >>> hole = {"disk": {"centre": [0.1, 0.1], "radius": 0.031}, "material": "air"}
+    >>> plate = Scene(
+    ...     body={
+    ...         "size": [0.2, 0.2], "cells": [8, 8], "material": "steel", "thickness": 0.01,
+    ...         "regions": [hole | {"outline": "true", "name": "bore"}],
+    ...     },
+    ...     sides={"left": "rigid"},
+    ...     loads=[{"side": "right", "force": [1000.0, 0.0]}],
+    ... )
+    >>> answer = solve(plate, tolerance=0.1)
+    >>> answer.tolerance_kept, answer.error_bound < 0.1
+    ('proved', True)
+    """
+
+    kind: ClassVar[str] = "true outlines"
+    scene: Scene
+    seconds: float
+    tolerance: float
+    first_edge: float
+    x: Ints
+    y: Ints
+    width: Ints
+    corner_displacement: Floats
+    mean_stress: Floats
+    area: Floats
+    energy_bounds: tuple[float, float]
+    hoops: dict[str, Floats]
+    notes: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        problem: OutlineProblem,
+        found: OutlineBracket,
+        edge: float,
+        tolerance: float,
+        seconds: float,
+    ) -> OutlineResult:
+        """Return the answer that bounds stand for, in units."""
+        modulus = scene.cell_materials[0].youngs_modulus
+        unit = 0.5 * modulus * scene.thickness * edge**2
+        low, high = found.lower * (1.0 - ROUNDING), found.upper * (1.0 + ROUNDING)
+        bounds = (float(low * unit), float(high * unit))
+        leaves, balanced = found.leaves, found.balanced
+        stress = modulus * balanced.mean_stress()
+        hoops = {
+            region.name: _hoop_stress(
+                _pairs(true.shape.border(not true.solid)), found, stress, edge
+            )
+            for region, true in zip(scene.body.regions, problem.body.regions, strict=True)
+            if region.name is not None
+        }
+        return cls(
+            scene,
+            seconds,
+            tolerance,
+            edge,
+            leaves.x,
+            leaves.y,
+            leaves.size,
+            edge * found.fitted.displacement[found.fitted.corner],
+            stress,
+            edge**2 * balanced.area,
+            bounds,
+            hoops,
+            _notes(int(balanced.loose.sum())),
+        )
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it."""
+        return ("agents",)
+
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it: none so far."""
+        return ()
+
+    @property
+    def _unit(self) -> float:
+        return SquareLeaves.unit * self.first_edge
+
+    @property
+    def agents(self) -> int:
+        """Number of agents that hold a part of the body."""
+        return len(self.x)
+
+    @property
+    def lower(self) -> Floats:
+        """Lower corners (m) of the agents, shape (agents, 2)."""
+        return np.asarray(np.stack([self.x, self.y], axis=1) * self._unit, dtype=np.float64)
+
+    @property
+    def size(self) -> Floats:
+        """Edges (m) of the agents, shape (agents,)."""
+        return np.asarray(self.width * self._unit, dtype=np.float64)
+
+    @property
+    def cut(self) -> Flags:
+        """Which agents an outline cuts, shape (agents,)."""
+        return np.asarray(self.area < self.size**2 * (1.0 - 1e-12))
+
+    @property
+    def von_mises(self) -> Floats:
+        """Equivalent stress (Pa) of `mean_stress`, shape (agents,)."""
+        xx, yy, _ = self.mean_stress.T
+        beyond = np.zeros(len(xx))
+        if self.scene.plane == "strain":
+            beyond = self.scene.cell_materials[0].poissons_ratio * (xx + yy)
+        return von_mises(self.mean_stress[:, [[0, 2], [2, 1]]], beyond)
+
+    def pieces(self) -> tuple[Ints, list[Floats]]:
+        """Return what the agents hold as convex polygons (m): of which agent each is, and corners.
+
+        Curves are drawn by tangents or chords as far apart as the agents are large.
+        """
+        from .outline_bracket import pieces_of
+        from .outlined_scene import problem_of
+
+        problem, edge = problem_of(self.scene)
+        leaves = SquareLeaves(self.x, self.y, self.width, problem.shape)
+        for shape in problem.shapes:
+            shape.refine(leaves)
+        held = [pieces_of(problem, leaves, agent, True) for agent in range(self.agents)]
+        square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+        agent, polygons = [], []
+        for number, pieces in enumerate(held):
+            whole = [self.lower[number] + self.size[number] * square] if pieces is None else []
+            polygons += whole + [edge * np.array(piece) for piece in pieces or ()]
+            agent += [number] * (len(whole) + len(pieces or ()))
+        return np.array(agent, dtype=np.int64), polygons
+
+    @property
+    def strain_energy(self) -> float:
+        """Energy (J) stored in the body: the middle of `energy_bounds`."""
+        return 0.5 * sum(self.energy_bounds)
+
+    @property
+    def error_bound(self) -> float:
+        """Largest error of the mean of both stresses, in the energy norm, relative to the truth."""
+        lower, upper = self.energy_bounds
+        return 0.5 * float(np.sqrt((upper - lower) / lower)) if lower > 0.0 else np.inf
+
+    @property
+    def tolerance_kept(self) -> str:
+        """Whether `error_bound` is within the tolerance: "proved", else "missed"."""
+        return "proved" if self.error_bound <= self.tolerance else "missed"
+
+    def displacement_at(self, points: Floats) -> Floats:
+        """Return the displacement (m) at points (m) of the body, both of shape (n, 2).
+
+        Raises
+        ------
+        ResultError
+            If a point lies outside of the body.
+        """
+        agent, local = self._placed(points)
+        moved = self.corner_displacement[agent]
+        return np.asarray(np.einsum("nk,nkd->nd", shapes_at(local), moved))
+
+    def stress_at(self, points: Floats) -> Floats:
+        """Return stress tensors (Pa) at points (m) of the body, shape (n, 2, 2).
+
+        Those of `displacement_at`: nothing is proved of a stress at a point.
+
+        Raises
+        ------
+        ResultError
+            If a point lies outside of the body.
+        """
+        from .outlined_scene import stiffness_of
+
+        agent, local = self._placed(points)
+        moved = self.corner_displacement[agent].reshape(-1, 8)
+        strain = np.einsum("nai,ni->na", strain_rows(local), moved) / self.size[agent, None]
+        modulus = self.scene.cell_materials[0].youngs_modulus
+        stress = modulus * strain @ stiffness_of(self.scene)
+        return np.asarray(stress[:, [[0, 2], [2, 1]]])
+
+    def outline_stress(self, name: str) -> tuple[Floats, Floats]:
+        """Return positions (m) along a named outline, and the hoop stress (Pa) there.
+
+        Means over what each agent holds: within about 2 % of a peak from 15 to 20 agents a radius
+        on. Nothing is proved of them.
+
+        Raises
+        ------
+        ResultError
+            If no region with a true outline has that name.
+        """
+        if name not in self.hoops:
+            known = ", ".join(self.hoops) or "none has a name"
+            raise ResultError(f"outline_stress: there is no outline {name!r}; there is {known}")
+        found = self.hoops[name]
+        return found[:, :2], found[:, 2]
+
+    def _placed(self, points: Floats) -> tuple[Ints, Floats]:
+        """Return the agent of each point, and where in it the point lies, from 0 to 1."""
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+            raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {points!r:.80}")
+        lattice = self.scene.lattice
+        inside = np.full(len(points), self.scene.body.material not in NOT_BODY)
+        for number, region in enumerate(self.scene.body.regions):
+            shape = region.shape_in(lattice, f"body.regions.{number}")
+            if region.material not in NOT_BODY:
+                inside |= shape.contains(points)
+            else:
+                inside &= ~_within(shape, points)
+        extent = np.array(lattice.extent)
+        inside &= ((points >= 0.0) & (points <= extent)).all(axis=1)
+        leaves = SquareLeaves(self.x, self.y, self.width, (1, 1))
+        # those on the upper sides of the array belong to the last agents
+        at = np.minimum(points, extent * (1.0 - 1e-12)) / self.first_edge
+        agent = leaves.at(at)
+        if not (inside & (agent >= 0)).all():
+            where = ", ".join(f"{c:g}" for c in points[np.argmin(inside & (agent >= 0))])
+            raise ResultError(f"points: ({where}) m lies outside the body")
+        return agent, (points - self.lower[agent]) / self.size[agent, None]
+
+    def summary(self) -> dict[str, Any]:
+        """Return the key figures as plain numbers and strings."""
+        size = self.size
+        return {
+            "rule": "elastic",
+            "plane": self.scene.plane,
+            "agents": self.agents,
+            "agents_cut": int(self.cut.sum()),
+            "smallest_agent": float(size.min()),
+            "largest_agent": float(size.max()),
+            "strain_energy": self.strain_energy,
+            "max_displacement": float(np.hypot(*self.corner_displacement.reshape(-1, 2).T).max()),
+            "tolerance": self.tolerance,
+            "tolerance_kept": self.tolerance_kept,
+            "error_bound": self.error_bound,
+            "energy_bounds": self.energy_bounds,
+            "notes": list(self.notes),
+            "seconds": self.seconds,
+            "kaju_version": __version__,
+        }
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return one row per agent: place, size, area within the body, and mean stress."""
+        import pandas as pd
+
+        columns = {"x (m)": self.lower[:, 0], "y (m)": self.lower[:, 1], "size (m)": self.size}
+        columns |= {"area (m²)": self.area}
+        for number, name in enumerate(("xx", "yy", "xy")):
+            columns[f"stress_{name} (Pa)"] = self.mean_stress[:, number]
+        return pd.DataFrame(columns)
+
+    def _repr_html_(self) -> str:
+        """Return its key figures: pages show cells."""
+        from html import escape
+
+        return f"<pre>{escape(repr(self))}</pre>"
+
+    def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        text, scene_arrays = self.scene.to_archive()
+        names = ("x", "y", "width", "corner_displacement", "mean_stress", "area")
+        arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in names}
+        arrays |= {f"hoop.{name}": found for name, found in self.hoops.items()}
+        arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
+        numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
+        bounds = {"lower_energy": self.energy_bounds[0], "upper_energy": self.energy_bounds[1]}
+        return arrays, {"scene": text, "notes": list(self.notes), **numbers, **bounds}
+
+    @classmethod
+    def _restored(cls, archive: Archive) -> Self:
+        scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
+        found = archive.columns(OUTLINE_AGENTS, {})
+        hoops = {
+            name: archive.array(f"hoop.{name}", "f", (None, 3)) for name in archive.part("hoop.")
+        }
+        return cls(
+            scene=scene,
+            seconds=archive.value("seconds", float),
+            tolerance=archive.value("tolerance", float),
+            first_edge=archive.value("first_edge", float),
+            x=found["x"],
+            y=found["y"],
+            width=found["width"],
+            corner_displacement=found["corner_displacement"],
+            mean_stress=found["mean_stress"],
+            area=found["area"],
+            energy_bounds=(
+                archive.value("lower_energy", float),
+                archive.value("upper_energy", float),
+            ),
+            hoops=hoops,
+            notes=tuple(archive.value("notes", list[str])),
+        )
+
+
+def _notes(loose: int) -> tuple[str, ...]:
+    if not loose:
+        return ()
+    told = f"parts of the body in {loose} agents hang on nothing and bear nothing"
+    return (f"{told}; if a support was meant, give it",)
+
+
+def _within(shape: Shape, points: Floats) -> Flags:
+    """Tell which points lie in a shape that is cut out: not on its edge, which is the body's."""
+    lower, upper = shape.extent
+    step = _EDGE * float((upper - lower).max())
+    inside = np.ones(len(points), dtype=np.bool_)
+    for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
+        inside &= shape.contains(points + step * np.array([x, y]))
+    return inside
+
+
+def _hoop_stress(border: Floats, found: OutlineBracket, stress: Floats, edge: float) -> Floats:
+    """Return x, y (m) and the hoop stress of the agents along an outline, in order along it."""
+    balanced = found.balanced
+    rows = np.flatnonzero(balanced.alone)
+    near, along = place_on(balanced.ends[rows].mean(axis=1), border)
+    rows, along = rows[near < ON_BORDER], along[near < ON_BORDER]
+    run = balanced.ends[rows, 1] - balanced.ends[rows, 0]
+    length = np.hypot(run[:, 0], run[:, 1])
+    leaf, of = np.unique(balanced.leaf_of[rows], return_inverse=True)
+    full = (found.leaves.size[leaf] * found.leaves.unit) ** 2
+    total = np.bincount(of, length, len(leaf))
+    middle = [np.bincount(of, length * c, len(leaf)) / total for c in balanced.ends[rows].mean(1).T]
+    sums = np.stack([np.bincount(of, c, len(leaf)) for c in run.T])
+    tx, ty = sums / np.hypot(*sums)
+    xx, yy, xy = stress[leaf].T
+    hoop = xx * tx**2 + yy * ty**2 + 2.0 * xy * tx * ty
+    place = np.bincount(of, length * along, len(leaf)) / total
+    order = np.argsort(place)
+    order = order[balanced.area[leaf[order]] > _SLIVER * full[order]]
+    return np.column_stack([edge * middle[0], edge * middle[1], hoop])[order]
+
+
+def _pairs(border: Floats) -> Floats:
+    return np.stack([border[:-1], border[1:]], axis=1)

@@ -1,0 +1,161 @@
+"""Scenes with true outlines, solved: agents whole, cut by an outline, or none."""
+
+from __future__ import annotations
+
+from math import gcd
+from time import perf_counter
+from typing import cast
+
+import numpy as np
+
+from kaju.arrays import Floats
+from kaju.errors import ConvergenceError, SceneError, SupportError
+from kaju.model.scene import Scene
+from kaju.model.scene.contents import NOT_BODY
+from kaju.model.scene.regions import Region
+from kaju.model.scene.shapes import Ball, Box, Polygon
+
+from .apart import apart, simple
+from .balanced_pieces import LooseError
+from .outline_bracket import OutlineBracket, spawn
+from .outline_problem import SIDES, OutlineProblem, PressedOutline, UnlikeError
+from .outline_result import OutlineResult
+from .true_shapes import RoundShape, StraightShape, TrueBody, TrueRegion, TrueShape
+
+TOLERANCE = 0.01
+MOST_AGENTS = 100_000
+FIRST = 8
+"""First agents along the longer side, where the cells' number has such a divisor."""
+
+
+def solve_outlined(scene: Scene, tolerance: float | None, most_agents: int | None) -> OutlineResult:
+    """Return the answer to a scene with true outlines, proved to a tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float or None
+        Error in the energy norm, relative; 0.01 unless given.
+    most_agents : int or None
+        Give up above; 100,000 unless given.
+
+    Raises
+    ------
+    SupportError
+        If the body, or a loaded part of it, could move without straining.
+    ConvergenceError
+        If the tolerance takes too many agents; `best` holds the result so far.
+    SceneError
+        If a pressed outline meets another one, or does not bound the body.
+    """
+    start = perf_counter()
+    tolerance = TOLERANCE if tolerance is None else float(tolerance)
+    problem, edge = problem_of(scene)
+
+    def result(found: OutlineBracket) -> OutlineResult:
+        return OutlineResult.of(scene, problem, found, edge, tolerance, perf_counter() - start)
+
+    try:
+        return result(spawn(problem, tolerance, most_agents or MOST_AGENTS))
+    except ConvergenceError as error:
+        best = result(cast(OutlineBracket, error.best))
+        raise ConvergenceError(str(error), error.residuals, best) from None
+    except LooseError:
+        raise SupportError(
+            "sides: the body, or a part of it that is loaded, could move without straining; hold "
+            'it by [sides] such as left = "rigid"'
+        ) from None
+    except UnlikeError as error:
+        raise SceneError(
+            f"body.regions: the outlines could not be resolved ({error}); outlines that all but "
+            "touch the lines between agents, or are covered by another region, do so: move one "
+            "by a little"
+        ) from None
+
+
+def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
+    """Return what is solved, and the edge (m) of the first agents."""
+    lattice = scene.lattice
+    nx, ny = lattice.shape
+    common = gcd(nx, ny)
+    wide = [d for d in range(1, common + 1) if common % d == 0 and max(nx, ny) // d >= FIRST]
+    cells = max(wide, default=1)
+    edge = lattice.cell_size * cells
+    shape = (nx // cells, ny // cells)
+    regions = []
+    for number, region in enumerate(scene.body.regions):
+        true = _shape(scene, region, f"body.regions.{number}", edge, shape)
+        regions.append(TrueRegion(true, region.material not in NOT_BODY))
+    body = TrueBody(scene.body.material not in NOT_BODY, tuple(regions))
+    thickness, modulus = scene.thickness, scene.cell_materials[0].youngs_modulus
+    held: dict[str, tuple[int, ...]] = {}
+    pulled: dict[str, tuple[float, float]] = {}
+    pressed_sides: dict[str, float] = {}
+    for name in SIDES:
+        kind = scene.side_condition(name).kind
+        if kind != "free":
+            held[name] = (0, 1) if kind == "rigid" else (SIDES[name][0],)
+    pressed: list[PressedOutline] = []
+    for number, load in enumerate(scene.loads):
+        if load.outline is not None:
+            assert load.pressure is not None
+            which = [region.name for region in scene.body.regions].index(load.outline)
+            if any(one.name == load.outline for one in pressed):
+                raise SceneError(
+                    f"loads.{number}.outline: {load.outline!r} is pressed already; give one load"
+                )
+            one = regions[which]
+            for other, beside in enumerate(regions):
+                if other != which and not apart(one.shape, beside.shape):
+                    raise SceneError(
+                        f"loads.{number}.outline: {load.outline!r} meets the outline of "
+                        f"regions.{other}; a pressed outline is proved where it is alone"
+                    )
+            # pressures as strains of the modulus, forces as such over edges
+            pressed.append(
+                PressedOutline(load.outline, one.shape, one.solid, load.pressure / modulus)
+            )
+        elif load.pressure is not None:
+            assert load.side is not None
+            sofar = pressed_sides.get(load.side, 0.0)
+            pressed_sides[load.side] = sofar + load.pressure / modulus
+        else:
+            assert load.force is not None
+            assert load.side is not None
+            x, y = pulled.get(load.side, (0.0, 0.0))
+            unit = modulus * thickness * edge
+            pulled[load.side] = (x + load.force[0] / unit, y + load.force[1] / unit)
+    if not scene.loads:
+        raise SceneError("loads: without a load there is no energy to bound; give one")
+    stiffness = stiffness_of(scene)
+    problem = OutlineProblem(body, shape, stiffness, held, pulled, pressed_sides, tuple(pressed))
+    return problem, edge
+
+
+def stiffness_of(scene: Scene) -> Floats:
+    """Return the stress of a strain (xx, yy, 2 xy) where Young's modulus is 1."""
+    nu = scene.cell_materials[0].poissons_ratio
+    e = 1.0
+    if scene.plane == "strain":
+        e, nu = e / (1.0 - nu**2), nu / (1.0 - nu)
+    law = np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - nu)]])
+    return np.asarray(e / (1.0 - nu**2) * law)
+
+
+def _shape(
+    scene: Scene, region: Region, where: str, edge: float, shape: tuple[int, int]
+) -> TrueShape:
+    known = region.shape_in(scene.lattice, where)
+    if isinstance(known, Ball):
+        x, y = known.centre
+        return RoundShape((x / edge, y / edge), known.radius / edge, shape)
+    if isinstance(known, Box):
+        (x0, y0), (x1, y1) = known.lower, known.upper
+        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+    else:
+        assert isinstance(known, Polygon)
+        corners = [(x, y) for x, y in known.corners]
+        corners = [c for k, c in enumerate(corners) if c != corners[k - 1]]
+        if len(corners) < 3 or not simple(corners):
+            raise SceneError(f"{where}.polygon: crosses or touches itself; split it in two")
+    return StraightShape([(x / edge, y / edge) for x, y in corners])

@@ -1,0 +1,128 @@
+"""What a scene with true outlines may hold: what is not proved is refused by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kaju.agents.materials import suggestion
+from kaju.errors import SceneError
+
+from .contents import NOT_BODY
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+TAKES = 'take outline = "cells" instead'
+
+
+def check_no_outlines(scene: Scene) -> None:
+    """Refuse a load on an outline that is a staircase."""
+    for number, load in enumerate(scene.loads):
+        if load.outline is not None:
+            raise SceneError(
+                f"loads.{number}.outline: no region called {load.outline!r} has a true outline; "
+                'give one outline = "true"'
+            )
+
+
+def check_outlines(scene: Scene) -> None:
+    """Refuse whatever a body with true outlines is not proved with.
+
+    Raises
+    ------
+    SceneError
+        Naming the key, what it may be, and what to do instead.
+    """
+    if scene.lattice.dimension == 3:
+        raise SceneError(f"body.regions: true outlines belong to the plane; {TAKES}")
+    if scene.lattice.kind != "square":
+        raise SceneError(f"body.lattice: true outlines go with squares; {TAKES}")
+    if scene.body.picture_key is not None:
+        raise SceneError(
+            f"body.{scene.body.picture_key}: is a body of cells, which true outlines do not cut; "
+            f"give cells and material, or {TAKES}"
+        )
+    if scene.body.gravity is not None:
+        raise SceneError(f"body.gravity: is not proved with true outlines yet; {TAKES}")
+    if scene.history is not None:
+        raise SceneError(f"history: time goes with cells; {TAKES}")
+    _check_regions(scene)
+    for name, side in scene.sides.items():
+        if side.kind not in ("free", "rigid", "roller"):
+            raise SceneError(
+                f"sides.{name}: with true outlines a side is free, rigid or roller, not "
+                f"{side.kind}; {TAKES}"
+            )
+    _check_loads(scene)
+
+
+def _check_regions(scene: Scene) -> None:
+    names: list[str] = []
+    for number, region in enumerate(scene.body.regions):
+        where = f"body.regions.{number}"
+        if region.outline != "true":
+            raise SceneError(
+                f"{where}.outline: all regions of a body have true outlines or none; give it "
+                'outline = "true", or leave it out everywhere'
+            )
+        if region.material == "rigid":
+            raise SceneError(
+                f"{where}.material: a rigid region would hold the body along its outline, which "
+                f"is not proved yet; hold it by [sides], or {TAKES}"
+            )
+        if region.name is not None and region.name in names:
+            raise SceneError(f"{where}.name: {region.name!r} is another region's name")
+        names += [region.name] if region.name is not None else []
+    if scene.body.material == "rigid":
+        raise SceneError(f"body.material: rigid is no body with true outlines; {TAKES}")
+    bodies = [scene.body.material, *(region.material for region in scene.body.regions)]
+    if len({name for name in bodies if name not in NOT_BODY}) != 1:
+        raise SceneError(
+            "body.regions: with true outlines there is one material, beside air; two that meet "
+            f"along an outline are not proved yet; {TAKES}"
+        )
+
+
+def _check_loads(scene: Scene) -> None:
+    regions = {region.name: region for region in scene.body.regions if region.name is not None}
+    for number, load in enumerate(scene.loads):
+        where = f"loads.{number}"
+        if load.outline is not None and load.outline not in regions:
+            raise SceneError(
+                f"{where}.outline: there is no region called {load.outline!r}"
+                f"{suggestion(load.outline, list(regions))}; give a region name = {load.outline!r}"
+            )
+        for key in ("cell", "point", "region"):
+            if getattr(load, key) is not None:
+                raise SceneError(
+                    f"{where}.{key}: with true outlines loads act on a side or on an outline; "
+                    f"{TAKES}"
+                )
+        for key in ("couple", "pressure_slope"):
+            if getattr(load, key) is not None:
+                raise SceneError(
+                    f"{where}.{key}: is not proved with true outlines yet; take force or "
+                    f"pressure, or {TAKES}"
+                )
+        if load.force is not None:
+            if load.outline is not None:
+                raise SceneError(
+                    f"{where}.force: along an outline only a pressure is proved yet; {TAKES}"
+                )
+            if len(load.force) != 2:
+                raise SceneError(
+                    f"{where}.force: two numbers (N) are needed, got {list(load.force)}"
+                )
+        if load.side is not None:
+            if load.side not in scene.lattice.sides:
+                known = scene.lattice.sides
+                raise SceneError(
+                    f"{where}.side: there is no side {load.side!r}{suggestion(load.side, known)}; "
+                    f"there is {', '.join(known)}"
+                )
+            if scene.side_condition(load.side).kind != "free":
+                raise SceneError(f"{where}.side: {load.side} is held; load a side that is free")
+        if load.steps != 1:
+            raise SceneError(
+                f"{where}.steps: true outlines are answered for the whole load; leave it out"
+            )

@@ -1,0 +1,338 @@
+"""Bodies with true outlines: exact truths inside both bounds, refusals by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju.model.outline import outline_bracket
+from kaju.model.outline.outline_bracket import bracket
+from kaju.model.outline.outlined_scene import problem_of
+from kaju.model.outline.split_triangle import SplitTriangles
+from kaju.model.outline.square_leaves import SquareLeaves
+
+E, NU, THICKNESS = 206e9, 0.3, 0.01
+STEEL = {"youngs_modulus": E, "poissons_ratio": NU}
+CORNERS = {
+    "left bottom": ((0.0, 0.0), ("left", "bottom")),
+    "right bottom": ((1.0, 0.0), ("right", "bottom")),
+    "right top": ((1.0, 1.0), ("right", "top")),
+}
+
+
+def disk(x: float, y: float, radius: float, material: str, name: str | None = None) -> dict:
+    """Return a round region with a true outline."""
+    region = {"disk": {"centre": [x, y], "radius": radius}, "material": material}
+    return region | {"outline": "true"} | ({"name": name} if name else {})
+
+
+def ring(
+    inner: float, outer: float, *, cells: int = 8, corner: str = "left bottom", **body: Any
+) -> kaju.Scene:
+    """Return a quarter of a ring under inner pressure; its box is 0.21 m wide."""
+    (x, y), held = CORNERS[corner]
+    centre = (0.21 * x, 0.21 * y)
+    regions = [disk(*centre, outer, "steel", "rim"), disk(*centre, inner, "air", "bore")]
+    size = {"size": [0.21, 0.21], "cells": [cells, cells], "thickness": THICKNESS}
+    return kaju.Scene(
+        body=size | {"material": "air", "regions": regions} | body,
+        materials={"steel": STEEL},
+        sides=dict.fromkeys(held, "roller"),
+        loads=[{"outline": "bore", "pressure": 1e6}],
+    )
+
+
+def lame(inner: float, outer: float, *, strain: bool = False) -> tuple[float, float]:
+    """Return energy (J) of the quarter ring under 1 MPa, and displacement (m) at its bore."""
+    e, nu = (E / (1 - NU**2), NU / (1 - NU)) if strain else (E, NU)
+    factor = 1e6 * inner / (e * (outer**2 - inner**2))
+    moved = factor * ((1 - nu) * inner**2 + (1 + nu) * outer**2)
+    return 0.5 * 1e6 * moved * 0.5 * np.pi * inner * THICKNESS, moved
+
+
+def plate(radius: float = 0.031, **loaded: Any) -> kaju.Scene:
+    """Return a quarter of a plate with a round hole, pulled to the right."""
+    return kaju.Scene(
+        body={
+            "size": [0.1, 0.1],
+            "cells": [4, 4],
+            "material": "steel",
+            "regions": [disk(0.0, 0.0, radius, "air", "hole")],
+        },
+        materials={"steel": STEEL},
+        sides={"left": "roller", "bottom": "roller"},
+        **({"loads": [{"side": "right", "force": [1e5, 0.0]}]} | loaded),
+    )
+
+
+@pytest.mark.parametrize("tolerance", [0.2, 0.1, 0.05])
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_the_energy_of_a_ring_lies_within_its_bounds(tolerance: float, plane: str) -> None:
+    answer = kaju.solve(ring(0.1, 0.2, plane=plane), tolerance=tolerance)
+    truth = lame(0.1, 0.2, strain=plane == "strain")[0]
+    lower, upper = answer.energy_bounds
+    assert lower < truth < upper
+    assert answer.tolerance_kept == "proved"
+    assert answer.error_bound <= tolerance
+    assert answer.error_bound == pytest.approx(0.5 * np.sqrt((upper - lower) / lower))
+    assert answer.summary()["agents"] == len(answer.to_dataframe()) < 400
+
+
+def test_bounds_close_with_the_square_of_the_agents() -> None:
+    problem, _ = problem_of(ring(0.1, 0.2, cells=4))
+    leaves, gaps = SquareLeaves.first(problem.shape), []
+    for _ in range(4):
+        found = bracket(problem, leaves)
+        gaps.append((found.upper - found.lower) / found.lower)
+        leaves = leaves.split(np.ones(len(leaves), dtype=np.bool_))
+    rates = np.log2(np.array(gaps[1:-1]) / np.array(gaps[2:]))
+    assert (rates > 1.7).all(), gaps
+
+
+@pytest.mark.parametrize("corner", CORNERS)
+def test_random_rings_lie_within_at_every_step(
+    corner: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(len(corner))
+    seen = []
+    monkeypatch.setattr(
+        outline_bracket,
+        "bracket",
+        lambda problem, leaves: seen.append(bracket(problem, leaves)) or seen[-1],
+    )
+    for number in range(3):
+        inner, outer = rng.uniform(0.03, 0.12), rng.uniform(0.16, 0.205)
+        cells = int(rng.integers(2, 6))
+        if number % 2:  # a sliver beside a line between agents
+            edge = 0.21 / cells
+            inner = edge * (1.0 + 10.0 ** -rng.uniform(3, 8))
+        seen.clear()
+        answer = kaju.solve(ring(inner, outer, cells=cells, corner=corner), tolerance=0.15)
+        truth = lame(inner, outer)[0] / (0.5 * E * THICKNESS * answer.first_edge**2)
+        assert len(seen) > 1
+        for found in seen:
+            assert found.lower <= truth * (1 + 1e-7)
+            assert found.upper >= truth * (1 - 1e-7)
+            assert found.balanced.residual < 1e-7
+
+
+def test_what_leaves_add_to_the_gap_is_the_gap() -> None:
+    problem, _ = problem_of(plate())
+    found = bracket(problem, SquareLeaves.first(problem.shape))
+    assert found.share.min() > 0.0
+    assert found.share.sum() == pytest.approx(found.upper - found.lower, rel=1e-6)
+
+
+def test_a_plate_with_a_hole_lies_within() -> None:
+    answer = kaju.solve(plate(), tolerance=0.05)
+    traction = 1e5 / 0.1  # Pa, of a plate 1 m thick
+    # quadratic triangles with curved sides say 1.303641 for the unit plate
+    truth = 0.5 * 1.303641 * traction**2 * 0.1**2 / E
+    lower, upper = answer.energy_bounds
+    assert lower < truth < upper
+    assert answer.agents < 2 * 89
+
+
+def test_displacement_stress_and_hoop_stress_of_a_ring() -> None:
+    answer = kaju.solve(ring(0.1, 0.2), tolerance=0.04)
+    moved = answer.displacement_at(np.array([[0.1, 0.0], [0.0, 0.1]]))
+    assert moved[[0, 1], [0, 1]] == pytest.approx(lame(0.1, 0.2)[1], rel=0.01)
+    stress = answer.stress_at(np.array([[0.15, 0.01]]))[0]
+    assert stress[1, 1] == pytest.approx(1e6 / 3 * (1 + (0.2 / 0.15) ** 2), rel=0.1)
+    place, hoop = answer.outline_stress("bore")
+    assert np.hypot(*place.T) == pytest.approx(0.1, rel=2e-3)
+    assert np.median(hoop) == pytest.approx(1e6 * 5 / 3, rel=0.07)
+    with pytest.raises(kaju.KajuError, match="bohre"):
+        answer.outline_stress("bohre")
+    with pytest.raises(kaju.KajuError, match="outside the body"):
+        answer.displacement_at(np.array([[0.05, 0.05]]))
+
+
+def test_polygons_are_exact_whatever_their_corners() -> None:
+    # a bar along the middle: the outline lies beside the lines between agents
+    bar = [[0.0, 0.031], [0.1, 0.031], [0.1, 0.062], [0.05, 0.062], [0.0, 0.062]]
+    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air"}
+    region = {"polygon": bar, "material": "steel", "outline": "true"}
+    answer = kaju.solve(
+        kaju.Scene(
+            body=body | {"regions": [region]},
+            materials={"steel": STEEL},
+            sides={"left": "rigid"},
+            loads=[{"side": "right", "force": [1e3, 0.0]}],
+        ),
+        tolerance=0.2,
+    )
+    stretched = 0.5 * 1e6 * 0.1 / (E * 0.031)
+    assert answer.strain_energy == pytest.approx(stretched, rel=0.1)
+    assert answer.energy_bounds[1] < stretched * 1.001  # clamping the end makes it stiffer
+    assert answer.area.sum() == pytest.approx(0.1 * 0.031)
+
+
+def test_outlines_along_the_lines_between_agents_cut_none() -> None:
+    notch = {"box": [[0.05, 0.0], [0.1, 0.05]], "material": "air", "outline": "true"}
+    body = {"size": [0.1, 0.1], "cells": [8, 8], "material": "steel"}
+    held, loads = {"left": "rigid"}, [{"side": "right", "force": [1e3, 0.0]}]
+    true, cells = (
+        kaju.solve(
+            kaju.Scene(
+                body=body | {"regions": [notch | {"outline": outline}]}, sides=held, loads=loads
+            ),
+            tolerance=0.1,
+        )
+        for outline in ("true", "cells")
+    )
+    assert not true.cut.any()
+    assert true.energy_bounds[0] < cells.energy_bounds[1]
+    assert cells.energy_bounds[0] < true.energy_bounds[1]
+
+
+def test_triangles_have_a_stress_for_all_tractions_in_balance_however_flat() -> None:
+    law = np.array([[1.0, -NU, 0.0], [-NU, 1.0, 0.0], [0.0, 0.0, 2 * (1 + NU)]])
+    for height in (1.0, 0.09, 1e-4, 1e-7):
+        corners = np.array([[[0.0, 0.0], [1.0, 0.0], [0.3, height]]])
+        triangles = SplitTriangles(corners, law)
+        moments = triangles.moments[0].reshape(3, 2, 2, -1)
+        assert moments.shape[-1] == 9  # twelve tractions, three conditions
+        scale = np.abs(moments).max()
+        assert np.abs(moments.sum(axis=(0, 1))).max() < 1e-14 / height * scale
+        assert np.linalg.matrix_rank(triangles.moments[0], 1e-13 * scale) == 9 or height < 1e-3
+
+
+def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: Path) -> None:
+    scene = ring(0.1, 0.2)
+    again = kaju.Scene.from_toml(scene.to_toml())
+    assert again == scene
+    assert again != ring(0.1, 0.2, cells=4)
+    answer = kaju.solve(scene, tolerance=0.2)
+    loaded = kaju.load_result(answer.save(tmp_path / "ring"))
+    assert isinstance(loaded, kaju.OutlineResult)
+    assert loaded.summary() == answer.summary()
+    assert np.array_equal(loaded.outline_stress("bore")[1], answer.outline_stress("bore")[1])
+    assert len(kaju.plot(answer).axes) == 2
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        kaju.LoadModel,
+        kaju.plot,
+        kaju.SpawningModel,
+        kaju.finite_elements,
+        lambda scene: scene.rasterise(),
+        lambda scene: scene.refine(2),
+        lambda scene: scene.applied(),
+        lambda scene: scene.selections,
+        lambda scene: kaju.solve(scene, resolution=2),
+        lambda scene: kaju.solve(scene, strategy="uniform"),
+        lambda scene: kaju.solve(scene, tolerance_at="displacement"),
+        lambda scene: kaju.solve(scene, engine="petsc"),
+        lambda scene: kaju.solve(scene, tolerance=2.0),
+        lambda scene: kaju.animate(kaju.solve(scene, tolerance=0.3), "ring.gif"),
+        lambda scene: kaju.export_page(scene, "ring.html"),
+    ],
+)
+def test_nothing_takes_a_true_outline_for_a_staircase(asked: Any) -> None:
+    with pytest.raises(kaju.KajuError):
+        asked(ring(0.1, 0.2))
+
+
+HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"body.gravity": [0.0, -9.81]}, "body.gravity"),
+        ({"body.lattice": "hexagon"}, "body.lattice"),
+        ({"sides.left": {"stiffness": 1e9}}, "sides.left"),
+        ({"body.regions": [HOLE | {"material": "rigid"}]}, "body.regions.0.material"),
+        ({"body.regions": [HOLE | {"material": "granite"}]}, "body.regions"),
+        ({"body.regions": [HOLE, HOLE]}, "body.regions.1.name"),
+        (
+            {"body.regions": [HOLE, {"box": [[0, 0], [0.01, 0.01]], "material": "air"}]},
+            "body.regions.1.outline",
+        ),
+        ({"loads": [{"outline": "hohle", "pressure": 1.0}]}, "loads.0.outline"),
+        ({"loads": [{"outline": "hole", "force": [1.0, 0.0]}]}, "loads.0.force"),
+        ({"loads": [{"cell": [3, 3], "force": [1.0, 0.0]}]}, "loads.0.cell"),
+        ({"loads": [{"side": "left", "force": [1.0, 0.0]}]}, "loads.0.side"),
+        ({"loads": [{"side": "right", "couple": 1.0}]}, "loads.0.couple"),
+        ({"loads": [{"side": "right", "force": [1.0, 0.0], "steps": 2}]}, "loads.0.steps"),
+    ],
+)
+def test_what_is_not_proved_is_refused_by_name(change: dict[str, Any], key: str) -> None:
+    parts: dict[str, Any] = {
+        "body": {
+            "cell_size": 0.025,
+            "cells": [4, 4],
+            "material": "steel",
+            "regions": [HOLE],
+        },
+        "sides": {"left": "rigid"},
+        "loads": [{"side": "right", "force": [1.0, 0.0]}],
+    }
+    for path, value in change.items():
+        first, _, rest = path.partition(".")
+        parts[first] = parts[first] | {rest: value} if rest else value
+    with pytest.raises(kaju.KajuError, match=rf"^{key}:"):
+        kaju.Scene(**parts)
+
+
+def test_outlines_need_their_word() -> None:
+    body = {"cell_size": 0.025, "cells": [4, 4], "material": "steel"}
+    with pytest.raises(kaju.KajuError, match=r"loads\.0\.outline"):
+        kaju.Scene(body=body, sides={"left": "rigid"}, loads=[{"outline": "hole", "pressure": 1.0}])
+    with pytest.raises(kaju.KajuError, match="outline"):
+        kaju.Scene(
+            body=body
+            | {"regions": [{"image": {"file": "x.png"}, "material": "air", "outline": "true"}]},
+            sides={"left": "rigid"},
+        )
+
+
+def test_a_body_that_could_move_is_refused() -> None:
+    scene = plate().replace(sides={"left": "roller"})
+    with pytest.raises(kaju.KajuError, match="could move"):
+        kaju.solve(scene, tolerance=0.2)
+
+
+def test_a_pressed_outline_stands_alone() -> None:
+    scene = plate(loads=[{"outline": "hole", "pressure": 1.0}])
+    crossing = scene.with_region(disk={"centre": [0.025, 0.025], "radius": 0.01}, outline="true")
+    with pytest.raises(kaju.KajuError, match=r"loads\.0\.outline"):
+        kaju.solve(crossing, tolerance=0.2)
+
+
+def test_parts_that_hang_on_nothing_are_told() -> None:
+    hole, island = disk(0.05, 0.05, 0.03, "air"), disk(0.05, 0.05, 0.015, "steel")
+    held, loose = (
+        kaju.solve(
+            plate().replace(
+                body={
+                    "size": [0.1, 0.1],
+                    "cells": [4, 4],
+                    "material": "steel",
+                    "regions": regions,
+                },
+            ),
+            tolerance=0.2,
+        )
+        for regions in ([hole], [hole, island])
+    )
+    assert not held.notes
+    assert len(loose.notes) == 1
+    assert loose.energy_bounds[0] < held.energy_bounds[1]
+    assert held.energy_bounds[0] < loose.energy_bounds[1]
+
+
+def test_too_many_agents_keep_the_best() -> None:
+    with pytest.raises(kaju.KajuError) as error:
+        kaju.solve(plate(), tolerance=0.01, most_agents=60)
+    best = error.value.best
+    assert isinstance(best, kaju.OutlineResult)
+    assert best.tolerance_kept == "missed"
+    assert best.energy_bounds[0] < best.strain_energy < best.energy_bounds[1]

@@ -1,0 +1,45 @@
+"""Bodies with true outlines: agents as the outlines cut them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+
+from .style import caption, colour_bar, label_axis, new_axes
+from .units import quantity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from kaju.model.outline.outline_result import OutlineResult
+
+
+def plot_cut_agents(result: OutlineResult, ax: Axes | None = None) -> Axes:
+    """Draw what each agent holds of the body, in the colour of its equivalent stress."""
+    ax = new_axes(ax)
+    agent, pieces = result.pieces()
+    value = result.von_mises[agent]
+    squares = PolyCollection(pieces, array=value, cmap="viridis", edgecolors="face", lw=0.1)
+    squares.set_clim(0.0, float(value.max()))
+    ax.add_collection(squares)
+    low, size = result.lower, result.size[:, None]
+    corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    edges = low[:, None] + size[:, None] * corners
+    whole = ~result.cut
+    lines = PolyCollection(list(edges[whole]), facecolors="none", edgecolors="white", lw=0.3)
+    ax.add_collection(lines)
+    extent = result.scene.lattice.extent
+    ax.set(xlim=(0.0, extent[0]), ylim=(0.0, extent[1]), aspect="equal")
+    label_axis(ax.xaxis, "x", [0.0, extent[0]], "m")
+    label_axis(ax.yaxis, "y", [0.0, extent[1]], "m")
+    colour_bar(ax, squares, "equivalent stress", "Pa")
+    cut = int(result.cut.sum())
+    notes = [
+        f"{result.agents} agents, {cut} cut by an outline; largest mean "
+        f"{quantity(float(value.max()), 'Pa')}; error {result.tolerance_kept}: "
+        f"{100 * result.error_bound:.2g} % at most"
+    ]
+    caption(ax, "agents within true outlines", notes)
+    return ax

@@ -176,6 +176,11 @@ def test_kept_watched_and_told(tmp_path):
     assert [check.holds for check in same.checks()] == [True]
     wrong = replace(same, released=1.001 * same.released)
     assert [check.holds for check in wrong.checks()] == [False]
+    names = ("work", "stored", "released")
+    small = replace(wrong, **{name: 1e-9 * getattr(wrong, name) for name in names})
+    assert [check.off for check in small.checks()] == pytest.approx(
+        [check.off for check in wrong.checks()]
+    )
     assert list(result.history) == [
         *("spring", "first", "second", "load_factor", "displacement_m", "force_N"),
         *("stored_J", "released_J", "work_J", "avalanche"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kaju.model.scene import Scene
-from kaju.model.scene.kinds import AIR
+from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 LEFT, RIGHT, BOTTOM, TOP, MIDDLE = 0, 1, 2, 3, -1
 
@@ -307,3 +307,13 @@ def test_air_takes_no_weight():
         {"box": [[0, 0], [0.1, 0.1]], "material": "air"}])  # fmt: skip
     assert scene.kinds(scene.applied().cells).tolist() == [0]
     assert scene.kinds([[0, 0]]).tolist() == [AIR]
+
+
+def test_beyond_every_side_stands_what_holds_it():
+    sides = {"left": "roller", "right": "rigid", "bottom": {"stiffness": 1e9}}
+    body = {"cell_size": 0.01, "drawing": "aa\n#a"}
+    legend = {"a": "steel", "#": "air"}
+    scene = Scene(body=body, legend=legend, sides=sides, loads=[{"side": "top", "pressure": 1.0}])
+    beyond = scene.kinds(np.array([[-1, 0], [-1, 1], [2, 0], [0, -1], [1, 2], [0, 0]]))
+    assert beyond.tolist() == [ROLLER, ROLLER, RIGID, FOUNDATION, AIR, AIR]
+    assert scene.kinds(np.array([[1, 0]]))[0] >= 0

@@ -12,6 +12,7 @@ from .contents import NOT_BODY
 if TYPE_CHECKING:
     from .scene import Scene
 
+_HOLDS = ("rigid", "roller")
 TAKES = 'take outline = "cells" instead'
 
 
@@ -65,16 +66,18 @@ def _check_regions(scene: Scene) -> None:
                 f"{where}.outline: all regions of a body have true outlines or none; give it "
                 'outline = "true", or leave it out everywhere'
             )
-        if region.material == "rigid":
+        if region.material in _HOLDS:
             raise SceneError(
-                f"{where}.material: a rigid region would hold the body along its outline, which "
-                f"is not proved yet; hold it by [sides], or {TAKES}"
+                f"{where}.material: {region.material} would hold the body along its outline, "
+                f"which is not proved yet; hold it by [sides], or {TAKES}"
             )
         if region.name is not None and region.name in names:
             raise SceneError(f"{where}.name: {region.name!r} is another region's name")
         names += [region.name] if region.name is not None else []
-    if scene.body.material == "rigid":
-        raise SceneError(f"body.material: rigid is no body with true outlines; {TAKES}")
+    if scene.body.material in _HOLDS:
+        raise SceneError(
+            f"body.material: {scene.body.material} is no body with true outlines; {TAKES}"
+        )
     bodies = [scene.body.material, *(region.material for region in scene.body.regions)]
     if len({name for name in bodies if name not in NOT_BODY}) != 1:
         raise SceneError(

@@ -250,6 +250,7 @@ HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
         ({"body.lattice": "hexagon"}, "body.lattice"),
         ({"sides.left": {"stiffness": 1e9}}, "sides.left"),
         ({"body.regions": [HOLE | {"material": "rigid"}]}, "body.regions.0.material"),
+        ({"body.regions": [HOLE | {"material": "roller"}]}, "body.regions.0.material"),
         ({"body.regions": [HOLE | {"material": "granite"}]}, "body.regions"),
         ({"body.regions": [HOLE, HOLE]}, "body.regions.1.name"),
         (

@@ -38,8 +38,8 @@ def plot_cut_agents(result: OutlineResult, ax: Axes | None = None) -> Axes:
     cut = int(result.cut.sum())
     notes = [
         f"{result.agents} agents, {cut} cut by an outline; largest mean "
-        f"{quantity(float(value.max()), 'Pa')}; error {result.tolerance_kept}: "
-        f"{100 * result.error_bound:.2g} % at most"
+        f"{quantity(float(value.max()), 'Pa')}; error at most {100 * result.error_bound:.2g} %, "
+        f"{result.tolerance_kept}"
     ]
     caption(ax, "agents within true outlines", notes)
     return ax

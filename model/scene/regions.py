@@ -68,7 +68,7 @@ class Region(Described):
         The dark pixels of an image, in two dimensions.
     outline : {"cells", "true"}
         "cells" makes it a staircase of cells; "true" keeps the shape as it is, for `kaju.solve`
-        alone: see the page *True outlines*.
+        alone.
     name : str, optional
         What loads call its outline.
     """

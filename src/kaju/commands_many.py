@@ -168,7 +168,7 @@ def stress(
     workers: Annotated[int, typer.Option(min=1, help="Processes side by side.")] = 2,
     limit: Annotated[
         float, typer.Option(help="Seconds of processor time that a trial may take.")
-    ] = 30.0,
+    ] = 60.0,
     pictures: Annotated[bool, typer.Option("--pictures/--no-pictures")] = True,
 ) -> None:
     """Put random and adversarial scenes to every rule and solver; exit code 1 if one fails.

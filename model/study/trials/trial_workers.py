@@ -36,7 +36,7 @@ Case = tuple[int, str]
 
 
 def trials(
-    numbers: Iterable[int | Case], workers: int = 2, limit: float = 30.0, *, warm: bool = True
+    numbers: Iterable[int | Case], workers: int = 2, limit: float = 60.0, *, warm: bool = True
 ) -> Iterator[Outcome]:
     """Yield the outcome of every trial as it ends, in no particular order.
 

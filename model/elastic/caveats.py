@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from math import sqrt
+from math import isfinite, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -142,6 +142,10 @@ class Caveats:
         kept = self.result.tolerance_kept
         if self.result.tolerance_at is not None or kept == "proved" or not error > ROUGH:
             return []
+        if not isfinite(error):
+            told = "the energy is bounded by 0 from below, so its error cannot be told as a share: "
+            told += "supports bear the loads where they act, and hardly any energy is left"
+            return [Caveat("error not known", told)]
         told = f"the error is taken as {error:.0%} in the energy norm"
         if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
             half = 0.5 * min(self.result.tolerance or 0.1, error)

@@ -1,5 +1,7 @@
 """What an elastic answer says of outlines, loads and corners that its error does not hold."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -248,3 +250,19 @@ def test_at_twenty_singular_places_no_stress_is_given_as_a_number():
                 solve(scene, tolerance=0.1, tolerance_at=Stress(at, component))
             with pytest.raises(SingularPlaceError, match="value_of: "):
                 answers[id(scene)].value_of(Stress(at, component))
+
+
+def test_an_error_without_a_share_is_not_known():
+    """A load straight onto a wall: hardly any energy, which bounds may not tell from none."""
+    on_the_wall = {"box": [[0.0027, 0.08], [0.0085, 0.08]]}
+    scene = Scene(
+        body={"cells": [2, 8], "cell_size": 0.01, "thickness": 0.01, "material": "steel"},
+        sides={"bottom": "rigid", "top": "roller"},
+        loads=[{"region": on_the_wall, "pressure": 6000.0}],
+    )
+    result = solve(scene, tolerance=0.3, most_agents=3000)
+    assert result.energy_bounds[0] == 0.0
+    assert result.tolerance_kept == "missed"
+    told = json.loads(json.dumps(result.summary(), allow_nan=False))
+    assert told["error_estimate"] is told["error_bound"] is told["goal_error_estimate"] is None
+    assert any("bounded by 0" in note for note in result.notes)

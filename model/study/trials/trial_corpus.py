@@ -12,6 +12,9 @@ CORPUS: dict[tuple[int, str], str] = {
     (8529, "tolerance"): "a solid given to millions of cells",
     (1124, "equal cells"): "factors of a part on a soft bed",
     (287, "equal cells"): "rounding that leaves nothing of an answer",
+    (753, "described, tolerance"): "an error that no bound holds, as an infinite number",
+    (792, "described, tolerance"): "the same, of loads that a wall bears where they act",
+    (1770, "described, equal"): "the truth of other cells than those that were solved",
     (796, "network"): "a network that crept for ever",
     (5036, "network"): "a network that buckled while it crept",
 }

@@ -177,7 +177,7 @@ def _judged(scene: Scene, result: Any, number: int) -> Told:
     energy = result.strain_energy
     pulled = any(scene.side_condition(name).kind == "displaced" for name in scene.lattice.sides)
     demand(energy >= 0.0 or pulled, f"a strain energy of {energy:.2e} J")
-    truth = _true_energy(scene) if number % TRUTH_EVERY == 0 else nan
+    truth = _true_energy(result.grid) if number % TRUTH_EVERY == 0 else nan
     lower = upper = nan
     if truth > 0.0 and result.provable and result.energy_bounds is not None:
         lower, upper = result.energy_bounds

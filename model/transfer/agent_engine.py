@@ -355,6 +355,8 @@ class AgentEngine:
                 raise self.wrong(agent, "emissions", f"returned {row!r:.60}{_EMISSION}") from None
             if not fits:
                 raise self.wrong(agent, "emissions", f"returned {row!r:.120}{self._told(agent)}")
+            if type(arm) is not int or type(direction) is not int:  # True would mask an array
+                row = int(arm), int(direction), share, sense
             checked.append(row)
         if len(checked) > MOST_EMISSIONS:
             raise self.wrong(agent, "emissions", f"returned more than {MOST_EMISSIONS} for a load")

@@ -49,7 +49,7 @@ def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between
     the errors of both.
     """
     larger = error + SMALL * _square(own), rest + SMALL * _square(asked)
-    share = sqrt(larger[0] / larger[1]) if larger[1] > 0.0 else 1.0
+    share = sqrt(larger[0] / larger[1]) if min(larger) > 0.0 else 1.0
     more, less = (bracket_of(_sum(own, asked, sign * share)) for sign in (1.0, -1.0))
     if isinstance(more, str):
         return more

@@ -15,6 +15,8 @@ CORPUS: dict[tuple[int, str], str] = {
     (753, "described, tolerance"): "an error that no bound holds, as an infinite number",
     (792, "described, tolerance"): "the same, of loads that a wall bears where they act",
     (1770, "described, equal"): "the truth of other cells than those that were solved",
+    (4738, "misbehaving agents"): "True as a direction, which masked an array",
+    (4954, "goals"): "a share of loads that move nothing, by which it was divided",
     (796, "network"): "a network that crept for ever",
     (5036, "network"): "a network that buckled while it crept",
 }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -23,6 +22,7 @@ from kaju.model.results.result import (
     Check,
     Tiles,
     cells_of_points,
+    finite,
 )
 from kaju.model.scene import Scene
 
@@ -696,7 +696,7 @@ class ElasticResult(BodyResult):
             "smallest_agent": float(size.min()),
             "largest_agent": float(size.max()),
             "strain_energy": self.strain_energy,
-            "error_estimate": _finite(self.error_estimate),
+            "error_estimate": finite(self.error_estimate),
             "max_displacement": self.max_displacement,
             "largest_stress_Pa": self.largest_stress.value,
             "largest_stress_at_m": list(self.largest_stress.at),
@@ -711,9 +711,9 @@ class ElasticResult(BodyResult):
             figures |= {"tolerance": self.tolerance, "tolerance_at": told(self.tolerance_at)}
             figures["tolerance_kept"] = self.tolerance_kept
             if self.tolerance_at is None and self.provable:
-                bound = _finite(self.error_bound)
+                bound = finite(self.error_bound)
                 figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
-            figures["goal_error_estimate"] = _finite(self.goal_error_estimate)
+            figures["goal_error_estimate"] = finite(self.goal_error_estimate)
         if self.goals:
             figures["goals"] = [
                 {
@@ -839,8 +839,3 @@ FIELDS = ("displacement", "strain", "stress", "von_mises")
 """What is known of every agent."""
 _EARLIER = {"elasticity": "cells", "spawned": "tree"}
 """Kinds of results that kaju 0.1 has stored, and how their agents are kept."""
-
-
-def _finite(number: float | None) -> float | None:
-    """Return a number, or None if it has no bound: summaries go into JSON."""
-    return number if number is not None and isfinite(number) else None

@@ -16,6 +16,8 @@ from .fitted_displacement import FittedDisplacement
 from .outline_problem import OutlineProblem, UnlikeError
 from .square_leaves import SquareLeaves
 
+ROUNDING = 1e-7
+"""Share by which the bounds are set wider, for coordinates and forces are rounded."""
 MOST = 0.5
 """Share of the gap whose leaves are split."""
 
@@ -35,11 +37,20 @@ class OutlineBracket:
     """Which of all leaves, the empty ones among them, these are."""
 
     @property
+    def bounds(self) -> tuple[float, float]:
+        """Both, as far apart as rounding may take them."""
+        return self.lower * (1.0 - ROUNDING), self.upper * (1.0 + ROUNDING)
+
+    @property
     def error(self) -> float:
-        """Largest error of the mean of both stresses in the energy norm, relative to the truth."""
-        if self.lower <= 0.0:
-            return np.inf
-        return 0.5 * float(np.sqrt(max(self.upper - self.lower, 0.0) / self.lower))
+        """`error_between` the bounds."""
+        return error_between(self.bounds)
+
+
+def error_between(bounds: tuple[float, float]) -> float:
+    """Return the largest error of the mean of both stresses in the energy norm, relative."""
+    lower, upper = bounds
+    return 0.5 * float(np.sqrt(max(upper - lower, 0.0) / lower)) if lower > 0.0 else np.inf
 
 
 class NotYetError(Exception):

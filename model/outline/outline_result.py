@@ -14,21 +14,19 @@ from kaju.errors import ResultError
 from kaju.model.elastic.fields import von_mises
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import OUTLINE_AGENTS
-from kaju.model.results.result import Result
+from kaju.model.results.result import Result, finite
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.shapes import Shape
 
 from .fitted_displacement import shapes_at, strain_rows
-from .outline_bracket import OutlineBracket
+from .outline_bracket import OutlineBracket, error_between
 from .outline_problem import ON_BORDER, OutlineProblem, place_on
 from .square_leaves import SquareLeaves
 
 if TYPE_CHECKING:
     import pandas
 
-ROUNDING = 1e-7
-"""Share by which the bounds are set wider, for coordinates and forces are rounded."""
 _SCENE = "scene."
 _EDGE = 1e-9
 """Of a shape's extent: points this near to the edge of a hole belong to the body."""
@@ -109,7 +107,7 @@ class OutlineResult(Result):
         """Return the answer that bounds stand for, in units."""
         modulus = scene.cell_materials[0].youngs_modulus
         unit = 0.5 * modulus * scene.thickness * edge**2
-        low, high = found.lower * (1.0 - ROUNDING), found.upper * (1.0 + ROUNDING)
+        low, high = found.bounds
         bounds = (float(low * unit), float(high * unit))
         leaves, balanced = found.leaves, found.balanced
         stress = modulus * balanced.mean_stress()
@@ -208,8 +206,7 @@ class OutlineResult(Result):
     @property
     def error_bound(self) -> float:
         """Largest error of the mean of both stresses, in the energy norm, relative to the truth."""
-        lower, upper = self.energy_bounds
-        return 0.5 * float(np.sqrt((upper - lower) / lower)) if lower > 0.0 else np.inf
+        return error_between(self.energy_bounds)
 
     @property
     def tolerance_kept(self) -> str:
@@ -302,7 +299,7 @@ class OutlineResult(Result):
             "max_displacement": float(np.hypot(*self.corner_displacement.reshape(-1, 2).T).max()),
             "tolerance": self.tolerance,
             "tolerance_kept": self.tolerance_kept,
-            "error_bound": self.error_bound,
+            "error_bound": finite(self.error_bound),
             "energy_bounds": self.energy_bounds,
             "notes": list(self.notes),
             "seconds": self.seconds,
@@ -327,8 +324,7 @@ class OutlineResult(Result):
 
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         text, scene_arrays = self.scene.to_archive()
-        names = ("x", "y", "width", "corner_displacement", "mean_stress", "area")
-        arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in names}
+        arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in OUTLINE_AGENTS}
         arrays |= {f"hoop.{name}": found for name, found in self.hoops.items()}
         arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
         numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
@@ -338,7 +334,6 @@ class OutlineResult(Result):
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
         scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
-        found = archive.columns(OUTLINE_AGENTS, {})
         hoops = {
             name: archive.array(f"hoop.{name}", "f", (None, 3)) for name in archive.part("hoop.")
         }
@@ -347,12 +342,7 @@ class OutlineResult(Result):
             seconds=archive.value("seconds", float),
             tolerance=archive.value("tolerance", float),
             first_edge=archive.value("first_edge", float),
-            x=found["x"],
-            y=found["y"],
-            width=found["width"],
-            corner_displacement=found["corner_displacement"],
-            mean_stress=found["mean_stress"],
-            area=found["area"],
+            **archive.columns(OUTLINE_AGENTS, {}),
             energy_bounds=(
                 archive.value("lower_energy", float),
                 archive.value("upper_energy", float),

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -341,6 +342,11 @@ class BodyResult(Result):
     @abstractmethod
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         """Return the result that `_archive` took apart."""
+
+
+def finite(number: float | None) -> float | None:
+    """Return a number, or None if it has no bound: summaries go into JSON."""
+    return number if number is not None and isfinite(number) else None
 
 
 def idle_rheology(scene: Scene) -> list[str]:

@@ -51,6 +51,11 @@ def answer():
     return solve(Scene(**PLATE))
 
 
+def grown():
+    scene = Scene(**PLATE | {"loads": [{"cell": [5, 9], "force": [1.0, -2.0]}]})
+    return kaju.GrowthModel(scene, volume=0.4, filter_radius=1.5, most_steps=9).run()
+
+
 def test_springs_stand_where_the_network_put_them():
     result = network()
     header, columns = motion_data(result)
@@ -135,7 +140,7 @@ def test_creep_is_shown_at_its_times():
     assert [curve["title"] for curve in header["curves"]][:2] == ["Displacement", "Tension"]
 
 
-@pytest.mark.parametrize("make", [elastic_agents, spawned, network, noodle, answer])
+@pytest.mark.parametrize("make", [elastic_agents, spawned, network, noodle, answer, grown])
 def test_every_kind_plays_without_a_word_to_the_console(opened, tmp_path, make):
     path = kaju.export_page(make(), tmp_path / "run.html", title=make.__name__)
     page = opened(path)
@@ -154,6 +159,36 @@ def test_every_kind_plays_without_a_word_to_the_console(opened, tmp_path, make):
         told = page.tab.locator(".story data").first.get_attribute("value")
         assert float(told) == page.js("page.value(0, page.colours[0])")
     assert page.requests == [path.as_uri()]
+    assert page.messages == []
+
+
+def test_a_body_that_grew_is_told_step_by_step():
+    result = grown()
+    header, columns = motion_data(result)
+    assert header["at"] == list(range(10))
+    told = columns["value density"].reshape(10, 100)
+    np.testing.assert_allclose(told, result.designs, atol=1.0 / 512.0 + 1e-7)
+    assert header["curves"][0]["lines"]["compliance"] == result.compliances.tolist()
+    assert header["outcome"] == result.outcome
+    (force,) = header["forces"]
+    assert force["force"] == [1.0, -2.0]
+    bare = dataclasses.replace(result, designs=result.designs[:0])
+    header, columns = motion_data(bare)
+    assert header["at"] == [9.0]
+    np.testing.assert_allclose(columns["value density"][0], result.cells, atol=1.0 / 512.0 + 1e-7)
+
+
+def test_cubes_that_are_hardly_filled_do_not_hide_the_others(opened, tmp_path):
+    scene = Scene(
+        body={"cells": [8, 4, 4], "cell_size": 0.01, "material": "steel"},
+        sides={"left": "rigid"},
+        loads=[{"region": {"box": [[0.06, 0, 0], [0.08, 0.02, 0.02]]}, "force": [0, 0, -1.0]}],
+    )
+    result = kaju.GrowthModel(scene, volume=0.3, filter_radius=1.0, most_steps=10).run()
+    page = opened(kaju.export_page(result, tmp_path / "run.html"))
+    shown = page.js("Array.from({ length: page.count }, (_, i) => page.there(i))")
+    sure = np.abs(result.cells - 0.5) > 0.01
+    np.testing.assert_array_equal(np.array(shown)[sure], (result.cells > 0.5)[sure])
     assert page.messages == []
 
 

@@ -60,8 +60,8 @@ export class MotionPage extends Page {
     return p;
   }
   there(part) {
-    const { born, gone, at, g } = this;
-    return !(born && born[part] > at[g]) && !(gone && gone[part] <= at[g]);
+    const { born, gone, at, g, solid } = this;   // cubes that are less than half full hide the others
+    return !(born && born[part] > at[g]) && !(gone && gone[part] <= at[g]) && !(solid && this.value(part, "density") < 0.5);
   }
   value(part, name = this.look.colour) {
     if (name === "move") return this.far(this.moved[this.g], Math.floor(this.parts[part * this.corners] * this.dimension / this.each));

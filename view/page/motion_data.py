@@ -1,8 +1,8 @@
 """What the page is told of runs that it replays as pictures: parts that move and change.
 
-Spring networks, creep, elastic agents, agents of many sizes, elastic answers and load transfer on
-lattices of one's own are all parts (springs, cells) at points, with values and displacements a
-frame.
+Spring networks, creep, elastic agents, agents of many sizes, elastic answers, bodies that grow and
+load transfer on lattices of one's own are all parts (springs, cells) at points, with values and
+displacements a frame.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from .scene_data import Columns
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network import SpringNetwork
     from kaju.model.rheology.creep_result import CreepResult
     from kaju.model.rheology.creeping_body import TransferCreepResult
@@ -140,6 +141,7 @@ def _pictures(result: Result) -> Pictures:
 
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.rheology.creep_result import CreepResult
     from kaju.model.rheology.creeping_body import TransferCreepResult
@@ -165,6 +167,8 @@ def _pictures(result: Result) -> Pictures:
         return replace(told, words=result.outcome)
     if isinstance(result, ElasticRun):
         return _elastic_agents(result)
+    if isinstance(result, GrowthResult):
+        return _grown(result)
     if isinstance(result, ElasticResult) and result.spawned:
         return _spawned(result)
     if isinstance(result, ElasticResult):
@@ -294,9 +298,9 @@ def _moving(
     )
 
 
-def applied(scene: Scene) -> list[tuple[list[float], list[float]]]:
+def applied(scene: Scene, stage: int | None = None) -> list[tuple[list[float], list[float]]]:
     """Return the places and forces of a scene's loads."""
-    applied = scene.applied()
+    applied = scene.applied(stage)
     places = scene.lattice.centres(applied.cells)
     return [(p.tolist(), f.tolist()) for p, f in zip(places, applied.force, strict=True)]
 
@@ -332,6 +336,29 @@ def _spawned(result: ElasticResult) -> Pictures:
         curves=curves,
         forces=applied(result.scene),
         words=f"{result.agents} agents, error {100.0 * result.error_estimate:.2g} %",
+    )
+
+
+def _grown(result: GrowthResult) -> Pictures:
+    """Densities step by step; of the last step alone if no other were kept."""
+    lattice = result.scene.lattice
+    corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
+    places = lattice.centres(np.argwhere(result.body))[:, None] + corners
+    steps = _chosen(result.steps + 1) if len(result.designs) else np.array([result.steps])
+    designs = result.designs[steps] if len(result.designs) else result.cells[None]
+    over = ("step", "", np.arange(result.steps + 1.0))
+    return Pictures(
+        points=places.reshape(-1, lattice.dimension),
+        parts=np.arange(places.size // lattice.dimension).reshape(len(places), -1),
+        at=steps.astype(float),
+        along="step",
+        values={"density": ("", np.rint(256.0 * designs) / 256.0)},  # more would not deflate
+        curves=[
+            Curves("Compliance", *over, {"compliance": result.compliances}, "J"),
+            Curves("Volume", *over, {"volume": 100.0 * result.volumes}, "%"),
+        ],
+        forces=applied(result.scene, result.stage),
+        words=result.outcome,
     )
 
 

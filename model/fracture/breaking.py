@@ -13,7 +13,7 @@ W. W. Hager, "Updating the inverse of a matrix", SIAM Review 31 (1989) 221-239.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve, cholesky
+from scipy.linalg.lapack import dposv
 from scipy.sparse import csr_array
 
 from kaju.arrays import Flags, Floats, Ints
@@ -155,13 +155,10 @@ class BreakingNetwork:
         root = np.sqrt((self._basis - self.stiffness)[self._weakened])
         response = self._response[:, : len(root)]
         resistance = np.eye(len(root)) - root[:, None] * response[self._weakened] * root
-        try:
-            lower = cholesky(resistance, lower=True)
-        except LinAlgError:
+        lower, back, failed = dposv(resistance, root * self._first[self._weakened], lower=1)
+        if failed or lower.diagonal().min() ** 2 < _PRECISE:
             return False
-        if lower.diagonal().min() ** 2 < _PRECISE:
-            return False
-        back = root * cho_solve((lower, True), root * self._first[self._weakened])
+        back *= root
         self.elongation = self._first + response @ back
         self.yielded = self._first_yielded + float(np.dot(self._yielded_by, back))
         return True

@@ -6,7 +6,15 @@ from .hexagon_body import hexagon_body
 from .increments import IncrementalLoading, load_in_increments, solve
 from .linear import Method, tangent_solver
 from .network_result import NetworkResult
-from .spring_lattices import face_centred, random_geometric, square_braced, triangular
+from .spring_lattices import (
+    cut,
+    face_centred,
+    jittered,
+    pulled,
+    random_geometric,
+    square_braced,
+    triangular,
+)
 from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [
@@ -18,11 +26,14 @@ __all__ = [
     "NetworkResult",
     "SpringLaw",
     "SpringNetwork",
+    "cut",
     "elastic_law",
     "face_centred",
     "find_balance",
     "hexagon_body",
+    "jittered",
     "load_in_increments",
+    "pulled",
     "random_geometric",
     "solve",
     "spring_lengths_and_directions",

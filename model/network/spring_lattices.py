@@ -6,12 +6,14 @@ forces are shares of stiffness times spacing. Every spring starts at its rest le
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isfinite
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import Delaunay, KDTree
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError
 
 from .springs import SpringNetwork, Springs
@@ -74,6 +76,135 @@ def triangular(
         forces=forces,
         names=list(zip(row.tolist(), place.tolist(), strict=True)),
     )
+
+
+def jittered(
+    width: int,
+    rows: int | None = None,
+    *,
+    jitter: float = 0.3,
+    seed: int = 0,
+    spacing: float = 1.0,
+    stiffness: float = 1.0,
+    force: float = 0.1,
+) -> SpringNetwork:
+    """Return a triangular lattice whose inner nodes were moved by chance, joined anew.
+
+    It has no rows along which cracks would rather run. Springs are the edges of a Delaunay
+    triangulation, as stiff as bars of one cross-section. It stands on its bottom row and is pressed
+    from above.
+
+    Parameters
+    ----------
+    width, rows
+        As of `triangular`.
+    jitter : float
+        Largest shift along x and y, as a share of the spacing; from 0 to below 0.5.
+    seed : int
+        Start of the random numbers; the same seed gives the same network.
+    spacing : float
+        Distance between neighbours before they were moved (m).
+    stiffness : float
+        K of a spring as long as the spacing (N/m); K falls with the length.
+    force : float
+        Total force on the top row (N).
+
+    Raises
+    ------
+    ParameterError
+        If there are too few nodes or a number is outside its rule.
+    """
+    rows = width if rows is None else rows
+    at_least(width, 2, "width")
+    at_least(rows, 2, "rows")
+    positive(spacing, "spacing")
+    if not 0.0 <= jitter < 0.5:
+        raise ParameterError(f"jitter: a share from 0 to below 0.5, got {jitter}")
+    row, place = _places(width, rows)
+    positions = np.stack([place + 0.5 * (row % 2), row * (np.sqrt(3.0) / 2.0)], axis=1)
+    last = width - 1 - row % 2
+    inner = (row > 0) & (row < rows - 1) & (place > 0) & (place < last)
+    shift = np.random.default_rng(seed).uniform(-jitter, jitter, positions.shape)
+    positions = spacing * (positions + inner[:, None] * shift)
+    springs = _delaunay(positions)
+    length = np.linalg.norm(np.diff(positions[springs], axis=1)[:, 0], axis=1)
+    ends = (place == 0) | (place == last)
+    names: list[tuple[int, ...]] = list(zip(row.tolist(), place.tolist(), strict=True))
+    share = np.where(ends, 0.5, 1.0)
+    return _pressed(positions, springs, stiffness * spacing / length, force, share, names)
+
+
+def cut(network: SpringNetwork, start: ArrayLike, end: ArrayLike) -> SpringNetwork:
+    """Return a plane network without the springs that cross a straight line.
+
+    Parameters
+    ----------
+    network : SpringNetwork
+    start, end : (2,) floats
+        Where the line begins and ends (m).
+
+    Raises
+    ------
+    ParameterError
+        If the network is in space.
+    """
+    if network.dimension != 2:
+        raise ParameterError("network: only plane networks can be cut along a line")
+    tips = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
+    first, second = network.positions[network.springs].transpose(1, 0, 2)
+    crossed = _apart(*tips, first, second) & _apart(first, second, *tips)
+    kept = {
+        name: getattr(network, name)[~crossed] for name in ("springs", "stiffness", "rest_length")
+    }
+    return replace(network, **kept)
+
+
+def _apart(start: Floats, end: Floats, one: Floats, other: Floats) -> Flags:
+    """Tell where two points lie on different sides of the line through two others."""
+
+    def side(point: Floats) -> Floats:
+        along, to = end - start, point - start
+        return np.asarray(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
+
+    return np.asarray(side(one) * side(other) < 0.0)
+
+
+def pulled(
+    network: SpringNetwork, force: float = 1.0, *, displacement: float | None = None
+) -> SpringNetwork:
+    """Return a plane network that is pulled up by its top, and stands on rollers below.
+
+    Parameters
+    ----------
+    network : SpringNetwork
+    force : float
+        Total force (N), as a constant stress along the highest nodes.
+    displacement : float, optional
+        How far these are moved up (m) instead.
+
+    Raises
+    ------
+    ParameterError
+        If the network is in space.
+    """
+    if network.dimension != 2:
+        raise ParameterError("network: only plane networks are pulled by their top")
+    across, height = network.positions.T
+    low, high = (np.flatnonzero(height == level) for level in (height.min(), height.max()))
+    held = np.zeros_like(network.held)
+    held[low, 1] = True
+    held[low[np.argmin(np.abs(across[low] - across[low].mean()))]] = True
+    load, nothing = np.zeros_like(network.positions), np.zeros_like(network.positions)[None]
+    if displacement is not None:
+        held[high, 1] = True
+        load[high, 1] = displacement
+        return replace(network, held=held, forces=nothing, displacements=load[None])
+    order = high[np.argsort(across[high])]
+    width = np.diff(across[order])
+    load[order[1:], 1] += 0.5 * width
+    load[order[:-1], 1] += 0.5 * width
+    load *= force / width.sum()
+    return replace(network, held=held, forces=load[None], displacements=nothing)
 
 
 def square_braced(
@@ -201,6 +332,15 @@ def _triangular_springs(width: int, rows: int) -> Springs:
     return every[every[:, 1] >= 0]
 
 
+def _delaunay(positions: Floats, more: Springs | None = None) -> Springs:
+    """Return the edges of a Delaunay triangulation, and more pairs, each once."""
+    corners = Delaunay(positions).simplices.astype(np.int64)
+    first, second = np.triu_indices(positions.shape[1] + 1, 1)
+    edges = _pairs(corners[:, first], corners[:, second])
+    every = edges if more is None else np.concatenate([more, edges])
+    return np.unique(np.sort(every, axis=1), axis=0)
+
+
 def _pressed(
     positions: Floats,
     springs: Springs,
@@ -280,10 +420,7 @@ def random_geometric(
     positive(radius, "radius")
     positions = np.random.default_rng(seed).random((nodes, dimension))
     close = KDTree(positions).query_pairs(radius, output_type="ndarray")
-    corners = Delaunay(positions).simplices
-    first, second = np.triu_indices(dimension + 1, 1)
-    neighbours = np.stack([corners[:, first].ravel(), corners[:, second].ravel()], axis=1)
-    springs = np.unique(np.sort(np.concatenate([close, neighbours]), axis=1), axis=0)
+    springs = _delaunay(positions, close)
     by_height = np.argsort(positions[:, -1])
     tenth = max(nodes // 10, dimension)
     low, high = by_height[:tenth], by_height[-tenth:]

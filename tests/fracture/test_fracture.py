@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 import kaju
 from kaju.model.fracture import breaking
-from kaju.model.network.spring_lattices import random_geometric
+from kaju.model.network.spring_lattices import (
+    cut,
+    jittered,
+    pulled,
+    random_geometric,
+    triangular,
+)
 
 
 def test_three_fibres():
@@ -159,6 +165,55 @@ def test_strength_falls_with_the_root_of_the_cut():
         strength = kaju.FractureModel(network, scatter=0.0).run(1).strength
         scaled.append(strength * np.sqrt((true_half + 0.37) / np.cos(np.pi * true_half / 80.0)))
     assert max(scaled) / min(scaled) < 1.02
+
+
+def test_slanted_cuts_go_on_across_the_largest_tension():
+    """Under mixed mode they turn towards the level; a single net is far from a mean."""
+    kinks = []
+    for seed in range(3):
+        whole = jittered(41, 61, seed=seed)
+        middle = 0.5 * whole.positions.max(axis=0)
+        along = np.array([np.cos(np.pi / 4), np.sin(np.pi / 4)])
+        network = pulled(cut(whole, middle - 7.0 * along, middle + 7.0 * along))
+        broken = kaju.FractureModel(network, scatter=0.0, most_breaks=12).run()
+        places = network.positions[network.springs[broken.spring]].mean(axis=1) - middle
+        assert np.all(np.abs(places @ along) > 5.0)  # at the tips
+        outwards = np.sign(places @ along)
+        kinks.append((outwards * (places @ [-along[1], along[0]])).mean())
+    assert max(kinks) < 0.0  # turned clockwise, towards the level
+
+
+def test_a_cut_takes_out_what_crosses_it():
+    whole = triangular(5, 5)
+    level = 0.25 * np.sqrt(3.0)
+    slit = cut(whole, (-1.0, level), (2.0, level))
+    gone = len(whole.springs) - len(slit.springs)
+    assert gone == 4  # from the corner (0, 0) to beside (2, 0): one up from it, two from the next
+    assert len(cut(slit, (-1.0, level), (2.0, level)).springs) == len(slit.springs)
+    with pytest.raises(kaju.KajuError, match="plane"):
+        cut(random_geometric(25, dimension=3), (0, 0), (1, 1))
+
+
+def test_a_network_is_pulled_evenly():
+    """An even stress: nobody feels where the load enters."""
+    network = pulled(triangular(7, 9), 6.0)
+    assert network.forces.sum() == pytest.approx(6.0)
+    tension = kaju.FractureModel(network, strength=1e6, scatter=0.0).run(1).state(0).tension[-1]
+    slanted = np.abs(np.diff(network.positions[network.springs], axis=1)[:, 0, 1]) > 0.1
+    inner = np.abs(network.positions[network.springs].mean(axis=1)[:, 0] - 3.0) < 1.0
+    found = tension[slanted & inner]
+    np.testing.assert_allclose(found, found.mean(), rtol=0.05)
+
+
+def test_jittered_lattices_are_triangulations():
+    network = jittered(9, 7, seed=3, spacing=2.0)
+    nodes = len(network.positions)
+    outer = 2 * 8 + 6  # along bottom and top, and up the sides by the ends of the long rows
+    assert len(network.springs) <= 3 * nodes - 3 - outer
+    np.testing.assert_allclose(network.stiffness * network.initial_length, 2.0)
+    assert np.array_equal(network.positions, jittered(9, 7, seed=3, spacing=2.0).positions)
+    with pytest.raises(kaju.KajuError, match="jitter"):
+        jittered(9, 7, jitter=0.5)
 
 
 def test_kept_watched_and_told(tmp_path):

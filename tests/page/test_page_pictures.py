@@ -53,7 +53,7 @@ def answer():
 
 def grown():
     scene = Scene(**PLATE | {"loads": [{"cell": [5, 9], "force": [1.0, -2.0]}]})
-    return kaju.GrowthModel(scene, volume=0.4, filter_radius=1.5, most_steps=9).run()
+    return kaju.GrowthModel(scene, rule="stress", volume=0.4, most_steps=9).run()
 
 
 def test_springs_stand_where_the_network_put_them():

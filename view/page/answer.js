@@ -13,14 +13,15 @@ export function askElastic(page) {
   elastic.old = true;
   elastic.asking = setTimeout(() => {
     if (page.scene.lattice.kind !== "square") { page.channel.solve(); return; }
-    const url = URL.createObjectURL(new Blob([ELASTIC], { type: "text/javascript" })), part = (load) => Math.min(1, page.stage / load.steps);
-    elastic.worker = new Worker(url);
-    elastic.worker.onmessage = ({ data: { answer, error } }) => {
-      URL.revokeObjectURL(url);
-      take(page, answer, error);
-    };
-    elastic.worker.postMessage({ scene: page.scene, cells: page.cells, loads: page.scene.loads.map((load) => ({ ...load, force: load.force.map((f) => f * part(load)) })) });
+    elastic.worker = atWork(page, ({ answer, error }) => take(page, answer, error));
   }, elastic.answer ? 60 : 0);
+}
+/** A worker that answers with elasticity to the scene as it stands, or lets it grow. */
+export function atWork({ scene, cells, stage }, hear) {
+  const url = URL.createObjectURL(new Blob([ELASTIC], { type: "text/javascript" })), worker = new Worker(url), part = (load) => Math.min(1, stage / load.steps);
+  worker.onmessage = ({ data }) => { URL.revokeObjectURL(url); hear(data); };
+  worker.postMessage({ scene, cells, loads: scene.loads.map((load) => ({ ...load, force: load.force.map((f) => f * part(load)) })) });
+  return worker;
 }
 function take(page, answer, why) {
   Object.assign(page.elastic, { answer: answer ?? null, why: why ?? "", old: false });

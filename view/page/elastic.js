@@ -60,7 +60,7 @@ function halved(scene, cells, loads) {
 }
 
 /** A body on its faces: first those normal to x, then those normal to y, each with a rim. */
-class StaggeredGrid {
+export class StaggeredGrid {
   constructor({ lattice, thickness, plane, materials, sides }, cells, loads) {
     const [nx, ny] = lattice.shape;
     this.X = nx + 2, this.Y = ny + 2, this.h = lattice.cell_size;
@@ -398,16 +398,15 @@ function multiply({ rows, start, index, value }, x, out) {
 }
 
 /** One symmetric cycle over a grid and its parents, with Gauss-Seidel sweeps. */
-class Multigrid {
-  constructor(matrix, places) {
+export class Multigrid {
+  constructor(matrix, places, former) {        // `former`: of a matrix on the same places, whose parents it takes
     this.levels = [multigridLevel(matrix)];
     for (;;) {
       const fine = this.levels[this.levels.length - 1];
       if (fine.matrix.rows <= COARSEST) break;
-      const { parents, prolong } = coarsened(places);
-      if (prolong.columns > 0.7 * prolong.rows) break;
-      fine.prolong = prolong;
-      fine.restrict = transposed(prolong);
+      const known = former?.levels[this.levels.length - 1], { parents, prolong } = known ?? coarsened(places);
+      if (!prolong || prolong.columns > 0.7 * prolong.rows) break;
+      Object.assign(fine, { parents, prolong, restrict: known?.restrict ?? transposed(prolong) });
       places = parents;
       this.levels.push(multigridLevel(product(fine.restrict, product(fine.matrix, prolong))));
     }
@@ -467,15 +466,17 @@ function coarsened(places) {
   return { parents, prolong: { ...packed(n, columns, values), columns: parents.length } };
 }
 
-function conjugateGradients(matrix, load, multigrid) {
-  const n = load.length, x = new Float64Array(n), r = load.slice(), p = new Float64Array(n), q = new Float64Array(n);
+/** From nothing, or from a solution before; to an error in the energy norm, as a share of the solution's. */
+export function conjugateGradients(matrix, load, multigrid, start = null, tolerance = TOLERANCE) {
+  const n = load.length, x = start?.slice() ?? new Float64Array(n), p = new Float64Array(n), q = new Float64Array(n);
+  const r = multiply(matrix, x, q).map((v, i) => load[i] - v);
   const dot = (a, b) => { let sum = 0; for (let i = 0; i < n; i++) sum += a[i] * b[i]; return sum; };
   let rho = 0, first = 0, iterations = 0, left = 0;
   for (; iterations <= MOST_ITERATIONS; iterations++) {
     const z = multigrid.precondition(r), next = dot(r, z);
-    if (!iterations) first = next;
+    if (!iterations) first = start ? dot(x, load) : next;
     left = first > 0 ? Math.sqrt(Math.max(next, 0) / first) : 0;
-    if (left <= TOLERANCE || iterations === MOST_ITERATIONS) break;
+    if (left <= tolerance || iterations === MOST_ITERATIONS) break;
     const beta = iterations ? next / rho : 0;
     rho = next;
     for (let i = 0; i < n; i++) p[i] = z[i] + beta * p[i];
@@ -485,6 +486,6 @@ function conjugateGradients(matrix, load, multigrid) {
     const step = rho / curvature;
     for (let i = 0; i < n; i++) { x[i] += step * p[i]; r[i] -= step * q[i]; }
   }
-  if (!(left <= ENOUGH)) throw new Error("The elastic answer did not settle: the materials differ too much, or the body is hardly held.");
-  return { x, iterations };
+  if (!(left <= Math.max(ENOUGH, tolerance))) throw new Error("The elastic answer did not settle: the materials differ too much, or the body is hardly held.");
+  return { x, iterations, left: r };
 }

@@ -22,6 +22,7 @@ from kaju.errors import ParameterError, ResultFileError, check_type
 from kaju.files import scratch_beside
 from kaju.mesa_model import SteppedModel
 from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.growth.growth_result import GrowthResult
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import from_file
 from kaju.model.rheology.creeping import creep
@@ -81,6 +82,7 @@ MODULES = (
     "panels.js",
     "page.js",
     "motion.js",
+    "growth.js",
     "open.js",
 )
 """In the order in which they are joined: each uses only those before it at its top level."""
@@ -226,7 +228,10 @@ def packed_page(
     header |= {"title": title} if title else {}
     header |= {"language": language} if language else {}
     header |= {"lesson": dict(lesson)} if lesson else {}
+    growth = _growth(shown) if isinstance(shown, GrowthResult) else None
     scene = shown.scene if isinstance(shown, TransferResult) else shown
+    if isinstance(shown, GrowthResult) and growth:
+        scene = shown.scene
     if not isinstance(shown, Scene) and not (
         isinstance(scene, Scene) and scene.lattice.kind in BUILT_IN
     ):
@@ -234,6 +239,7 @@ def packed_page(
         return pack(header | told | {"kind": "pictures"}, columns)
     assert isinstance(scene, Scene)
     data, columns = scene_data(scene)
+    data |= {"growth": growth} if growth else {}
     header |= {"scene": data, "kind": "runnable"}
     if isinstance(shown, TransferResult) and (own or not _by_the_rule(shown)):
         header |= {
@@ -244,7 +250,7 @@ def packed_page(
         }
         columns |= history_columns(scene, shown.last, exact, account)
     header["presets"] = [
-        _preset(number, name, preset, columns)
+        _preset(number, name, preset, columns, growth)
         for number, (name, preset) in enumerate((presets or {}).items())
     ]
     return pack(header, columns)
@@ -268,13 +274,56 @@ def _watched(model: LoadModel) -> tuple[TransferResult, Account]:
 
 
 def _preset(
-    number: int, name: str, preset: Scene | tuple[Scene, str], columns: dict[str, NDArray[Any]]
+    number: int,
+    name: str,
+    preset: Scene | tuple[Scene, str],
+    columns: dict[str, NDArray[Any]],
+    growth: dict[str, Any] | None,
 ) -> dict[str, Any]:
     scene, note = preset if isinstance(preset, tuple) else (preset, "")
     data, own = scene_data(scene)
+    data |= {"growth": growth} if growth else {}
     if not np.array_equal(own["cells"], columns["cells"]):
         columns[f"cells{number}"] = own["cells"]
     return {"name": name, "note": note, "scene": data}
+
+
+_MOST_GROWN = 2600
+"""Cells that a page grows itself: a step takes it some 25 ms."""
+
+
+def _growth(result: GrowthResult) -> dict[str, Any] | None:
+    """Return how the page lets a body grow again itself; None if it cannot, or another would grow.
+
+    A result does not know all numbers of its rule, and need not: what counts is what has grown.
+    """
+    from kaju.model.growth.growth_model import AT_REST, GrowthModel
+
+    scene, rests = result.scene, result.outcome == AT_REST
+    small = scene.lattice.kind == "square" and scene.lattice.size <= _MOST_GROWN
+    rule_known = result.rule in ("compliance", "remodelling")
+    if not (small and rule_known and result.steps and result.stage in (None, scene.stages)):
+        return None
+    steps, at_rest = (max(result.steps, 100), 0.01) if rests else (result.steps, 0.0)
+    again = GrowthModel(
+        scene,
+        rule=result.rule,
+        volume=result.volume,
+        filter_radius=result.filter_radius,
+        most_steps=steps,
+        at_rest=at_rest,
+        keep=False,
+    ).run(progress=False)
+    if again.steps != result.steps or not np.allclose(again.cells, result.cells, atol=1e-3):
+        return None
+    return {
+        "rule": result.rule,
+        "volume": result.volume,
+        "radius": result.filter_radius,
+        "steps": steps,
+        "at_rest": at_rest,
+        "tolerance": 1e-2,
+    }
 
 
 def _by_the_rule(result: TransferResult) -> bool:
@@ -338,7 +387,10 @@ def joined(modules: tuple[str, ...] = MODULES) -> str:
 
 ANSWER = """
 onmessage = ({ data: { scene, cells, loads } }) => {
-  try { postMessage({ answer: elasticAnswer(scene, cells, loads) }); }
+  try {
+    if (!scene.growth) postMessage({ answer: elasticAnswer(scene, cells, loads) });
+    else for (const step of grown(scene, cells, loads)) postMessage(step);
+  }
   catch (error) { postMessage({ error: error.message }); }
 };
 """
@@ -352,8 +404,8 @@ def live_page(opening: bytes) -> str:
 
 @cache
 def worker() -> str:
-    """Return the text of the worker that answers with elasticity."""
-    return joined(("lattice.js", "elastic.js")) + ANSWER
+    """Return the text of the worker that answers with elasticity, or lets a body grow."""
+    return joined(("lattice.js", "elastic.js", "growing.js")) + ANSWER
 
 
 def page_html(packed: bytes, title: str, code: str | None = None, policy: str = "") -> str:

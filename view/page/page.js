@@ -15,7 +15,7 @@ import { laySheet } from "./worksheet.js";
 import { LANGUAGES, quantity, say, verdictOf } from "./words.js";
 import { buildAside, buildBar, buildFooter, buildHeader, buildTries, modeCards, showKeys, tellMarks } from "./panels.js";
 
-const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "" };
+const UNITS = { taken: "N", now: "N", kept: "N", stress: "Pa", move: "m", spawn: "", density: "" };
 const LOGARITHMIC = new Set(["taken", "now", "kept", "stress"]);
 const MOST_GENERATIONS = 4000, MOST_ROWS = 2e7, PLAYED = 30;   // more than that no page holds; computed ahead of what is played
 const PATIENCE = 24;              // ms of computing at a time: input must not wait
@@ -297,7 +297,7 @@ export class Page {
     if (this.lesson) paintNumbers(view, inks);
     this.loads.paint(view);
     if (this.picked >= 0) paintPick(view, L.cell(this.picked), inks);
-    if (!box.w) paintLegend(view, scale, t(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
+    if (!box.w) paintLegend(view, scale, this.word(look.colour), t(scale.log ? "log" : "linear"), (v) => quantity(v, UNITS[look.colour]), inks);
     this.parts.cap.textContent = this.told || (moved ? t("magnified", { n: quantity(factor, "") }) : run.grown && this.g >= run.generation ? t("grown") : "");
   }
   words() {
@@ -496,7 +496,7 @@ const size = (components, k) => Math.hypot(...components.map((u) => u[k]));
 
 /** What everybody tries: presets for a scene that brings none. */
 function usual(scene) {
-  if (scene.rule.kind !== "prescribed") return [];
+  if (scene.rule.kind !== "prescribed" || scene.growth) return [];
   const other = (edit) => { const s = structuredClone(scene); edit(s.rule); return s; };
   const alpha = scene.rule.alpha ?? (scene.lattice.shape.length === 2 ? [0.5, 0.5, 0.25] : [0.5, 0.5, 0.125]);
   return [

@@ -173,7 +173,8 @@ export function showKeys(page) {
 
 /** The sliders of the rule; `few`: its five numbers only. */
 export function rulePanel(page, few = false) {
-  const { t } = page, { scene } = page, names = Object.keys(scene.rule.materials ?? {});
+  const { t, scene } = page, names = Object.keys(scene.rule.materials ?? {});
+  if (page.ruleRows) return page.ruleRows();
   const list = parameterRows(page), acts = (key) => !page.controls || key === "loadFactor" || page.controls.includes(key);   // of agents of one's own some do nothing
   const bar = (key, options, edit) => { if (acts(key)) list.push(slider(t(key), { ...options, t }, (v) => page.change(() => edit(v)))); };
   if (names.length) {
@@ -223,7 +224,7 @@ function lookPanel(page) {
 
 function drawPanel(page) {
   const { t, scene } = page, group = `pen-${Math.random().toString(36).slice(2)}`;
-  const pens = [["look", t("inspect")], ...scene.materials.map((m, i) => [String(i), t("penMaterial", { name: m.name })]), ["-1", t("air")], ["-2", t("rigid")]];
+  const pens = [["look", t("inspect")], ...scene.materials.map((m, i) => [String(i), t("penMaterial", { name: m.name })]), ["-1", t("air")], ["-2", t("rigid")], ["-3", t("rollerPen")]];
   const radios = pens.map(([value, text]) => make("label", { className: "tick" },
     make("input", { type: "radio", name: group, value, checked: page.pen === value, onchange: () => { page.pen = value; } }), text));
   const held = page.run.lattice.sides.map((side) => choice(t(side), scene.sides[side],

@@ -49,13 +49,14 @@ function sensed({ lattice, rule }, { sense, face }) {   // what decides whether 
 const coefficients = ({ alpha, beta }) => [...(alpha ? [`alpha = ${list(alpha)}`] : []), `beta = ${number(beta)}`];
 
 function drawn({ lattice: { shape: [nx, ny] }, materials }, cells) {
-  const letter = (kind) => (kind >= 0 ? LETTERS[kind] ?? String.fromCodePoint(0x4e00 + kind) : kind === -1 ? "." : "=");
+  const letter = (kind) => (kind >= 0 ? LETTERS[kind] ?? String.fromCodePoint(0x4e00 + kind) : { [-1]: ".", [-2]: "=", [-3]: ":" }[kind]);
   const rows = Array.from({ length: ny }, (_, row) => Array.from({ length: nx }, (_, x) =>
     letter(cells[x * ny + ny - 1 - row])).join(""));
   const used = new Set(cells), legend = materials.map((m, i) => [i, `${quoted(letter(i))} = ${quoted(m.name)}`])
     .filter(([i]) => used.has(i)).map(([, line]) => line);
   if (used.has(-1)) legend.push('"." = "air"');
   if (used.has(-2)) legend.push('"=" = "rigid"');
+  if (used.has(-3)) legend.push('":" = "roller"');
   return ['drawing = """', ...rows, '"""', "", "[legend]", ...legend];
 }
 

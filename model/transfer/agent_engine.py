@@ -185,6 +185,7 @@ class AgentEngine:
         self._judge_sums(at_boundary=False)
         called, self.called = self.called, {}
         self.pending = sum((agent.open() for agent in called), start=0.0)
+        self.most_at_one = max((len(a.inbox) + len(a.pulls) for a in called), default=0)
 
     def judge(self, load: Load) -> bool:
         """Tell whether a load that came back, or was added up, goes on; if not, it ends here."""

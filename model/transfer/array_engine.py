@@ -244,6 +244,8 @@ class ArrayEngine:
         Its rule, as tables.
     """
 
+    most_at_one = 0  # magnitudes are products of few shares: rows of a table, not objects
+
     def __init__(self, scene: Scene, transfer: Transfer) -> None:
         self.scene, self.transfer, self.lattice = scene, transfer, transfer.lattice
         self.states, self.directions = transfer.states, transfer.lattice.directions

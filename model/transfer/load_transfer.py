@@ -27,6 +27,9 @@ MOST_GROWTH = 1e12
 MOST_GROWTH_UNKNOWN = 1e3
 """The same for agents of one's own, of which no certificate says that their loads end."""
 
+MOST_AT_ONE = 30_000
+"""A run is stopped when more loads than this, each of another size, wait at one agent."""
+
 MOST_IMBALANCE = 1e-9
 """At rest is only what accounts for all loads but this share of them."""
 
@@ -154,6 +157,7 @@ class LoadTransfer:
         return (
             self.at_rest
             or not self.pending <= self._most
+            or self.engine.most_at_one > MOST_AT_ONE
             or self.generation >= self.max_generations
         )
 
@@ -178,6 +182,11 @@ class LoadTransfer:
             return (
                 f"stopped after {generation} generations: the loads have grown to "
                 f"{pending / applied:.0e} times the applied ones{further}"
+            )
+        if self.engine.most_at_one > MOST_AT_ONE:
+            return (
+                f"stopped after {generation} generations: at one agent {self.engine.most_at_one:,} "
+                "loads wait, each of another size; accumulate = true adds up loads that meet"
             )
         if generation >= self.max_generations:
             return f"stopped after max_generations = {generation} with loads on their way"

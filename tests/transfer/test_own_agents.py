@@ -83,6 +83,23 @@ def test_of_own_agents_nothing_is_known_and_growth_is_watched():
     assert further.last.ledger.pending > 1e12
 
 
+class Scattering(MaterialAgent):
+    """Draws anew how much of each load it hands over, to and fro, so that no two are alike."""
+
+    def emissions(self, load):
+        rng, usual = self.model.rng, super().emissions(load)
+        return [e._replace(share=float(rng.uniform(0.4, 0.9))) for e in usual]
+
+
+def test_loads_of_more_sizes_than_anybody_can_tell_apart_end_the_run(monkeypatch):
+    monkeypatch.setattr("kaju.model.transfer.load_transfer.MOST_AT_ONE", 40)
+    body = column(threshold=1e-6, alpha=(0.2, 0.4, 0.4))
+    stage = LoadModel(body, material_agent=Scattering, allow_unstable=True).run().last
+    assert "accumulate = true" in stage.outcome
+    assert stage.ledger.pending > 0.0
+    assert stage.ledger.imbalance < 1e-12
+
+
 class Felt(FreeBoundaryAgent):
     """Gives back half, and nothing of what is small."""
 

@@ -24,6 +24,30 @@ cell_size = 0.01
 cells = [12, 12]
 material = "steel"
 """
+JELLY = """
+sides = { bottom = "rigid" }
+loads = [{ side = "top", force = [0.0, -0.1] }]
+history = { steps = [{ ramp = 1.0, duration = 0.1 }, { hold = 1.0 }] }
+rule = { kind = "elastic" }
+[body]
+cell_size = 0.01
+cells = [4, 4]
+material = "jelly"
+[materials.jelly]
+youngs_modulus = 1e4
+poissons_ratio = 0.45
+rheology = { K_f = 1e4, D_f = 1e4, D_d = 2e5 }
+"""
+HEXAGONS = """
+sides = { bottom = "rigid" }
+loads = [{ side = "top", force = [0.0, 2.0] }]
+[body]
+lattice = "hexagon"
+cell_size = 0.01
+cells = [5, 5]
+material = "oak"
+"""
+FILES = {"s.toml": SCENE, "j.toml": JELLY, "h.toml": HEXAGONS}
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +66,23 @@ COMMANDS = {
     "check": ("check", "stored.npz"),
     "check scene": ("check", "s.toml"),
     "page of a result": ("page", "stored.npz", "--out", "out.html"),
+    "creep": ("creep", "j.toml", "--no-pictures", "--out", "out"),
+    "break": ("break", "h.toml", "--no-pictures", "--out", "out"),
+    "grow": ("grow", "s.toml", "--steps", "3", "--no-pictures", "--out", "out"),
+    "compare": ("compare", "s.toml", "--no-pictures", "--out", "out"),
+    "fit": ("fit", "s.toml", "--runs", "12", "--out", "out"),
+    "sweep": (
+        "sweep",
+        "s.toml",
+        "--vary",
+        "loads[0].force[1]=-2,-3",
+        "--workers",
+        "1",
+        "--no-pictures",
+        "--out",
+        "out",
+    ),
+    "animate": ("animate", "stored.npz", "--out", "out.gif"),
 }
 
 
@@ -49,8 +90,8 @@ def refused(library, folder, words, what, number):
     """Run a command to which the system refuses something; judge how it ends."""
     place = folder / f"{what} {number}"
     place.mkdir()
-    shutil.copy(folder / "s.toml", place)
-    shutil.copy(folder / "stored.npz", place)
+    for file in (*FILES, "stored.npz"):
+        shutil.copy(folder / file, place)
     before = {path.name for path in place.iterdir()}
     done = subprocess.run(
         [sys.executable, "-m", "kaju", *words],
@@ -91,7 +132,8 @@ def refused(library, folder, words, what, number):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("nth failures of ü🙂")
-    (place / "s.toml").write_text(SCENE)
+    for file, text in FILES.items():
+        (place / file).write_text(text)
     kaju.LoadModel(kaju.load_scene(place / "s.toml")).run().save(place / "stored.npz")
     return place
 
@@ -100,7 +142,7 @@ def each_failure(library, folder, name, what, numbers):
     """Let it fail at the first time, the second …; return how often that came through."""
     place = folder / f"{name}, {what}"
     place.mkdir()
-    for file in ("s.toml", "stored.npz"):
+    for file in (*FILES, "stored.npz"):
         shutil.copy(folder / file, place)
     return sum(refused(library, place, COMMANDS[name], what, n) for n in numbers)
 

@@ -13,8 +13,9 @@ from scipy.spatial import cKDTree
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
 from kaju.factors import factors_of, rigid_motions
+from kaju.model.scene.curves import Point
 
-from .convex_pieces import Corners, Point, area_of, outlines_of, triangles_of
+from .convex_pieces import Corners, area_of, outlines_of, triangles_of
 from .split_triangle import SplitTriangles
 from .square_leaves import SquareLeaves
 

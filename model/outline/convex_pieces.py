@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import pairwise
 
-Point = tuple[float, float]
+from kaju.model.scene.curves import Point
+
 Corners = list[Point]
 """Corners of a polygon, counter-clockwise."""
 HalfPlane = tuple[float, float, float]

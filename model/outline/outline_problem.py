@@ -175,8 +175,8 @@ class OutlineProblem:
         return out
 
     def _within_array(self, border: Floats) -> Floats:
-        """Return the sides of a polygon within the array, shape (n, 2, 2)."""
-        ends = np.stack([border[:-1], border[1:]], axis=1)
+        """Return the parts of straight lines within the array, shape (n, 2, 2)."""
+        ends = border
         run = ends[:, 1] - ends[:, 0]
         low, high = np.zeros(len(ends)), np.ones(len(ends))
         for axis in (0, 1):

@@ -112,9 +112,7 @@ class OutlineResult(Result):
         leaves, balanced = found.leaves, found.balanced
         stress = modulus * balanced.mean_stress()
         hoops = {
-            region.name: _hoop_stress(
-                _pairs(true.shape.border(not true.solid)), found, stress, edge
-            )
+            region.name: _hoop_stress(true.shape.border(not true.solid), found, stress, edge)
             for region, true in zip(scene.body.regions, problem.body.regions, strict=True)
             if region.name is not None
         }
@@ -389,7 +387,3 @@ def _hoop_stress(border: Floats, found: OutlineBracket, stress: Floats, edge: fl
     order = np.argsort(place)
     order = order[balanced.area[leaf[order]] > _SLIVER * full[order]]
     return np.column_stack([edge * middle[0], edge * middle[1], hoop])[order]
-
-
-def _pairs(border: Floats) -> Floats:
-    return np.stack([border[:-1], border[1:]], axis=1)

@@ -13,14 +13,15 @@ from kaju.errors import ConvergenceError, SceneError, SupportError
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.regions import Region
-from kaju.model.scene.shapes import Ball, Box, Polygon
+from kaju.model.scene.shapes import Ball, Box, Ellipse, Polygon, Ring, RoundedBox
+from kaju.model.scene.svg_path import PathShape
 
-from .apart import apart, simple
+from .arc_triangles import TouchError, keep_apart
 from .balanced_pieces import LooseError
 from .outline_bracket import OutlineBracket, spawn
 from .outline_problem import SIDES, OutlineProblem, PressedOutline, UnlikeError
 from .outline_result import OutlineResult
-from .true_shapes import RoundShape, StraightShape, TrueBody, TrueRegion, TrueShape
+from .true_shapes import TrueBody, TrueRegion, TrueShape, nested
 
 TOLERANCE = 0.01
 MOST_AGENTS = 100_000
@@ -106,7 +107,7 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
                 )
             one = regions[which]
             for other, beside in enumerate(regions):
-                if other != which and not apart(one.shape, beside.shape):
+                if other != which and not keep_apart(one.shape.arcs, beside.shape.arcs):
                     raise SceneError(
                         f"loads.{number}.outline: {load.outline!r} meets the outline of "
                         f"regions.{other}; a pressed outline is proved where it is alone"
@@ -146,16 +147,11 @@ def _shape(
     scene: Scene, region: Region, where: str, edge: float, shape: tuple[int, int]
 ) -> TrueShape:
     known = region.shape_in(scene.lattice, where)
-    if isinstance(known, Ball):
-        x, y = known.centre
-        return RoundShape((x / edge, y / edge), known.radius / edge, shape)
-    if isinstance(known, Box):
-        (x0, y0), (x1, y1) = known.lower, known.upper
-        corners = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-    else:
-        assert isinstance(known, Polygon)
-        corners = [(x, y) for x, y in known.corners]
-        corners = [c for k, c in enumerate(corners) if c != corners[k - 1]]
-        if len(corners) < 3 or not simple(corners):
-            raise SceneError(f"{where}.polygon: crosses or touches itself; split it in two")
-    return StraightShape([(x / edge, y / edge) for x, y in corners])
+    assert isinstance(known, Ball | Box | Ellipse | PathShape | Polygon | Ring | RoundedBox)
+    lines = known.outline()
+    try:
+        return nested([np.asarray(arcs / [edge, edge, 1.0]) for arcs in lines], shape)
+    except TouchError:
+        raise SceneError(
+            f"{where}: its outline crosses or touches itself; split it in two"
+        ) from None

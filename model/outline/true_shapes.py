@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from kaju.arrays import Floats
+from kaju.model.scene.curves import Point, crossings, parted_at
 
-from .convex_pieces import ON_LINE, Corners, HalfPlane, Point, area_of, within, without
+from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, keep_apart
+from .convex_pieces import ON_LINE, Corners, HalfPlane, area_of, within, without
 from .square_leaves import SquareLeaves
 
-WIDEST = np.pi / 8.0
-"""Largest angle between two corners of a circle's polygon."""
+FLAT = 1e-15
+"""Pockets of less area (in first agents) come of rounding."""
+SMOOTH = 1e-9
+"""Arcs that meet at a smaller angle go on in one direction."""
 
 
 class StraightShape:
@@ -29,17 +34,13 @@ class StraightShape:
         for first, last in zip(hull, [*hull[1:], hull[0] + len(ring)], strict=True):
             if last - first > 1:
                 pocket = [corners[k % len(ring)] for k in range(first, last + 1)]
-                if abs(area_of(pocket)) > 0.0:
+                if abs(area_of(pocket)) > FLAT:
                     self.pockets.append(StraightShape(pocket))
+        # where pockets are many, only those whose boxes touch a square are asked
+        self._low = np.array([np.min(pocket.corners, axis=0) for pocket in self.pockets])
+        self._high = np.array([np.max(pocket.corners, axis=0) for pocket in self.pockets])
 
-    def refine(self, leaves: SquareLeaves) -> None:
-        """Straight lines stay as they are."""
-
-    def border(self, outer: bool) -> Floats:
-        """Return the closed polygon, shape (n + 1, 2), counter-clockwise."""
-        return np.array([*self.corners, self.corners[0]])
-
-    def parts(self, square: Corners, outer: bool) -> list[tuple[Corners, list[HalfPlane]]]:
+    def parts(self, square: Corners) -> list[tuple[Corners, list[HalfPlane]]]:
         """Return convex parts of a square, each with the lines that bound it."""
         planes = _relevant(self.planes, square)
         hull = within(square, planes) if planes is not None else None
@@ -48,80 +49,79 @@ class StraightShape:
         if not self.pockets:
             return [(hull, planes or [])]
         left = [hull]
-        for pocket in self.pockets:
-            for _, lines in pocket.parts(square, outer):
+        beside = (self._low < square[2]).all(axis=1) & (self._high > square[0]).all(axis=1)
+        for k in np.flatnonzero(beside):
+            for _, lines in self.pockets[k].parts(square):
                 left = without(left, lines)
         return [(piece, [tuple(row) for row in _sides(piece).tolist()]) for piece in left]
 
 
-class RoundShape:
-    """A disk, between a polygon on the circle and one of tangents, which touch in its corners."""
+class ArcShape:
+    """What a closed line of arcs holds, between two polygons that touch it in the arcs' ends.
 
-    pockets: tuple[StraightShape, ...] = ()
+    One of them takes the chord of each arc, the other one its end tangents; which is the outer
+    one depends on where the arc bends. Straight lines are both.
+    """
 
-    def __init__(self, centre: Point, radius: float, extent: Point):
-        self.centre, self.radius, self.extent = centre, radius, extent
-        self.angles = np.linspace(0.0, 2.0 * np.pi, 17)[:-1]
-        # where the circle meets the sides of the array both polygons do so too
-        met = [0.0]
-        for axis in (0, 1):
-            for side in (0.0, extent[axis]):
-                cosine = (side - centre[axis]) / radius
-                if abs(cosine) < 1.0:
-                    turn = float(np.arccos(cosine)) if axis == 0 else float(np.arcsin(cosine))
-                    met += [turn, -turn] if axis == 0 else [turn, np.pi - turn]
-        self.fixed = np.unique(np.mod(met, 2.0 * np.pi))
-        self.fixed = self.fixed[np.diff(self.fixed, prepend=-1.0) > 1e-9]
+    def __init__(self, arcs: Floats, extent: Point):
+        parts = []
+        for arc in arcs:
+            # where an arc meets the sides of the array both polygons do so too
+            split = [arc]
+            for axis, side in ((a, s) for a in (0, 1) for s in (0.0, float(extent[a]))):
+                if ArcFrames(arc[None]).turn[0] != 0.0:
+                    split = [part for one in split for part in _parted_on(one, axis, side)]
+            parts += split
+        self.arcs = in_triangles(np.array(parts))
+        start = ArcFrames(self.arcs).start
+        if area_of([(x, y) for x, y in start.tolist()]) < 0.0:
+            self.arcs = self.arcs[::-1, ::-1]
+        self._draw()
 
     def refine(self, leaves: SquareLeaves) -> None:
-        """Take corners as far apart as the leaves are large."""
-        angles = []
-        for start, end in zip(
-            self.fixed, [*self.fixed[1:], self.fixed[0] + 2 * np.pi], strict=True
-        ):
-            fine = np.arange(start, end, 0.25 * leaves.size.min() * leaves.unit / self.radius)
-            fine = fine if len(fine) < 20000 else np.linspace(start, end, 20000)
-            middle = np.array(self.centre) + self.radius * np.stack([np.cos(fine), np.sin(fine)], 1)
-            leaf = leaves.at(middle)
-            step = np.where(leaf >= 0, leaves.size[leaf] * leaves.unit / self.radius, WIDEST)
-            grown = np.concatenate(
-                [[0.0], np.cumsum(np.diff(fine, append=end) / np.minimum(step, WIDEST))]
-            )
-            count = max(1, int(np.ceil(grown[-1] - 1e-9)))
-            angles.append(np.interp(np.arange(count) / count * grown[-1], grown, [*fine, end]))
-        self.angles = np.concatenate(angles)
-        away = np.stack([np.cos(self.angles), np.sin(self.angles)], 1)
-        self._on = np.array(self.centre) + self.radius * away
-        tangents = np.column_stack([away, away @ np.array(self.centre) + self.radius])
-        last = np.roll(self._on, -1, axis=0)
-        across = np.stack([last[:, 1] - self._on[:, 1], self._on[:, 0] - last[:, 0]], 1)
-        across /= np.linalg.norm(across, axis=1)[:, None]
-        chords = np.column_stack([across, (across * self._on).sum(axis=1)])
-        self._planes = {True: tangents, False: chords}
+        """Take arcs as long as the leaves are large."""
+        while True:
+            frames = ArcFrames(self.arcs)
+            size = np.full(len(self.arcs), np.inf)
+            for points in (frames.start, frames.tip, frames.end):
+                leaf = leaves.at(points)
+                here = np.where(leaf >= 0, leaves.size[leaf] * leaves.unit, np.inf)
+                size = np.minimum(size, here)
+            long = (frames.turn != 0.0) & (frames.length > size)
+            if not long.any():
+                break
+            self.arcs = halved(self.arcs, long)
+        self._draw()
+
+    def _draw(self) -> None:
+        """Draw both polygons."""
+        frames = ArcFrames(self.arcs)
+        smooth = np.abs(angle(np.roll(frames.last, 1, axis=0), frames.first)) < SMOOTH
+        self._polygons = []
+        for way in (1.0, -1.0):
+            bent = way * frames.turn > 0.0
+            on_tangent = smooth & bent & np.roll(bent, 1)
+            at = np.stack([frames.start, frames.tip], axis=1)
+            kept = np.stack([~on_tangent, bent], axis=1)
+            self._polygons.append(StraightShape([(x, y) for x, y in at[kept].tolist()]))
 
     def border(self, outer: bool) -> Floats:
-        """Return the closed polygon, shape (n + 1, 2), counter-clockwise."""
-        if not outer:
-            return np.concatenate([self._on, self._on[:1]])
-        width = np.diff(self.angles, append=self.angles[0] + 2.0 * np.pi)
-        middle = self.angles + 0.5 * width
-        reach = (self.radius / np.cos(0.5 * width))[:, None]
-        at = np.array(self.centre) + reach * np.stack([np.cos(middle), np.sin(middle)], 1)
-        return np.concatenate([at, at[:1]])
+        """Return the sides of the polygon, counter-clockwise. Shape (n, 2, 2)."""
+        at = np.array(self._polygons[0 if outer else 1].corners)
+        return np.stack([at, np.roll(at, -1, axis=0)], axis=1)
 
     def parts(self, square: Corners, outer: bool) -> list[tuple[Corners, list[HalfPlane]]]:
-        """Return the part of a square within the polygon, with the lines that bound it."""
-        (x0, y0), (x1, y1) = square[0], square[2]
-        cx, cy = self.centre
-        nearest = np.hypot(max(x0 - cx, 0.0, cx - x1), max(y0 - cy, 0.0, cy - y1))
-        if nearest > 1.1 * self.radius:
-            return []
-        planes = _relevant(self._planes[outer], square)
-        piece = within(square, planes) if planes is not None else None
-        return [] if piece is None else [(piece, planes or [])]
+        """Return convex parts of a square, each with the lines that bound it."""
+        return self._polygons[0 if outer else 1].parts(square)
 
 
-TrueShape = StraightShape | RoundShape
+def _parted_on(arc: Floats, axis: int, side: float) -> list[Floats]:
+    """Return the parts of an arc on both sides of a line, with ends that lie on it."""
+    parts = parted_at(arc, crossings(arc, axis, side))
+    for one, following in pairwise(parts):
+        for at in (one[3], following[0]):
+            at[axis] = side * at[2]
+    return parts
 
 
 def _hull(corners: Corners) -> list[int]:
@@ -170,10 +170,38 @@ class TrueRegion:
 
 @dataclass(frozen=True)
 class TrueBody:
-    """A box of material or of air, and regions that cover it one after the other."""
+    """A box of material or of air, and regions that cover it one after the other.
+
+    It is a shape again: a ring is a disk in air with a disk of air in it.
+    """
 
     solid: bool
     regions: tuple[TrueRegion, ...]
+
+    @property
+    def arcs(self) -> Floats:
+        """The arcs of all regions, shape (n, 4, 3)."""
+        return np.concatenate([region.shape.arcs for region in self.regions])
+
+    def refine(self, leaves: SquareLeaves) -> None:
+        """Take arcs as long as the leaves are large."""
+        for region in self.regions:
+            region.shape.refine(leaves)
+
+    def border(self, outer: bool) -> Floats:
+        """Return the sides of regions that do not meet, the body to the left. Shape (n, 2, 2)."""
+        sides = []
+        for region in self.regions:
+            side = region.shape.border(outer == region.solid)
+            sides.append(side if region.solid else side[::-1, ::-1])
+        return np.concatenate(sides)
+
+    def parts(self, square: Corners, outer: bool) -> list[tuple[Corners, list[HalfPlane]]]:
+        """Return convex parts of a square, each with the lines that bound it."""
+        return [
+            (piece, [tuple(row) for row in _sides(piece).tolist()])
+            for piece in self.pieces(square, outer)
+        ]
 
     def pieces(self, square: Corners, outer: bool) -> list[Corners]:
         """Return convex pieces of a square: no less than the body (outer), or no more."""
@@ -189,3 +217,34 @@ class TrueBody:
                 if region.solid:
                     pieces.append(piece)
         return pieces
+
+
+TrueShape = ArcShape | TrueBody
+"""What it holds of squares, at least and at most; its sides; its arcs."""
+
+
+def nested(lines: list[Floats], extent: Point) -> TrueShape:
+    """Return the shape within closed lines that do not meet: every second one is a hole."""
+    shapes = [ArcShape(arcs, extent) for arcs in lines]
+    if len(shapes) == 1:
+        return shapes[0]
+    for one, other in combinations(shapes, 2):
+        if not keep_apart(one.arcs, other.arcs):
+            raise TouchError
+    rings = [one.border(False)[:, 0] for one in shapes]
+    size = [area_of([(x, y) for x, y in ring.tolist()]) for ring in rings]
+    depth = [
+        sum(size[k] > size[one] and _holds(rings[k], rings[one][0]) for k in range(len(rings)))
+        for one in range(len(rings))
+    ]
+    regions = [TrueRegion(shapes[k], depth[k] % 2 == 0) for k in np.argsort(depth, kind="stable")]
+    return TrueBody(False, tuple(regions))
+
+
+def _holds(ring: Floats, point: Floats) -> bool:
+    """Tell whether a point lies within a polygon (even-odd rule)."""
+    x, y = (ring - point).T
+    u, v = np.roll(x, -1), np.roll(y, -1)
+    crosses = (y > 0.0) != (v > 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return bool((crosses & (x - y * (u - x) / (v - y) > 0.0)).sum() % 2)

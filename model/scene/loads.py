@@ -9,21 +9,13 @@ from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Coordinate, Count, Described, Index, Length, Number, Text, one_given
-from .regions import ONE_SHAPE, Round
+from .described import Coordinate, Count, Described, Index, Number, Text, one_given
+from .regions import ONE_SHAPE, RingTable, Round
 from .shapes import Ball, Polygon, Ring, Shape
 
 MOST_STEPS = 100_000
 _LOADS = ("force", "pressure", "couple")
 _SHAPES = ("box", "disk", "ball", "ring", "polygon")
-
-
-class RingTable(Described):
-    """What lies between two circles: centre (m), and both radii (m)."""
-
-    centre: tuple[Coordinate, ...] = Field(description="the middle (m), such as [0.1, 0.1]")
-    inner: Length = Field(description="the smaller radius (m)")
-    outer: Length = Field(description="the larger radius (m)")
 
 
 class LoadRegion(Described):
@@ -59,11 +51,6 @@ class LoadRegion(Described):
     @model_validator(mode="after")
     def _one_shape(self) -> LoadRegion:
         one_given(self, _SHAPES, ONE_SHAPE)
-        if self.ring is not None and not self.ring.inner < self.ring.outer:
-            raise ParameterError(
-                f"ring: its inner radius, {self.ring.inner:g} m, must be below its outer one, "
-                f"{self.ring.outer:g} m"
-            )
         return self
 
     def shape_in(self, dimension: int, where: str) -> Shape:

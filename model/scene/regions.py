@@ -9,14 +9,26 @@ from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Coordinate, Described, Length, Text, one_given
+from .described import Coordinate, Described, Length, Number, Text, one_given
 from .lattice import Lattice
 from .pictures import read_pixels
-from .shapes import Ball, Box, Mask, Polygon, Shape
+from .shapes import Ball, Box, Ellipse, Mask, Polygon, Ring, RoundedBox, Shape
+from .svg_path import PathShape
 
 Point = tuple[Coordinate, ...]
 
-_SHAPES = ("box", "disk", "ball", "polygon", "image")
+_SHAPES = (
+    "box",
+    "disk",
+    "ball",
+    "ring",
+    "ellipse",
+    "slot",
+    "rounded_box",
+    "polygon",
+    "path",
+    "image",
+)
 ONE_SHAPE = "box: a region has exactly one shape of"
 
 MOST_CORNERS = 10_000
@@ -28,6 +40,42 @@ class Round(Described):
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
     radius: Length = Field(description="the radius (m), such as 0.02")
+
+
+class RingTable(Described):
+    """What lies between two circles: centre (m), and both radii (m)."""
+
+    centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
+    inner: Length = Field(description="the smaller radius (m)")
+    outer: Length = Field(description="the larger radius (m)")
+
+    @model_validator(mode="after")
+    def _between(self) -> RingTable:
+        if self.inner >= self.outer:
+            raise ParameterError(f"inner: {self.inner:g} m must be below outer, {self.outer:g} m")
+        return self
+
+
+class RoundEllipse(Described):
+    """An ellipse: its middle, its half-axes, and the angle of the first one to the x axis."""
+
+    centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
+    radii: tuple[Length, Length] = Field(description="both half-axes (m), such as [0.03, 0.01]")
+    angle: Number = Field(default=0.0, description="from the x axis to the first one (degrees)")
+
+
+class Slot(Described):
+    """All points up to a radius from a straight line."""
+
+    ends: tuple[Point, Point] = Field(description="where its rounded ends have their middles (m)")
+    radius: Length = Field(description="half of its width (m), such as 0.01")
+
+
+class BoxWithRadius(Described):
+    """A box whose corners are parts of circles."""
+
+    box: tuple[Point, Point] = Field(description="the lower and the upper corner (m)")
+    radius: Length = Field(description="the radius of its corners (m), such as 0.01")
 
 
 class RegionImage(Described):
@@ -62,8 +110,19 @@ class Region(Described):
         Centre and radius (m), in two dimensions.
     ball : Round, optional
         Centre and radius (m), in three dimensions.
+    ring : RingTable, optional
+        Centre, inner and outer radius (m), in two dimensions.
+    ellipse : RoundEllipse, optional
+        Centre and half-axes (m), and the angle (degrees) of the first one, in two dimensions.
+    slot : Slot, optional
+        Ends of its middle line, and radius (m), in two dimensions.
+    rounded_box : BoxWithRadius, optional
+        A box, and the radius (m) of its corners, in two dimensions.
     polygon : tuple of points, optional
         Corners (m), in two dimensions.
+    path : str, optional
+        Path data of SVG in the array's coordinates (m, y upwards), in two dimensions. Lines within
+        a line go round holes.
     image : RegionImage, optional
         The dark pixels of an image, in two dimensions.
     outline : {"cells", "true"}
@@ -79,11 +138,20 @@ class Region(Described):
     )
     disk: Round | None = None
     ball: Round | None = None
+    ring: RingTable | None = None
+    ellipse: RoundEllipse | None = None
+    slot: Slot | None = None
+    rounded_box: BoxWithRadius | None = None
     polygon: tuple[Point, ...] | None = Field(
         default=None,
         min_length=3,
         max_length=MOST_CORNERS,
         description="the corners (m), three or more; finer shapes are drawn as an image",
+    )
+    path: Text | None = Field(
+        default=None,
+        max_length=1_000_000,
+        description="path data of SVG (m, y upwards), such as 'M 0 0 H 0.1 V 0.1 Z'",
     )
     image: RegionImage | None = None
     outline: Literal["cells", "true"] = Field(
@@ -95,9 +163,7 @@ class Region(Described):
     def _one_shape(self) -> Region:
         shape = one_given(self, _SHAPES, ONE_SHAPE)
         if self.outline == "true" and shape in ("ball", "image"):
-            raise ParameterError(
-                f'outline: "true" is known of disk, polygon and box, not of {shape}; leave it out'
-            )
+            raise ParameterError(f'outline: "true" is not known of {shape}; leave it out')
         return self
 
     def shape_in(self, lattice: Lattice, where: str) -> Shape:
@@ -105,7 +171,7 @@ class Region(Described):
         name = one_given(self, _SHAPES, ONE_SHAPE)
         if name == "ball" and lattice.dimension == 2:
             raise SceneError(f"{where}.ball: belongs to three dimensions; use disk")
-        if name in ("disk", "polygon", "image") and lattice.dimension == 3:
+        if name not in ("box", "ball") and lattice.dimension == 3:
             raise SceneError(f"{where}.{name}: belongs to two dimensions; use box or ball")
         shape = self._shape(lattice, f"{where}.{name}")
         _check_place(shape, lattice, f"{where}.{name}")
@@ -120,10 +186,38 @@ class Region(Described):
             return Polygon(self.polygon)
         if self.image is not None:
             return self.image.mask(lattice, where)
-        circle = self.disk or self.ball
+        if self.path is not None:
+            return PathShape(self.path)
+        if self.slot is not None:
+            for end in self.slot.ends:
+                _check_dimension(end, lattice, where)
+            if self.slot.ends[0] == self.slot.ends[1]:
+                raise SceneError(f"{where}.ends: are one point; use disk")
+            return RoundedBox(tuple(_plane(end) for end in self.slot.ends), self.slot.radius)
+        if self.rounded_box is not None:
+            return _rounded(self.rounded_box, lattice, where)
+        circle = self.disk or self.ball or self.ring or self.ellipse
         assert circle is not None
         _check_dimension(circle.centre, lattice, where)
+        if isinstance(circle, RingTable):
+            return Ring(circle.centre, circle.inner, circle.outer)
+        if isinstance(circle, RoundEllipse):
+            return Ellipse(_plane(circle.centre), circle.radii, float(np.deg2rad(circle.angle)))
         return Ball(circle.centre, circle.radius)
+
+
+def _plane(point: Point) -> tuple[float, float]:
+    x, y = point
+    return x, y
+
+
+def _rounded(given: BoxWithRadius, lattice: Lattice, where: str) -> RoundedBox:
+    box, radius = _box(given.box, lattice, f"{where}.box"), given.radius
+    if not all(2 * radius < b - a for a, b in zip(box.lower, box.upper, strict=True)):
+        raise SceneError(f"{where}.radius: {radius:g} must be below half of each edge; use slot")
+    (x0, y0), (x1, y1) = box.lower, box.upper
+    x0, y0, x1, y1 = x0 + radius, y0 + radius, x1 - radius, y1 - radius
+    return RoundedBox(((x0, y0), (x1, y0), (x1, y1), (x0, y1)), radius)
 
 
 def _check_dimension(point: Point, lattice: Lattice, where: str) -> None:

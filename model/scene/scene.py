@@ -280,7 +280,7 @@ class Scene(Description):
         material : str
             A material's name, "air", "rigid" or "roller".
         **shape
-            One of `box`, `disk`, `ball`, `polygon` and `image`, as in `Region`.
+            One shape, such as `box`, `disk` or `path`, as in `Region`.
         """
         region = Region(material=material, **shape)
         body = dict(self.body) | {"regions": (*self.body.regions, region)}

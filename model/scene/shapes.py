@@ -10,7 +10,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags
+from kaju.arrays import Flags, Floats
+
+from .curves import Point, conic, elliptic, line, polygonal
 
 Points = NDArray[np.float64]
 """Points (m), shape (n, dimension)."""
@@ -27,6 +29,13 @@ class Shape(Protocol):
 
     def contains(self, points: Points) -> Flags:
         """Tell which points lie inside or on the edge."""
+
+
+class OutlinedShape(Shape, Protocol):
+    """A part of the plane whose outline is known."""
+
+    def outline(self) -> list[Floats]:
+        """Return closed lines (m) that do not meet, every second one round a hole; see `curves`."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,11 @@ class Box:
             inside &= column >= low - _CLOSE * abs(low)
             inside &= column <= high + _CLOSE * abs(high)
         return inside
+
+    def outline(self) -> list[Floats]:
+        """Return its four sides, in the plane."""
+        (x0, y0), (x1, y1) = self.lower, self.upper
+        return [polygonal([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])]
 
 
 @dataclass(frozen=True)
@@ -71,6 +85,83 @@ class Ball:
                 squared += ((column - middle) / self.radius) ** 2
         return squared <= (1.0 + _CLOSE) ** 2
 
+    def outline(self) -> list[Floats]:
+        """Return its circle, in the plane."""
+        x, y = self.centre
+        return [elliptic((x, y), (self.radius, 0.0), (0.0, self.radius))]
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """All points within an ellipse: centre, half-axes, and the angle (rad) of the first one."""
+
+    centre: tuple[float, float]
+    radii: tuple[float, float]
+    angle: float
+
+    @property
+    def _axes(self) -> Points:
+        cosine, sine = np.cos(self.angle), np.sin(self.angle)
+        return np.asarray(
+            np.array([[cosine, sine], [-sine, cosine]]) * np.array(self.radii)[:, None]
+        )
+
+    @property
+    def extent(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box (m)."""
+        reach = np.hypot(*self._axes)
+        return np.asarray(self.centre) - reach, np.asarray(self.centre) + reach
+
+    def contains(self, points: Points) -> Flags:
+        """Tell which points lie inside or on the edge."""
+        along = (points - np.asarray(self.centre)) @ np.linalg.inv(self._axes)
+        return np.asarray((along**2).sum(axis=1) <= (1.0 + _CLOSE) ** 2)
+
+    def outline(self) -> list[Floats]:
+        """Return its ellipse."""
+        (a, b), (c, d) = self._axes.tolist()
+        return [elliptic(self.centre, (a, b), (c, d))]
+
+
+@dataclass(frozen=True)
+class RoundedBox:
+    """All points up to a distance from a box, or from a straight line between two points."""
+
+    core: tuple[Point, ...]
+    """Corners counter-clockwise, four or two."""
+    radius: float
+
+    @property
+    def extent(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box (m)."""
+        core = np.asarray(self.core)
+        return core.min(axis=0) - self.radius, core.max(axis=0) + self.radius
+
+    def contains(self, points: Points) -> Flags:
+        """Tell which points lie inside or on the edge."""
+        inside = Polygon(self.core).contains(points) if len(self.core) > 2 else False
+        for start, end in Polygon(self.core)._edges():
+            along = np.clip(
+                (points - start) @ (end - start) / ((end - start) @ (end - start)), 0, 1
+            )
+            away = np.hypot(*(points - start - along[:, None] * (end - start)).T)
+            inside |= away <= self.radius * (1.0 + _CLOSE)
+        return np.asarray(inside)
+
+    def outline(self) -> list[Floats]:
+        """Return straight lines and parts of circles between them."""
+        arcs = []
+        ring = [np.asarray(corner) for corner in self.core]
+        ways = [self.radius * (q - p) / np.hypot(*(q - p)) for p, q in pairwise([*ring, ring[0]])]
+        for k, at in enumerate(ring):
+            (a, b), (c, d) = ways[k - 1], ways[k]
+            turns = [np.array([b, -a]), np.array([d, -c])]
+            if len(ring) == 2:  # half a circle, in two quarters
+                turns.insert(1, ways[k - 1])
+            arcs += [conic(at + p, at + p + q, at + q, np.sqrt(0.5)) for p, q in pairwise(turns)]
+            arcs.append(line(at + turns[-1], ring[k - len(ring) + 1] + turns[-1]))
+        return [np.array(arcs)]
+
 
 @dataclass(frozen=True)
 class Ring:
@@ -90,6 +181,10 @@ class Ring:
         away = np.linalg.norm(points - np.asarray(self.centre), axis=1)
         low, high = self.inner * (1.0 - _CLOSE), self.outer * (1.0 + _CLOSE)
         return np.asarray((away >= low) & (away <= high))
+
+    def outline(self) -> list[Floats]:
+        """Return both circles, in the plane."""
+        return [*Ball(self.centre, self.outer).outline(), *Ball(self.centre, self.inner).outline()]
 
 
 @dataclass(frozen=True)
@@ -122,6 +217,10 @@ class Polygon:
             crosses = (start[1] > y) != (end[1] > y)
             odd ^= crosses & ((area > 0.0) == (along[1] > 0.0))
         return odd | edge
+
+    def outline(self) -> list[Floats]:
+        """Return its sides."""
+        return [polygonal((x, y) for x, y in self.corners)]
 
     def _edges(self) -> Iterator[tuple[Points, Points]]:
         for start, end in pairwise([*self.corners, self.corners[0]]):

@@ -173,7 +173,7 @@ def test_a_side_moved_across_itself_lets_the_body_slide(strategy):
         ({"region": {"disk": {"centre": [0.1], "radius": 0.1}}, "pressure": 1.0}, "2 coordinates"),
         (
             {"region": {"ring": {"centre": [0.1, 0.1], "inner": 0.2, "outer": 0.1}}, "couple": 1.0},
-            "inner radius",
+            "must be below outer",
         ),
         ({"side": "top", "force": [0.0, 1.0], "couple": 1.0}, "not both"),
         ({"side": "top", "couple": 0.0}, "couple: is zero"),

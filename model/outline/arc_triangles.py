@@ -1,0 +1,142 @@
+"""Arcs without inflection within triangles: of their ends, and where their end tangents meet."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from kaju.arrays import Flags, Floats, Ints
+from kaju.model.scene.curves import cross, parted
+
+WIDEST = np.pi / 8.0
+"""Largest angle by which an arc turns."""
+STRAIGHT = 1e-7
+"""Arcs that turn by less are lines: they leave it by an eighth of that and of their length."""
+CLOSE = 1e-7
+"""Lines nearer than this (in edges of the first agents) touch."""
+_MOST_HALVINGS = 40
+
+
+class TouchError(Exception):
+    """Outlines cross or touch."""
+
+
+class ArcFrames:
+    """Ends of arcs, tangents there, and the triangles that hold them."""
+
+    def __init__(self, arcs: Floats):
+        points = arcs[:, :, :2] / arcs[:, :, 2:]
+        self.start, self.end = points[:, 0], points[:, 3]
+        chord = self.end - self.start
+        self.length = np.hypot(*chord.T)
+        legs = np.diff(points, axis=1)
+        long = np.hypot(legs[..., 0], legs[..., 1])
+        none = long < 1e-9 * long.max(axis=1)[:, None]  # handles may have no length
+        for k, beside in ((1, 0), (1, 2), (0, 1), (2, 1)):
+            legs[none[:, k], k] = legs[none[:, k], beside]
+            none[:, k] &= none[:, beside]
+        legs /= np.hypot(legs[..., 0], legs[..., 1])[..., None]
+        self.first, self.last = legs[:, 0], legs[:, 2]
+        turns = angle(legs[:, :-1], legs[:, 1:])
+        self.turn = turns.sum(axis=1)
+        self.twisted = (turns.min(axis=1) < -STRAIGHT) & (turns.max(axis=1) > STRAIGHT)
+        self.turn[(np.abs(self.turn) < STRAIGHT) & ~self.twisted] = 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = cross(chord, self.last) / cross(self.first, self.last)
+            tip = self.start + along[:, None] * self.first
+        self.tip = np.where(self.turn[:, None] != 0.0, tip, 0.5 * (self.start + self.end))
+        """Where the end tangents meet."""
+
+
+def angle(one: Floats, other: Floats) -> Floats:
+    """Return the angle from one direction to another, counter-clockwise."""
+    return np.asarray(np.arctan2(cross(one, other), (one * other).sum(axis=-1)))
+
+
+def halved(arcs: Floats, chosen: Flags) -> Floats:
+    """Return the arcs in order, the chosen ones in two."""
+    out = np.repeat(arcs, 1 + chosen, axis=0)
+    at = np.flatnonzero(chosen) + np.arange(chosen.sum())
+    out[np.stack([at, at + 1], axis=1).ravel()] = parted(arcs[chosen], 0.5)
+    return out
+
+
+def in_triangles(arcs: Floats) -> Floats:
+    """Return the arcs of a closed line, halved until their triangles have corners in common only.
+
+    Raises
+    ------
+    TouchError
+        If the line crosses or touches itself.
+    """
+    for _ in range(_MOST_HALVINGS):
+        frames = ArcFrames(arcs)
+        wide = (np.abs(frames.turn) > WIDEST) | frames.twisted
+        corner = angle(frames.last, np.roll(frames.first, -1, axis=0))
+        turn = np.abs(frames.turn)
+        left = np.pi - np.abs(corner) - turn - np.roll(turn, -1)
+        narrow = left < 1e-9
+        if (narrow & (turn + np.roll(turn, -1) == 0.0)).any():
+            raise TouchError
+        wide |= (narrow | np.roll(narrow, 1)) & (turn > 0.0)
+        if not wide.any():
+            first, second = _near(frames, frames, 0.0)
+            apart = (second - first) % len(arcs)
+            kept = (first < second) & (apart > 1) & (apart < len(arcs) - 1)
+            first, second = first[kept], second[kept]
+            if not len(first):
+                return arcs
+            if (turn[first] + turn[second] == 0.0).any():
+                raise TouchError
+            wide[np.concatenate([first, second])] = True
+            wide &= turn > 0.0
+        if frames.length[wide].min() < CLOSE:
+            break
+        arcs = halved(arcs, wide)
+    raise TouchError
+
+
+def keep_apart(one: Floats, other: Floats) -> bool:
+    """Tell whether the arcs of two lines neither cross nor touch."""
+    while True:
+        a, b = ArcFrames(one), ArcFrames(other)
+        first, second = _near(a, b, CLOSE)
+        if not len(first):
+            return True
+        one, other = one[np.unique(first)], other[np.unique(second)]
+        a, b = ArcFrames(one), ArcFrames(other)
+        split, beside = a.turn != 0.0, b.turn != 0.0
+        short = max(a.length[split].max(initial=0.0), b.length[beside].max(initial=0.0)) < CLOSE
+        if short or len(one) + len(other) > 20_000:
+            return False
+        one, other = halved(one, split), halved(other, beside)
+
+
+def _near(a: ArcFrames, b: ArcFrames, margin: float) -> tuple[Ints, Ints]:
+    """Return pairs of arcs whose triangles overlap, or are nearer than a margin."""
+    corners = [np.stack([one.start, one.tip, one.end], axis=1) for one in (a, b)]
+    middle = [at.mean(axis=1) for at in corners]
+    reach = [
+        np.hypot(*(at - m[:, None]).transpose(2, 0, 1)).max(axis=1)
+        for at, m in zip(corners, middle, strict=True)
+    ]
+    trees = [cKDTree(m) for m in middle]
+    found = trees[0].query_ball_tree(trees[1], reach[0].max() + reach[1].max() + margin)
+    first = np.repeat(np.arange(len(found)), [len(row) for row in found])
+    second = np.array([k for row in found for k in row], dtype=np.int64)
+    close = np.hypot(*(middle[0][first] - middle[1][second]).T)
+    kept = close <= reach[0][first] + reach[1][second] + margin
+    first, second = first[kept], second[kept]
+    p, q = corners[0][first], corners[1][second]
+    axes = []
+    for one, at in ((a, first), (b, second)):
+        for run in (one.end - one.start, one.tip - one.start, one.end - one.tip):
+            run = run[at]
+            axes += [run, np.stack([-run[:, 1], run[:, 0]], axis=1)]
+    overlap = np.ones(len(first), dtype=np.bool_)
+    for axis in axes:  # straight lines that separate
+        size = np.hypot(*axis.T)
+        x, y = np.einsum("nkd,nd->nk", p, axis), np.einsum("nkd,nd->nk", q, axis)
+        gap = np.maximum(y.min(axis=1) - x.max(axis=1), x.min(axis=1) - y.max(axis=1))
+        overlap &= (gap <= margin * size) | (size == 0.0)
+    return first[overlap], second[overlap]

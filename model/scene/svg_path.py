@@ -1,0 +1,184 @@
+"""Outlines as the paths of SVG drawings: M, L, H, V, C, S, Q, T, A and Z, absolute or relative."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from kaju.arrays import Flags, Floats
+from kaju.errors import SceneError
+
+from .curves import Point, conic, cubic, flattened, inflections, line, parted_at
+from .shapes import Points, Polygon
+
+_NUMBER = re.compile(r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
+_FLAG = re.compile(r"[\s,]*([01])")
+_COMMAND = re.compile(r"[\s,]*([MmLlHhVvCcSsQqTtAaZz])")
+_COUNT = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7, "Z": 0}
+MOST_CURVES = 10_000
+_ROUNDING = 1e-9
+"""Of a line's extent: what is shorter comes of rounding."""
+_FINE = 256
+"""Straight lines for a curve where cells are asked."""
+
+
+@dataclass(frozen=True)
+class PathShape:
+    """What the closed lines of a path hold (even-odd rule)."""
+
+    text: str
+
+    @cached_property
+    def _lines(self) -> list[Floats]:
+        return read_path(self.text)
+
+    def outline(self) -> list[Floats]:
+        """Return its closed lines."""
+        return self._lines
+
+    @cached_property
+    def _polygons(self) -> list[Polygon]:
+        flat = (flattened(arcs, _FINE if _curved(arcs) else 1) for arcs in self._lines)
+        return [Polygon(tuple((x, y) for x, y in at.tolist())) for at in flat]
+
+    @property
+    def extent(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the bounding box (m)."""
+        low, high = zip(*(polygon.extent for polygon in self._polygons), strict=True)
+        return np.min(low, axis=0), np.max(high, axis=0)
+
+    def contains(self, points: Points) -> Flags:
+        """Tell which points lie inside or on the edge, which is asked by 256 lines a curve."""
+        inside = np.zeros(len(points), dtype=np.bool_)
+        for polygon in self._polygons:
+            inside ^= polygon.contains(points)
+        return inside
+
+
+def _curved(arcs: Floats) -> bool:
+    return bool((arcs[:, 0] != arcs[:, 1]).any() or (arcs[:, 2] != arcs[:, 3]).any())
+
+
+def read_path(text: str) -> list[Floats]:
+    """Return the closed lines of a path, each of shape (n, 4, 3); lines left open are closed.
+
+    Raises
+    ------
+    SceneError
+        If the text is no path.
+    """
+    lines: list[list[Floats]] = []
+    start: Point = (0.0, 0.0)
+    here, handle, command, last, place = start, start, "", "", 0
+    while text[place:].strip(" \t\r\n,"):
+        found = _COMMAND.match(text, place)
+        if found:
+            command, place = found[1], found.end()
+        elif command in ("M", "m"):  # further places of a move are lines
+            command = "L" if command == "M" else "l"
+        kind = command.upper()
+        if not command or (kind == "Z" and not found) or (not lines and kind != "M"):
+            raise SceneError(f"path: is no path of SVG at {text[place : place + 20]!r}")
+        given, place = _numbers(text, place, kind)
+        origin = here if command.islower() else (0.0, 0.0)
+        x, y = here
+        places = given[5:] if kind == "A" else given
+        at = [
+            (origin[0] + a, origin[1] + b) for a, b in zip(places[::2], places[1::2], strict=False)
+        ]
+        if kind == "M":
+            _close(lines, start, here)
+            lines.append([])
+            start = at[0]
+        elif kind == "Z":
+            _close(lines, start, here)
+            lines.append([])
+            here = start
+        elif kind in "LHV":
+            if kind == "H":
+                at = [(origin[0] + given[0], y)]
+            elif kind == "V":
+                at = [(x, origin[1] + given[0])]
+            lines[-1].append(line(here, at[-1]))
+        elif kind == "A":
+            lines[-1] += _elliptic(here, given, at[-1])
+        else:
+            mirrored = (2 * x - handle[0], 2 * y - handle[1])
+            smooth = mirrored if last in {"S": "CS", "T": "QT"}.get(kind, "") and last else here
+            at = [smooth, *at] if kind in "ST" else at
+            handle = at[-2]
+            if kind in "QT":
+                (a, b), (c, d) = at
+                at = [((x + 2 * a) / 3, (y + 2 * b) / 3), ((c + 2 * a) / 3, (d + 2 * b) / 3), at[1]]
+            curve = cubic(here, *at)
+            lines[-1] += parted_at(curve, np.append(inflections(curve), 0.5))
+        here, last = at[-1] if at else start, kind
+        if sum(map(len, lines)) > MOST_CURVES:
+            raise SceneError(f"path: has more than {MOST_CURVES} curves; draw it as an image")
+    _close(lines, start, here)
+    kept = [np.array(arcs) for arcs in lines if len(arcs) > 1]
+    if not kept:
+        raise SceneError("path: holds nothing; a path goes round it, such as M 0 0 H 1 V 1 Z")
+    return kept
+
+
+def _numbers(text: str, place: int, kind: str) -> tuple[list[float], int]:
+    """Return what a command takes, and where the text goes on."""
+    given = []
+    for k in range(_COUNT[kind]):
+        found = (_FLAG if kind == "A" and k in (3, 4) else _NUMBER).match(text, place)
+        if not found:
+            raise SceneError(f"path: {kind} takes {_COUNT[kind]} numbers, at {text[place:][:20]!r}")
+        given.append(float(found[1]))
+        place = found.end()
+    return given, place
+
+
+def _close(lines: list[list[Floats]], start: Point, here: Point) -> None:
+    """Close the line in hand, and leave out what has no length but by rounding."""
+    if not lines or not lines[-1]:
+        return
+    arcs = np.array([*lines[-1], line(here, start)])
+    points = arcs[:, :, :2] / arcs[:, :, 2:]
+    length = np.ptp(points, axis=1).max(axis=1)
+    kept = arcs[length > _ROUNDING * np.ptp(points.reshape(-1, 2), axis=0).max()]
+    kept[:, 3, :2] = kept[:, 3, 2:] * (np.roll(kept[:, 0, :2] / kept[:, 0, 2:], -1, axis=0))
+    lines[-1] = list(kept)
+
+
+def _elliptic(start: Point, given: list[float], end: Point) -> list[Floats]:
+    """Return a part of an ellipse by its ends, radii and turn, as in SVG's appendix B.2.4."""
+    p, q, turn = np.array(start), np.array(end), np.deg2rad(given[2])
+    radii = np.abs(given[:2])
+    if not (p - q).any():
+        return []
+    if not radii.all():
+        return [line(start, end)]
+    axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) * radii[:, None]
+    to_circle = np.linalg.inv(axes)
+    u, v = p @ to_circle, q @ to_circle
+    half = 0.5 * (v - u)
+    length = np.hypot(*half)
+    if length > 1.0:  # too small an ellipse is made larger
+        axes, u, v, half = axes * length, u / length, v / length, half / length
+        length = 1.0
+    side = 1.0 if given[3] != given[4] else -1.0
+    away = side * np.sqrt(max(1.0 / length**2 - 1.0, 0.0))
+    centre = 0.5 * (u + v) + away * np.array([-half[1], half[0]])
+    first, last = (np.arctan2(*(at - centre)[::-1]) for at in (u, v))
+    sweep = (last - first) % (2 * np.pi) - (0.0 if given[4] else 2 * np.pi)
+    count = int(np.ceil(abs(sweep) / (np.pi / 2) - 1e-9))
+    angles = first + sweep * np.arange(count + 1) / count
+    at = [centre + np.array([np.cos(t), np.sin(t)]) for t in angles]
+    at[0], at[-1] = u, v
+    weight = np.cos(0.5 * sweep / count)
+    arcs = []
+    for a, b in pairwise(at):
+        tip = centre + (0.5 * (a + b) - centre) / weight**2
+        arcs.append(conic(a @ axes, tip @ axes, b @ axes, weight))
+    arcs[0][0, :2], arcs[-1][3, :2] = start, end
+    return arcs

@@ -1,0 +1,179 @@
+"""True outlines of all shapes: what is exact under pressure all round, and the same body twice."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kaju
+from kaju.errors import SceneError
+from kaju.model.scene.svg_path import PathShape, read_path
+
+E, NU, THICKNESS = 206e9, 0.3, 0.01
+STEEL = {"youngs_modulus": E, "poissons_ratio": NU}
+CENTRE = [0.0, 0.0]
+
+
+def body(*regions: dict[str, Any], material: str = "air", **scene: Any) -> kaju.Scene:
+    """Return a quarter of a body, its middle in the lower left corner."""
+    true = [{"material": "steel", "outline": "true"} | region for region in regions]
+    return kaju.Scene(
+        body={
+            "size": [0.1, 0.1],
+            "cells": [5, 5],
+            "thickness": THICKNESS,
+            "material": material,
+            "regions": true,
+        },
+        materials={"steel": STEEL},
+        **({"sides": {"left": "roller", "bottom": "roller"}} | scene),
+    )
+
+
+BULB = (
+    "M 0.09 0 C 0.09 0.03 0.06 0.02 0.05 0.04 S 0.05 0.08 0 0.08 "
+    "S -0.04 0.06 -0.05 0.04 S -0.09 0.03 -0.09 0 L -0.05 -0.05 H 0.05 z"
+)
+ALL_ROUND = {
+    "disk": ({"disk": {"centre": CENTRE, "radius": 0.073}}, np.pi * 0.073**2 / 4),
+    "ellipse": ({"ellipse": {"centre": CENTRE, "radii": [0.09, 0.03]}}, np.pi * 0.0027 / 4),
+    "slot": (
+        {"slot": {"ends": [[-0.05, 0.0], [0.05, 0.0]], "radius": 0.031}},
+        0.05 * 0.031 + np.pi * 0.031**2 / 4,
+    ),
+    "rounded box": (
+        {"rounded_box": {"box": [[-0.09, -0.07], [0.09, 0.07]], "radius": 0.03}},
+        0.09 * 0.07 - (1 - np.pi / 4) * 0.03**2,
+    ),
+    "path": ({"path": BULB}, None),
+    "ring": (
+        {"ring": {"centre": CENTRE, "inner": 0.04, "outer": 0.08}},
+        np.pi * (0.08**2 - 0.04**2) / 4,
+    ),
+}
+
+
+def area_of(shape: PathShape) -> float:
+    """Return the area of the first line within the array, by fine straight lines."""
+    points = shape._polygons[0].corners
+    x, y = np.clip(np.array(points), 0.0, None).T
+    return 0.5 * abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
+
+
+@pytest.mark.parametrize("name", ALL_ROUND)
+def test_pressure_all_round_is_the_same_everywhere(name: str) -> None:
+    region, area = ALL_ROUND[name]
+    area = area_of(PathShape(BULB)) if area is None else area
+    answer = kaju.solve(
+        body(region | {"name": "rim"}, loads=[{"outline": "rim", "pressure": 1e6}]), tolerance=0.05
+    )
+    lower, upper = answer.energy_bounds
+    truth = (1 - NU) * 1e12 / E * area * THICKNESS
+    assert lower < truth * (1 + 1e-5)
+    assert upper > truth * (1 - 1e-5)
+    assert answer.tolerance_kept == "proved"
+    assert answer.outline_stress("rim")[1] == pytest.approx(-1e6, rel=1e-3)
+
+
+PULLED = {"loads": [{"side": "right", "force": [1e3, 0.0]}], "material": "steel"}
+
+
+def hole(**shape: Any) -> dict[str, Any]:
+    """Return a shape that is cut out."""
+    return shape | {"material": "air"}
+
+
+TWICE = {
+    "a circle drawn": (
+        [hole(disk={"centre": [0.05, 0.05], "radius": 0.02})],
+        [hole(path="M.07.05a.02.02 0 1 1-.04 0 .02.02 0 1 1 .04 0")],
+    ),
+    "an ellipse turned": (
+        [hole(ellipse={"centre": [0.05, 0.05], "radii": [0.03, 0.01], "angle": 90.0})],
+        [hole(ellipse={"centre": [0.05, 0.05], "radii": [0.01, 0.03]})],
+    ),
+    "a slot of three": (
+        [hole(slot={"ends": [[0.04, 0.05], [0.06, 0.05]], "radius": 0.015})],
+        [
+            hole(box=[[0.04, 0.035], [0.06, 0.065]]),
+            hole(disk={"centre": [0.04, 0.05], "radius": 0.015}),
+            hole(disk={"centre": [0.06, 0.05], "radius": 0.015}),
+        ],
+    ),
+    "an island in a hole": (
+        [hole(ring={"centre": [0.05, 0.05], "inner": 0.01, "outer": 0.02})],
+        [
+            hole(disk={"centre": [0.05, 0.05], "radius": 0.02}),
+            {"disk": {"centre": [0.05, 0.05], "radius": 0.01}},
+        ],
+    ),
+    "a crescent": (
+        [
+            hole(disk={"centre": [0.05, 0.05], "radius": 0.025}),
+            {"disk": {"centre": [0.05, 0.06], "radius": 0.03}},
+        ],
+        [
+            hole(
+                path="M.07341874 .04125 A.03 .03 0 0 0 .02658126 .04125 "
+                "A.025 .025 0 0 1 .07341874 .04125 z"
+            )
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TWICE)
+def test_two_ways_to_say_a_body_have_one_truth(name: str) -> None:
+    one, other = (
+        kaju.solve(body(*regions, **PULLED, sides={"left": "rigid"}), tolerance=0.1)
+        for regions in TWICE[name]
+    )
+    assert one.area.sum() == pytest.approx(other.area.sum(), rel=0.01)
+    assert one.energy_bounds[0] < other.energy_bounds[1]
+    assert other.energy_bounds[0] < one.energy_bounds[1]
+
+
+def test_paths_are_read_as_drawings_do() -> None:
+    square = read_path("M0 0 1 0 1 1 0 1Z")
+    assert [len(arcs) for arcs in square] == [4]
+    assert np.array_equal(square, read_path("m0,0h1v1H0z"))
+    wave = read_path("M0 0Q1 1 2 0T4 0V-3H0Z")[0]
+    assert np.array_equal(wave[:, [0, 3], 0][1], [1.0, 2.0])
+    ends = wave[:, 3, :2] / wave[:, 3, 2:]
+    assert ends[1:4].tolist() == [[2.0, 0.0], [3.0, -0.5], [4.0, 0.0]]
+    half = read_path("M0 0A1 1 0 0 1 2 0Z")[0]  # the radius is enlarged to fit
+    assert half[0, 3, :2] / half[0, 3, 2] == pytest.approx([1.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    "text", ["", "L 1 1", "M 0 0 1", "M 0 0 X", "M 0 0 A 1 1 0 2 0 1 1 z", "M 0 0 H 1 Z 3"]
+)
+def test_what_is_no_path_is_refused(text: str) -> None:
+    with pytest.raises(SceneError, match="path"):
+        read_path(text)
+
+
+@pytest.mark.parametrize(
+    ("region", "key"),
+    [
+        ({"path": "M.02.02 L.08.08 L.08.02 L.02.08z"}, "body.regions.0"),
+        ({"polygon": [[0.02, 0.02], [0.08, 0.08], [0.08, 0.02], [0.02, 0.08]]}, "body.regions.0"),
+        ({"ring": {"centre": [0.05, 0.05], "inner": 0.02, "outer": 0.01}}, "body.regions.0.ring"),
+        ({"rounded_box": {"box": [[0.0, 0.0], [0.1, 0.02]], "radius": 0.01}}, "body.regions.0"),
+        ({"slot": {"ends": [[0.05, 0.05], [0.05, 0.05]], "radius": 0.01}}, "body.regions.0.slot"),
+    ],
+)
+def test_shapes_that_are_none_are_refused(region: dict[str, Any], key: str) -> None:
+    with pytest.raises(SceneError, match=f"^{key}"):
+        kaju.solve(body(hole(**region), **PULLED, sides={"left": "rigid"}), tolerance=0.2)
+
+
+@pytest.mark.parametrize("name", ALL_ROUND)
+def test_cells_have_the_area_of_their_shape(name: str) -> None:
+    region, area = ALL_ROUND[name]
+    area = area_of(PathShape(BULB)) if area is None else area
+    cells = body(region | {"outline": "cells"}).refine(10)
+    filled = cells.kinds(np.indices((50, 50)).reshape(2, -1).T) >= 0
+    assert filled.mean() * 0.01 == pytest.approx(area, rel=0.03)

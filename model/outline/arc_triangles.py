@@ -98,6 +98,10 @@ def in_triangles(arcs: Floats) -> Floats:
 
 def keep_apart(one: Floats, other: Floats) -> bool:
     """Tell whether the arcs of two lines neither cross nor touch."""
+    points = [(at[..., :2] / at[..., 2:]).reshape(-1, 2) for at in (one, other)]
+    low, high = (np.array([f(at, axis=0) for at in points]) for f in (np.min, np.max))
+    if (low.max(axis=0) > high.min(axis=0) + CLOSE).any():
+        return True
     while True:
         a, b = ArcFrames(one), ArcFrames(other)
         first, second = _near(a, b, CLOSE)

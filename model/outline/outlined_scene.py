@@ -13,8 +13,7 @@ from kaju.errors import ConvergenceError, SceneError, SupportError
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.regions import Region
-from kaju.model.scene.shapes import Ball, Box, Ellipse, Polygon, Ring, RoundedBox
-from kaju.model.scene.svg_path import PathShape
+from kaju.model.scene.shapes import OutlinedShape
 
 from .arc_triangles import TouchError, keep_apart
 from .balanced_pieces import LooseError
@@ -147,9 +146,8 @@ def _shape(
     scene: Scene, region: Region, where: str, edge: float, shape: tuple[int, int]
 ) -> TrueShape:
     known = region.shape_in(scene.lattice, where)
-    assert isinstance(known, Ball | Box | Ellipse | PathShape | Polygon | Ring | RoundedBox)
-    lines = known.outline()
     try:
+        lines = cast(OutlinedShape, known).outline()
         return nested([np.asarray(arcs / [edge, edge, 1.0]) for arcs in lines], shape)
     except TouchError:
         raise SceneError(

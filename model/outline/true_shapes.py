@@ -96,11 +96,13 @@ class ArcShape:
     def _draw(self) -> None:
         """Draw both polygons."""
         frames = ArcFrames(self.arcs)
+        # corners on tangents, and between lines that go on, are none
         smooth = np.abs(angle(np.roll(frames.last, 1, axis=0), frames.first)) < SMOOTH
         self._polygons = []
         for way in (1.0, -1.0):
             bent = way * frames.turn > 0.0
             on_tangent = smooth & bent & np.roll(bent, 1)
+            on_tangent |= smooth & (frames.turn == 0.0) & (np.roll(frames.turn, 1) == 0.0)
             at = np.stack([frames.start, frames.tip], axis=1)
             kept = np.stack([~on_tangent, bent], axis=1)
             self._polygons.append(StraightShape([(x, y) for x, y in at[kept].tolist()]))

@@ -15,7 +15,6 @@ from io import BytesIO
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags
 from kaju.errors import SceneError, SceneFileError
 from kaju.files import file_to_read
 
@@ -30,16 +29,12 @@ EMBEDDED = "data:image/png;base64,"
 """What an image that a scene carries with it starts with, in place of a path (RFC 2397)."""
 
 
-def embedded(dark: Flags) -> str:
-    """Return a text for which `read_pixels` gives black pixels where `dark`, else white ones.
-
-    `dark` is indexed along x from the left and along y from the bottom.
-    """
+def embedded(pixels: NDArray[np.uint8]) -> str:
+    """Return a text for which `read_pixels` gives these pixels, the top row first."""
     from PIL import Image
 
     file = BytesIO()
-    grey = np.where(dark.T[::-1], 0, 255).astype(np.uint8)
-    Image.fromarray(grey).save(file, "PNG")
+    Image.fromarray(pixels).save(file, "PNG")
     return EMBEDDED + b64encode(file.getvalue()).decode("ascii")
 
 

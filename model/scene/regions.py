@@ -11,7 +11,8 @@ from kaju.errors import ParameterError, SceneError
 
 from .described import Coordinate, Described, Length, Number, Text, one_given
 from .lattice import Lattice
-from .pictures import read_pixels
+from .level_sets import EMBEDDED_ARRAY, LevelSet, checked, read_embedded
+from .pictures import read_array, read_pixels
 from .shapes import Ball, Box, Ellipse, Mask, Polygon, Ring, RoundedBox, Shape
 from .svg_path import PathShape
 
@@ -79,20 +80,45 @@ class BoxWithRadius(Described):
 
 
 class RegionImage(Described):
-    """The dark pixels of an image, stretched over a box or over the whole array."""
+    """The dark part of an image, stretched over a box or over the whole array.
+
+    Parameters
+    ----------
+    file : str
+        The path of an image, or of an ``.npy`` array of numbers, indexed [x, y].
+    box : pair of points, optional
+        The corners (m) that it fills.
+    level : float, optional
+        How dark, from 0 to 1, a place must be, bilinear between the middles of pixels; or how large
+        a number, bilinear between samples, of which the outer ones lie on the sides of the box.
+        Without one, cells take pixels that are darker than 0.5; true outlines and arrays take 0.5.
+    """
 
     file: Text = Field(description="the path of an image, such as 'hole.png'")
     box: tuple[Point, Point] | None = Field(
         default=None, description="the lower and the upper corner (m) that the image fills"
     )
+    level: Number | None = Field(
+        default=None, description="how dark a place must be, from 0 to 1, such as 0.5"
+    )
 
-    def mask(self, lattice: Lattice, where: str) -> Mask:
-        """Return the dark pixels, in their place."""
-        pixels = read_pixels(self.file, f"{where}.file").astype(np.float32)
-        brightness = pixels[:, :, :3] @ np.array([0.299, 0.587, 0.114], dtype=np.float32)
-        dark = (brightness < 128.0) & (pixels[:, :, 3] >= 128.0)
+    def shape_in(self, lattice: Lattice, where: str, level: float | None) -> Mask | LevelSet:
+        """Return its dark pixels, or where it reaches a level, in their place."""
         whole = ((0.0,) * lattice.dimension, lattice.extent)
-        return Mask(_box(self.box or whole, lattice, f"{where}.box"), dark[::-1].T)
+        box = _box(self.box or whole, lattice, f"{where}.box")
+        key, array = f"{where}.file", self.file.endswith(".npy")
+        if array or self.file.startswith(EMBEDDED_ARRAY):
+            values = checked(read_array(self.file, key), key) if array else None
+            values = read_embedded(self.file, key) if values is None else values
+            return LevelSet(box, values, 0.5 if level is None else level)
+        pixels = read_pixels(self.file, key)
+        weights = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+        brightness = pixels[:, :, :3].astype(np.float32) @ weights
+        if level is None:
+            dark = (brightness < 128.0) & (pixels[:, :, 3] >= 128.0)
+            return Mask(box, dark[::-1].T)
+        darkness = (1.0 - brightness.astype(np.float64) / 255.0) * pixels[:, :, 3] / 255.0
+        return LevelSet(box, darkness[::-1].T, level, pixels)
 
 
 class Region(Described):
@@ -162,8 +188,8 @@ class Region(Described):
     @model_validator(mode="after")
     def _one_shape(self) -> Region:
         shape = one_given(self, _SHAPES, ONE_SHAPE)
-        if self.outline == "true" and shape in ("ball", "image"):
-            raise ParameterError(f'outline: "true" is not known of {shape}; leave it out')
+        if self.outline == "true" and shape == "ball":
+            raise ParameterError('outline: "true" is not known of a ball; leave it out')
         return self
 
     def shape_in(self, lattice: Lattice, where: str) -> Shape:
@@ -185,7 +211,10 @@ class Region(Described):
                 _check_dimension(corner, lattice, where)
             return Polygon(self.polygon)
         if self.image is not None:
-            return self.image.mask(lattice, where)
+            level = self.image.level
+            if level is None and self.outline == "true":
+                level = 0.5
+            return self.image.shape_in(lattice, where, level)
         if self.path is not None:
             return PathShape(self.path)
         if self.slot is not None:

@@ -22,7 +22,7 @@ from .contents import Contents, contents_of
 from .description import Description, check_rule
 from .filling import CellBox
 from .lattice import Cells, Lattice
-from .pictures import embedded
+from .level_sets import LevelSet
 from .places import with_lines
 from .purity import Purity
 from .refinement import refined_body, refined_loads
@@ -330,8 +330,8 @@ class Scene(Description):
         """
         table = self._table()
         for number, filled in enumerate(self._contents.filling.regions):
-            if isinstance(filled.shape, Mask):
-                table["body"]["regions"][number]["image"]["file"] = embedded(filled.shape.dark)
+            if isinstance(filled.shape, Mask | LevelSet):
+                table["body"]["regions"][number]["image"]["file"] = filled.shape.embedded()
         return archive_of(table, self._contents.picture)
 
     @classmethod

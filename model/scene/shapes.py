@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from kaju.arrays import Flags, Floats
 
 from .curves import Point, conic, elliptic, line, polygonal
+from .pictures import embedded
 
 Points = NDArray[np.float64]
 """Points (m), shape (n, dimension)."""
@@ -242,6 +243,10 @@ class Mask:
         return self.box == other.box and np.array_equal(self.dark, other.dark)
 
     __hash__ = None  # type: ignore[assignment]
+
+    def embedded(self) -> str:
+        """Return what a scene carries with it in place of a file."""
+        return embedded(np.where(self.dark.T[::-1], 0, 255).astype(np.uint8))
 
     @property
     def extent(self) -> tuple[Points, Points]:

@@ -20,6 +20,7 @@ from kaju.files import scratch_beside
 
 from .body import Body
 from .description import TABLES, Description
+from .level_sets import EMBEDDED_ARRAY
 from .loads import LoadTable
 from .pictures import EMBEDDED, Picture
 from .shared_materials import LONGEST, with_shared
@@ -78,7 +79,7 @@ def _moved(part: Any, folder: Path) -> Any:
     moved = {}
     for key, value in part.items():
         is_path = key in ("image", "array", "file") and isinstance(value, str)
-        is_path = is_path and not value.startswith(EMBEDDED)
+        is_path = is_path and not value.startswith((EMBEDDED, EMBEDDED_ARRAY))
         moved[key] = str(folder / value) if is_path else _moved(value, folder)
     return moved
 

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from kaju.model.scene import load_scene as load_scene
     from kaju.model.scene.lattices import Cubes as Cubes
     from kaju.model.scene.lattices import Squares as Squares
+    from kaju.model.scene.level_sets import sampled_shape as sampled_shape
     from kaju.model.study.compare import compare as compare
     from kaju.model.study.finite_elements import finite_elements as finite_elements
     from kaju.model.study.fitting import fit_rule as fit_rule
@@ -95,6 +96,7 @@ _NAMES = {
     "model.rheology.element": "ThreeElement",
     "model.rheology.load_history": "History",
     "model.scene": "Lattice Scene load_scene",
+    "model.scene.level_sets": "sampled_shape",
     "model.scene.lattices": "Cubes Squares",
     "model.study.compare": "compare",
     "model.study.finite_elements": "finite_elements",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import kaju
 from kaju.errors import SceneError
@@ -177,3 +179,41 @@ def test_cells_have_the_area_of_their_shape(name: str) -> None:
     cells = body(region | {"outline": "cells"}).refine(10)
     filled = cells.kinds(np.indices((50, 50)).reshape(2, -1).T) >= 0
     assert filled.mean() * 0.01 == pytest.approx(area, rel=0.03)
+
+
+def test_samples_of_a_circle_are_a_body_near_to_it(tmp_path: Path) -> None:
+    def away(points: Any) -> Any:
+        return np.hypot(*(points - 0.05).T) - 0.02
+
+    image = kaju.sampled_shape(away, (0.0, 0.0), (0.1, 0.1), (41, 41))
+    drawn = body(hole(image=image, name="hole"), **PULLED, sides={"left": "rigid"})
+    round_ = body(*TWICE["a circle drawn"][0], **PULLED, sides={"left": "rigid"})
+    one, other = (kaju.solve(scene, tolerance=0.04) for scene in (drawn, round_))
+    assert one.strain_energy == pytest.approx(other.strain_energy, rel=0.003)
+    assert one.area.sum() == pytest.approx(other.area.sum(), rel=0.003)
+    again = kaju.load_result(one.save(tmp_path / "drawn"))
+    points = np.array([[0.0705, 0.05], [0.02, 0.02]])
+    assert np.array_equal(again.displacement_at(points), one.displacement_at(points))
+
+
+def test_a_grey_image_is_a_body(tmp_path: Path) -> None:
+    grey = np.full((20, 20), 255, dtype=np.uint8)
+    grey[:, :12] = 0  # the middles of its columns are 5 mm apart: black up to x = 57.5 mm
+    grey[:10, 12] = 51  # 0.8 of black: the level 0.5 lies 0.375 of the way to white
+    Image.fromarray(grey).save(tmp_path / "bar.png")
+    region = {"image": {"file": str(tmp_path / "bar.png"), "level": 0.5}, "name": "bar"}
+    answer = kaju.solve(
+        body(region, sides={"bottom": "rigid"}, loads=[{"side": "top", "force": [0.0, 1.0]}]),
+        tolerance=0.2,
+    )
+    low, high = 0.0575 + 0.0025, 0.0625 + 0.005 * 0.375
+    assert low * 0.045 + high * 0.045 < answer.area.sum() < high * 0.1
+    assert kaju.load_result(answer.save(tmp_path / "bar")).pieces()[1]
+    (tmp_path / "bar.png").unlink()
+
+
+def test_lines_that_cross_between_samples_are_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "cross.npy", np.array([[1.0, 0.0], [0.0, 1.0]]))
+    region = {"image": {"file": str(tmp_path / "cross.npy")}}
+    with pytest.raises(SceneError, match="level"):
+        kaju.solve(body(region, **PULLED, sides={"left": "rigid"}), tolerance=0.2)

@@ -290,7 +290,12 @@ def test_outlines_need_their_word() -> None:
     with pytest.raises(kaju.KajuError, match="outline"):
         kaju.Scene(
             body=body
-            | {"regions": [{"image": {"file": "x.png"}, "material": "air", "outline": "true"}]},
+            | {
+                "regions": [
+                    {"ball": {"centre": [0.0, 0.0, 0.0], "radius": 0.1}, "material": "air"}
+                    | {"outline": "true"}
+                ]
+            },
             sides={"left": "rigid"},
         )
 

@@ -1,0 +1,238 @@
+"""Level sets of samples, bilinear between them: grey images, and distances sampled in Python."""
+
+from __future__ import annotations
+
+from base64 import b64decode, b64encode
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Flags, Floats
+from kaju.errors import ParameterError, SceneError, SceneFileError
+
+from .curves import Point, conic
+from .pictures import embedded
+from .shapes import Box, Points
+
+EMBEDDED_ARRAY = "data:application/x-npy;base64,"
+"""What samples start with that a scene carries with it, in place of a path (RFC 2397)."""
+_LEAST = 1e-6
+"""Of the largest sample: those nearer to the level count as this much above it, or below."""
+_EDGE = (("x", 0, 0), ("y", 1, 0), ("x", 0, 1), ("y", 0, 0))
+
+
+def sampled_shape(
+    distance: Callable[[Floats], Any], lower: Point, upper: Point, samples: Sequence[int]
+) -> dict[str, Any]:
+    """Return a region's `image` that holds where a function is not above 0.
+
+    The function is sampled once, and the body is where the samples, bilinear between them, are not
+    above 0: this is the body that bounds are proved of, not the one between the samples.
+
+    Parameters
+    ----------
+    distance : callable
+        Of points (m), shape (n, 2): below 0 within the body, such as a signed distance (m).
+    lower, upper : point
+        Corners (m) of the box that is sampled; beyond it there is none of the body.
+    samples : pair of int
+        Samples along x and along y, two or more, those on the sides included.
+
+    Returns
+    -------
+    image : dict
+        For `Scene.with_region(material, image=image, outline="true")`.
+
+    Raises
+    ------
+    ParameterError
+        If a value is not finite, or the box or the samples are none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kaju import Scene, sampled_shape
+    >>> def wavy(points):
+    ...     away, angle = np.hypot(*points.T), np.arctan2(*points.T)
+    ...     return away - 0.05 - 0.005 * np.cos(8 * angle)
+    >>> body = {"size": [0.1, 0.1], "cells": [8, 8], "material": "steel"}
+    >>> scene = Scene(body=body, sides={"left": "rigid"})
+    >>> image = sampled_shape(wavy, (0.0, 0.0), (0.1, 0.1), (65, 65))
+    >>> scene.with_region("air", image=image, outline="true").outlined
+    True
+    """
+    if len(samples) != 2 or min(samples) < 2:
+        raise ParameterError(f"samples: two or more along x and y are needed, got {samples!r}")
+    if not (lower[0] < upper[0] and lower[1] < upper[1]):
+        raise ParameterError(f"upper: {upper!r} must be above lower, {lower!r}")
+    axes = [np.linspace(lower[a], upper[a], samples[a]) for a in (0, 1)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    found = np.asarray(distance(points), dtype=np.float64)
+    if found.shape != (len(points),) or not np.isfinite(found).all():
+        raise ParameterError(
+            f"distance: a finite number for each of {len(points)} points is needed, got shape "
+            f"{found.shape}"
+        )
+    text = embedded_array(-found.reshape(samples[0], samples[1]))
+    return {"file": text, "box": (tuple(lower), tuple(upper)), "level": 0.0}
+
+
+def embedded_array(values: Floats) -> str:
+    """Return a text for which `read_samples` gives the values."""
+    file = BytesIO()
+    np.save(file, values, allow_pickle=False)
+    return EMBEDDED_ARRAY + b64encode(file.getvalue()).decode("ascii")
+
+
+def read_embedded(text: str, key: str) -> Floats:
+    """Return samples from a text, first index along x, second along y."""
+    try:
+        file = BytesIO(b64decode(text.removeprefix(EMBEDDED_ARRAY), validate=True))
+        return checked(np.load(file, allow_pickle=False), key)
+    except (ValueError, EOFError, OSError):
+        raise SceneFileError(f"{key}: its samples cannot be read; embed them anew") from None
+
+
+def checked(values: Any, key: str) -> Floats:
+    """Return samples as numbers.
+
+    Raises
+    ------
+    SceneFileError
+        If they are not finite numbers along two axes.
+    """
+    if values.ndim != 2 or min(values.shape) < 2 or values.dtype.kind not in "fiub":
+        raise SceneFileError(f"{key}: numbers along x and y are needed, got shape {values.shape}")
+    out = np.asarray(values, dtype=np.float64)
+    if not np.isfinite(out).all():
+        raise SceneFileError(f"{key}: holds numbers that are not finite; replace them")
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class LevelSet:
+    """Where samples, bilinear between them, are not below a level."""
+
+    box: Box
+    values: Floats
+    """First index along x, second along y."""
+    level: float
+    pixels: NDArray[np.uint8] | None = None
+    """Those of an image: samples are in their middles, and stay the same up to the sides of the
+    box. Else the first and the last samples lie on its sides."""
+
+    @property
+    def extent(self) -> tuple[Points, Points]:
+        """Lower and upper corner of the box (m)."""
+        return self.box.extent
+
+    def embedded(self) -> str:
+        """Return what a scene carries with it in place of a file."""
+        if self.pixels is not None:
+            return embedded(self.pixels)
+        return embedded_array(self.values)
+
+    @cached_property
+    def _grid(self) -> tuple[list[Floats], Floats]:
+        """Return places of samples along x and y (m), and how far these are above the level."""
+        values, places = self.values, []
+        for axis, count in enumerate(values.shape):
+            low, high = self.box.lower[axis], self.box.upper[axis]
+            if self.pixels is not None:
+                middles = low + (high - low) * (np.arange(count) + 0.5) / count
+                places.append(np.array([low, *middles, high]))
+            else:
+                places.append(np.linspace(low, high, count))
+        if self.pixels is not None:
+            values = np.pad(values, 1, mode="edge")
+        above = values - self.level
+        least = _LEAST * np.abs(above).max()
+        near = np.abs(above) < least
+        return places, np.where(near, np.where(above < 0.0, -least, least), above)
+
+    def contains(self, points: Points) -> Flags:
+        """Tell which points lie inside or on the edge."""
+        (xs, ys), above = self._grid
+        inside = self.box.contains(points)
+        x, y = points[inside].T
+        i = np.clip(np.searchsorted(xs, x, side="right") - 1, 0, len(xs) - 2)
+        j = np.clip(np.searchsorted(ys, y, side="right") - 1, 0, len(ys) - 2)
+        u, v = (x - xs[i]) / (xs[i + 1] - xs[i]), (y - ys[j]) / (ys[j + 1] - ys[j])
+        low = (1.0 - u) * above[i, j] + u * above[i + 1, j]
+        high = (1.0 - u) * above[i, j + 1] + u * above[i + 1, j + 1]
+        inside[inside] = (1.0 - v) * low + v * high >= 0.0
+        return inside
+
+    def outline(self) -> list[Floats]:
+        """Return its closed lines: parts of hyperbolas, and of the sides of its box.
+
+        Raises
+        ------
+        SceneError
+            If two lines cross between four samples, or there is none.
+        """
+        (xs, ys), above = self._grid
+        xs, ys = (np.array([line[0], *line, line[-1]]) for line in (xs, ys))
+        above = np.pad(above, 1, constant_values=-np.abs(above).max())  # nothing beyond the box
+        sign = above >= 0.0
+        corners = [sign[:-1, :-1], sign[1:, :-1], sign[1:, 1:], sign[:-1, 1:]]
+        count = np.sum(corners, axis=0)
+        onward = {}
+        for i, j in np.argwhere((count > 0) & (count < 4)).tolist():
+            for first, last, arc in _arcs_between(above[i : i + 2, j : j + 2]):
+                arc = arc * [xs[i + 1] - xs[i], ys[j + 1] - ys[j], 1.0]
+                arc += arc[:, 2:] * [xs[i], ys[j], 0.0]
+                ends = [(kind, i + di, j + dj) for kind, di, dj in (_EDGE[first], _EDGE[last])]
+                onward[ends[0]] = (ends[1], arc)
+        lines = []
+        while onward:
+            here, arcs = next(iter(onward)), []
+            while here in onward:
+                here, arc = onward.pop(here)
+                if (arc[0, :2] * arc[3, 2] != arc[3, :2] * arc[0, 2]).any():
+                    arcs.append(arc)
+            lines.append(np.array(arcs))
+        if not lines:
+            raise SceneError(f"level: nothing is above {self.level:g}; take another one")
+        return lines
+
+
+def _arcs_between(f: Floats) -> list[tuple[int, int, Floats]]:
+    """Return the curves of 0 in the unit square by its corners: sides they join, and curves.
+
+    f = a + b x + c y + d x y is above 0 to their left.
+    """
+    ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    a, b, c = f[0, 0], f[1, 0] - f[0, 0], f[0, 1] - f[0, 0]
+    d = f[1, 1] - a - b - c
+    outs: list[tuple[int, Point]] = []
+    ins: list[tuple[int, Point]] = []
+    for side in range(4):
+        p, q = ring[side], ring[(side + 1) % 4]
+        here, there = f[p], f[q]
+        if (here >= 0.0) != (there >= 0.0):
+            t = here / (here - there)
+            at = (p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1]))
+            (outs if here >= 0.0 else ins).append((side, at))
+    branch = [c + d * ends[0][1][0] > 0.0 for ends in (outs, ins)]
+    if len(outs) == 2 and branch[0] != branch[1]:  # both ends lie on one branch of the hyperbola
+        ins.reverse()
+    found = []
+    for (first, (x0, y0)), (last, (x1, y1)) in zip(outs, ins, strict=True):
+        one, other = c + d * x0, b + d * y1
+        if abs(one) > abs(other):
+            other = c + d * x1
+        else:
+            one, other = other, b + d * y0
+        if one * other <= 0.0:
+            raise SceneError("level: two lines cross between samples; take one a little off")
+        ratio = other / one
+        tip = (x0 + (x1 - x0) / (1.0 + ratio), y0 + (y1 - y0) * ratio / (1.0 + ratio))
+        weight = float(0.5 * (1.0 + ratio) / np.sqrt(ratio))
+        found.append((first, last, conic((x0, y0), tip, (x1, y1), weight)))
+    return found

@@ -252,6 +252,18 @@ def _noodle(see: dict[str, Any]) -> str:
     return _curve([(t, see["dent"](float(t))) for t in np.linspace(0.0, 27.0, 109)], RULE)
 
 
+def _bridge(see: dict[str, Any]) -> str:
+    """Draw the bridge that has grown."""
+    density = see["run"]().density
+    edge = (HEIGHT - 10) / density.shape[1]
+    left = 0.5 * (WIDTH - edge * len(density))
+    return "".join(
+        _rect(left + edge * x, HEIGHT - 5 - edge * (y + 1), edge, edge, STEPS[int(8 * value)])
+        for (x, y), value in np.ndenumerate(density)
+        if value > 0.1
+    )
+
+
 PICTURES: dict[str, Callable[[dict[str, Any]], str]] = {
     "find-its-way": lambda see: _body(see["p"][0], 10),
     "walls-and-air": _bounces,
@@ -264,6 +276,7 @@ PICTURES: dict[str, Callable[[dict[str, Any]], str]] = {
     "two-wrong-answers": _bounds,
     "a-lattice-bends": _lattice,
     "a-noodle-remembers": _noodle,
+    "bones-and-bridges": _bridge,
 }
 """How a lesson's picture is drawn."""
 TEMPLATE = (Path(__file__).parent / "lesson_index.html").read_text("utf-8")

@@ -390,6 +390,24 @@ def _noodle(run: Callable[..., Any]) -> dict[str, Any]:
     return {"dent": dent}
 
 
+def _bridges(run: Callable[..., Any]) -> dict[str, Any]:
+    def compliance(page: str = "", step: int = -1) -> float:
+        """Return the compliance after a step, in millijoules."""
+        return float(1e3 * run(page).compliances[step])
+
+    def tie(page: str = "") -> float:
+        """Return the mean density between the feet, in the middle third of the lowest row."""
+        return float(run(page).density[16:31, 1].mean())
+
+    return {
+        "compliance": compliance,
+        "tie": tie,
+        "top": lambda x, page="": float(run(page).density[x, -1]),
+        "filled": lambda page="": 100.0 * float(run(page).volumes[-1]),
+        "steps": lambda page="": run(page).steps,
+    }
+
+
 def _two_answers(run: Callable[..., Any]) -> dict[str, Any]:
     @cache
     def answer(cells: int) -> Any:
@@ -426,5 +444,6 @@ RECORDED = {
     "a-lattice-bends": _lattice,
     "a-noodle-remembers": _noodle,
     "two-wrong-answers": _two_answers,
+    "bones-and-bridges": _bridges,
 }
 """Words of the lessons that show recorded runs."""

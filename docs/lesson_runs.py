@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaju import ElasticRule, History, Scene, SpawningModel, ThreeElement, creep, solve
+from kaju import ElasticRule, GrowthModel, History, Scene, SpawningModel, ThreeElement, creep, solve
 from kaju.model.network import triangular
 
 if TYPE_CHECKING:
@@ -84,6 +84,22 @@ def solved(scene: Scene) -> Callable[[], Result]:
     return lambda: solve(scene, strategy="uniform")
 
 
+def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Callable[[], Result]:
+    """Let a bridge grow on a firm left foot and a right one, loaded in one cell of its top."""
+    codes = np.ones((47, 21), dtype=int)
+    codes[:, 0] = 0
+    codes[:2, 0], codes[-2:, 0] = 2, 3
+    scene = Scene.from_array(
+        codes,
+        legend={0: "air", 1: "steel", 2: "rigid", 3: right},
+        cell_size=0.05,
+        thickness=0.1,
+        loads=[{"cell": [load, 20], "force": [0.0, -1000.0]}],
+    )
+    usual = {"volume": 0.3, "filter_radius": 1.5, "most_steps": 60, "at_rest": 0.0}
+    return lambda: GrowthModel(scene, **usual | growth).run()
+
+
 HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
 PAGES: dict[str, dict[str, Callable[[], Result]]] = {
     "agents-of-many-sizes": {
@@ -108,6 +124,12 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
         "firm": bitten(200.0, 5.0),
     },
     "two-wrong-answers": {"": spawned(broad(20), 0.02)},
+    "bones-and-bridges": {
+        "": bridge(),
+        "firm": bridge(right="rigid"),
+        "quarter": bridge(11),
+        "bone": bridge(rule="remodelling", most_steps=160),
+    },
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
 EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
@@ -116,6 +138,7 @@ EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
         **{f"corner-{n}": solved(corner(n)) for n in (16, 32, 64)},
         "bar": solved(bar()),
     },
+    "bones-and-bridges": {"60": bridge(volume=0.6), "15": bridge(volume=0.15)},
 }
 """Further runs that a recorded lesson tells of."""
 

@@ -33,6 +33,7 @@ ORDER = (
     "two-wrong-answers",
     "a-lattice-bends",
     "a-noodle-remembers",
+    "bones-and-bridges",
 )
 """In which order they are offered."""
 HEADINGS = {

@@ -28,9 +28,9 @@ def test_the_bridge_grows(tmp_path):
     result = kaju.load_result(out)
     assert result.compliance == figures["compliance_J"]
     density = result.density
-    # The right abutment slides: whatever stands there pushes down alone, and nothing along.
-    assert abs(result.answer.reactions["rigid"][0]) < 1e-6
-    assert density[20:60, 4:12].mean() < 0.2 < density[20:60, 24:].mean()
+    # The right abutment slides, so a tie holds the feet of the arch together.
+    assert density[30:50, 1].min() > 0.9
+    assert density[20:60, 5:12].mean() < 0.2 < density[20:60, 25:].mean()
     assert sorted(path.name for path in out.iterdir()) == [
         *("design.png", "result.npz", "summary.json"),
     ]

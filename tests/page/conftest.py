@@ -71,11 +71,15 @@ class Opened:
         self.context.set_default_timeout(120_000)
         self.tab = self.context.new_page()
         self.requests, self.messages = [], []
-        self.tab.on("request", lambda request: self.requests.append(request.url))
+        self.tab.on("request", lambda request: self._note(request.url))
         self.tab.on("console", lambda message: self.messages.append(message.text))
         self.tab.on("pageerror", lambda error: self.messages.append(str(error)))
         self.tab.goto(path.as_uri())
         self.until("page?.drawn > 0")
+
+    def _note(self, url):
+        if not url.startswith("blob:"):  # a worker of the page's own text
+            self.requests.append(url)
 
     def js(self, expression):
         """The value of an expression in which `page` is the page."""

@@ -193,6 +193,7 @@ def test_every_recorded_page_is_played_to_its_end(name, opened, tmp_path):
         page.js("page.lesson.open(1)")  # the first question shows no more than the start
         page.tab.keyboard.press("Home")
         first = page.js("page.canvas.toDataURL()")
+        page.until("page.run.atRest")
         page.tab.keyboard.press("End")
         page.tab.wait_for_timeout(200)
         words = page.tab.locator(".count").inner_text()

@@ -288,7 +288,7 @@ def _preset(
     return {"name": name, "note": note, "scene": data}
 
 
-_MOST_GROWN = 2600
+_MOST_GROWN = 2700
 """Cells that a page grows itself: a step takes it some 25 ms."""
 
 

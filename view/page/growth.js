@@ -50,7 +50,7 @@ export class GrowthPage extends Page {
     return v;
   }
   words() {
-    const { t, g, run, parts, picked } = this, text = `${t("along_step")} ${t("moment", { g, n: run.generation })}${this.over ? "" : " …"}`;
+    const { t, g, run, parts, picked } = this, text = `${t("along_step")} ${g} · ${t("moment", { g, n: run.generation })}${this.over ? "" : " …"}`;
     this.tellTime(text);
     this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
     const cell = picked >= 0 && run.kinds[picked] >= 0;

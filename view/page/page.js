@@ -34,7 +34,7 @@ export class Page {
     this.begin(header);
     this.loads = new Loads(this);
     this.lesson = lesson ? new Lesson(this, lesson) : null;
-    if (this.lesson) this.look.speed = 1;
+    if (this.lesson && !this.ruleRows) this.look.speed = 1;
     this.host = make("div", { className: `all${asked.has("compact") ? " compact" : ""}` });
     this.root = element.shadowRoot ?? element.attachShadow({ mode: "open" });
     this.root.replaceChildren(this.host);

@@ -99,7 +99,7 @@ def test_numbers_supports_and_the_rule_are_in_the_hand(opened, tmp_path):
         lambda: arm(rule=Compliance("sensitivity")),
         lambda: arm(rule=Compliance(penalty=2.0)),
         lambda: arm(start=np.linspace(0.1, 0.7, 288).reshape(24, 12)),
-        lambda: arm((60, 44), most_steps=1),
+        lambda: arm((60, 46), most_steps=1),
     ],
 )
 def test_what_the_page_would_grow_otherwise_is_recorded(model):

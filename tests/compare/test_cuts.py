@@ -52,6 +52,18 @@ def test_elasticity_carries_all_of_it_at_every_cut(how):
     np.testing.assert_allclose(cuts.missing, 0.0, atol=2e-10)
 
 
+def test_no_layer_ends_within_an_agent():
+    cells = {"cells": [64, 64], "cell_size": 0.01, "material": "steel"}
+    scene = Scene(
+        body=cells,
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [32, 63], "force": [0.0, -2.0]}],
+    )
+    answer = solve(scene, strategy="spawning", tolerance=0.3)
+    assert answer.size.max() == pytest.approx(0.08)
+    assert answer.cuts().at == pytest.approx(0.08 * np.arange(8) + 0.04)
+
+
 def test_agents_of_the_elastic_rule_come_to_equilibrium():
     far, near = (
         ElasticModel(plate(rule=elastic(t)), engine="arrays").run().cuts() for t in (1e-2, 1e-12)

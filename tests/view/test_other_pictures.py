@@ -12,7 +12,7 @@ from kaju.model.scene import Scene
 from kaju.view import plot, plot_all
 from kaju.view.network_plots import plot_network
 from kaju.view.style import arrow_polygons
-from kaju.view.units import grouped, quantity, round_down, scale_for, times
+from kaju.view.units import Scale, grouped, quantity, round_down, scale_for, times
 
 BLOCK = """
 [body]
@@ -112,6 +112,11 @@ def test_magnifications_are_round() -> None:
     assert times(1e4) == "×10\u202f000"
     assert times(0.02) == "×0.02"
     assert grouped(1234567) == "1\u202f234\u202f567"
+
+
+def test_small_powers_of_ten_are_written_as_such():
+    marks = {1e-5: "$10^{-5}$", 2e-5: "2e−05", 1.0: "1", -3.0: "−3", 0.0: "0", 1e-3: "0.001"}
+    assert {value: Scale(1.0, "").text(value) for value in marks} == marks
 
 
 def test_prefixes_stay_within_what_there_is() -> None:

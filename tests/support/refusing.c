@@ -1,8 +1,10 @@
 /* Refuses the Nth large allocation, write or read of a process: cc -shared -fPIC -o refusing.so refusing.c -ldl
-   KAJU_REFUSE is "memory N", "write N" or "read N"; of files only those whose path holds KAJU_BELOW count. */
+   KAJU_REFUSE is "memory N", "write N" or "read N"; of files only those whose path holds KAJU_BELOW count.
+   When it refuses it makes the file KAJU_REFUSED. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,7 +21,11 @@ __attribute__((constructor)) static void begin(void) {
   if (told && strchr(told, ' ')) { what = told[0]; left = atoi(strchr(told, ' ') + 1); }
 }
 
-static int now(char kind) { return what == kind && left >= 0 && __sync_sub_and_fetch(&left, 1) == -1; }
+static int now(char kind) {
+  if (what != kind || left < 0 || __sync_sub_and_fetch(&left, 1) != -1) return 0;
+  close(open(getenv("KAJU_REFUSED"), O_CREAT | O_WRONLY, 0600));
+  return 1;
+}
 
 static int counts(int file) {
   char link[64], path[4096];

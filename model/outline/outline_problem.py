@@ -18,17 +18,55 @@ SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
 ON_BORDER = 1e-8
 """Middles of sides this near to an outline (in edges of the first agents) lie on it."""
+LEVEL = 1e-9
+"""Sine of the angle to a force below which a side is along it."""
 _GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 
 @dataclass(frozen=True)
-class PressedOutline:
-    """A pressure on the outline of a region."""
+class LoadedOutline:
+    """Tractions s n along the outline of a region, of one stress s and the outward normal n.
+
+    The same stress in the band between both bodies is in balance and right on every curve.
+    """
 
     name: str
     shape: TrueShape
     solid: bool
-    pressure: float
+    stress: Floats
+    """Shape (2, 2)."""
+    facing: Floats | None = None
+    """A direction: only where it points into the body is there a traction."""
+
+    @classmethod
+    def pressed(cls, name: str, shape: TrueShape, solid: bool, pressure: float) -> LoadedOutline:
+        """Return a pressure all along the outline."""
+        return cls(name, shape, solid, -pressure * np.eye(2))
+
+    @classmethod
+    def pushed(
+        cls, name: str, shape: TrueShape, solid: bool, force: Floats, extent: tuple[int, int]
+    ) -> LoadedOutline:
+        """Return a force, even across its direction, on all of the outline that faces it."""
+        way = force / np.hypot(*force)
+        shape.part_along((float(way[0]), float(way[1])))
+        facing = cls(name, shape, solid, np.zeros((2, 2)), way)
+        sides = within_array(shape.border(not solid), extent)
+        width = -(facing.outward(sides) @ way)[facing.acts_on(sides)].sum()
+        stress = -np.hypot(*force) / width * np.outer(way, way) if width > 0.0 else facing.stress
+        return cls(name, shape, solid, stress, way)
+
+    def outward(self, border: Floats) -> Floats:
+        """Return the outward normals of the body along its border, times lengths. Shape (n, 2)."""
+        run = border[:, 1] - border[:, 0]
+        return np.asarray(np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if self.solid else -1.0))
+
+    def acts_on(self, border: Floats) -> Flags:
+        """Tell on which straight parts of the shape's border there is a traction."""
+        outward = self.outward(border)
+        if self.facing is None:
+            return np.ones(len(outward), dtype=np.bool_)
+        return np.asarray(outward @ self.facing < -LEVEL * np.hypot(*outward.T))
 
 
 @dataclass(frozen=True)
@@ -45,7 +83,7 @@ class OutlineProblem:
     pulled: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Total force on sides."""
     pressed_sides: dict[str, float] = field(default_factory=dict)
-    pressed: tuple[PressedOutline, ...] = ()
+    outlines: tuple[LoadedOutline, ...] = ()
 
     @property
     def shapes(self) -> tuple[TrueShape, ...]:
@@ -54,10 +92,9 @@ class OutlineProblem:
 
     @property
     def band(self) -> float:
-        """What a unit of area between both bodies costs, where it is under the largest pressure."""
-        unit = np.array([1.0, 1.0, 0.0])
-        largest = max((abs(one.pressure) for one in self.pressed), default=0.0)
-        return largest**2 * float(unit @ np.linalg.solve(self.stiffness, unit))
+        """What a unit of area between both bodies costs at most, under the stress of a load."""
+        stresses = [one.stress[[0, 1, 0], [0, 1, 1]] for one in self.outlines]
+        return max((float(s @ np.linalg.solve(self.stiffness, s)) for s in stresses), default=0.0)
 
     @property
     def held_whole(self) -> bool:
@@ -112,24 +149,27 @@ class OutlineProblem:
             if traction.any():
                 force[at] += 0.5 * length[at, None, None] * traction
                 loaded.append((ends[at], traction))
-        for one in self.pressed:
-            border = self._within_array(one.shape.border(not one.solid))
+        for one in self.outlines:
+            border = within_array(one.shape.border(not one.solid), self.shape)
+            border = border[one.acts_on(border)]
             rows = np.flatnonzero(pieces.alone)
             rows = rows[place_on(ends[rows].mean(axis=1), border)[0] < ON_BORDER]
             found = length[rows].sum()
-            beside, flat_length = self._beside_flat(pieces, border)
+            beside, flat_length = self._beside_flat(pieces, border, one.stress)
             rows = np.union1d(rows, beside)
             outward = np.stack([run[rows, 1], -run[rows, 0]], axis=1)
-            force[rows] -= 0.5 * one.pressure * outward[:, None]
+            force[rows] += 0.5 * (outward @ one.stress)[:, None]
             whole = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
             if abs(found + flat_length - whole) > 1e-7 * whole:
                 raise UnlikeError(one.name)
         return force, held, loaded
 
-    def _beside_flat(self, pieces: BalancedPieces, border: Floats) -> tuple[Ints, float]:
-        """Return the sides beside pieces that were left out at a pressed outline.
+    def _beside_flat(
+        self, pieces: BalancedPieces, border: Floats, stress: Floats
+    ) -> tuple[Ints, float]:
+        """Return the sides beside pieces that were left out at a loaded outline.
 
-        The stress there is the pressure alone, which needs no support but the outline, other such
+        The stress there is that of the load, which needs no support but the outline, other such
         pieces, the sides of the body beside them, or a side of the array that holds against it.
         """
         ends = pieces.flat_ends
@@ -142,7 +182,7 @@ class OutlineProblem:
             > 1
         )
         for name, axes in self.held.items():
-            if SIDES[name][0] in axes:
+            if not np.delete(stress[SIDES[name][0]], axes).any():
                 borne |= self._on_side(name, ends).all(axis=1)
         run = ends[:, 1] - ends[:, 0]
         length = np.hypot(run[:, 0], run[:, 1])
@@ -161,40 +201,39 @@ class OutlineProblem:
                 at = ends[:, 0] + g * run
                 leaf = field.leaves.at(at + 1e-9 * inward)
                 out += field.spread(leaf, at, weight)
-        for one in self.pressed:
-            border = self._within_array(one.shape.border(one.solid is True))
-            ends = _on_lines(border, field.leaves)
+        for one in self.outlines:
+            border = within_array(one.shape.border(one.solid is True), self.shape)
+            ends = _on_lines(border[one.acts_on(border)], field.leaves)
             run = ends[:, 1] - ends[:, 0]
-            outward = np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if one.solid else -1.0)
+            outward = one.outward(ends)
             inward = -ON_BORDER * outward / np.hypot(run[:, 0], run[:, 1])[:, None]
             leaf = field.leaves.at(ends.mean(axis=1) + inward)
             if (leaf < 0).any():
                 raise UnlikeError(one.name)
             for g in _GAUSS:
-                out += field.spread(leaf, ends[:, 0] + g * run, -0.5 * one.pressure * outward)
+                out += field.spread(leaf, ends[:, 0] + g * run, 0.5 * outward @ one.stress)
         return out
-
-    def _within_array(self, border: Floats) -> Floats:
-        """Return the parts of straight lines within the array, shape (n, 2, 2)."""
-        ends = border
-        run = ends[:, 1] - ends[:, 0]
-        low, high = np.zeros(len(ends)), np.ones(len(ends))
-        for axis in (0, 1):
-            with np.errstate(divide="ignore", invalid="ignore"):
-                t = (np.array([0.0, self.shape[axis]]) - ends[:, 0, axis, None]) / run[
-                    :, axis, None
-                ]
-            level = run[:, axis] == 0.0
-            outside = level & ((ends[:, 0, axis] < 0) | (ends[:, 0, axis] > self.shape[axis]))
-            low = np.maximum(low, np.where(level, 0.0, t.min(axis=1)))
-            high = np.where(outside, -1.0, np.minimum(high, np.where(level, 1.0, t.max(axis=1))))
-        kept = high - low > 1e-12
-        at = np.stack([low, high], axis=1)[kept]
-        return ends[kept, :1] + at[:, :, None] * run[kept, None]
 
 
 class UnlikeError(Exception):
     """The pieces do not have all of an outline yet."""
+
+
+def within_array(border: Floats, extent: tuple[int, int]) -> Floats:
+    """Return the parts of straight lines within the array, shape (n, 2, 2)."""
+    ends = border
+    run = ends[:, 1] - ends[:, 0]
+    low, high = np.zeros(len(ends)), np.ones(len(ends))
+    for axis in (0, 1):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (np.array([0.0, extent[axis]]) - ends[:, 0, axis, None]) / run[:, axis, None]
+        level = run[:, axis] == 0.0
+        outside = level & ((ends[:, 0, axis] < 0) | (ends[:, 0, axis] > extent[axis]))
+        low = np.maximum(low, np.where(level, 0.0, t.min(axis=1)))
+        high = np.where(outside, -1.0, np.minimum(high, np.where(level, 1.0, t.max(axis=1))))
+    kept = high - low > 1e-12
+    at = np.stack([low, high], axis=1)[kept]
+    return ends[kept, :1] + at[:, :, None] * run[kept, None]
 
 
 def place_on(points: Floats, border: Floats) -> tuple[Floats, Floats]:

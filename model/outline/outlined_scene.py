@@ -18,7 +18,7 @@ from kaju.model.scene.shapes import OutlinedShape
 from .arc_triangles import TouchError, keep_apart
 from .balanced_pieces import LooseError
 from .outline_bracket import OutlineBracket, spawn
-from .outline_problem import SIDES, OutlineProblem, PressedOutline, UnlikeError
+from .outline_problem import SIDES, LoadedOutline, OutlineProblem, UnlikeError
 from .outline_result import OutlineResult
 from .true_shapes import TrueBody, TrueRegion, TrueShape, nested
 
@@ -46,7 +46,7 @@ def solve_outlined(scene: Scene, tolerance: float | None, most_agents: int | Non
     ConvergenceError
         If the tolerance takes too many agents; `best` holds the result so far.
     SceneError
-        If a pressed outline meets another one, or does not bound the body.
+        If a loaded outline meets another one, or does not bound the body.
     """
     start = perf_counter()
     tolerance = TOLERANCE if tolerance is None else float(tolerance)
@@ -95,26 +95,31 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
         kind = scene.side_condition(name).kind
         if kind != "free":
             held[name] = (0, 1) if kind == "rigid" else (SIDES[name][0],)
-    pressed: list[PressedOutline] = []
+    outlines: list[LoadedOutline] = []
+    unit = modulus * thickness * edge
     for number, load in enumerate(scene.loads):
         if load.outline is not None:
-            assert load.pressure is not None
             which = [region.name for region in scene.body.regions].index(load.outline)
-            if any(one.name == load.outline for one in pressed):
+            if any(one.name == load.outline for one in outlines):
                 raise SceneError(
-                    f"loads.{number}.outline: {load.outline!r} is pressed already; give one load"
+                    f"loads.{number}.outline: {load.outline!r} is loaded already; give one load"
                 )
             one = regions[which]
             for other, beside in enumerate(regions):
                 if other != which and not keep_apart(one.shape.arcs, beside.shape.arcs):
                     raise SceneError(
                         f"loads.{number}.outline: {load.outline!r} meets the outline of "
-                        f"regions.{other}; a pressed outline is proved where it is alone"
+                        f"regions.{other}; a loaded outline is proved where it is alone"
                     )
-            # pressures as strains of the modulus, forces as such over edges
-            pressed.append(
-                PressedOutline(load.outline, one.shape, one.solid, load.pressure / modulus)
-            )
+            # stresses as strains of the modulus, forces as such over edges
+            what = (load.outline, one.shape, one.solid)
+            if load.pressure is not None:
+                outlines.append(LoadedOutline.pressed(*what, load.pressure / modulus))
+            else:
+                total = np.array(load.force) / unit
+                outlines.append(LoadedOutline.pushed(*what, total, shape))
+                if total.any() and not outlines[-1].stress.any():
+                    raise SceneError(f"loads.{number}.force: nothing of {load.outline!r} faces it")
         elif load.pressure is not None:
             assert load.side is not None
             sofar = pressed_sides.get(load.side, 0.0)
@@ -123,12 +128,11 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
             assert load.force is not None
             assert load.side is not None
             x, y = pulled.get(load.side, (0.0, 0.0))
-            unit = modulus * thickness * edge
             pulled[load.side] = (x + load.force[0] / unit, y + load.force[1] / unit)
     if not scene.loads:
         raise SceneError("loads: without a load there is no energy to bound; give one")
     stiffness = stiffness_of(scene)
-    problem = OutlineProblem(body, shape, stiffness, held, pulled, pressed_sides, tuple(pressed))
+    problem = OutlineProblem(body, shape, stiffness, held, pulled, pressed_sides, tuple(outlines))
     return problem, edge
 
 

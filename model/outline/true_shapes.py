@@ -8,7 +8,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from kaju.arrays import Floats
-from kaju.model.scene.curves import Point, crossings, parted_at
+from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
 
 from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, keep_apart
 from .convex_pieces import ON_LINE, Corners, HalfPlane, area_of, within, without
@@ -91,6 +91,25 @@ class ArcShape:
             if not long.any():
                 break
             self.arcs = halved(self.arcs, long)
+        self._draw()
+
+    def part_along(self, way: Point) -> None:
+        """Take ends of arcs where these run along a direction."""
+        frames = ArcFrames(self.arcs)
+        sides = np.sign([cross(at, np.array(way)) for at in (frames.first, frames.last)])
+        turning = (sides[0] * sides[1] < 0.0) & (frames.turn != 0.0)
+        parts = []
+        for arc, side, turns in zip(self.arcs, sides[0], turning, strict=True):
+            low, high = 0.0, 1.0
+            for _ in range(60 if turns else 0):
+                middle = 0.5 * (low + high)
+                tangent = ArcFrames(parted(arc[None], middle)[1:]).first[0]
+                if cross(tangent, np.array(way)) * side > 0.0:
+                    low = middle
+                else:
+                    high = middle
+            parts += parted_at(arc, np.array([low]))
+        self.arcs = np.array(parts)
         self._draw()
 
     def _draw(self) -> None:
@@ -189,6 +208,11 @@ class TrueBody:
         """Take arcs as long as the leaves are large."""
         for region in self.regions:
             region.shape.refine(leaves)
+
+    def part_along(self, way: Point) -> None:
+        """Take ends of arcs where these run along a direction."""
+        for region in self.regions:
+            region.shape.part_along(way)
 
     def border(self, outer: bool) -> Floats:
         """Return the sides of regions that do not meet, the body to the left. Shape (n, 2, 2)."""

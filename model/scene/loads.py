@@ -108,7 +108,8 @@ class LoadTable(Described):
     region : LoadRegion, optional
         A box of surface or of cells.
     outline : str, optional
-        The name of a region whose outline is true: a pressure acts all along it.
+        The name of a region whose outline is true: a pressure acts all along it, a force where the
+        outline faces it, even across its direction.
     side : str, optional
         With `cell` or `point`: the side of the cell by which the force enters; unless given
         it is the one that faces the force most. Alone: every face of the body on that side
@@ -173,7 +174,7 @@ class LoadTable(Described):
         if self.region is not None and self.side is not None:
             raise ParameterError("side: a region selects its own faces; leave side out")
         if self.outline is not None and self.side is not None:
-            raise ParameterError("side: an outline is pressed all along; leave side out")
+            raise ParameterError("side: an outline is loaded all along; leave side out")
         given = [name for name in _LOADS if getattr(self, name) is not None]
         if self.pressure_slope is not None and given != ["pressure"]:
             raise ParameterError("pressure_slope: belongs to a pressure, that at the origin (Pa)")

@@ -107,15 +107,8 @@ def _check_loads(scene: Scene) -> None:
                     f"{where}.{key}: is not proved with true outlines yet; take force or "
                     f"pressure, or {TAKES}"
                 )
-        if load.force is not None:
-            if load.outline is not None:
-                raise SceneError(
-                    f"{where}.force: along an outline only a pressure is proved yet; {TAKES}"
-                )
-            if len(load.force) != 2:
-                raise SceneError(
-                    f"{where}.force: two numbers (N) are needed, got {list(load.force)}"
-                )
+        if load.force is not None and len(load.force) != 2:
+            raise SceneError(f"{where}.force: two numbers (N) are needed, got {list(load.force)}")
         if load.side is not None:
             if load.side not in scene.lattice.sides:
                 known = scene.lattice.sides

@@ -217,3 +217,39 @@ def test_lines_that_cross_between_samples_are_refused(tmp_path: Path) -> None:
     region = {"image": {"file": str(tmp_path / "cross.npy")}}
     with pytest.raises(SceneError, match="level"):
         kaju.solve(body(region, **PULLED, sides={"left": "rigid"}), tolerance=0.2)
+
+
+def test_a_force_along_an_outline_is_even_across_its_direction() -> None:
+    # a rounded end, pushed along its axis: the same as a force on a straight end
+    slot = {"slot": {"ends": [[0.0, 0.0], [0.07, 0.0]], "radius": 0.02}, "name": "pin"}
+    held = {"left": "roller", "bottom": "roller"}
+    load = {"outline": "pin", "force": [-1e3, 0.0]}
+    answer = kaju.solve(body(slot, sides=held, loads=[load]), tolerance=0.04)
+    area = 0.07 * 0.02 + np.pi * 0.02**2 / 4
+    stress = 1e3 / (0.02 * THICKNESS)  # one stress in all of it
+    truth = 0.5 * stress**2 / E * area * THICKNESS
+    assert answer.energy_bounds[0] < truth * (1 + 1e-6)
+    assert answer.energy_bounds[1] > truth * (1 - 1e-6)
+    assert answer.mean_stress[:, 0] == pytest.approx(-stress, rel=0.02)
+
+
+def test_forces_push_on_what_faces_them() -> None:
+    bore = hole(disk={"centre": [0.05, 0.05], "radius": 0.02}, name="bore")
+    scene = body(
+        bore,
+        material="steel",
+        sides={"left": "rigid"},
+        loads=[{"outline": "bore", "force": [1e3, 5e2]}],
+    )
+    coarse, fine = (kaju.solve(scene, tolerance=tolerance) for tolerance in (0.2, 0.05))
+    assert coarse.energy_bounds[0] < fine.energy_bounds[0]
+    assert fine.energy_bounds[1] < coarse.energy_bounds[1]
+    # all of it passes through every section to the left of the hole
+    left = fine.lower[:, 0] == 0.0
+    assert (fine.mean_stress[left, 0] * fine.size[left]).sum() * THICKNESS == pytest.approx(
+        1e3, rel=0.05
+    )
+    rim = {"disk": {"centre": [0.0, 0.0], "radius": 0.05}, "name": "rim"}
+    load = {"outline": "rim", "force": [1.0, 0.0]}
+    with pytest.raises(SceneError, match=r"^loads\.0\.force"):
+        kaju.solve(body(rim, loads=[load]), tolerance=0.2)

@@ -258,7 +258,7 @@ HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
             "body.regions.1.outline",
         ),
         ({"loads": [{"outline": "hohle", "pressure": 1.0}]}, "loads.0.outline"),
-        ({"loads": [{"outline": "hole", "force": [1.0, 0.0]}]}, "loads.0.force"),
+        ({"loads": [{"outline": "hole", "force": [1.0]}]}, "loads.0.force"),
         ({"loads": [{"cell": [3, 3], "force": [1.0, 0.0]}]}, "loads.0.cell"),
         ({"loads": [{"side": "left", "force": [1.0, 0.0]}]}, "loads.0.side"),
         ({"loads": [{"side": "right", "couple": 1.0}]}, "loads.0.couple"),

@@ -128,7 +128,7 @@ def kinks_of(whole: SpringNetwork, slant: float, half: float = 14.0) -> list[flo
     tips = middle - half * along, middle + half * along
     network = pulled(cut(whole, *tips))
     broken = kaju.FractureModel(network, scatter=0.0, most_breaks=20).run()
-    places = network.positions[network.springs[broken.spring]].mean(axis=1)
+    places = network.positions[network.springs[broken.broken]].mean(axis=1)
     angles = []
     for tip, ahead in zip(tips, (-along, along), strict=True):
         axes = np.array([ahead, [-ahead[1], ahead[0]]])

@@ -56,7 +56,7 @@ TRANSFER = Animations(
 NETWORK = Animations({"increments": increments}, {"increments": motion.increments})
 """A loaded spring network."""
 FRACTURE = Animations({"breaks": breaking}, {})
-"""A spring network that breaks."""
+"""A network or a body that breaks."""
 ELASTIC = Animations(
     {
         "generations": generations,

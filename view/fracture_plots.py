@@ -1,24 +1,48 @@
-"""Networks that break: where the crack runs, what load they bear, how large avalanches are."""
+"""What breaks: where the crack runs, what load is borne, how large avalanches are."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+from kaju.arrays import Floats
+from kaju.errors import ParameterError
+from kaju.model.scene import Scene
+
+from .body_plots import draw_body, draw_forces, finish
 from .network_plots import Stand
 from .reels import TWO_LINES, Reel
-from .style import FAINT, FORCE, INK, LINE, caption, figure_of, label_axis, legend, new_axes
+from .section import Section, section_of
+from .style import (
+    DIVERGING,
+    FAINT,
+    FORCE,
+    INK,
+    LINE,
+    add_polygons,
+    caption,
+    colour_bar,
+    figure_of,
+    label_axis,
+    legend,
+    new_axes,
+)
 from .units import counted, quantity, times
 
 if TYPE_CHECKING:
     from kaju.model.fracture.fracture_result import FractureResult
+    from kaju.model.network.network_result import NetworkResult
 
 _BROKEN = "#c44e52"
 
@@ -29,10 +53,20 @@ def plot_crack(
     *,
     breaks: int | None = None,
     magnification: float | None = None,
+    cut: Mapping[str, float] | None = None,
 ) -> Axes:
-    """Draw what is left after so many breaks, its springs coloured by tension, and what broke."""
+    """Draw what is left after so many breaks, coloured by what it bears, and what broke.
+
+    Springs are drawn deformed; cells at rest, those of a body of cubes in a plane.
+    """
     count = result.standing if breaks is None else breaks
-    stand = Stand(result.state(breaks), ax, "tension", magnification)
+    if isinstance(result.subject, Scene):
+        if magnification is not None:
+            raise ParameterError("magnification: cells that break are drawn at rest")
+        return _plot_broken_cells(result, ax, count, cut)
+    if cut is not None:
+        raise ParameterError("cut: networks are drawn as a whole")
+    stand = Stand(cast("NetworkResult", result.state(breaks)), ax, "tension", magnification)
     stand.bar(stand.draw_springs(1)[0])
     _draw_broken(stand, result, count)
     stand.finish([*_words(result, count), f"deformation shown {times(stand.factor)}"])
@@ -43,7 +77,7 @@ def plot_crack(
 def _draw_broken(stand: Stand, result: FractureResult, count: int) -> Artist:
     """Draw the springs that broke, between the nodes that they joined."""
     kind = LineCollection if stand.flat else Line3DCollection
-    lines = cast(Any, stand.places(1)[result.network.springs[result.spring[:count]]])
+    lines = cast(Any, stand.places(1)[result.network.springs[result.broken[:count]]])
     width = max(0.8, min(2.2, 60.0 / np.sqrt(len(result.network.springs))))
     broken = kind(lines, colors=_BROKEN, linewidths=width, zorder=5)
     broken.set_gid("broken")
@@ -54,7 +88,7 @@ def _draw_broken(stand: Stand, result: FractureResult, count: int) -> Artist:
 def _words(result: FractureResult, count: int) -> list[str]:
     at = max(count - 1, 0)
     factor = float(result.load_factor[at]) if result.breaks else 1.0
-    load = f"{counted(count, 'spring')} broken; load factor {factor:.4g}"
+    load = f"{counted(count, result.parts)} broken; load factor {factor:.4g}"
     return [f"{load}, largest so far {result.load_factor[: at + 1].max(initial=0.0):.4g}"]
 
 
@@ -74,7 +108,7 @@ def plot_load_and_displacement(result: FractureResult, ax: Axes | None = None) -
     ax.set_ylim(bottom=0.0)
     ax.grid(color=LINE, lw=0.4)
     ax.legend(fontsize=8, framealpha=1.0, edgecolor="white")
-    caption(ax, "Load and displacement while springs break", [result.outcome])
+    caption(ax, f"Load and displacement while {result.parts}s break", [result.outcome])
     return ax
 
 
@@ -93,17 +127,94 @@ def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
         ax.loglog(middle, power, ls="--", lw=1.0, color=FAINT, label="size$^{-5/2}$")
         ax.legend(fontsize=8, framealpha=1.0, edgecolor="white")
         ax.set_ylim(bottom=0.5 * per_size[found].min())
-    ax.set_xlabel("springs that break in one avalanche")
+    ax.set_xlabel(f"{result.parts}s that break in one avalanche")
     ax.set_ylabel("avalanches of that size")
     ax.grid(color=LINE, lw=0.4)
     caption(ax, "Avalanches", [f"{counted(len(sizes), 'avalanche')} before the last one"])
     return ax
 
 
-def breaking(result: FractureResult, magnification: float | None = None) -> Reel:
-    """Return the network after every break, one frame each, as far as it resists."""
+def _plot_broken_cells(
+    result: FractureResult, ax: Axes | None, count: int, cut: Mapping[str, float] | None
+) -> Axes:
+    [borne] = _stresses(result, range(count, count + 1))
+    norm = _norm_of(borne)
+    ax, section, entries = _body_to_break(result, ax, cut, norm)
+    _draw_cells(ax, section, result, count, borne, norm)
+    notes = [*_words(result, count), *draw_forces(ax, section)]
+    finish(ax, section, "What is left of a body", notes, entries)
+    return ax
+
+
+def _stresses(result: FractureResult, counts: range) -> list[Floats]:
+    """Return the largest principal stresses (Pa) of the cells after so many breaks each."""
+    bodies = zip(counts, result.replayed(counts), strict=True)
+    return [result.factor_after(count) * body.borne() for count, body in bodies]
+
+
+def _norm_of(*stresses: Floats) -> Normalize:
+    most = max(float(np.abs(borne).max(initial=0.0)) for borne in stresses) or 1.0
+    return Normalize(-most, most)
+
+
+def _body_to_break(
+    result: FractureResult, ax: Axes | None, cut: Mapping[str, float] | None, norm: Normalize
+) -> tuple[Axes, Section, list[Artist]]:
+    """Return axes with a body, its supports and a bar of the stresses."""
+    section = section_of(cast(Scene, result.subject), None, cut)
+    ax = new_axes(ax)
+    entries = draw_body(ax, section)
+    colour_bar(ax, ScalarMappable(norm, DIVERGING), "largest principal stress", "Pa")
+    return ax, section, [*entries, Patch(color=_BROKEN, label="broken")]
+
+
+def _draw_cells(
+    ax: Axes,
+    section: Section,
+    result: FractureResult,
+    count: int,
+    borne: Floats,
+    norm: Normalize,
+) -> list[Artist]:
+    """Draw the cells that are left, by their stresses, and those that broke."""
+    cells = np.argwhere(section.scene.rasterise() >= 0)
+    gone = cells[result.broken[:count]]
+    look: dict[str, Any] = {"edgecolors": "none", "linewidths": 0.0, "antialiased": False}
+    tiles, shown = section.gather(cells, borne, "max")
+    look |= {"cmap": DIVERGING, "norm": norm}
+    drawn: list[Artist] = [
+        add_polygons(ax, section.polygons(tiles), "cells", array=shown, zorder=2, **look)
+    ]
+    if len(gone):
+        tiles, _ = section.gather(gone, np.ones(len(gone)), "max")
+        places = section.polygons(tiles)
+        drawn.append(add_polygons(ax, places, "broken", facecolors=_BROKEN, zorder=3))
+    return drawn
+
+
+def breaking(
+    result: FractureResult,
+    magnification: float | None = None,
+    cut: Mapping[str, float] | None = None,
+) -> Reel:
+    """Return what is left after every break, one frame each, as far as it resists."""
     last = result.standing
-    stand = Stand(result.state(last), None, "tension", magnification)
+
+    def words(count: int) -> str:
+        return "\n".join(_words(result, count))
+
+    if isinstance(result.subject, Scene):
+        stresses = _stresses(result, range(last + 1))
+        norm = _norm_of(*stresses)
+        ax, section, entries = _body_to_break(result, None, cut, norm)
+        draw_forces(ax, section)
+        notes = finish(ax, section, "A body breaks", TWO_LINES, entries)
+
+        def cells(count: int) -> list[Artist]:
+            return _draw_cells(ax, section, result, count, stresses[count], norm)
+
+        return Reel(figure_of(ax), last, cells, notes, words)
+    stand = Stand(cast("NetworkResult", result.state(last)), None, "tension", magnification)
     first = stand.draw_springs(1)
     stand.bar(first[0])
     for artist in first:
@@ -111,13 +222,8 @@ def breaking(result: FractureResult, magnification: float | None = None) -> Reel
 
     def draw(count: int) -> list[Artist]:
         now = copy(stand)
-        now.result = result.state(count)
+        now.result = cast("NetworkResult", result.state(count))
         now.network = now.result.network
         return [*now.draw_springs(1), _draw_broken(now, result, count)]
 
-    notes = stand.finish(TWO_LINES)
-
-    def words(count: int) -> str:
-        return "\n".join(_words(result, count))
-
-    return Reel(figure_of(stand.ax), last, draw, notes, words)
+    return Reel(figure_of(stand.ax), last, draw, stand.finish(TWO_LINES), words)

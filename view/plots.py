@@ -113,7 +113,7 @@ FRACTURE: dict[str, Picture] = {
     "response": plot_load_and_displacement,
     "avalanches": plot_avalanches,
 }
-"""Pictures of a network that breaks."""
+"""Pictures of a network or a body that breaks."""
 
 
 @wraps(plot_quadtree)

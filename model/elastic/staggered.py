@@ -65,14 +65,14 @@ def edge_modulus(
     compliance[kinds == RIGID] = 0.0
     compliance[(kinds < 0) & (kinds != RIGID)] = np.inf
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(kinds.ndim)]
-    around = _four(np.pad(compliance, width, constant_values=np.inf), pair)
+    around = around_edges(np.pad(compliance, width, constant_values=np.inf), pair)
     filled = [np.isfinite(c) for c in around]
     total = np.add.reduce([np.where(f, c, 0.0) for f, c in zip(filled, around, strict=True)])
     count = np.add.reduce([f.astype(np.int8) for f in filled])
     with np.errstate(divide="ignore"):
         modulus = np.where((count == 4) & (total > 0), 4.0 / total, 0.0)
         corner = (count == 3) & ~np.any([c == 0 for c in around], axis=0)
-        air = _four(np.pad(kinds == AIR, width, constant_values=True), pair)
+        air = around_edges(np.pad(kinds == AIR, width, constant_values=True), pair)
         corner &= np.add.reduce([a.astype(np.int8) for a in air]) == 1
         return np.where(corner, reentrant * 3.0 / np.where(corner, total, 1.0), modulus)
 
@@ -90,10 +90,10 @@ def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
     compliance = cell_modulus(problem, 1.0 / problem.moduli.shear)
     for pair, gamma in strain.edges.items():
         width = [(1, 1) if axis in pair else (0, 0) for axis in range(compliance.ndim)]
-        total = np.add.reduce(_four(np.pad(compliance, width), pair))
+        total = np.add.reduce(around_edges(np.pad(compliance, width), pair))
         share = np.zeros_like(total)
         np.divide(0.5 * stress.edges[pair] * gamma, total, out=share, where=total > 0.0)
-        energy += compliance * np.add.reduce(_four(share, pair))
+        energy += compliance * np.add.reduce(around_edges(share, pair))
     return np.asarray(energy[problem.inner])
 
 
@@ -125,7 +125,7 @@ def _digits(kinds: NDArray[np.int32]) -> NDArray[np.uint8]:
     return np.asarray(of_kind[kinds - least])
 
 
-def _four(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:
+def around_edges(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:
     """Return the four cells round every edge."""
     low, high = slice(None, -1), slice(1, None)
     d = padded.ndim

@@ -1,4 +1,4 @@
-"""Springs that break one at a time, as a Mesa model: every step scales the load to the next."""
+"""Springs or cells that break one at a time: every step scales the load to the next break."""
 
 from __future__ import annotations
 
@@ -15,46 +15,49 @@ from kaju.model.network import SpringNetwork
 from kaju.model.network.assembler import Assembler
 from kaju.model.network.equilibrium import tangent_error
 from kaju.model.network.linear import GivesWayError
-from kaju.model.network.network_result import network_archive, network_from
 from kaju.model.results.archive import Archive
 from kaju.model.scene import Scene
 from kaju.stepping import Until
 
-from .breaking import BreakingNetwork
+from .breaking_network import check_breakable
 from .fracture_result import COLUMNS, FractureResult
-from .strength import Measure, drawn_strengths, elongation_limits
+from .strength import Measure, drawn_strengths
+from .subject import body_of, default_measure, parts_of, subject_archive, subject_from
 
 PARTED = "parted: what is left hardly resists the load, or not at all"
-UNBROKEN = "no spring that is left is pulled: at no load will another break"
+UNBROKEN = "nothing that is left is pulled: at no load will more break"
 
 _ROUNDING = 1e-9
 """Share of others below which an elongation or a work is none, but for rounding."""
 
 
 class FractureModel(SteppedModel):
-    """A spring network whose springs break one at a time, where their strength is exceeded.
+    """A network or a body whose springs or cells break one at a time, where they bear too much.
 
-    The load is scaled, up or down, to the factor at which the next spring breaks: the one whose
-    elongation is the largest share of what it survives. Then its force goes to the others.
+    The load is scaled, up or down, to the factor at which the next one breaks: the one that bears
+    the largest share of what it survives. Then its force goes to the others.
     Displacements are small: the answer is linear in the load as long as nothing breaks.
-    Springs break when they are pulled, not when they are pressed. A network that parts has come
-    to its end; that is no error.
+    Springs and cells break when they are pulled, not when they are pressed. A body that parts has
+    come to its end; that is no error.
 
     Parameters
     ----------
     subject : SpringNetwork or Scene
-        What breaks, under the loads of its one stage, forces or given displacements; of a scene
-        with hexagonal cells the network that stands for it, under all its loads.
+        What breaks, under forces or given displacements: of a network those of its one stage, of a
+        scene all, at their end. In a scene of squares or cubes the cells of an elastic body break,
+        solved as they are; hexagons are a network of springs.
     strength : float or (m,) floats
-        Mean strength of the springs; with `weibull` its scale.
-    measure : {"force", "strain", "energy"}
-        What is exceeded: tension (N), elongation as a share of the length, or energy (J).
+        Mean strength of the springs or the cells (row by row); with `weibull` its scale.
+    measure : {"force", "stress", "strain", "energy"}, optional
+        What is exceeded: a spring's tension (N; what is asked if nothing is said) or a cell's
+        largest principal stress (Pa; so, too), the largest strain, or the energy (J) in a spring,
+        or in a cell that is pulled some way.
     scatter : float
         Strengths are spread evenly over (1 ± scatter) times the mean.
     weibull : float, optional
         Modulus of a Weibull distribution of strengths, in the place of the even spread.
     most_breaks : int, optional
-        Springs after which to end; none: as many as there are.
+        Breaks after which to end; none: as many as there are.
     rng, seed : int, optional
         Seed of the strengths.
 
@@ -65,7 +68,7 @@ class FractureModel(SteppedModel):
     outcome : str
         Why there is none; "" while there is.
     load_factor : float
-        Share of the load at which the last spring broke.
+        Share of the load at which the last one broke.
     datacollector : mesa.DataCollector
         The last row of the history after every step.
 
@@ -75,9 +78,9 @@ class FractureModel(SteppedModel):
         If a number is outside its rule.
     SceneError
         If the subject is nothing that can break: springs stretched from the start, several
-        stages of the load, forces beside given displacements.
+        stages of a network's load, forces beside given displacements, weight, true outlines.
     MechanismError
-        If the network resists the load not even unbroken.
+        If the body resists the load not even unbroken.
 
     See Also
     --------
@@ -87,7 +90,11 @@ class FractureModel(SteppedModel):
     -----
     When a spring with tension T and elongation e breaks, and the gap then opens to e', the
     energy ½ T e' is released under the fixed load; the work of the loads is what is stored and
-    what is released, at every step.
+    what is released, at every step. Of a cell the same holds of its swelling, its distortion and
+    the shear of its edges; a broken one keeps 1e-10 of its stiffness.
+
+    Cells know no crack tip: where stress is singular, the load at which a cell breaks depends on
+    its size h, as 1/√h. The strength is one of cells of this size.
 
     References
     ----------
@@ -114,7 +121,7 @@ class FractureModel(SteppedModel):
         subject: SpringNetwork | Scene,
         *,
         strength: ArrayLike = 1.0,
-        measure: Measure = "force",
+        measure: Measure | None = None,
         scatter: float = 0.1,
         weibull: float | None = None,
         most_breaks: int | None = None,
@@ -128,8 +135,8 @@ class FractureModel(SteppedModel):
             )
         if most_breaks is not None and most_breaks < 1:
             raise ParameterError(f"most_breaks: at least 1, got {most_breaks}")
-        self.subject = subject
-        self.network = _breakable(subject)
+        self.subject = _breakable(subject)
+        self._measure: Measure = measure or default_measure(self.subject)
         self._options: dict[str, Any] = {
             "measure": measure,
             "scatter": scatter,
@@ -140,23 +147,22 @@ class FractureModel(SteppedModel):
         self.reset()
 
     def reset(self) -> None:
-        """Go back to the unbroken network, with the same strengths."""
+        """Go back to the unbroken body, with the same strengths."""
         self._start_again()
         self.seconds = 0.0
         began = perf_counter()
         options = self._options
         self.strengths = drawn_strengths(
-            len(self.network.springs),
+            parts_of(self.subject),
             self._strength,
             options["scatter"],
             options["weibull"],
             self.rng,
         )
-        limits = elongation_limits(self.network, self.strengths, options["measure"])
         try:
-            self._left = BreakingNetwork(self.network, limits)
+            self._body = body_of(self.subject, self.strengths, self._measure)
         except GivesWayError as weakness:
-            raise _mechanism(self.network, weakness) from None
+            raise _mechanism(self.subject, weakness) from None
         self.outcome = ""
         self.load_factor = self._work = self._released = 0.0
         self._rows: list[tuple[float, ...]] = []
@@ -166,60 +172,54 @@ class FractureModel(SteppedModel):
 
     @property
     def breaks(self) -> int:
-        """Number of springs that have broken."""
-        return len(self._left.broken)
+        """Number of springs or cells that have broken."""
+        return len(self._body.broken)
 
     def step(self) -> None:
-        """Scale the load to the next break, and take that spring out."""
+        """Scale the load to the next break, and take that part out."""
         began = perf_counter()
-        left = self._left
-        share = left.elongation / left.limit
-        joint = first_largest(share)
-        factor = 1.0 / float(share[joint])
-        elongation, stored = float(left.elongation[joint]), left.stored
+        body = self._body
+        shares = body.shares
+        place = first_largest(shares)
+        factor, stored = 1.0 / float(shares[place]), body.stored
         moved, pulled = self._response()
         # Up or down to this load nothing breaks: the work grows with its square.
         self._work += 0.5 * (factor**2 - self.load_factor**2) * self._resistance()
         self.load_factor = factor
-        yielded = left.yielded
+        yielded = body.yielded
         try:
-            spring = left.break_weakest(joint)
+            part, released = body.break_part(place)
         except GivesWayError:
-            # The load falls freely; what is told is the energy that the springs held.
-            spring = left.broken[-1]
+            # The load falls freely; what is told is the energy that the body held.
+            part, released = body.broken[-1], stored
             self.outcome = PARTED
-            self._released += factor**2 * stored
             stored = 0.0
         else:
-            gap = float(left.elongation[joint])
-            tension = float(self.network.stiffness[spring]) * elongation
-            self._released += 0.5 * factor**2 * tension * gap
-            self._work += factor**2 * (left.yielded - yielded)
-            stored = factor**2 * left.stored
+            self._work += factor**2 * (body.yielded - yielded)
+            stored = factor**2 * body.stored
+        self._released += factor**2 * released
         row = (factor * moved, factor * pulled, stored, self._released, self._work)
-        self._rows.append((spring, factor, *row))
+        self._rows.append((part, factor, *row))
         self._end_where_nothing_breaks()
         self.seconds += perf_counter() - began
 
     def _response(self) -> tuple[float, float]:
         """Return how far the whole load moves (m) along itself, and its force (N)."""
-        forces, given = self.network.forces[-1], self.network.displacements[-1]
-        if forces.any():
-            force = float(np.linalg.norm(forces, axis=1).sum())
-            return self._left.yielded / force, force
-        moved = float(np.linalg.norm(given, axis=1).max())
-        return moved, self._left.pushed / moved
+        body = self._body
+        if body.pull:
+            return body.yielded / body.pull, body.pull
+        return body.shift, body.pushed / body.shift
 
     def _end_where_nothing_breaks(self) -> None:
         """Say why no step is left, if none is."""
-        left, most = self._left, self._options["most_breaks"]
-        share, resisting = left.elongation / left.limit, self._resistance()
+        body, most = self._body, self._options["most_breaks"]
+        shares, resisting = body.shares, self._resistance()
         if not self.breaks:
             self._unbroken = resisting
         if not self.outcome:
-            if resisting <= _ROUNDING * self._unbroken:
+            if resisting <= body.parted * self._unbroken:
                 self.outcome = PARTED
-            elif share.max() <= _ROUNDING * np.abs(share).max():
+            elif shares.max() <= _ROUNDING * np.abs(shares).max():
                 self.outcome = UNBROKEN
             elif self.breaks == most:
                 self.outcome = f"ended after {most} breaks, as asked"
@@ -227,7 +227,7 @@ class FractureModel(SteppedModel):
 
     def _resistance(self) -> float:
         """Return the work of the whole load (J): none where nothing is left that resists."""
-        return self._left.yielded + self._left.pushed
+        return self._body.yielded + self._body.pushed
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step; lengths (m), forces (N), energies (J)."""
@@ -235,7 +235,7 @@ class FractureModel(SteppedModel):
         return dict(zip(COLUMNS, row, strict=True))
 
     def run(self, until: Until | None = None) -> FractureResult:
-        """Break springs until the network parts, or a question is answered with yes."""
+        """Break one after the other until the body parts, or a question is answered with yes."""
         return self._run(until, self.result)
 
     def result(self) -> FractureResult:
@@ -243,10 +243,10 @@ class FractureModel(SteppedModel):
         rows = np.array(self._rows).reshape(-1, len(COLUMNS)).T
         columns = dict(zip(COLUMNS, rows, strict=True))
         return FractureResult(
-            network=self.network,
+            subject=self.subject,
             strengths=self.strengths,
-            measure=self._options["measure"],
-            spring=columns.pop("spring").astype(np.int64),
+            measure=self._measure,
+            broken=columns.pop("broken").astype(np.int64),
             **columns,
             outcome=self.outcome,
             seconds=self.seconds,
@@ -258,47 +258,42 @@ class FractureModel(SteppedModel):
 
     def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return what breaks as arrays and plain values."""
-        return network_archive(self.network)
+        return subject_archive(self.subject)
 
     @staticmethod
     def checkpoint_subject(archive: Archive) -> Any:
-        """Return the network that `checkpoint_parts` took apart."""
-        return network_from(archive)
+        """Return what `checkpoint_parts` took apart."""
+        return subject_from(archive)
 
 
-def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork:
-    """Return the network to break, or say why there is none."""
-    if isinstance(subject, Scene):
-        network = SpringNetwork.from_scene(subject)
-        network = network.with_loads(network.forces[-1], network.displacements[-1])
+def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork | Scene:
+    """Return what is to break, hexagons as a network, or say why it cannot."""
+    if isinstance(subject, Scene) and subject.lattice.boxes:
+        pushed = bool(subject.applied().force.any())
+        moved = any(side.displacement for side in subject.sides.values())
     else:
-        network = subject
-    if network.stages > 1:
-        raise SceneError(
-            f"loads: one load is scaled until springs break, got {network.stages} stages; "
-            "give the forces (or displacements) of one of them: network.with_loads(...)"
-        )
-    stretched = np.abs(network.prestretch) > 1e-9 * network.initial_length
-    if stretched.any():
-        spring = int(np.flatnonzero(stretched)[0])
-        raise SceneError(
-            f"rest_length: spring {spring} is stretched by {network.prestretch[spring]:.3g} m "
-            "before any load; springs that break are free of force at first"
-        )
-    pushed, moved = network.forces.any(), network.displacements.any()
+        if isinstance(subject, Scene):
+            network = SpringNetwork.from_scene(subject)
+            subject = network.with_loads(network.forces[-1], network.displacements[-1])
+        check_breakable(subject)
+        pushed, moved = bool(subject.forces.any()), bool(subject.displacements.any())
     if pushed == moved:
         found = "both" if pushed else "neither"
         raise SceneError(
-            f"loads: forces or given displacements are scaled until springs break, got {found}"
+            f"loads: forces or given displacements are scaled until something breaks, got {found}"
         )
-    return network
+    return subject
 
 
-def _mechanism(network: SpringNetwork, weakness: GivesWayError) -> MechanismError:
+def _mechanism(body: SpringNetwork | Scene, weakness: GivesWayError) -> MechanismError:
     """Return the error that names the nodes which nothing holds."""
-    assembler = Assembler(network)
-    geometry = assembler.geometry(np.zeros_like(network.positions))
-    stiffness = network.stiffness
-    error = tangent_error(assembler, geometry, stiffness, weakness.direction, 0.0)
+    if isinstance(body, Scene):
+        return MechanismError(
+            "body: some of its cells hang together by single faces, about which they turn freely; "
+            "give smaller cells (scene.refine(2))"
+        )
+    assembler = Assembler(body)
+    geometry = assembler.geometry(np.zeros_like(body.positions))
+    error = tangent_error(assembler, geometry, body.stiffness, weakness.direction, 0.0)
     assert isinstance(error, MechanismError)
     return error

@@ -1,7 +1,8 @@
-"""What breaking a spring network returns."""
+"""What breaking a spring network, or the cells of a body, returns."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -13,19 +14,22 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.network import NetworkResult, SpringNetwork
 from kaju.model.network.assembler import along_springs
-from kaju.model.network.network_result import network_archive, network_from, sizes_of_network
 from kaju.model.network.springs import spring_lengths_and_directions
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import BREAKS
 from kaju.model.results.result import Check, Result
+from kaju.model.scene import Scene
 
-from .breaking import BreakingNetwork
 from .strength import Measure
+from .subject import body_of, parts_of, subject_archive, subject_from
+from .weakening import WeakeningBody
 
 if TYPE_CHECKING:
     import pandas
 
-COLUMNS = ("spring", "load_factor", "displacement", "force", "stored", "released", "work")
+    from kaju.model.elastic.elastic_result import ElasticResult
+
+COLUMNS = ("broken", "load_factor", "displacement", "force", "stored", "released", "work")
 
 _DIGITS_LEFT = 1e-5
 """Share of the work that may be missed: shortly before it parts, a network's equations are bad."""
@@ -36,32 +40,32 @@ _RECORD = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FractureResult(Result):
-    """Which springs of a network broke, in which order, and at which loads.
+    """Which springs of a network, or cells of a body, broke, in which order, and at which loads.
 
     Attributes
     ----------
-    network : SpringNetwork
+    subject : SpringNetwork or Scene
         What was loaded.
     strengths : (m,) floats
-        Of the springs, in the unit of the measure.
-    measure : {"force", "strain", "energy"}
-        What is exceeded where a spring breaks: N, a share, or J.
-    spring : (b,) ints
-        The springs that broke, in their order.
+        Of the springs, or of the cells of material row by row, in the unit of the measure.
+    measure : {"force", "stress", "strain", "energy"}
+        What is exceeded where one breaks: N, Pa, a share, or J.
+    broken : (b,) ints
+        Numbers of the springs or cells that broke, in their order.
     load_factor : (b,) floats
-        Share of the network's load at which each broke.
+        Share of the load at which each broke.
     displacement : (b,) floats
         How far the load had moved along itself then (m): Σ F·u / Σ |F| of forces; of given
         displacements the largest.
     force : (b,) floats
         The load then (N): Σ |F|; of given displacements the force that moves them so.
     stored : (b,) floats
-        Energy in the springs right after each break (J).
+        Energy in the body right after each break (J).
     released, work : (b,) floats
-        Energy released by all breaks, and work of the load, until then (J). Where a network
-        parts, what its springs held is released.
+        Energy released by all breaks, and work of the load, until then (J). Where a body
+        parts, what it held is released.
     outcome : str
-        Why no further spring broke; "" if nobody asked.
+        Why nothing more broke; "" if nobody asked.
     seconds : float
         Time that the computation took (s).
 
@@ -81,10 +85,10 @@ class FractureResult(Result):
     kind: ClassVar[str] = "fracture"
     pictures: ClassVar[tuple[str, ...]] = ("crack", "response", "avalanches")
     films: ClassVar[tuple[str, ...]] = ("breaks",)
-    network: SpringNetwork
+    subject: SpringNetwork | Scene
     strengths: Floats
     measure: Measure
-    spring: Ints
+    broken: Ints
     load_factor: Floats
     displacement: Floats
     force: Floats
@@ -95,13 +99,31 @@ class FractureResult(Result):
     seconds: float
 
     @property
+    def network(self) -> SpringNetwork:
+        """What was loaded, if that is a network.
+
+        Raises
+        ------
+        ParameterError
+            If cells of a scene broke.
+        """
+        if isinstance(self.subject, Scene):
+            raise ParameterError("network: cells of a scene broke; its scene is 'subject'")
+        return self.subject
+
+    @property
+    def parts(self) -> str:
+        """What broke: "spring" or "cell"."""
+        return "cell" if isinstance(self.subject, Scene) else "spring"
+
+    @property
     def breaks(self) -> int:
-        """Number of springs that broke."""
-        return len(self.spring)
+        """Number of springs or cells that broke."""
+        return len(self.broken)
 
     @property
     def strength(self) -> float:
-        """Largest share of the load that the network bore."""
+        """Largest share of the load that the body bore."""
         return float(self.load_factor.max(initial=0.0))
 
     @property
@@ -122,48 +144,67 @@ class FractureResult(Result):
 
     @property
     def history(self) -> pandas.DataFrame:
-        """One row per break: spring, its nodes, load, displacement, energies, avalanche."""
+        """One row per break: what broke and where, load, displacement, energies, avalanche."""
         import pandas
 
-        names = self.network.names
-        ends = self.network.springs[self.spring]
-        units = {"displacement": "_m", "force": "_N", "stored": "_J", "released": "_J"}
-        columns: dict[str, Any] = {
-            "spring": self.spring,
+        columns: dict[str, Any] = {self.parts: self.broken, **self._where()}
+        units = {"load_factor": "", "displacement": "_m", "force": "_N"}
+        for name in COLUMNS[1:]:
+            columns[name + units.get(name, "_J")] = getattr(self, name)
+        columns["avalanche"] = self.avalanche
+        return pandas.DataFrame(columns)
+
+    def _where(self) -> dict[str, Any]:
+        """Return the nodes of the springs, or the middles of the cells (m), that broke."""
+        if isinstance(self.subject, Scene):
+            middle = self.cells[self.broken]
+            return {
+                f"{name}_m": middle[:, axis] for axis, name in enumerate("xyz"[: middle.shape[1]])
+            }
+        ends, names = self.subject.springs[self.broken], self.subject.names
+        return {
             "first": [names[node] for node in ends[:, 0]],
             "second": [names[node] for node in ends[:, 1]],
         }
-        for name in COLUMNS[1:]:
-            unit = "" if name == "load_factor" else units.get(name, "_J")
-            columns[name + unit] = getattr(self, name)
-        columns["avalanche"] = self.avalanche
-        return pandas.DataFrame(columns)
+
+    @property
+    def cells(self) -> Floats:
+        """Middles of a scene's cells of material (m), row by row, shape (n, dimension)."""
+        assert isinstance(self.subject, Scene)
+        return self.subject.lattice.centres(np.argwhere(self.subject.rasterise() >= 0))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return the history."""
         return self.history
 
-    def state(self, breaks: int | None = None) -> NetworkResult:
-        """Return the network after so many breaks, at the load of the last of them.
+    def state(self, breaks: int | None = None) -> NetworkResult | ElasticResult:
+        """Return what is left after so many breaks, and how it bears.
+
+        Of a network at the load of the last of them; of the cells of a scene under its whole load
+        (a load factor of 1), as `kaju.solve` answers.
 
         Parameters
         ----------
         breaks : int, optional
-            From 0, before the first break and at its load; none: the last state that the
-            network resisted in.
+            From 0, before the first break and at its load; none: the last state that resisted.
 
         Raises
         ------
         ParameterError
-            If there were fewer, or the network had parted by then.
+            If there were fewer, or the body had parted by then.
         """
-        last = self.standing
-        count = last if breaks is None else breaks
-        if not 0 <= count <= last:
-            parted = " (with the next one it parted)" if last < self.breaks else ""
-            raise ParameterError(f"breaks: 0 to {last}{parted}, got {breaks}")
+        count = self._counted(breaks)
+        if isinstance(self.subject, Scene):
+            from kaju.model.study.solving import solve
+
+            from .breaking_cells import KEPT
+
+            solid = self.subject.rasterise() >= 0
+            stiffness = np.ones(solid.shape)
+            stiffness[tuple(np.argwhere(solid)[self.broken[:count]].T)] = KEPT
+            return solve(self.subject, stiffness=stiffness)
         kept = np.ones(len(self.network.springs), dtype=bool)
-        kept[self.spring[:count]] = False
+        kept[self.broken[:count]] = False
         whole = self.network
         left = SpringNetwork(
             positions=whole.positions,
@@ -176,8 +217,8 @@ class FractureResult(Result):
             names=whole.names,
             notes=whole.notes,
         )
-        factor = float(self.load_factor[max(count - 1, 0)]) if self.breaks else 1.0
-        standing = BreakingNetwork(left, np.full(len(left.springs), np.inf))
+        factor = self.factor_after(count)
+        standing = body_of(left, np.full(len(left.springs), np.inf), "force")
         moved = factor * standing.displacement()
         _, direction = spring_lengths_and_directions(left.positions, left.springs)
         stretch = np.einsum("ij,ij->i", along_springs(left, moved), direction)
@@ -194,10 +235,38 @@ class FractureResult(Result):
             seconds=0.0,
         )
 
+    def replayed(self, counts: Iterable[int]) -> Iterator[WeakeningBody]:
+        """Break the body again, and give it after so many breaks each, under its whole load.
+
+        Parameters
+        ----------
+        counts : iterable of int
+            Numbers of breaks, rising, up to `standing`.
+        """
+        body = body_of(self.subject, self.strengths, self.measure)
+        for count in counts:
+            self._counted(count)
+            while len(body.broken) < count:
+                body.break_part(body.place_of(int(self.broken[len(body.broken)])))
+            yield body
+
+    def factor_after(self, count: int) -> float:
+        """Return the load factor right after so many breaks; before the first, that of it."""
+        return float(self.load_factor[max(count - 1, 0)]) if self.breaks else 1.0
+
     @property
     def standing(self) -> int:
-        """Number of breaks after which the network still resisted."""
+        """Number of breaks after which the body still resisted."""
         return self.breaks - (1 if self.outcome.startswith("parted") else 0)
+
+    def _counted(self, breaks: int | None) -> int:
+        """Return a number of breaks after which the body still resisted."""
+        last = self.standing
+        count = last if breaks is None else breaks
+        if not 0 <= count <= last:
+            parted = " (with the next one it parted)" if last < self.breaks else ""
+            raise ParameterError(f"breaks: 0 to {last}{parted}, got {breaks}")
+        return count
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
@@ -205,9 +274,8 @@ class FractureResult(Result):
         return {
             "model": "fracture",
             "kaju_version": __version__,
-            "nodes": len(self.network.positions),
-            "springs": len(self.network.springs),
-            "dimension": self.network.dimension,
+            "parts": f"{self.parts}s",
+            **self._sizes(),
             "measure": self.measure,
             "breaks": self.breaks,
             "strength": self.strength,
@@ -219,7 +287,7 @@ class FractureResult(Result):
             "stored_J": float(self.stored[-1]) if self.breaks else 0.0,
             "released_J": float(self.released[-1]) if self.breaks else 0.0,
             "outcome": self.outcome,
-            "notes": list(self.network.notes),
+            "notes": [] if isinstance(self.subject, Scene) else list(self.subject.notes),
             "seconds": self.seconds,
         }
 
@@ -229,18 +297,24 @@ class FractureResult(Result):
         met = np.abs(self.work).max(initial=0.0)
         return [Check("work is stored or released", float(off / (met or 1.0)), _DIGITS_LEFT)]
 
+    def _sizes(self) -> dict[str, int]:
+        if isinstance(self.subject, Scene):
+            return {"cells": parts_of(self.subject), "dimension": self.subject.lattice.dimension}
+        nodes, dimension = self.subject.positions.shape
+        return {"nodes": nodes, "springs": parts_of(self.subject), "dimension": dimension}
+
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        arrays, about = network_archive(self.network)
+        arrays, about = subject_archive(self.subject)
         arrays |= {name: getattr(self, name) for name in BREAKS}
         told = {name: getattr(self, name) for name in ("measure", "outcome", "seconds")}
         return arrays, about | told
 
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
-        network = network_from(archive)
+        subject = subject_from(archive)
         return cls(
-            network=network,
-            **archive.columns(BREAKS, sizes_of_network(network)),
+            subject=subject,
+            **archive.columns(BREAKS, {"parts": parts_of(subject)}),
             measure=archive.value("measure", Measure),
             outcome=archive.value("outcome", str),
             seconds=archive.value("seconds", float),

@@ -1,7 +1,8 @@
-"""When a spring breaks: its strength, told as the elongation that it does not survive."""
+"""What springs and cells survive: strengths that scatter, and how they are measured."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import numpy as np
@@ -9,10 +10,10 @@ from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ParameterError
-from kaju.model.network import SpringNetwork
 
-Measure = Literal["force", "strain", "energy"]
-"""What is exceeded where a spring breaks: its tension (N), its strain, or its energy (J)."""
+Measure = Literal["force", "stress", "strain", "energy"]
+"""What is exceeded: a spring's tension (N) or a cell's largest principal stress (Pa), the largest
+strain, or the energy (J) of either."""
 
 
 def drawn_strengths(
@@ -22,12 +23,12 @@ def drawn_strengths(
     weibull: float | None,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the strengths of springs, shape (count,).
+    """Return the strengths of springs or cells, shape (count,).
 
     Parameters
     ----------
     count : int
-        Number of springs.
+        Number of springs or cells.
     strength : float or (count,) floats
         Mean of them, or of a Weibull distribution the scale; above 0.
     scatter : float
@@ -45,7 +46,7 @@ def drawn_strengths(
     scale = np.asarray(strength, dtype=np.float64)
     if scale.shape not in ((), (count,)):
         raise ParameterError(
-            f"strength: one number, or one for each of the {count} springs, got shape {scale.shape}"
+            f"strength: one number, or one for each of the {count} that may break, got shape {scale.shape}"
         )
     if not (np.isfinite(scale).all() and (scale > 0.0).all()):
         raise ParameterError(f"strength: must be finite and above 0, got {strength!r:.60}")
@@ -58,18 +59,14 @@ def drawn_strengths(
     return np.asarray(scale * rng.weibull(weibull, count))
 
 
-def elongation_limits(network: SpringNetwork, strengths: Floats, measure: Measure) -> Floats:
-    """Return the elongations (m) above which springs break, shape (m,).
+def measured(measure: str, known: Mapping[str, Callable[[], Floats]]) -> Callable[[], Floats]:
+    """Return what a measure is called by, of those that a body knows.
 
     Raises
     ------
     ParameterError
-        If there is no such measure.
+        If it knows no such measure.
     """
-    if measure == "force":
-        return strengths / network.stiffness
-    if measure == "strain":
-        return strengths * network.initial_length
-    if measure == "energy":
-        return np.asarray(np.sqrt(2.0 * strengths / network.stiffness))
-    raise ParameterError(f"measure: 'force', 'strain' or 'energy', got {measure!r}")
+    if measure not in known:
+        raise ParameterError(f"measure: {', '.join(map(repr, known))}, got {measure!r}")
+    return known[measure]

@@ -198,7 +198,7 @@ def tangent_solver(assembler: Assembler, method: Method = "auto") -> TangentSolv
 
 
 class DirectSolver:
-    """Sparse LU in the order of the assembler's rows, on the diagonal's own pivots.
+    """Sparse LU on the diagonal's own pivots, in the order of the (assembler's) rows or another.
 
     For a symmetric matrix U = D Lᵀ, so by Sylvester's law of inertia the signs of the pivots
     D are those of the eigenvalues.
@@ -206,14 +206,15 @@ class DirectSolver:
 
     name = "sparse LU"
 
-    def __init__(self) -> None:
+    def __init__(self, order: str = "NATURAL") -> None:
         self._factors: Any = None
+        self._order = order
 
     def factorise(self, tangent: csc_array) -> None:
         """Compute the factors; raise `GivesWayError` unless all pivots are positive."""
         self._factors = None  # give their memory back before the new ones need it
         try:
-            self._factors = factors_of(tangent, order="NATURAL")
+            self._factors = factors_of(tangent, order=self._order)
         except RuntimeError as singular:  # a column of zeros was left
             raise GivesWayError(_weak_direction(tangent)) from singular
         pivoted = not np.array_equal(self._factors.perm_r, self._factors.perm_c)

@@ -95,8 +95,8 @@ RECORDS = {
     "corrections": Column("i", "records", 0),
 }
 BREAKS = {
-    "strengths": Column("f", "springs", 0.0),
-    "spring": Column("i", "breaks", 0, "springs"),
+    "strengths": Column("f", "parts", 0.0),
+    "broken": Column("i", "breaks", 0, "parts"),
     "load_factor": Column("f", "breaks", 0.0),
     "displacement": Column("f", "breaks"),
     "force": Column("f", "breaks"),

@@ -359,9 +359,10 @@ def creep(
 
 
 class MeasureName(Enum):
-    """What is exceeded where a spring breaks, for the shell to complete."""
+    """What is exceeded where a spring or a cell breaks, for the shell to complete."""
 
     FORCE = "force"
+    STRESS = "stress"
     STRAIN = "strain"
     ENERGY = "energy"
 
@@ -371,11 +372,12 @@ def break_(
     out: Out = None,
     settings: Settings = None,
     strength: Annotated[
-        float, typer.Option(help="Mean strength of the springs: N, a share, or J.")
+        float, typer.Option(help="Mean strength of springs or cells: N, Pa, a share, or J.")
     ] = 1.0,
     measure: Annotated[
-        MeasureName, typer.Option(help="What is exceeded where a spring breaks.")
-    ] = MeasureName.FORCE,
+        MeasureName | None,
+        typer.Option(help="What is exceeded: force of springs, stress of cells unless given."),
+    ] = None,
     scatter: Annotated[
         float | None,
         typer.Option(
@@ -390,7 +392,7 @@ def break_(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Load a body of hexagonal cells until it parts: its springs break, one at a time.
+    """Load a body until it parts: its cells break, one at a time; of hexagons the springs.
 
     The scene's loads are scaled to each next break. Writes summary.json, result.npz and
     pictures: the crack, load and displacement, avalanches. `kaju animate` makes a film of the
@@ -402,10 +404,11 @@ def break_(
         from kaju.model.fracture.fracture_model import FractureModel
 
         spread = 0.1 if scatter is None else scatter
-        options: dict[str, Any] = {"measure": measure.value, "scatter": spread}
+        asked = None if measure is None else measure.value
+        options: dict[str, Any] = {"measure": asked, "scatter": spread}
         model = FractureModel(described, strength=strength, most_breaks=most, seed=seed, **options)
         broken = model.run()
-        console.say(f"springs of the body's network break: {broken.outcome}")
+        console.say(f"{broken.parts}s of the body break: {broken.outcome}")
         return broken
 
     into_folder(

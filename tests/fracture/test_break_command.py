@@ -1,4 +1,4 @@
-"""The verb `break`: a body of hexagons with a notch, pulled apart by its top."""
+"""The verb `break`: a body with a notch, pulled apart by its top."""
 
 import json
 
@@ -33,9 +33,21 @@ def test_a_notched_body_parts_where_it_is_notched(tmp_path):
     assert figures["outcome"].startswith("parted")
     result = kaju.load_result(tmp_path / "broken")
     assert result.breaks == figures["breaks"] > 10
-    ends = result.network.positions[result.network.springs[result.spring]]
+    ends = result.network.positions[result.network.springs[result.broken]]
     height = ends[:, :, 1].mean()
     assert 0.02 < height < 0.055
     assert sorted(path.name for path in (tmp_path / "broken").iterdir()) == [
         *("crack.png", "result.npz", "summary.json"),
     ]
+
+
+def test_a_body_of_squares_parts_too(tmp_path):
+    scene = tmp_path / "notched.toml"
+    scene.write_text(NOTCHED.replace('"hexagon"', '"square"'))
+    words = ["break", scene, "--out", tmp_path / "broken", "--strength", 1e6, "--most", 4]
+    told = CliRunner().invoke(app, [*map(str, words), "--json"], catch_exceptions=False)
+    figures = json.loads(told.stdout)
+    assert (figures["parts"], figures["measure"], figures["breaks"]) == ("cells", "stress", 4)
+    result = kaju.load_result(tmp_path / "broken")
+    assert result.history["x_m"].is_monotonic_increasing  # from the notch on
+    assert (abs(result.history["y_m"] - 0.0375) < 0.02).all()

@@ -1,1 +1,1 @@
-"""Networks that break: one spring at a time, in small strain, under a load that is scaled."""
+"""What breaks: springs or cells, one at a time, in small strain, under a load that is scaled."""

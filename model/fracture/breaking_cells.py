@@ -29,16 +29,16 @@ from kaju.model.results.mesh import corner_order
 from kaju.model.scene import Scene
 
 from .strength import measured
-from .weakening import BREAKS_CORRECTED, WeakeningBody
+from .weakening import WeakeningBody
+
+BREAKS_CORRECTED = 12
+"""Breaks from which new factors cost less than more corrections, of six rows or more each."""
 
 KEPT = 1e-10
 """Share of its stiffness that a broken cell keeps."""
 
 _ROUNDING = 1e-9
 """Share of the largest stress below which a stress is none, but for rounding."""
-
-_MOST_NUMBERS = 2**24
-"""Of the responses to weakened rows that are kept."""
 
 
 class BreakingCells(WeakeningBody):
@@ -123,12 +123,9 @@ class BreakingCells(WeakeningBody):
         self._unit_stress = scales.modulus * scales.displacement / scales.length
         self._tensor = self._to_stress(modes, [len(s) for s in shear]) * (self._unit_stress / unit)
         self._whole = np.ones(n, dtype=bool)
-        per_break = d + 4 * len(edges)
-        rows = min(BREAKS_CORRECTED * per_break, _MOST_NUMBERS // len(stiffness))
+        most = BREAKS_CORRECTED * (d + 4 * len(edges))
         force = unit * self._numbering.gather(problem.force)
-        super().__init__(
-            sp.csr_array(strain), stiffness, given, force, max(rows, per_break), "MMD_AT_PLUS_A"
-        )
+        super().__init__(sp.csr_array(strain), stiffness, given, force, most, "MMD_AT_PLUS_A")
 
     def _to_stress(self, modes: sp.csr_array, counts: list[int]) -> sp.csr_array:
         """Return the matrix from forces of rows to the cells' normal and mean shear stresses."""

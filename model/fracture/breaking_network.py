@@ -18,7 +18,10 @@ from kaju.model.network.assembler import Assembler, along_springs
 from kaju.model.network.springs import spring_lengths_and_directions
 
 from .strength import measured
-from .weakening import BREAKS_CORRECTED, WeakeningBody
+from .weakening import WeakeningBody
+
+BREAKS_CORRECTED = 64
+"""Breaks from which new factors cost less than more corrections."""
 
 
 class BreakingNetwork(WeakeningBody):

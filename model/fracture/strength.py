@@ -46,7 +46,8 @@ def drawn_strengths(
     scale = np.asarray(strength, dtype=np.float64)
     if scale.shape not in ((), (count,)):
         raise ParameterError(
-            f"strength: one number, or one for each of the {count} that may break, got shape {scale.shape}"
+            f"strength: one number, or one for each of the {count} that may break, got shape "
+            f"{scale.shape}"
         )
     if not (np.isfinite(scale).all() and (scale > 0.0).all()):
         raise ParameterError(f"strength: must be finite and above 0, got {strength!r:.60}")

@@ -22,9 +22,6 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from kaju.arrays import Floats, Ints
 from kaju.model.network.linear import DirectSolver, GivesWayError
 
-BREAKS_CORRECTED = 64
-"""Breaks from which new factors cost less than more corrections."""
-
 _RESISTING = 1e-6
 """Share of the unbroken body's resistance below which what is left has parted: the equations of a
 body that hardly resists lose the digits by which its parts could be told apart."""
@@ -180,6 +177,7 @@ class WeakeningBody:
         if failed or lower.diagonal().min() ** 2 < self.precise:
             return False
         back *= root
-        self.elongation = self._first + response @ back
+        # Not by BLAS, whose threads wait for each other where others are at work.
+        self.elongation = self._first + np.einsum("rw,w->r", response, back)
         self.yielded = self._first_yielded + float(self._yielded_by @ back)
         return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -116,7 +117,8 @@ class BalancedPieces:
                 continue
             (x0, y0), (x1, y1) = self.low[leaf].tolist(), self.high[leaf].tolist()
             square = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-            made, flat = _triangles_in(held or [square], [*square, *beside], x1 - x0)
+            shapes = tuple(map(tuple, held or [square]))
+            made, flat = _triangles_in(shapes, (*square, *beside), x1 - x0)
             corners += made
             left_out += flat
             owner += [leaf] * len(made)
@@ -332,14 +334,15 @@ class LooseError(SupportError):
     """A part of the pieces could move without straining."""
 
 
+@lru_cache(maxsize=10_000)  # most cut leaves stay what they were when others are split
 def _triangles_in(
-    pieces: list[Corners], beside: list[Point], edge: float
+    pieces: tuple[tuple[Point, ...], ...], beside: tuple[Point, ...], edge: float
 ) -> tuple[list[tuple[Point, Point, Point]], list[list[tuple[Point, Point]]]]:
     """Return triangles of the pieces of a leaf, and the sides of those pieces that are too flat."""
-    points, rings = outlines_of(pieces, beside, NEAR)
+    points, rings = outlines_of(map(list, pieces), list(beside), NEAR)
     if any(area_of([points[k] for k in ring]) < 0.0 for ring in rings):  # round a hole
         joints = list(points)
-        rings = [ring for piece in pieces for ring in outlines_of([piece], joints, NEAR)[1]]
+        rings = [ring for piece in pieces for ring in outlines_of([list(piece)], joints, NEAR)[1]]
     made: list[tuple[Point, Point, Point]] = []
     flat: list[list[tuple[Point, Point]]] = []
     for ring in rings:

@@ -25,27 +25,34 @@ def area_of(corners: Corners) -> float:
     return 0.5 * total
 
 
-def clipped(corners: Corners, plane: HalfPlane) -> Corners | None:
-    """Return the part of a convex polygon within a half-plane, None if it has no area."""
+def parted(corners: Corners, plane: HalfPlane) -> tuple[Corners | None, Corners | None]:
+    """Return the parts of a convex polygon within a half-plane and beyond; None has no area."""
     a, b, c = plane
     away = [a * x + b * y - c for x, y in corners]
-    away = [0.0 if abs(d) < ON_LINE else d for d in away]
+    away = [0.0 if -ON_LINE < d < ON_LINE else d for d in away]
     if max(away) <= 0.0:
-        return corners
+        return corners, None
     if min(away) >= 0.0:
-        return None
+        return None, corners
     kept: Corners = []
-    for k, (p, here) in enumerate(zip(corners, away, strict=True)):
-        q, there = corners[k - len(corners) + 1], away[k - len(corners) + 1]
-        if here <= 0.0:
-            kept.append(p)
+    beyond: Corners = []
+    q, there = corners[0], away[0]
+    for k in range(len(corners) - 1, -1, -1):
+        # from the last corner back, each with the one that follows it
+        p, here = corners[k], away[k]
         if here * there < 0.0:
             t = here / (here - there)
             # along an axis the other coordinate stays exactly what it was
             x = p[0] if p[0] == q[0] else p[0] + t * (q[0] - p[0])
             y = p[1] if p[1] == q[1] else p[1] + t * (q[1] - p[1])
             kept.append((x, y))
-    return kept
+            beyond.append((x, y))
+        if here <= 0.0:
+            kept.append(p)
+        if here >= 0.0:
+            beyond.append(p)
+        q, there = p, here
+    return kept[::-1], beyond[::-1]
 
 
 def within(corners: Corners, planes: Iterable[HalfPlane]) -> Corners | None:
@@ -54,7 +61,7 @@ def within(corners: Corners, planes: Iterable[HalfPlane]) -> Corners | None:
     for plane in planes:
         if left is None:
             return None
-        left = clipped(left, plane)
+        left = parted(left, plane)[0]
     return left
 
 
@@ -62,23 +69,19 @@ def without(pieces: list[Corners], planes: list[HalfPlane]) -> list[Corners]:
     """Return what is left of convex pieces outside of the common part of half-planes."""
     left: list[Corners] = []
     for piece in pieces:
-        if within(piece, planes) is None:
-            left.append(piece)
-            continue
         rest: Corners | None = piece
-        for a, b, c in planes:
-            assert rest is not None
-            beyond = clipped(rest, (-a, -b, -c))
-            if beyond is not None:
-                left.append(beyond)
-            rest = clipped(rest, (a, b, c))
+        outside: list[Corners] = []
+        for plane in planes:
             if rest is None:
                 break
+            rest, beyond = parted(rest, plane)
+            outside += [] if beyond is None else [beyond]
+        left += [piece] if rest is None else outside
     return left
 
 
 def outlines_of(
-    pieces: list[Corners], beside: list[Point], near: float
+    pieces: Iterable[Corners], beside: list[Point], near: float
 ) -> tuple[list[Point], list[list[int]]]:
     """Return points, and closed lines through them round pieces that touch.
 

@@ -11,10 +11,10 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ConvergenceError
 
 from .balanced_pieces import SMALL_RESIDUAL, BalancedPieces, LooseError
-from .convex_pieces import Corners
 from .fitted_displacement import FittedDisplacement
 from .outline_problem import OutlineProblem, UnlikeError
 from .square_leaves import SquareLeaves
+from .true_shapes import CutLeaves
 
 ROUNDING = 1e-7
 """Share by which the bounds are set wider, for coordinates and forces are rounded."""
@@ -61,14 +61,15 @@ class NotYetError(Exception):
         self.cut, self.why = cut, why
 
 
-def bracket(problem: OutlineProblem, leaves: SquareLeaves) -> OutlineBracket:
+def bracket(
+    problem: OutlineProblem, leaves: SquareLeaves, cutting: CutLeaves | None = None
+) -> OutlineBracket:
     """Return the bounds on given leaves; leaves without any of the body go."""
-    for shape in problem.shapes:
-        shape.refine(leaves)
-    outer = [pieces_of(problem, leaves, k, True) for k in range(len(leaves))]
-    kept = np.array([k for k, held in enumerate(outer) if held != []], dtype=np.int64)
-    leaves, outer = leaves.only(kept), [outer[k] for k in kept]
-    inner = [pieces_of(problem, leaves, k, False) for k in range(len(leaves))]
+    cutting = cutting or CutLeaves(problem.body)
+    pieces = cutting.refined(leaves)
+    kept = np.array([k for k, (outer, _) in enumerate(pieces) if outer != []], dtype=np.int64)
+    leaves = leaves.only(kept)
+    outer, inner = ([pieces[k][way] for k in kept] for way in (0, 1))
     fitted = FittedDisplacement(leaves, outer, problem.stiffness)
     compliance = np.asarray(np.linalg.inv(problem.stiffness), dtype=np.float64)
     balanced = BalancedPieces(leaves, inner, fitted.halved, compliance)
@@ -88,16 +89,6 @@ def bracket(problem: OutlineProblem, leaves: SquareLeaves) -> OutlineBracket:
     return OutlineBracket(
         leaves, lower - band.sum(), upper + band.sum(), fitted, balanced, share, kept
     )
-
-
-def pieces_of(
-    problem: OutlineProblem, leaves: SquareLeaves, leaf: int, outer: bool
-) -> list[Corners] | None:
-    """Return the convex pieces of the body in a leaf, at most or at least; None for all of it."""
-    (x, y), h = leaves.lower()[leaf].tolist(), float(leaves.size[leaf] * leaves.unit)
-    square = [(x, y), (x + h, y), (x + h, y + h), (x, y + h)]
-    pieces = problem.body.pieces(square, outer)
-    return None if pieces == [square] else pieces
 
 
 def _work(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:
@@ -133,11 +124,11 @@ def spawn(
     """
     if not problem.held_whole:
         raise LooseError
-    leaves = SquareLeaves.first(problem.shape)
+    leaves, cutting = SquareLeaves.first(problem.shape), CutLeaves(problem.body)
     patience = 6
     while True:
         try:
-            found = bracket(problem, leaves)
+            found = bracket(problem, leaves, cutting)
         except NotYetError as not_yet:  # coarse pieces may not
             patience -= 1
             if not patience or len(leaves) > most or not len(not_yet.cut):

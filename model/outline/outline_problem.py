@@ -86,11 +86,6 @@ class OutlineProblem:
     outlines: tuple[LoadedOutline, ...] = ()
 
     @property
-    def shapes(self) -> tuple[TrueShape, ...]:
-        """The shapes of all regions."""
-        return tuple(region.shape for region in self.body.regions)
-
-    @property
     def band(self) -> float:
         """What a unit of area between both bodies costs at most, under the stress of a load."""
         stresses = [one.stress[[0, 1, 0], [0, 1, 1]] for one in self.outlines]

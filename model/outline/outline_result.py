@@ -180,14 +180,12 @@ class OutlineResult(Result):
 
         Curves are drawn by tangents or chords as far apart as the agents are large.
         """
-        from .outline_bracket import pieces_of
         from .outlined_scene import problem_of
+        from .true_shapes import CutLeaves
 
         problem, edge = problem_of(self.scene)
         leaves = SquareLeaves(self.x, self.y, self.width, problem.shape)
-        for shape in problem.shapes:
-            shape.refine(leaves)
-        held = [pieces_of(problem, leaves, agent, True) for agent in range(self.agents)]
+        held = [outer for outer, _ in CutLeaves(problem.body).refined(leaves)]
         square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
         agent, polygons = [], []
         for number, pieces in enumerate(held):

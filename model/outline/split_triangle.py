@@ -7,7 +7,7 @@ F σ̂ Fᵀ / det F of another, so that one table serves all of them.
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -67,7 +67,7 @@ def _traction(stress: Floats, normal: Floats) -> Floats:
     return np.stack([xx * x + xy * y, xy * x + yy * y])
 
 
-THIN = 0.1
+THIN = 0.03
 """Triangles flatter than this take patterns of their own."""
 
 
@@ -100,7 +100,8 @@ class SplitTriangles:
         )
         self.mean = np.einsum("nij,jm->nim", turned, known.mean)
         for k in np.flatnonzero(shape_of(f) < THIN):
-            self.cost[k], self.moments[k], self.mean[k] = _thin(corners[k], f[k], compliance)
+            at = tuple(corners[k].ravel().tolist()), tuple(compliance.ravel().tolist())
+            self.cost[k], self.moments[k], self.mean[k] = _thin(*at)
         self.answer = np.linalg.solve(self.cost, self.moments.transpose(0, 2, 1))
         self.matrix = self.moments @ self.answer
 
@@ -128,13 +129,16 @@ def _turned(f: Floats) -> Floats:
     return np.array(rows).transpose(2, 0, 1)
 
 
-def _thin(corners: Floats, f: Floats, compliance: Floats) -> tuple[Floats, Floats, Floats]:
+@lru_cache(maxsize=10_000)  # most triangles stay what they were when others are split
+def _thin(places: tuple[float, ...], law: tuple[float, ...]) -> tuple[Floats, Floats, Floats]:
     """Return cost, moments and means of patterns that are orthonormal in this triangle.
 
     Those of the table become all but alike here. In the principal axes of the map their
     components are large, middling and small throughout, and elimination in that order, the
     largest patterns first, loses none of them (Cox and Higham 1998).
     """
+    corners, compliance = np.array(places).reshape(3, 2), np.array(law).reshape(3, 3)
+    f = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
     u, (long, short), v = np.linalg.svd(f)
     if np.linalg.det(u) < 0.0:
         u, v = u * [1.0, -1.0], v * [[1.0], [-1.0]]

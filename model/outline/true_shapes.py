@@ -14,6 +14,8 @@ from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, k
 from .convex_pieces import ON_LINE, Corners, HalfPlane, area_of, within, without
 from .square_leaves import SquareLeaves
 
+Pieces = list[Corners] | None
+"""Convex pieces of a leaf, None for all of it."""
 FLAT = 1e-15
 """Pockets of less area (in first agents) come of rounding."""
 SMOOTH = 1e-9
@@ -78,8 +80,9 @@ class ArcShape:
             self.arcs = self.arcs[::-1, ::-1]
         self._draw()
 
-    def refine(self, leaves: SquareLeaves) -> None:
-        """Take arcs as long as the leaves are large."""
+    def refine(self, leaves: SquareLeaves) -> Floats:
+        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
+        boxes = [np.empty((0, 2, 2))]
         while True:
             frames = ArcFrames(self.arcs)
             size = np.full(len(self.arcs), np.inf)
@@ -90,8 +93,12 @@ class ArcShape:
             long = (frames.turn != 0.0) & (frames.length > size)
             if not long.any():
                 break
+            around = np.stack([frames.start, frames.tip, frames.end])[:, long]
+            boxes.append(np.stack([around.min(axis=0), around.max(axis=0)], axis=1))
             self.arcs = halved(self.arcs, long)
-        self._draw()
+        if len(boxes) > 1:
+            self._draw()
+        return np.concatenate(boxes)
 
     def part_along(self, way: Point) -> None:
         """Take ends of arcs where these run along a direction."""
@@ -204,10 +211,9 @@ class TrueBody:
         """The arcs of all regions, shape (n, 4, 3)."""
         return np.concatenate([region.shape.arcs for region in self.regions])
 
-    def refine(self, leaves: SquareLeaves) -> None:
-        """Take arcs as long as the leaves are large."""
-        for region in self.regions:
-            region.shape.refine(leaves)
+    def refine(self, leaves: SquareLeaves) -> Floats:
+        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
+        return np.concatenate([region.shape.refine(leaves) for region in self.regions])
 
     def part_along(self, way: Point) -> None:
         """Take ends of arcs where these run along a direction."""
@@ -243,6 +249,41 @@ class TrueBody:
                 if region.solid:
                     pieces.append(piece)
         return pieces
+
+
+class CutLeaves:
+    """What leaves hold of a body; what did not change since is not asked again."""
+
+    def __init__(self, body: TrueBody):
+        self.body = body
+        self._known: dict[tuple[int, int, int], tuple[Pieces, Pieces]] = {}
+
+    def refined(self, leaves: SquareLeaves) -> list[tuple[Pieces, Pieces]]:
+        """Return what leaves hold at most and at least: None for all of it, else its pieces."""
+        boxes = self.body.refine(leaves) if self.body.regions else np.empty((0, 2, 2))
+        keys = np.array(list(self._known), dtype=np.int64).reshape(-1, 3)
+        low, high = keys[:, :2] * leaves.unit, (keys[:, :2] + keys[:, 2:]) * leaves.unit
+        changed = np.zeros(len(keys), dtype=np.bool_)
+        for first, last in boxes:
+            changed |= ((low <= last) & (high >= first)).all(axis=1)
+        for key in keys[changed].tolist():
+            if self._known[tuple(key)] != (None, None):  # within the body, whatever its polygons
+                del self._known[tuple(key)]
+        found = []
+        for key in zip(leaves.x.tolist(), leaves.y.tolist(), leaves.size.tolist(), strict=True):
+            if key not in self._known:
+                self._known[key] = self._asked(*key, leaves.unit)
+            found.append(self._known[key])
+        return found
+
+    def _asked(self, x: int, y: int, size: int, unit: float) -> tuple[Pieces, Pieces]:
+        parent = (x // (2 * size) * 2 * size, y // (2 * size) * 2 * size, 2 * size)
+        if self._known.get(parent) == (None, None):
+            return None, None
+        (x0, y0), (x1, y1) = (x * unit, y * unit), ((x + size) * unit, (y + size) * unit)
+        square = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+        outer, inner = (self.body.pieces(square, way) for way in (True, False))
+        return None if outer == [square] else outer, None if inner == [square] else inner
 
 
 TrueShape = ArcShape | TrueBody

@@ -99,6 +99,11 @@ class BreakingNetwork(WeakeningBody):
         """Return the joint of a spring."""
         return int(self._joint[spring])
 
+    @property
+    def points(self) -> tuple[Floats, Ints]:
+        """Places of the nodes (m), and which of them every spring joins."""
+        return self.network.positions, self.network.springs
+
     def displacement(self) -> Floats:
         """Return the displacement of the nodes (m), shape (n, dimension)."""
         moved = self._assembler.expand(self.solution())

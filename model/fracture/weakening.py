@@ -120,6 +120,11 @@ class WeakeningBody:
     def place_of(self, part: int) -> int:
         """Return the place among the shares that stands for a part."""
 
+    @property
+    @abstractmethod
+    def points(self) -> tuple[Floats, Ints]:
+        """Places of nodes or corners (m), and which of them every spring or cell has."""
+
     @abstractmethod
     def displacement(self) -> Floats:
         """Return the displacement of the points (m), shape (n, dimension)."""
@@ -162,6 +167,8 @@ class WeakeningBody:
         self._basis = self.stiffness.copy()
         load = self._force - self._strain.T @ (self.stiffness * self._given)
         self._solution = self._solver.solve(load)
+        # What resists hardly any more costs digits: a second step wins them back.
+        self._solution += self._solver.solve(load - matrix @ self._solution)
         self.elongation = self._first = self._strain @ self._solution + self._given
         self.yielded = self._first_yielded = float(self._force @ self._solution)
         self._place[self._weakened] = -1

@@ -16,7 +16,7 @@ from kaju import (
     creep,
     solve,
 )
-from kaju.model.network import triangular
+from kaju.model.network import jittered, pulled, triangular
 from kaju.view.page.export import packed_page
 from kaju.view.page.motion_data import motion_data
 from kaju.view.page.packing import unpack
@@ -140,7 +140,23 @@ def test_creep_is_shown_at_its_times():
     assert [curve["title"] for curve in header["curves"]][:2] == ["Displacement", "Tension"]
 
 
-@pytest.mark.parametrize("make", [elastic_agents, spawned, network, noodle, answer, grown])
+def cracked():
+    """A plate whose cells break."""
+    sides = {"bottom": "rigid", "top": {"displacement": [0.0, 1e-5]}}
+    scene = Scene(**PLATE | {"sides": sides, "loads": []})
+    scene = scene.with_region(box=[[0.0, 0.1], [0.04, 0.12]])
+    return kaju.FractureModel(scene, strength=1e6, scatter=0.2, seed=1).run()
+
+
+def torn():
+    """A net whose springs break."""
+    network = pulled(jittered(7, 7), displacement=0.1)
+    return kaju.FractureModel(network, scatter=0.2, seed=1, most_breaks=9).run()
+
+
+@pytest.mark.parametrize(
+    "make", [elastic_agents, spawned, network, noodle, answer, grown, cracked, torn]
+)
 def test_every_kind_plays_without_a_word_to_the_console(opened, tmp_path, make):
     path = kaju.export_page(make(), tmp_path / "run.html", title=make.__name__)
     page = opened(path)
@@ -176,6 +192,27 @@ def test_a_body_that_grew_is_told_step_by_step():
     header, columns = motion_data(bare)
     assert header["at"] == [9.0]
     np.testing.assert_allclose(columns["value density"][0], result.cells, atol=1.0 / 512.0 + 1e-7)
+
+
+def test_what_breaks_is_there_until_then(opened, tmp_path):
+    for result, name in ((cracked(), "stress"), (torn(), "tension")):
+        header, columns = motion_data(result)
+        frames = result.standing + 1
+        assert header["at"] == list(range(frames))
+        borne = columns[f"value {name}"].reshape(frames, -1)
+        for count in (0, 1, frames - 1):
+            left = next(result.replayed([count]))
+            largest = result.factor_after(count) * left.borne()
+            np.testing.assert_allclose(borne[count], largest, rtol=1e-5, atol=1e-6 * borne.max())
+        assert np.all(borne[-1][result.broken[: frames - 1]] == 0.0)
+        page = opened(kaju.export_page(result, tmp_path / "run.html"))
+        for g in (0, 3, frames - 1):
+            page.js(f"page.goTo({g})")
+            there = np.array(page.js("Array.from({ length: page.count }, (_, i) => page.there(i))"))
+            assert np.flatnonzero(~there).tolist() == sorted(result.broken[:g].tolist())
+        curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement (m)"]
+        assert curve["course"]
+        assert curve["at"][1:] == result.displacement.tolist()
 
 
 def test_cubes_that_are_hardly_filled_do_not_hide_the_others(opened, tmp_path):

@@ -50,13 +50,13 @@ export function ticksOf(low, high, most = 4) {
 }
 
 /** One chart: axes with ticks and a unit, a line each, its name at its end, the present as a dot and a number. */
-export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lists, names, over, now, log = false }, inks) {
+export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lists, names, over, now, log = false, course = false }, inks) {
   let top = 0, low = log ? Infinity : 0;
   for (const list of lists) for (const v of list) { if (v > top) top = v; if (v < low && (!log || v > 0)) low = v; }
   if (log && !(low < top)) low = top / 10 || 0.1;
   if (!(top > low)) top = low + 1;
   const map = log ? (v) => Math.log10(Math.max(v, low)) : (v) => v, from = map(low), span = map(top) - from || 1;
-  const first = over[0] ?? 0, reach = (over.at(-1) ?? first + 1) - first || 1;
+  const first = over[0] ?? 0, reach = over.reduce((most, at) => Math.max(most, at - first), 0) || 1;
   const X = (at) => x + w * (at - first) / reach, Y = (v) => y + h - h * (map(v) - from) / span;
   const [factor, prefix] = prefixOf(Math.max(top, -low), unit), short = (v) => String(Number((v / factor).toPrecision(2)));
   ctx.font = FONT; ctx.lineWidth = 1; ctx.strokeStyle = inks.hair; ctx.fillStyle = inks.soft;
@@ -81,7 +81,7 @@ export function paintChart(ctx, { x, y, w, h }, { word, unit, lists, shown = lis
     list.forEach((v, n) => ctx.lineTo(X(over[n]), Y(v)));
     ctx.stroke(); ctx.setLineDash([]);
   });
-  const here = now === null || now === undefined ? -1 : over.findLastIndex((v) => v <= now + 1e-9 * reach), seen = here >= 0 && shown[0]?.[here] !== undefined;
+  const here = now === null || now === undefined ? -1 : course ? now : over.findLastIndex((v) => v <= now + 1e-9 * reach), seen = here >= 0 && shown[0]?.[here] !== undefined;
   const px = seen ? X(over[here]) : 0, py = seen ? Y(lists[0][here]) : 0, left = px < x + w / 2, level = Math.max(y + 7, Math.min(y + h - 8, py - 9));
   const taken = seen && !left ? [level] : [];  // names stand at the ends of their lines, not over each other
   shown.forEach((list, i) => {

@@ -130,7 +130,8 @@ def export_page(
     The file needs nothing else: it opens by a double click, without network or server. Where
     the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
     loads and the body can be changed in it. All else is recorded: agents and lattices of one's
-    own, elastic agents, agents that spawn, elastic answers, spring networks, creep.
+    own, elastic agents, agents that spawn, elastic answers, spring networks, what breaks,
+    creep.
 
     Parameters
     ----------

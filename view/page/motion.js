@@ -140,7 +140,7 @@ export class MotionPage extends Page {
   drawSprings(view, ink) {
     const { parts, count, held, points, dimension, inks } = this, { ctx } = view, nodes = points.length / dimension;
     const width = Math.max(1, Math.min(5, 260 / Math.sqrt(count))), lists = new Map();
-    for (let s = 0; s < count; s++) { const c = ink(s); if (!lists.has(c)) lists.set(c, []); lists.get(c).push(s); }
+    for (let s = 0; s < count; s++) if (this.there(s)) { const c = ink(s); if (!lists.has(c)) lists.set(c, []); lists.get(c).push(s); }
     const stroke = (list, ink, wide) => {
       ctx.lineCap = "round"; ctx.lineWidth = wide; ctx.strokeStyle = ink; ctx.beginPath();
       for (const s of list) { ctx.moveTo(...view.point(this.where(parts[2 * s]))); ctx.lineTo(...view.point(this.where(parts[2 * s + 1]))); }
@@ -180,8 +180,8 @@ export class MotionPage extends Page {
     const { parts: { charts: canvas }, curveList, inks, at, g } = this;
     canvas.hidden = !curveList.length;
     if (!canvas.isConnected || !curveList.length) return;
-    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, lines, logarithmic }) =>
-      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: at[g], log: logarithmic })), inks);
+    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, lines, logarithmic, course }) =>
+      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: at[g], log: logarithmic, course })), inks);
   }
   seekChart(x) {
     const { curveList, parts: { charts }, at } = this;

@@ -28,6 +28,7 @@ from .scene_data import Columns
 if TYPE_CHECKING:
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.fracture.fracture_result import FractureResult
     from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network import SpringNetwork
     from kaju.model.rheology.creep_result import CreepResult
@@ -134,6 +135,7 @@ def curve_data(curves: Curves) -> dict[str, Any]:
         "at": curves.at.tolist(),
         "lines": {name: line.tolist() for name, line in curves.lines.items()},
         "logarithmic": curves.logarithmic,
+        "course": curves.along == "displacement",  # a point a moment, there and back
     }
 
 
@@ -141,6 +143,7 @@ def _pictures(result: Result) -> Pictures:
 
     from kaju.model.elastic.elastic_result import ElasticResult
     from kaju.model.elastic.settling.run import ElasticRun
+    from kaju.model.fracture.fracture_result import FractureResult
     from kaju.model.growth.growth_result import GrowthResult
     from kaju.model.network.network_result import NetworkResult
     from kaju.model.rheology.creep_result import CreepResult
@@ -167,6 +170,8 @@ def _pictures(result: Result) -> Pictures:
         return replace(told, words=result.outcome)
     if isinstance(result, ElasticRun):
         return _elastic_agents(result)
+    if isinstance(result, FractureResult):
+        return _broken(result)
     if isinstance(result, GrowthResult):
         return _grown(result)
     if isinstance(result, ElasticResult) and result.spawned:
@@ -252,15 +257,20 @@ def _chosen(count: int) -> Ints:
 def _network(
     moving: Motion, network: SpringNetwork, along: str, curves: Sequence[Curves]
 ) -> Pictures:
-    force = network.forces[-1]
-    acting = np.flatnonzero(force.any(axis=1))
     return _moving(
         moving,
         along,
         curves,
-        [(network.positions[node].tolist(), force[node].tolist()) for node in acting],
+        _acting(network),
         held=np.flatnonzero(network.held.any(axis=1)),
     )
+
+
+def _acting(network: SpringNetwork) -> list[tuple[list[float], list[float]]]:
+    """Return the places and forces of a network's loads."""
+    force = network.forces[-1]
+    acting = np.flatnonzero(force.any(axis=1))
+    return [(network.positions[node].tolist(), force[node].tolist()) for node in acting]
 
 
 def _moving(
@@ -358,6 +368,46 @@ def _grown(result: GrowthResult) -> Pictures:
             Curves("Volume", *over, {"volume": 100.0 * result.volumes}, "%"),
         ],
         forces=applied(result.scene, result.stage),
+        words=result.outcome,
+    )
+
+
+def _broken(result: FractureResult) -> Pictures:
+    """Springs or cells, each until it breaks, under the load of the last break."""
+    counts = _chosen(result.standing + 1)
+    moved, borne = [], []
+    for count, body in zip(counts.tolist(), result.replayed(counts.tolist()), strict=True):
+        factor = result.factor_after(count)
+        moved.append(factor * body.displacement())
+        borne.append(factor * body.borne())
+    points, parts = body.points
+    gone = np.full(len(parts), result.breaks + 1)
+    gone[result.broken] = np.arange(1, result.breaks + 1)
+    over = ("break", "", np.arange(result.breaks + 1.0))
+    force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
+    sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
+    books = {name: np.append(0.0, getattr(result, name)) for name in ("work", "stored", "released")}
+    if isinstance(result.subject, Scene):
+        name, unit, held, forces = "stress", "Pa", None, applied(result.subject)
+    else:
+        name, unit, held = "tension", "N", np.flatnonzero(result.subject.held.any(axis=1))
+        forces = _acting(result.subject)
+    return Pictures(
+        points=points,
+        parts=parts,
+        at=counts.astype(float),
+        along="break",
+        values={name: (unit, np.array(borne))},
+        moved=np.array(moved),
+        gone=gone,
+        curves=[
+            Curves("Load", *over, {"load": force}, "N"),
+            Curves("Load over displacement (m)", "displacement", "m", way, {"load": force}, "N"),
+            Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
+            Curves("Energy", *over, books, "J"),
+        ],
+        held=np.empty(0, dtype=np.int64) if held is None else held,
+        forces=forces,
         words=result.outcome,
     )
 

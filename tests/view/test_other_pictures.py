@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,15 @@ def test_large_displacements_of_a_network_are_drawn_as_they_are() -> None:
 def test_networks_in_space_and_all_pictures_of_networks(tmp_path) -> None:
     paths = plot_all(face_centred(1, 1, 1).solve(2), tmp_path)
     assert [path.name for path in paths] == ["deformed.png", "response.png"]
+
+
+def test_one_stage_is_drawn_beside_what_is_proportional() -> None:
+    net = triangular(3, force=0.1)
+    stages = {name: np.tile(getattr(net, name), (2, 1, 1)) for name in ("forces", "displacements")}
+    twice = dataclasses.replace(net, **stages)
+    for network, beside in ((net, True), (twice, False)):
+        lines = plot(network.solve(2), "response").axes[0].lines
+        assert any(line.get_label() == "proportional" for line in lines) == beside
 
 
 @pytest.mark.parametrize(

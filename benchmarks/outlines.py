@@ -1,0 +1,194 @@
+"""True outlines: agents and processor time for a proven gap, peaks, and quadratic elements beside.
+
+Rows of four bodies: agents and time for gaps of 1 % and 0.2 % of the energy, where the truth lies
+between both bounds; peaks of the hoop stress at holes by tolerance. Run:
+
+    python benchmarks/outlines.py                # gaps and peaks, half a minute
+    python benchmarks/outlines.py peer           # quadratic triangles with curved sides, by
+                                                 # scikit-fem, at the same true error of the ring
+"""
+
+import sys
+from time import process_time
+
+import numpy as np
+
+from kaju import Scene, solve
+
+ROLLERS = {"left": "roller", "bottom": "roller"}
+LAME = np.pi / 2 * (0.7 + 1.3 * 4) / 3
+"""Work of the pressure on a quarter of the ring, exactly."""
+RIGHT = [{"side": "right", "force": [1.0, 0.0]}]
+
+
+def region(material, name=None, **shape):
+    """Return a region with a true outline."""
+    return {"material": material, "outline": "true"} | shape | ({"name": name} if name else {})
+
+
+def scene(size, cells, regions, loads, sides=ROLLERS, material="unit", ratio=0.3):
+    """Return a body of modulus 1, 1 m thick."""
+    body = {"size": size, "cells": cells, "material": material, "regions": regions}
+    materials = {"unit": {"youngs_modulus": 1.0, "poissons_ratio": ratio}}
+    return Scene(body=body, materials=materials, sides=sides, loads=loads)
+
+
+def disk(radius, material="air", centre=(0.0, 0.0), name=None):
+    """Return a disk."""
+    return region(material, name, disk={"centre": list(centre), "radius": radius})
+
+
+def bodies():
+    """Return scenes, twice the energy of each, and whether that is exact.
+
+    Those that are not are of quadratic triangles with curved sides, 33,000 to 105,000 unknowns.
+    """
+    hole = scene([1.0, 1.0], [4, 4], [disk(0.31, name="hole")], RIGHT)
+    ring = scene(
+        [2.1, 2.1],
+        [4, 4],
+        [disk(2.0, "unit"), disk(1.0, name="bore")],
+        [{"outline": "bore", "pressure": 1.0}],
+        material="air",
+    )
+    corners = [[0.0, 0.0], [48.0, 44.0], [48.0, 60.0], [0.0, 44.0]]
+    cook = scene(
+        [48.0, 64.0],
+        [12, 16],
+        [region("unit", polygon=corners)],
+        [{"side": "right", "force": [0.0, 1.0]}],
+        {"left": "rigid"},
+        "air",
+        1 / 3,
+    )
+    path = "M0 0H2V0.6H0.8A0.2 0.2 0 0 0 0.6 0.8V2H0Z"
+    bracket = scene(
+        [2.0, 2.0],
+        [10, 10],
+        [region("unit", path=path)],
+        [{"side": "right", "force": [0.0, -0.6]}],
+        {"top": "rigid"},
+        "air",
+    )
+    return {
+        "hole": (hole, 1.303641),
+        "ring": (ring, LAME),
+        "Cook": (cook, 24.0409),
+        "bracket": (bracket, 113.861),
+    }
+
+
+def gaps():
+    """Tell agents and processor time for gaps of 1 % and 0.2 %."""
+    print(
+        "body      gap asked   gap      agents  cut   seconds   bounds of twice the energy, truth"
+    )
+    for name, (body, truth) in bodies().items():
+        for gap in (0.01, 0.002):
+            start = process_time()
+            answer = solve(body, tolerance=0.5 * np.sqrt(gap))
+            seconds = process_time() - start
+            lower, upper = (2 * bound for bound in answer.energy_bounds)
+            within = lower < truth * (1 + 1e-5) and upper > truth * (1 - 1e-5)
+            print(
+                f"{name:8s} {gap:8.3f} {upper / lower - 1:10.5f} {answer.agents:8d} "
+                f"{int(answer.cut.sum()):5d} {seconds:8.2f}   {lower:.5f} - {upper:.5f}  "
+                f"{truth:.5f} {'inside' if within else 'OUTSIDE'}",
+                flush=True,
+            )
+
+
+def peaks():
+    """Tell peaks of the hoop stress, over those of infinite plates."""
+    far = [{"side": "right", "force": [20.0, 0.0]}]
+    wide = [20.0, 20.0], [8, 8]
+    flat = region("air", "hole", ellipse={"centre": [0.0, 0.0], "radii": [1.0 / 3.0, 1.0]})
+    for name, body, outline, truth in (
+        ("Kirsch", scene(*wide, [disk(1.0, name="hole")], far), "hole", 3.0),
+        ("ellipse", scene(*wide, [flat], far), "hole", 7.0),
+    ):
+        for tolerance in (0.01, 0.003, 0.001):
+            start = process_time()
+            answer = solve(body, tolerance=tolerance)
+            hoop = answer.outline_stress(outline)[1]
+            print(
+                f"{name:8s} tolerance {tolerance:5.3f} agents {answer.agents:6d} peak "
+                f"{hoop.max():8.4f} of {truth:.4f} ({hoop.max() / truth - 1:+.2%}), "
+                f"{process_time() - start:.1f} s",
+                flush=True,
+            )
+
+
+def peer():
+    """Tell the time of quadratic triangles with curved sides at the same true error of the ring.
+
+    The mesh is an expert's: as many sides along the radius as around, all alike in shape.
+    """
+    from skfem import (
+        Basis,
+        BilinearForm,
+        ElementTriP2,
+        ElementVector,
+        FacetBasis,
+        LinearForm,
+        MeshTri,
+        MeshTri2,
+        condense,
+    )
+    from skfem import solve as solved
+    from skfem.helpers import ddot, dot, eye, sym_grad, trace
+
+    nu = 0.3
+
+    @BilinearForm
+    def stored(u, v, _):
+        strain = sym_grad(u)
+        stress = strain / (1 + nu) + eye(nu / (1 - nu**2) * trace(strain), 2)
+        return ddot(stress, sym_grad(v))
+
+    @LinearForm
+    def pushed(v, w):
+        return -dot(w.n, v)
+
+    def work_of(sides):
+        flat = MeshTri.init_tensor(np.linspace(0.0, 1.0, sides + 1), np.linspace(0, 1, sides + 1))
+        two = MeshTri2.from_mesh(flat)
+        radius, angle = 2.0 ** two.doflocs[0], 0.5 * np.pi * two.doflocs[1]
+        mesh = MeshTri2(np.stack([radius * np.cos(angle), radius * np.sin(angle)]), two.t)
+        basis = Basis(mesh, ElementVector(ElementTriP2()), intorder=5)
+        inner = mesh.facets_satisfying(lambda x: np.hypot(*x) < 1.0 + 0.1 / sides, True)
+        force = pushed.assemble(FacetBasis(mesh, basis.elem, facets=inner, intorder=5))
+        x, y = basis.doflocs
+        axis = np.zeros(basis.N, dtype=bool)
+        axis[np.concatenate([basis.nodal_dofs[0], basis.facet_dofs[0]])] = True
+        held = (axis & (x < 1e-9)) | (~axis & (y < 1e-9))
+        moved = solved(*condense(stored.assemble(basis), force, D=np.flatnonzero(held)))
+        return float(force @ moved)
+
+    work_of(4)
+    for tolerance in (0.05, 0.02, 0.01):
+        start = process_time()
+        answer = solve(bodies()["ring"][0], tolerance=tolerance)
+        seconds = process_time() - start
+        error = abs(1.0 - 2 * answer.strain_energy / LAME) ** 0.5
+        below = (1.0 - 2 * answer.energy_bounds[0] / LAME) ** 0.5
+        for sides in range(4, 200, 2):
+            start = process_time()
+            work = work_of(sides)
+            theirs = process_time() - start
+            if abs(1.0 - work / LAME) ** 0.5 < below:
+                break
+        print(
+            f"ring, tolerance {tolerance:5.2f}: true error of the displacement {below:.2e}, of the "
+            f"mean energy {error:.2e} in {seconds:.2f} s; quadratic triangles with {sides} sides "
+            f"around reach the first in {theirs:.3f} s, nothing proved",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    if "peer" in sys.argv[1:]:
+        peer()
+    else:
+        gaps()
+        peaks()

@@ -44,6 +44,8 @@ def main() -> None:
     plot(jelly, "curves").savefig(folder / "jelly_curves.png", dpi=90)
     animate(_spawned(_square(), 0.03), folder / "agents_spawn.gif", fps=1.5)
     plot(_spawned(_block(), 0.12), "agents").savefig(folder / "agents_octree.png", dpi=110)
+    lug = solve(load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
+    plot(lug, "agents").savefig(folder / "lug.png", dpi=90)
     _bracket().savefig(folder / "bracket.png", dpi=110)
 
 

@@ -24,6 +24,17 @@ CREEPING = {"jelly": 3.2147e-4}
 """Scenes with a history: what stays of the displacement (m)."""
 
 
+OUTLINED = {"lug": 0.0973}
+"""Scenes with true outlines: the energy (J)."""
+
+
+@pytest.mark.parametrize("name", sorted(OUTLINED))
+def test_an_example_is_solved_within_its_outlines(name):
+    answer = kaju.solve(load_scene(EXAMPLES / f"{name}.toml"), tolerance=0.1)
+    assert answer.strain_energy == pytest.approx(OUTLINED[name], rel=0.02)
+    assert answer.energy_bounds[0] < OUTLINED[name] < answer.energy_bounds[1]
+
+
 @pytest.mark.parametrize("name", sorted(CREEPING))
 def test_an_example_creeps(name):
     course = creep(load_scene(EXAMPLES / f"{name}.toml"))
@@ -56,7 +67,7 @@ def test_the_arch_explodes_only_where_it_says_so(alpha, beta, generations, grows
 
 
 def test_every_scene_is_among_them():
-    assert {path.stem for path in EXAMPLES.glob("*.toml")} == {*AGENTS, *CREEPING}
+    assert {path.stem for path in EXAMPLES.glob("*.toml")} == {*AGENTS, *CREEPING, *OUTLINED}
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.rglob("*.toml")), ids=lambda path: path.stem)

@@ -4,6 +4,8 @@ Rows of four bodies: agents and time for gaps of 1 % and 0.2 % of the energy, wh
 between both bounds; peaks of the hoop stress at holes by tolerance. Run:
 
     python benchmarks/outlines.py                # gaps and peaks, half a minute
+    python benchmarks/outlines.py random 60      # bodies of random shapes, beside grid lines too:
+                                                 # do bounds of four grids hold one truth?
     python benchmarks/outlines.py peer           # quadratic triangles with curved sides, by
                                                  # scikit-fem, at the same true error of the ring
 """
@@ -13,7 +15,8 @@ from time import process_time
 
 import numpy as np
 
-from kaju import Scene, solve
+from kaju import Scene, sampled_shape, solve
+from kaju.errors import ConvergenceError, KajuError
 
 ROLLERS = {"left": "roller", "bottom": "roller"}
 LAME = np.pi / 2 * (0.7 + 1.3 * 4) / 3
@@ -186,9 +189,71 @@ def peer():
         )
 
 
+def random_shape(rng):
+    """Return one of eight shapes, half of them 1e-2 to 1e-8 off a line between first agents."""
+    (x, y), r = rng.uniform(0.1, 0.9, 2), 10 ** rng.uniform(-1.6, -0.6)
+    if rng.integers(2):
+        x = round(x * 8) / 8 + r + 10.0 ** -rng.uniform(2, 8)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 6)) + np.repeat([0.0, 0.1, 0.2], 2)
+    reach = r * rng.uniform(0.6, 1.3, 6)
+    lobes, flat = int(rng.integers(3, 7)), 10 ** rng.uniform(-1.5, 0)
+
+    def leaf(points):
+        away = points - [x, y]
+        return np.hypot(*away.T) - r * (0.7 + 0.25 * np.cos(lobes * np.arctan2(*away.T)))
+
+    shapes = (
+        {"disk": {"centre": [x, y], "radius": r}},
+        {"ring": {"centre": [x, y], "inner": r * rng.choice([0.3, 0.7, 0.999]), "outer": r}},
+        {"ellipse": {"centre": [x, y], "radii": [r, r * flat], "angle": rng.uniform(0, 180)}},
+        {"slot": {"ends": [[x, y], [x + r, y + r * flat]], "radius": 0.4 * r}},
+        {"rounded_box": {"box": [[x - r, y - 0.7 * r], [x + r, y + 0.7 * r]], "radius": 0.3 * r}},
+        {
+            "polygon": [
+                [x + d * np.cos(t), y + d * np.sin(t)] for d, t in zip(reach, angles, strict=True)
+            ]
+        },
+        {
+            "path": f"M{x - r} {y}C{x - r} {y + r} {x - 0.3 * r} {y + 0.2 * r} {x} {y + 0.5 * r}"
+            f"S{x + r} {y + r} {x + r} {y}Q{x} {y - 1.2 * r} {x - r} {y}z"
+        },
+        {"image": sampled_shape(leaf, (x - r, y - r), (x + r, y + r), (24, 24))},
+    )
+    return shapes[rng.integers(8)]
+
+
+def random_bodies(count):
+    """Tell how many random bodies have bounds on four grids that hold no common energy."""
+    apart, refused = 0, 0
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        regions = [
+            region("air" if k == 0 or rng.random() < 0.7 else "unit", **random_shape(rng))
+            for k in range(rng.integers(1, 5))
+        ]
+        lower, upper = 0.0, np.inf
+        for cells, tolerance in ((8, 0.4), (12, 0.3), (16, 0.2), (8, 0.1)):
+            load = [{"side": "right", "force": [1.0, 0.5]}]
+            body = scene([1.0, 1.0], [cells, cells], regions, load, {"left": "rigid"})
+            try:
+                answer = solve(body, tolerance=tolerance, most_agents=4000)
+            except ConvergenceError as error:
+                answer = error.best
+            except KajuError as error:
+                print(f"body {seed} refused: {error}")
+                refused += 1
+                break
+            lower = max(lower, answer.energy_bounds[0])
+            upper = min(upper, answer.energy_bounds[1])
+        apart += lower > upper
+    print(f"{count} random bodies: {refused} refused, {apart} whose bounds hold no common energy")
+
+
 if __name__ == "__main__":
     if "peer" in sys.argv[1:]:
         peer()
+    elif "random" in sys.argv[1:]:
+        random_bodies(int(sys.argv[-1]))
     else:
         gaps()
         peaks()

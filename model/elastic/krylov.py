@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import daxpy, dscal
 
 from kaju.stopping import stopped
 
@@ -92,6 +91,8 @@ def conjugate_gradients(
     scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x, held_back=float(dot(x, r)), left=r)
     p: Vector | None = None
+    # Not BLAS: its threads would wait for each other for longer than these sums take.
+    scaled = np.empty_like(load)
     square, previous = float(dot(r, r)), 1.0
     for step in range(most + 1):
         run.residuals.append(float(np.sqrt(square)) / scale)
@@ -114,12 +115,13 @@ def conjugate_gradients(
         if p is None:
             p = z.copy()
         else:
-            daxpy(z, dscal(product / previous, p))
+            p *= product / previous
+            p += z
         previous = product
         q = apply(p)
         length = product / float(dot(p, q))
-        daxpy(p, x, a=length)
-        daxpy(q, r, a=-length)
+        x += np.multiply(p, length, out=scaled)
+        r -= np.multiply(q, length, out=scaled)
         square = float(dot(r, r))
     return run
 

@@ -10,6 +10,7 @@ the density filter.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from math import ceil
 
 import numpy as np
@@ -77,6 +78,11 @@ class Neighbours:
     def handed_back(self, values: Floats) -> Floats:
         """Return the derivative by the cells' values of a sum of means with these factors."""
         return self.sums(values / self._whole)
+
+    @cached_property
+    def of_all(self) -> Floats:
+        """The derivative by the cells' values of the sum of all means."""
+        return self.handed_back(np.ones_like(self._whole))
 
 
 class GrowingBody:

@@ -157,7 +157,7 @@ class Compliance(GrowthRule):
         """Return what grows most where it helps most."""
         x, around = felt.design, felt.around
         if self.smooth:
-            slope, weight = around.handed_back(felt.slope), around.handed_back(np.ones_like(x))
+            slope, weight = around.handed_back(felt.slope), around.of_all
         else:
             slope = around.means(x * felt.slope) / np.maximum(x, 1e-3)
             weight = np.ones_like(x)

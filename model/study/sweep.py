@@ -62,7 +62,7 @@ def sweep(
     ----------
     subject : Scene, path or callable
         The scene to change; or a function that is called with the point's values by name and
-        returns a scene, a network, or the answer itself.
+        returns a scene, a network, a model to be run, or the answer itself.
     vary : mapping of str to sequence or distribution
         What is changed: key paths of the scene such as ``"rule.alpha[1]"`` or
         ``"loads[0].force[1]"``, with lists of values or distributions of `scipy.stats`. Keys

@@ -86,7 +86,7 @@ def seed_of(seed: int, number: int) -> int:
 
 
 def by_its_kind(subject: Any, rng: int | None = None) -> Any:
-    """Let agents run a scene with a prescribed rule; solve other scenes and networks.
+    """Let agents run a scene with a prescribed rule, and models run; solve other scenes, networks.
 
     Anything else, such as a number that a function of the point returned, is itself the answer.
     """
@@ -94,6 +94,8 @@ def by_its_kind(subject: Any, rng: int | None = None) -> Any:
         from kaju.model.transfer.load_model import LoadModel
 
         return LoadModel(subject, rng=rng).run()
+    if hasattr(subject, "step") and hasattr(subject, "run"):
+        return subject.run()  # a model
     from kaju.model.network import SpringNetwork
     from kaju.model.study.solving import solve
 

@@ -100,6 +100,23 @@ def test_every_model_and_agents_of_ones_own():
     assert model["load_taken"].round(6).tolist() == [12.879375]
 
 
+def growing(volume=0.4):
+    body = {"cells": [12, 6], "cell_size": 0.01, "material": "steel"}
+    loads = [{"cell": [11, 3], "force": [0.0, -1.0]}]
+    arm = kaju.Scene(body=body, sides={"left": "rigid"}, loads=loads)
+    return kaju.GrowthModel(arm, volume=volume, filter_radius=1.0, most_steps=4)
+
+
+def test_bodies_that_grow_are_swept_as_a_class_and_as_models():
+    points = {"run.volume": [0.3, 0.6], "run.most_steps": [4]}
+    run = {"run": kaju.GrowthModel}
+    one = alone(growing().scene, points | {"run.filter_radius": [1.0]}, "compliance_J", **run)
+    other = alone(growing, {"volume": [0.3, 0.6]}, "compliance_J")
+    assert one["error"].tolist() == other["error"].tolist() == ["", ""]
+    assert one["compliance_J"].tolist() == other["compliance_J"].tolist()
+    assert one["compliance_J"][0] > one["compliance_J"][1]
+
+
 def own_agents(subject):
     return LoadModel(subject, material_agent=OnlyAhead).run()
 

@@ -129,9 +129,10 @@ def export_page(
 
     The file needs nothing else: it opens by a double click, without network or server. Where
     the prescribed rule's own agents ran, the page runs the rule itself, and coefficients,
-    loads and the body can be changed in it. All else is recorded: agents and lattices of one's
-    own, elastic agents, agents that spawn, elastic answers, spring networks, what breaks,
-    creep.
+    loads and the body can be changed in it; so a body of up to 2,700 squares grows anew if it grew
+    by a rule with its usual numbers. All else is recorded: agents and lattices of one's own,
+    elastic agents, agents that spawn, elastic answers, spring networks, what breaks, creep, other
+    growth.
 
     Parameters
     ----------

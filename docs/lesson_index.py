@@ -264,6 +264,18 @@ def _bridge(see: dict[str, Any]) -> str:
     )
 
 
+def _crack(see: dict[str, Any]) -> str:
+    """Draw the net that has parted: what is left, and what broke."""
+    result = see["run"]("long")
+    place = result.network.positions
+    scale = (HEIGHT - 8) / place[:, 1].max()
+    at = np.stack([place[:, 0] * scale, HEIGHT - 4 - place[:, 1] * scale], axis=1)
+    at[:, 0] += 0.5 * (WIDTH - at[:, 0].max())
+    springs, broken = result.network.springs, set(result.broken.tolist())
+    left = [_line(at[ends], RULE, 0.5) for k, ends in enumerate(springs) if k not in broken]
+    return "".join([*left, *(_line(at[springs[k]], LOAD, 1.5) for k in sorted(broken))])
+
+
 PICTURES: dict[str, Callable[[dict[str, Any]], str]] = {
     "find-its-way": lambda see: _body(see["p"][0], 10),
     "walls-and-air": _bounces,
@@ -277,6 +289,7 @@ PICTURES: dict[str, Callable[[dict[str, Any]], str]] = {
     "a-lattice-bends": _lattice,
     "a-noodle-remembers": _noodle,
     "bones-and-bridges": _bridge,
+    "how-things-break": _crack,
 }
 """How a lesson's picture is drawn."""
 TEMPLATE = (Path(__file__).parent / "lesson_index.html").read_text("utf-8")

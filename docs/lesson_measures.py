@@ -408,6 +408,29 @@ def _bridges(run: Callable[..., Any]) -> dict[str, Any]:
     }
 
 
+def _cracks(run: Callable[..., Any]) -> dict[str, Any]:
+    def at_the_tip(page: str = "", half: float = 0.04) -> bool:
+        """Return whether the first spring broke within two spacings of a tip."""
+        result = run(page)
+        nodes = result.network.positions
+        place = nodes[result.network.springs[result.broken[0]]].mean(axis=0)
+        from_middle = np.abs(place - 0.5 * nodes.max(axis=0))
+        return bool(np.linalg.norm(from_middle - [half, 0.0]) < 0.02)
+
+    return {
+        "at_the_tip": at_the_tip,
+        "nodes": lambda: len(run().network.positions),
+        "bears": lambda page="": float(run(page).force.max()),
+        "strong": lambda: float(run().strengths.mean()),
+        "breaks": lambda page="": run(page).breaks,
+        "before": lambda page="": int(np.argmax(run(page).force)),
+        "first": lambda page="": float(run(page).force[0]),
+        "largest": lambda page="": int(run(page).avalanche_sizes.max()),
+        "books": lambda: bool(np.allclose(run().work, run().stored + run().released, rtol=1e-6)),
+        "left": lambda page="": float(run(page).stored[-1]),
+    }
+
+
 def _two_answers(run: Callable[..., Any]) -> dict[str, Any]:
     @cache
     def answer(cells: int) -> Any:
@@ -445,5 +468,6 @@ RECORDED = {
     "a-noodle-remembers": _noodle,
     "two-wrong-answers": _two_answers,
     "bones-and-bridges": _bridges,
+    "how-things-break": _cracks,
 }
 """Words of the lessons that show recorded runs."""

@@ -8,8 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kaju import ElasticRule, GrowthModel, History, Scene, SpawningModel, ThreeElement, creep, solve
-from kaju.model.network import triangular
+from kaju import (
+    ElasticRule,
+    FractureModel,
+    GrowthModel,
+    History,
+    Scene,
+    SpawningModel,
+    ThreeElement,
+    creep,
+    solve,
+)
+from kaju.model.network import cut, jittered, pulled, triangular
 
 if TYPE_CHECKING:
     from kaju.model.network import NetworkResult
@@ -100,6 +110,18 @@ def bridge(load: int = 23, right: str = "roller", **growth: Any) -> Callable[[],
     return lambda: GrowthModel(scene, **usual | growth).run()
 
 
+def torn(half: float, scatter: float = 0.1) -> Callable[[], Result]:
+    """Pull a net with a level cut of 2 · half spacings apart, until it parts."""
+
+    def run() -> Result:
+        net = jittered(33, spacing=0.01, stiffness=1e4, seed=1)
+        middle, reach = 0.5 * net.positions.max(axis=0), np.array([0.01 * half, 0.0])
+        slit = cut(net, middle - reach, middle + reach) if half else net
+        return FractureModel(pulled(slit, displacement=1e-3), scatter=scatter, seed=0).run()
+
+    return run
+
+
 HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
 PAGES: dict[str, dict[str, Callable[[], Result]]] = {
     "agents-of-many-sizes": {
@@ -129,6 +151,13 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
         "firm": bridge(right="rigid"),
         "quarter": bridge(11),
         "bone": bridge(rule="remodelling", most_steps=160),
+    },
+    "how-things-break": {
+        "": torn(4.0),
+        "short": torn(2.0),
+        "long": torn(8.0),
+        "whole": torn(0.0),
+        "rough": torn(4.0, scatter=0.9),
     },
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""

@@ -34,6 +34,7 @@ ORDER = (
     "a-lattice-bends",
     "a-noodle-remembers",
     "bones-and-bridges",
+    "how-things-break",
 )
 """In which order they are offered."""
 HEADINGS = {

@@ -210,6 +210,11 @@ def test_what_breaks_is_there_until_then(opened, tmp_path):
             page.js(f"page.goTo({g})")
             there = np.array(page.js("Array.from({ length: page.count }, (_, i) => page.there(i))"))
             assert np.flatnonzero(~there).tolist() == sorted(result.broken[:g].tolist())
+        far = [
+            page.js(f"(page.goTo({g}), page.magnification() * page.farthest() / page.extent)")
+            for g in (0, frames - 1)
+        ]
+        assert far == pytest.approx([far[0], far[0]])
         curve = {curve["title"]: curve for curve in header["curves"]}["Load over displacement (m)"]
         assert curve["course"]
         assert curve["at"][1:] == result.displacement.tolist()

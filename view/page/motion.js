@@ -9,9 +9,9 @@ import { Page } from "./page.js";
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
 export class MotionPage extends Page {
-  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, columns }) {
+  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, alone, columns }) {
     const { points, parts, held, moved, born, gone } = columns;
-    Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, points, parts, held, born, gone });
+    Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, alone, points, parts, held, born, gone });
     this.count = parts.length / corners;
     this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
     this.moved = moved && this.framesOf(moved, moved.length / at.length);
@@ -29,14 +29,15 @@ export class MotionPage extends Page {
     const { dimension: d, points } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
     for (let i = 0; i < points.length; i++) { const a = i % d; low[a] = Math.min(low[a], points[i]); high[a] = Math.max(high[a], points[i]); }
     const extent = this.extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
-    const room = this.moved ? Math.max(SHOWN * extent, this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
+    const room = this.moved ? Math.max(SHOWN * extent, this.alone ? 0 : this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
     this.unit = extent / 100; this.low = low.map((x) => x - 0.5 * room);
     this.run.lattice = { shape: high.map((h, a) => (h - low[a] + room) / this.unit), dimension: d, hexagon: false };
     this.look.deformed = Boolean(this.moved);
   }
   /** Small displacements are magnified: the largest is shown as a fifteenth of the body. */
   get usual() {
-    const far = this.scale("move").far, { extent } = this;
+    const { extent } = this, far = this.alone ? this.farthest() : this.scale("move").far;
+    if (this.alone) return far ? SHOWN * extent / far : 1;
     return far > 0.01 * extent || !far ? 1 : SHOWN * extent / far;
   }
   get touchable() { return false; }
@@ -72,6 +73,12 @@ export class MotionPage extends Page {
     let sum = 0;
     for (let a = 0, d = this.dimension; a < d; a++) sum += moved[i * d + a] ** 2;
     return Math.sqrt(sum);
+  }
+  /** How far anything has moved in the present frame. */
+  farthest() {
+    let far = 0;
+    for (let i = 0, moved = this.moved[this.g ?? 0], d = this.dimension; i < moved.length; i += d) far = Math.max(far, this.far(moved, i / d));
+    return far;
   }
   /** Ends of the colours over all frames; what was seen of them before is not looked at again. */
   scale(name = this.look.colour) {

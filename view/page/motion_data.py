@@ -69,6 +69,8 @@ class Pictures:
         Which level acted before each frame, where parents stand for blocks of cells.
     words : str
         How the run ended.
+    alone : bool
+        Whether every frame is magnified by itself: what hardly holds any more moves far.
     """
 
     points: Floats
@@ -84,6 +86,7 @@ class Pictures:
     forces: Sequence[tuple[list[float], list[float]]] = ()
     visits: Sequence[int] = ()
     words: str = ""
+    alone: bool = False
 
 
 def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
@@ -123,6 +126,7 @@ def picture_data(told: Pictures) -> tuple[dict[str, Any], Columns]:
         "forces": [{"place": place, "force": force} for place, force in told.forces],
         "visits": list(told.visits),
         "outcome": told.words,
+        "alone": told.alone,
     }
     return header, columns
 
@@ -409,6 +413,7 @@ def _broken(result: FractureResult) -> Pictures:
         held=np.empty(0, dtype=np.int64) if held is None else held,
         forces=forces,
         words=result.outcome,
+        alone=True,
     )
 
 

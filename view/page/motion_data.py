@@ -77,7 +77,7 @@ class Pictures:
     parts: NDArray[np.integer]
     at: Sequence[float] | Floats
     along: str
-    values: dict[str, tuple[str, Floats]]
+    values: dict[str, tuple[str, NDArray[np.floating]]]
     moved: NDArray[np.floating] | None = None
     born: NDArray[np.integer] | None = None
     gone: NDArray[np.integer] | None = None
@@ -389,6 +389,14 @@ def _broken(result: FractureResult) -> Pictures:
     gone[result.broken] = np.arange(1, result.breaks + 1)
     over = ("break", "", np.arange(result.breaks + 1.0))
     force, way = (np.append(0.0, column) for column in (result.force, result.displacement))
+    # What bears hardly anything any more moves so far that the rest would not be seen.
+    bearing = 1 + np.flatnonzero(force >= 0.02 * force.max())[-1]
+    course = Curves(
+        "Load over displacement (m)",
+        *("displacement", "m", way[:bearing]),
+        {"load": force[:bearing]},
+        "N",
+    )
     sizes = [0, *(k + 1 for size in result.avalanche_sizes for k in range(size))]
     books = {name: np.append(0.0, getattr(result, name)) for name in ("work", "stored", "released")}
     if isinstance(result.subject, Scene):
@@ -401,12 +409,12 @@ def _broken(result: FractureResult) -> Pictures:
         parts=parts,
         at=counts.astype(float),
         along="break",
-        values={name: (unit, np.array(borne))},
-        moved=np.array(moved),
+        values={name: (unit, _five_digits(np.array(borne)))},
+        moved=_five_digits(np.array(moved)),
         gone=gone,
         curves=[
             Curves("Load", *over, {"load": force}, "N"),
-            Curves("Load over displacement (m)", "displacement", "m", way, {"load": force}, "N"),
+            course,
             Curves("Breaks of the avalanche", *over, {"size": np.array(sizes, dtype=float)}, ""),
             Curves("Energy", *over, books, "J"),
         ],
@@ -476,7 +484,12 @@ def _shape_of(run: ElasticRun, chosen: Ints) -> NDArray[np.floating] | None:
     fields = [np.pad(field, 1, constant_values=np.nan) for field in run.displacement]
     moving = MovingFaces(axis, index, fields)
     told = np.stack([moving.at(moment) for moment in moved[chosen][:, own].astype(float)])
-    bits = told.astype(np.float32).view(np.uint32)  # five digits: the rest would not deflate
+    return _five_digits(told)
+
+
+def _five_digits(values: Floats) -> NDArray[np.float32]:
+    """Leave out digits that would not deflate."""
+    bits = values.astype(np.float32).view(np.uint32)
     return ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)
 
 

@@ -409,7 +409,7 @@ def _bridges(run: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _cracks(run: Callable[..., Any]) -> dict[str, Any]:
-    def at_the_tip(page: str = "", half: float = 0.04) -> bool:
+    def at_the_tip(page: str = "", half: float = 0.02) -> bool:
         """Return whether the first spring broke within two spacings of a tip."""
         result = run(page)
         nodes = result.network.positions

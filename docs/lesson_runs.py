@@ -114,7 +114,7 @@ def torn(half: float, scatter: float = 0.1) -> Callable[[], Result]:
     """Pull a net with a level cut of 2 · half spacings apart, until it parts."""
 
     def run() -> Result:
-        net = jittered(33, spacing=0.01, stiffness=1e4, seed=1)
+        net = jittered(15, spacing=0.01, stiffness=1e4, seed=1)
         middle, reach = 0.5 * net.positions.max(axis=0), np.array([0.01 * half, 0.0])
         slit = cut(net, middle - reach, middle + reach) if half else net
         return FractureModel(pulled(slit, displacement=1e-3), scatter=scatter, seed=0).run()
@@ -153,11 +153,11 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
         "bone": bridge(rule="remodelling", most_steps=160),
     },
     "how-things-break": {
-        "": torn(4.0),
-        "short": torn(2.0),
-        "long": torn(8.0),
+        "": torn(2.0),
+        "short": torn(1.0),
+        "long": torn(4.0),
         "whole": torn(0.0),
-        "rough": torn(4.0, scatter=0.9),
+        "rough": torn(2.0, scatter=0.7),
     },
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""

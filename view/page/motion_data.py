@@ -382,8 +382,8 @@ def _broken(result: FractureResult) -> Pictures:
     moved, borne = [], []
     for count, body in zip(counts.tolist(), result.replayed(counts.tolist()), strict=True):
         factor = result.factor_after(count)
-        moved.append(factor * body.displacement())
-        borne.append(factor * body.borne())
+        moved.append(_steps_of(factor * body.displacement(), 128))
+        borne.append(_steps_of(factor * body.borne(), 128))
     points, parts = body.points
     gone = np.full(len(parts), result.breaks + 1)
     gone[result.broken] = np.arange(1, result.breaks + 1)
@@ -409,8 +409,8 @@ def _broken(result: FractureResult) -> Pictures:
         parts=parts,
         at=counts.astype(float),
         along="break",
-        values={name: (unit, _five_digits(np.array(borne)))},
-        moved=_five_digits(np.array(moved)),
+        values={name: (unit, np.array(borne))},
+        moved=np.array(moved),
         gone=gone,
         curves=[
             Curves("Load", *over, {"load": force}, "N"),
@@ -423,6 +423,13 @@ def _broken(result: FractureResult) -> Pictures:
         words=result.outcome,
         alone=True,
     )
+
+
+def _steps_of(values: Floats, count: int) -> Floats:
+    """Round to so many steps or more up to the largest: other digits would not deflate."""
+    most = float(np.abs(values).max(initial=0.0)) or 1.0
+    step = 2.0 ** np.floor(np.log2(most / count))
+    return np.asarray(step * np.rint(values / step))
 
 
 def diamonds(middle: Floats, h: float) -> tuple[Floats, NDArray[np.integer]]:
@@ -484,12 +491,7 @@ def _shape_of(run: ElasticRun, chosen: Ints) -> NDArray[np.floating] | None:
     fields = [np.pad(field, 1, constant_values=np.nan) for field in run.displacement]
     moving = MovingFaces(axis, index, fields)
     told = np.stack([moving.at(moment) for moment in moved[chosen][:, own].astype(float)])
-    return _five_digits(told)
-
-
-def _five_digits(values: Floats) -> NDArray[np.float32]:
-    """Leave out digits that would not deflate."""
-    bits = values.astype(np.float32).view(np.uint32)
+    bits = told.astype(np.float32).view(np.uint32)  # five digits: the rest would not deflate
     return ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)
 
 

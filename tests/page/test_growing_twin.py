@@ -111,3 +111,12 @@ def test_what_cannot_grow_is_refused_in_words(node):
     refused = [steps["error"] for steps in node(GROW, [described(scene) for scene in scenes])]
     assert ["without a load" in refused[0], "moved" in refused[1] or "load" in refused[1]] == [1, 1]
     assert "held by nothing" in refused[2]
+
+
+@pytest.mark.slow
+def test_a_step_of_2400_cells_takes_less_than_40_ms(node):
+    body = {"cells": [60, 40], "cell_size": 0.01, "material": "steel"}
+    scene = clamped(body=body, loads=[{"cell": [59, 20], "force": [0.0, -1.0]}])
+    spent = node(TIME, described(scene, steps=40, tolerance=1e-2))
+    print(f"{np.mean(spent[1:]):.1f} ms a step")
+    assert np.mean(spent[1:]) < 40.0

@@ -16,9 +16,10 @@ from lesson_claims import answers
 from lesson_index import write_index
 from lesson_texts import HEADINGS, ORDER, Lesson, Question, lesson
 
-from kaju import export_page
+from kaju import FractureModel, GrowthModel, export_page, load_scene
 
 HERE = Path(__file__).parent
+EXAMPLES = HERE.parent / "examples"
 
 
 def page_lesson(of: Lesson) -> dict[str, Any]:
@@ -118,11 +119,23 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
     return made
 
 
+def make_gallery(folder: Path) -> list[Path]:
+    """Write the pages of `gallery.md`, whose examples say what is asked; return them."""
+    bridge = load_scene(EXAMPLES / "bridge" / "bridge.toml")
+    notch = load_scene(EXAMPLES / "notch" / "notch.toml")
+    shown = {
+        "bridge": GrowthModel(bridge, volume=0.3, filter_radius=2.0),
+        "bone": GrowthModel(bridge, rule="remodelling", volume=0.3),
+        "notch": FractureModel(notch, strength=50e6, scatter=0.2),
+    }
+    return [export_page(model.run(), folder / f"{name}.html") for name, model in shown.items()]
+
+
 def make(folder: Path) -> list[Path]:
-    """Write the pages of all lessons into a folder, and their index; return them."""
+    """Write the pages of all lessons into a folder, their index, and the gallery's; return them."""
     folder.mkdir(parents=True, exist_ok=True)
     made = [page for name in ORDER for page in make_lesson(lesson(name), folder)]
-    return [write_index(folder), *made]
+    return [write_index(folder), *made, *make_gallery(folder)]
 
 
 if __name__ == "__main__":

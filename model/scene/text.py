@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.errors import SceneError, SceneFileError
+from kaju.errors import ParameterError, SceneError, SceneFileError
 from kaju.files import scratch_beside
 
 from .body import Body
@@ -35,6 +35,10 @@ _DEEP_KEY = re.compile(rf"[\w-]+(?:[ \t]*\.[ \t]*[\w-]+){{{DEEPEST},}}")
 
 def table_from(text: str, folder: str | Path | None = None) -> dict[str, Any]:
     """Return the table in a TOML text; paths in it start from `folder`."""
+    if not isinstance(text, str) or text.endswith(".toml"):
+        raise ParameterError(
+            f"text: the TOML of a scene is needed, got {text!r:.80}; kaju.load_scene reads a file"
+        )
     if len(text) > LONGEST:
         raise SceneError(
             f"is not a scene: {len(text)} characters are more than {LONGEST:.0e}; "

@@ -1,6 +1,7 @@
 """What is handed over by mistake is named, with what would be right."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -27,6 +28,12 @@ def test_a_file_name_is_no_scene(taker):
         ParameterError, match=r"a Scene is needed, got 'plate.toml'; kaju.load_scene"
     ):
         taker("plate.toml")
+
+
+@pytest.mark.parametrize("given", ["plate.toml", Path("plate.toml"), 3])
+def test_a_file_name_is_no_text(given):
+    with pytest.raises(ParameterError, match=r"text: .*kaju.load_scene"):
+        kaju.Scene.from_toml(given)
 
 
 def test_other_things_that_are_no_scene_or_result(tmp_path):

@@ -373,9 +373,9 @@ def _described(rng: Generator, family: str, rule: str, pace: float | None) -> Sc
 def _pictured(codes: Codes) -> list[dict[str, Any]]:
     """Return a body's cells as images that are filled, one for each of its materials."""
     kinds = {0: "air", -1: "rigid", 2: "b"}
-    found = [(name, codes == code) for code, name in kinds.items()]
-    images = [(name, {"file": embedded(dark)}) for name, dark in found if dark.any()]
-    return [{"image": image, "material": name} for name, image in images]
+    found = [(name, codes == code) for code, name in kinds.items() if (codes == code).any()]
+    drawn = [(name, np.where(dark.T[::-1], 0, 255).astype(np.uint8)) for name, dark in found]
+    return [{"image": {"file": embedded(pixels)}, "material": name} for name, pixels in drawn]
 
 
 def _region(rng: Generator, size: NDArray[np.float64], names: set[str]) -> dict[str, Any]:

@@ -33,6 +33,12 @@ REASONS = {
     "a network is a mechanism": r"MechanismError",
     "a network creeps until it snaps": r"no step however short",
     "a network is pressed at held nodes only": r"only held nodes are pressed",
+    "a region is smaller than its cells": r"holds no cell's centre",
+    "a rule of pushes alone would have to pull": r"knows no pulls",
+    "a member is one cell wide where its agents spawn": r"one cell wide",
+    "a goal or a load lies beside the body": (
+        r"lies outside the body|not body; choose|there is no (body|cell)"
+    ),
 }
 """Why trials are refused, and how that is told."""
 TABLE = re.compile(r"(<!-- all trials -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -16,6 +16,7 @@ from elastic_scenes import (
 )
 from hypothesis import given, settings
 
+from kaju import load_result
 from kaju.agents.face_agent import FaceAgent
 from kaju.errors import SceneError, SupportError
 from kaju.mesa_model import agent_model
@@ -283,3 +284,19 @@ def test_a_meter_that_may_be_far_off_is_doubted(soft, doubted):
     result = ElasticModel(scene, max_steps=20).run()
     notes = result.result.summary()["notes"]
     assert any("tens of times the estimate" in note for note in notes) == doubted
+
+
+def test_a_run_on_halved_cells_is_read_again(tmp_path):
+    """Where a member is one cell wide its agents stand on halved cells, beyond the scene's."""
+    column = Scene(
+        body={"cells": [1, 6], "cell_size": 0.01, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [1.0, 0.0]}],
+        rule={"kind": "elastic", "tolerance": 0.1},
+    )
+    told = ElasticModel(column).run()
+    assert told.grid.lattice.shape == (2, 12)
+    again = load_result(told.save(tmp_path / "run"))
+    np.testing.assert_array_equal(again.boundary.cells, told.boundary.cells)
+    assert again.boundary.cells.max() == 12
+    assert again.summary() == told.summary()

@@ -178,7 +178,10 @@ class ElasticRun(BodyResult):
     def _from_archive(cls, scene: Scene, archive: Archive) -> Self:
         plain = {"kind": "elastic", "seconds": archive.value("answer_seconds", float)}
         answer = {**archive.value("answer", dict[str, Any]), **plain}
-        sizes = sizes_of(scene)
+        result = ElasticResult._from_archive(
+            scene, Archive(archive.path, archive.part("answer."), answer)
+        )
+        sizes = sizes_of(result.grid)  # cells are halved where a member is one wide
         agents = FaceAgents(**archive.columns(FACE_AGENTS, sizes, "agents."))
         sizes["agents"] = len(agents.level)
         ledger = archive.value("ledger", LedgerRecord)
@@ -189,9 +192,7 @@ class ElasticRun(BodyResult):
             raise ResultError("its ledger has other axes than the scene")
         return cls(
             scene=scene,
-            result=ElasticResult._from_archive(
-                scene, Archive(archive.path, archive.part("answer."), answer)
-            ),
+            result=result,
             outcome=archive.value("outcome", str),
             threshold=archive.value("threshold", float),
             agents=agents,

@@ -17,6 +17,7 @@ CORPUS: dict[tuple[int, str], str] = {
     (1770, "described, equal"): "the truth of other cells than those that were solved",
     (4738, "misbehaving agents"): "True as a direction, which masked an array",
     (4954, "goals"): "a share of loads that move nothing, by which it was divided",
+    (335, "saved"): "a run on halved cells, which was not read again",
     (796, "network"): "a network that crept for ever",
     (5036, "network"): "a network that buckled while it crept",
 }

@@ -13,7 +13,7 @@ from numpy.random import Generator
 from kaju.errors import AgentError, KajuError
 from kaju.model.scene import Scene
 
-from .trial import Told, demand, demand_checks, demand_finite, family_of, trial
+from .trial import Broken, Told, demand, demand_checks, demand_finite, family_of, trial
 from .trial_scenes import described_scene, elastic_scene, hexagon_scene, large_scene, transfer_scene
 
 MOST_AGENTS = 10_000
@@ -291,7 +291,10 @@ def _saved(rng: Generator, number: int) -> Told:
     seal = seal_of(*result._stored())
     with TemporaryDirectory() as folder:
         path = result.save(Path(folder) / "answer.npz")
-        again = load_result(path)
+        try:
+            again = load_result(path)
+        except KajuError as error:
+            raise Broken(f"what was saved cannot be read: {error}") from error
         demand(seal_of(*again._stored()) == seal, "read again it is another answer")
         demand_checks(again)
         data = bytearray(path.read_bytes())

@@ -14,8 +14,7 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
 from contextlib import closing, contextmanager
-from functools import cache, partial
-from multiprocessing import current_process
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from time import sleep
@@ -277,16 +276,21 @@ def _parallel(
     """Let joblib compute some runs; `started` holds those that have been handed out."""
     from joblib import Parallel, delayed
 
-    home = os.getpid()
-
     def handed_out() -> Iterator[Any]:
         for run in runs:
             started[run] = True
-            yield delayed(run_row)(job, run, points[run], home)
+            yield delayed(job.row)(run, points[run])
 
     # A single run that may kill its process must not have this one.
     count = max(workers, 2) if len(runs) == 1 and workers > 1 else workers
-    parallel = Parallel(n_jobs=count, return_as="generator_unordered", mmap_mode=None)
+    parallel = Parallel(
+        n_jobs=count,
+        return_as="generator_unordered",
+        mmap_mode=None,
+        # Not with a worker's first run: killed before it came, nobody would end the worker.
+        initializer=_settle_in,
+        initargs=(os.getpid(),),
+    )
     rows: Iterable[Row] = parallel(handed_out())
     return rows
 
@@ -310,18 +314,10 @@ def _rows_by(
         ) from error
 
 
-def run_row(job: SweepJob, run: int, point: Mapping[str, Any], home: int) -> Row:
-    """Return the row of one run, in whatever process; `home` is the sweep's own."""
-    if "Loky" in type(current_process()).__name__:
-        _settle_in(home)
-    return job.row(run, point)
-
-
 def _rows_at(job: SweepJob, batch: list[tuple[int, Mapping[str, Any]]]) -> list[Row]:
     return [job.row(run, point) for run, point in batch]
 
 
-@cache
 def _settle_in(home: int) -> None:
     """Let a worker end with the process that started it, and look for garbage in new things only.
 

@@ -15,6 +15,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import numpy as np
+
 from kaju.model.study.trials.stability_map import stability_map
 from kaju.model.study.trials.trial import FAILED, REFUSED, Outcome
 from kaju.view.trials import plot_stability, plot_trials
@@ -41,6 +43,8 @@ REASONS = {
     ),
 }
 """Why trials are refused, and how that is told."""
+TOO_SMALL = 3
+"""So many times an estimate the true error has to be to be counted."""
 TABLE = re.compile(r"(<!-- all trials -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -56,7 +60,21 @@ def record_of(outcomes: list[Outcome], told: dict[str, Any]) -> dict[str, Any]:
     """Return what the document says of trials; `told` is what the command says of itself."""
     reasons = Counter(_reason(o.what) for o in outcomes if o.verdict == REFUSED)
     failed = Counter(re.sub(r"\d[\d.e+-]*", "…", o.what) for o in outcomes if o.verdict == FAILED)
-    return told | {"refused": dict(reasons.most_common()), "failed": dict(failed.most_common())}
+    ratio = np.array(
+        [o.true_error / o.estimate for o in outcomes if o.estimate > 0 <= o.true_error]
+    )
+    return told | {
+        "refused": dict(reasons.most_common()),
+        "failed": dict(failed.most_common()),
+        "true_error_by_estimate": {
+            "median": float(np.median(ratio)),
+            "95 %": float(np.quantile(ratio, 0.95)),
+            "largest": float(ratio.max()),
+            f"more than {TOO_SMALL}": int(np.sum(ratio > TOO_SMALL)),
+        }
+        if len(ratio)
+        else {},
+    }
 
 
 def _reason(what: str) -> str:
@@ -84,6 +102,16 @@ def table_of(record: dict[str, Any]) -> str:
     if known:
         told = f"The truth is known of {known} answers; {proven} of these prove bounds, and "
         lines += ["", f"{told}{inside} truths lie within them."]
+        ratio = record["true_error_by_estimate"]
+        lines += [
+            "",
+            f"An estimate proves nothing: the true error is {ratio['median']:.2g} times "
+            f"`error_estimate` in the median, at most",
+            f"{ratio['95 %']:.2g} times in 95 %; it is more than {TOO_SMALL} times as large in "
+            f"{ratio[f'more than {TOO_SMALL}']}, {ratio['largest']:.0f} times",
+            "at worst: bodies of a few cells, too coarse for what they hold. "
+            "`error_bound` tells it there.",
+        ]
     if record["failed"]:
         lines += ["", "| failed | trials |", "|---|---|"]
         lines += [f"| {what} | {count} |" for what, count in record["failed"].items()]

@@ -8,32 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from kaju.result_kinds import KINDS
+
 if TYPE_CHECKING:
     from .animation import animate
     from .plots import plot, plot_all
 
 __all__ = ["PICTURES", "animate", "plot", "plot_all"]
 
-PICTURES = (
-    "agents.png",
-    "agents_section.png",
-    "loads.png",
-    "deformed.png",
-    "displacement.png",
-    "strain.png",
-    "stress.png",
-    "von_mises.png",
-    "load_path.png",
-    "ledger.png",
-    "stages.png",
-    "response.png",
-    "left.png",
-    "curves.png",
-    "crack.png",
-    "avalanches.png",
-    "design.png",
-    "history.png",
-)
+_DRAWN = {name for kind in KINDS.values() for name in kind.pictures if name != "scene"}
+PICTURES = tuple(f"{name}.png" for name in sorted(_DRAWN | {"agents_section"}))
 """Names of all files that `plot_all` may write."""
 
 

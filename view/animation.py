@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib import rc_context
@@ -20,76 +19,17 @@ from kaju.files import scratch_beside
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
+from kaju.result_kinds import KINDS, fetch
 
-from . import motion
-from .creep import curves_over_time, network_over_time
-from .face_agents import waves
-from .fracture_plots import breaking
-from .growth_plots import growing_body
 from .motion import film_of_motion
-from .network_plots import increments
 from .picture_files import new_folder
 from .plots import check_options
-from .reels import Reel, creeping, generations, growing, loading, spawning
+from .reels import Reel
 
 MOST_FRAMES = 200
 """Of longer runs evenly spaced frames are shown."""
 MESHES = (".glb", ".pvd")
 _RESOLUTION = 100  # dots per inch
-
-ReelMaker = Callable[..., Reel]
-MotionMaker = Callable[..., motion.Motion]
-
-
-class Animations(NamedTuple):
-    """What can be animated of a kind of result, by name: as pictures, and as meshes."""
-
-    reels: dict[str, ReelMaker]
-    motions: dict[str, MotionMaker]
-
-
-TRANSFER = Animations(
-    {"generations": spawning, "stages": loading},
-    {"generations": motion.generations, "stages": motion.stages},
-)
-"""A run of load transfer."""
-NETWORK = Animations({"increments": increments}, {"increments": motion.increments})
-"""A loaded spring network."""
-FRACTURE = Animations({"breaks": breaking}, {})
-"""A network or a body that breaks."""
-ELASTIC = Animations(
-    {
-        "generations": generations,
-        "loads": partial(generations, colour="unbalanced_load"),
-        "loading": growing,
-    },
-    {"loading": motion.loaded},
-)
-"""An elastic body: agents that spawn, and displacements that grow with the load."""
-FACES = Animations({"waves": waves}, {})
-"""Agents of the elastic rule."""
-CREEP = Animations({"times": creeping, "curves": curves_over_time}, {"times": motion.times})
-"""A body in time."""
-NETWORK_CREEP = Animations(
-    {"times": network_over_time, "curves": curves_over_time}, {"times": motion.network_times}
-)
-"""A spring network in time."""
-ELEMENT_CREEP = Animations({"times": curves_over_time}, {})
-"""A single element in time."""
-ANIMATIONS_OF = {
-    "load transfer": TRANSFER,
-    "elastic agents": FACES,
-    "elastic": ELASTIC,
-    "true outlines": Animations({}, {}),
-    "spring network": NETWORK,
-    "fracture": FRACTURE,
-    "growth": Animations({"steps": growing_body}, {}),
-    "element in time": ELEMENT_CREEP,
-    "network in time": NETWORK_CREEP,
-    "load transfer in time": CREEP,
-    "elasticity in time": CREEP,
-}
-"""What can be animated, by the kind of the result."""
 
 
 def animate(
@@ -178,12 +118,11 @@ def animate(
         )
     if not isinstance(result, Result):
         raise ParameterError(f"result: an answer of kaju is needed, got {type(result).__name__}")
-    known = ANIMATIONS_OF[result.kind]
     if ending in MESHES:
-        moving = _chosen(known.motions, result, what)(result)
+        moving = _chosen(KINDS[result.kind].meshes, result, what)(result)
         film_of_motion(moving, target, fps, hold, magnification)
         return target
-    reels = {name: known.reels[name] for name in result.films}
+    reels = {name: KINDS[result.kind].films[name] for name in result.films}
     chosen = _chosen(reels, result, what)
     check_options(what or next(iter(reels)), chosen, options)
     reel = chosen(result, **options)
@@ -215,14 +154,14 @@ def _check(target: Path, ending: str, fps: float, hold: float) -> None:
         _ffmpeg(target)
 
 
-def _chosen(known: dict[str, Any], result: object, what: str | None) -> Callable[..., Any]:
+def _chosen(known: Mapping[str, str], result: object, what: str | None) -> Callable[..., Any]:
     name = next(iter(known), "mesh") if what is None else what
     if name not in known:
         raise ParameterError(
             f"what: there is no such animation {name!r} of a {type(result).__name__}"
             f"{suggestion(str(name), known)}; there is {', '.join(known) or 'none'}"
         )
-    return cast(Callable[..., Any], known[name])
+    return cast(Callable[..., Any], fetch(known[name]))
 
 
 def _image(reel: Reel, frame: int, mode: str = "RGB") -> Image.Image:

@@ -7,7 +7,8 @@ are larger diamonds, on their own level.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,9 @@ from kaju.errors import ParameterError
 
 from .agents import spawn_bar, spawn_norm
 from .body_plots import draw_body, draw_forces, finish
+from .cut_plots import plot_cuts
+from .deformed import plot_deformed
+from .maps import plot_displacement, plot_strain, plot_stress, plot_von_mises
 from .reels import TWO_LINES, Reel
 from .section import Section, section_of
 from .style import LOADS, SEQUENTIAL, add_polygons, colour_bar, figure_of, new_axes, new_figure
@@ -177,3 +181,18 @@ def _shown(run: ElasticRun, level: int, cut: Cut | None, crop: bool | None) -> _
         near = apart < 0.5 * edge * 2.0**level + 1e-9 * edge
         chosen = chosen[near & (agents.axis[chosen] != axis)]
     return _Shown(run, section, chosen, level)
+
+
+def _settled(plot: Callable[..., Axes]) -> Callable[..., Axes]:
+    """Draw what the agents have settled to."""
+
+    @wraps(plot)
+    def draw(run: ElasticRun, ax: Axes | None = None, **options: Any) -> Axes:
+        return plot(run.result, ax, **options)
+
+    return draw
+
+
+deformed, cuts = _settled(plot_deformed), _settled(plot_cuts)
+displacement, strain = _settled(plot_displacement), _settled(plot_strain)
+stress, von_mises = _settled(plot_stress), _settled(plot_von_mises)

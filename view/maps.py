@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -170,3 +171,18 @@ def _top(squares: DrawnSquares) -> tuple[float, bool]:
     usual = float(size[order[np.searchsorted(area, PEAK * area[-1])]])
     largest = float(size.max())
     return (usual, True) if 0.0 < 1.5 * usual < largest else (largest, False)
+
+
+def _map_of(what: str) -> Callable[..., Axes]:
+    @wraps(plot_map)
+    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+        return plot_map(result, what, ax, **options)
+
+    return draw
+
+
+plot_displacement = _map_of("displacement")
+plot_strain = _map_of("strain")
+plot_stress = _map_of("stress")
+plot_von_mises = _map_of("von_mises")
+plot_taken = _map_of("taken")

@@ -17,20 +17,10 @@ from kaju.model.results.result import Result
 from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
+from kaju.result_kinds import KINDS, fetch
 
 from .agents import plot_agents
 from .body_plots import draw_scene
-from .creep import plot_body_at, plot_curves, plot_network_at
-from .cut_plots import plot_cuts
-from .deformed import plot_deformed
-from .face_agents import plot_face_agents, plot_left
-from .fracture_plots import plot_avalanches, plot_crack, plot_load_and_displacement
-from .growth_plots import plot_design, plot_growth
-from .ledger import plot_ledger
-from .load_plots import plot_load_path, plot_loads
-from .maps import plot_map
-from .network_plots import plot_network, plot_response
-from .outlined import plot_cut_agents
 from .picture_files import save
 from .quadtree import plot_octree, plot_quadtree
 from .section import section_of
@@ -57,121 +47,41 @@ def plot_scene(
     return draw_scene(scene, section_of(scene, cells, cut, crop), ax)
 
 
-def _agents(
+def plot_material_agents(
     result: TransferResult,
     ax: Axes | None = None,
     *,
     cut: Cut | None = None,
     crop: bool | None = None,
 ) -> Axes:
+    """Draw who spawned, of bodies of cubes in space unless cut."""
     if result.scene.lattice.dimension == 3 and cut is None:
         return plot_voxels(result, ax, crop=crop)
     return plot_agents(result, ax, cut=cut, crop=crop)
 
 
 @wraps(plot_stages)
-def _stages(result: TransferResult, ax: Axes | None = None, **options: Any) -> Axes | Figure:
+def plot_every_stage(
+    result: TransferResult, ax: Axes | None = None, **options: Any
+) -> Axes | Figure:
+    """Draw what grows with the load: both of displacement and agents unless one is asked for."""
     return plot_both(result) if ax is None and not options else plot_stages(result, ax, **options)
 
 
-def _map(what: str) -> Picture:
-    @wraps(plot_map)
-    def draw(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
-        return plot_map(result, what, ax, **options)
-
-    return draw
-
-
-MAPS = ("displacement", "strain", "stress", "von_mises")
-
-
 @wraps(plot_scene)
-def _scene(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
+    """Draw what was asked."""
     return plot_scene(result.scene, ax, **options)
 
 
-TRANSFER: dict[str, Picture] = {
-    "agents": _agents,
-    "loads": plot_loads,
-    "deformed": plot_deformed,
-    **{name: _map(name) for name in MAPS},
-    "taken": _map("taken"),
-    "load_path": plot_load_path,
-    "cuts": plot_cuts,
-    "ledger": plot_ledger,
-    "stages": _stages,
-    "scene": _scene,
-}
-"""Pictures of a run of load transfer."""
-
-NETWORK: dict[str, Picture] = {"deformed": plot_network, "response": plot_response}
-"""Pictures of a loaded spring network."""
-
-
-FRACTURE: dict[str, Picture] = {
-    "crack": plot_crack,
-    "response": plot_load_and_displacement,
-    "avalanches": plot_avalanches,
-}
-"""Pictures of a network or a body that breaks."""
-
-
 @wraps(plot_quadtree)
-def _many_sizes(result: ElasticResult, ax: Axes | None = None, **options: Any) -> Axes:
+def plot_agents_of_many_sizes(
+    result: ElasticResult, ax: Axes | None = None, **options: Any
+) -> Axes:
+    """Draw agents of many sizes, of bodies of cubes in space unless cut."""
     whole = result.scene.lattice.dimension == 3 and not {"cut", "step"} & set(options)
     return plot_octree(result, ax, **options) if whole else plot_quadtree(result, ax, **options)
 
-
-ELASTIC: dict[str, Picture] = {
-    "agents": _many_sizes,
-    "deformed": plot_deformed,
-    **{name: _map(name) for name in MAPS},
-    "cuts": plot_cuts,
-    "scene": _scene,
-}
-"""Pictures of an elastic answer."""
-
-
-def _settled(plot: Picture) -> Picture:
-    """Draw what the agents have settled to."""
-
-    @wraps(plot)
-    def draw(run: Any, ax: Axes | None = None, **options: Any) -> Axes | Figure:
-        return plot(run.result, ax, **options)
-
-    return draw
-
-
-FACES: dict[str, Picture] = {
-    "agents": plot_face_agents,
-    "left": plot_left,
-    "curves": plot_curves,
-    **{name: _settled(ELASTIC[name]) for name in ("deformed", *MAPS, "cuts")},
-    "scene": _scene,
-}
-"""Pictures of agents of the elastic rule."""
-
-BODY_IN_TIME: dict[str, Picture] = {
-    "curves": plot_curves,
-    "deformed": plot_body_at,
-    "scene": _scene,
-}
-"""Pictures of bodies that creep."""
-
-PICTURES_OF: dict[str, dict[str, Picture]] = {
-    "load transfer": TRANSFER,
-    "elastic": ELASTIC,
-    "true outlines": {"agents": plot_cut_agents},
-    "elastic agents": FACES,
-    "spring network": NETWORK,
-    "fracture": FRACTURE,
-    "growth": {"design": plot_design, "history": plot_growth},
-    "element in time": {"curves": plot_curves},
-    "network in time": {"curves": plot_curves, "deformed": plot_network_at},
-    "load transfer in time": BODY_IN_TIME,
-    "elasticity in time": BODY_IN_TIME,
-}
-"""Pictures by the kind of the result."""
 
 USUAL = ("agents", "loads", "deformed", "load_path", "von_mises", "ledger", "stages")
 
@@ -184,7 +94,8 @@ def pictures_of(subject: Scene | Result) -> dict[str, Picture]:
         raise ParameterError(
             f"subject: a Scene, a result, a model or a path is needed, got {type(subject).__name__}"
         )
-    return {name: PICTURES_OF[subject.kind][name] for name in subject.pictures}
+    known = KINDS[subject.kind].pictures
+    return {name: fetch(known[name]) for name in subject.pictures}
 
 
 def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **options: Any) -> Figure:
@@ -290,18 +201,13 @@ def plot_all(result: Result, directory: str | Path) -> list[Path]:
     return written
 
 
-SECTIONS: dict[str, Callable[[Any], Axes]] = {
-    "load transfer": plot_agents,
-    "elastic": plot_quadtree,
-}
-"""Sections through the agents of bodies in space."""
-
-
 def _section(result: Any) -> Axes | None:
     """Draw a section through the agents of a body in space."""
-    if result.kind not in SECTIONS or result.scene.lattice.dimension == 2:
+    section = KINDS[result.kind].section
+    if section is None or result.scene.lattice.dimension == 2:
         return None
-    return SECTIONS[result.kind](result)
+    drawn: Axes = fetch(section)(result)
+    return drawn
 
 
 def _usual(result: Result) -> list[str]:

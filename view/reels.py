@@ -294,6 +294,9 @@ def generations(
     return Reel(figure_of(ax), len(result.generations) - 1, draw, notes, words)
 
 
+unbalanced_loads = partial(generations, colour="unbalanced_load")
+
+
 def _in_space(
     result: ElasticResult, colour: str, crop: bool | None, look: dict[str, Any], values: Floats
 ) -> Reel:

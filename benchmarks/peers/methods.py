@@ -35,32 +35,22 @@ ESTIMATED = 1.6
 
 @dataclass(frozen=True)
 class Method:
-    """A way to an answer.
-
-    Attributes
-    ----------
-    name, title : str
-        For files and for people.
-    prepare : function
-        Takes problem and division and returns the job, a function without arguments, that is
-        timed. The job returns a function that looks the answer up.
-    divisions : mapping
-        By problem, into how many parts every edge of the picture's cells is split.
-    quick : int
-        Cells of the largest body in a short look.
-    style : tuple of str
-        Colour, marker and line in the picture.
-    needs : tuple of str
-        Packages that must be installed.
-    """
+    """A way to an answer."""
 
     name: str
     title: str
+    """For files and for people."""
     prepare: Prepare
+    """Takes problem and division and returns the job, a function without arguments, that is timed.
+    The job returns a function that looks the answer up."""
     divisions: Mapping[str, tuple[int, ...]]
+    """By problem, into how many parts every edge of the picture's cells is split."""
     quick: int
+    """Cells of the largest body in a short look."""
     style: tuple[str, str, str]
+    """Colour, marker and line in the picture."""
     needs: tuple[str, ...] = ()
+    """Packages that must be installed."""
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -83,8 +83,6 @@ class FractureResult(Result):
     """
 
     kind: ClassVar[str] = "fracture"
-    pictures: ClassVar[tuple[str, ...]] = ("crack", "response", "avalanches")
-    films: ClassVar[tuple[str, ...]] = ("breaks",)
     subject: SpringNetwork | Scene
     strengths: Floats
     measure: Measure

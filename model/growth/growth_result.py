@@ -76,8 +76,6 @@ class GrowthResult(BodyResult):
     """
 
     kind: ClassVar[str] = "growth"
-    pictures: ClassVar[tuple[str, ...]] = ("design", "history")
-    films: ClassVar[tuple[str, ...]] = ("steps",)
     scene: Scene
     stage: int | None
     rule: str

@@ -59,17 +59,6 @@ class Felt:
 class GrowthRule:
     """How cells grow: override `grow`, and what else differs.
 
-    Attributes
-    ----------
-    smooth : bool
-        Whether the density is the mean of the design over the cells within the filter's radius.
-    holds_volume : bool
-        Whether the volume stays what was asked for.
-    least_stiffness : float
-        Share of its material's stiffness that a cell without density keeps.
-    patience : int
-        Steps before which a body is not at rest.
-
     Examples
     --------
     Cells that carry less than the mean fade by a tenth, the others grow by a tenth:
@@ -94,9 +83,13 @@ class GrowthRule:
 
     name: ClassVar[str] = "own"
     smooth: bool = False
+    """Whether the density is the mean of the design over the cells within the filter's radius."""
     holds_volume: bool = False
+    """Whether the volume stays what was asked for."""
     least_stiffness: float = 1e-9
+    """Share of its material's stiffness that a cell without density keeps."""
     patience: int = 0
+    """Steps before which a body is not at rest."""
 
     def penalty(self, step: int) -> float:
         """Return the power p of the density that the stiffness follows at a step."""

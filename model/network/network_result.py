@@ -105,8 +105,6 @@ class NetworkResult(Result):
     """
 
     kind: ClassVar[str] = "spring network"
-    pictures: ClassVar[tuple[str, ...]] = ("deformed", "response")
-    films: ClassVar[tuple[str, ...]] = ("increments",)
     network: SpringNetwork
     stage: Floats
     displacement: Floats

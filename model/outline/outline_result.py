@@ -133,16 +133,6 @@ class OutlineResult(Result):
         )
 
     @property
-    def pictures(self) -> tuple[str, ...]:
-        """Names of the pictures of it."""
-        return ("agents",)
-
-    @property
-    def films(self) -> tuple[str, ...]:
-        """Names of the animations of it: none so far."""
-        return ()
-
-    @property
     def _unit(self) -> float:
         return SquareLeaves.unit * self.first_edge
 

@@ -147,25 +147,6 @@ REFERENCE = {
     "stress": Column("f", "points dimension dimension", optional=True),
 }
 
-TABLES = {
-    "load transfer, every stage": STAGE,
-    "load transfer, every stage's history": HISTORY,
-    "true outlines": OUTLINE_AGENTS,
-    "elastic agents, agents": FACE_AGENTS,
-    "elastic agents, boundary": BOUNDARY_AGENTS,
-    "elastic agents, moments": MOMENTS,
-    "spring network, network": NETWORK,
-    "spring network": RECORDS,
-    "fracture": BREAKS,
-    "growth": GROWTH,
-    "anything in time, course": COURSE,
-    "element in time": ELEMENT_IN_TIME,
-    "network in time": NETWORK_IN_TIME,
-    "load transfer in time": TRANSFER_IN_TIME,
-    "elasticity in time": ELASTIC_IN_TIME,
-    "reference": REFERENCE,
-}
-
 
 def sizes_of(scene: Scene) -> dict[str, Any]:
     """Return the sizes that a scene gives to the arrays of its results."""

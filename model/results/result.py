@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from kaju.errors import ResultError, ResultFileError
 from kaju.files import is_there
 from kaju.model.scene import Scene
 from kaju.model.scene.body_cells import body_cells
+from kaju.result_kinds import KINDS, fetch
 
 from .archive import Archive, open_archive, reading, write_archive
 from .cuts import Carrying, Cuts, axis_of_cuts, cuts_of
@@ -101,15 +102,15 @@ class Result:
     kind: ClassVar[str]
     seconds: float
 
-    if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """Names of the pictures of it, the usual one first."""
+        return tuple(KINDS[self.kind].pictures)
 
-        @property
-        def pictures(self) -> tuple[str, ...]:
-            """Names of the pictures of it, the usual one first."""
-
-        @property
-        def films(self) -> tuple[str, ...]:
-            """Names of the animations of it, the usual one first."""
+    @property
+    def films(self) -> tuple[str, ...]:
+        """Names of the animations of it, the usual one first."""
+        return tuple(KINDS[self.kind].films)
 
     @property
     def caveats_in_brief(self) -> tuple[str, ...]:
@@ -429,25 +430,8 @@ def load_result(path: str | Path) -> Result:
     if is_there(file) and file.is_dir():
         file = file / "result.npz"
     kind = open_archive(file).about["kind"]
-    for known in _kinds():
+    likely = [KINDS[kind]] if kind in KINDS else KINDS.values()  # earlier ones had other labels
+    for known in (fetch(entry.result) for entry in likely):
         if kind in known.kinds():
-            return known.load(file)
+            return cast(Result, known.load(file))
     raise ResultFileError(f"{file}: holds a result of kind {kind!r}, which this kaju cannot read")
-
-
-def _kinds() -> tuple[type[Result], ...]:
-    from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.settling.run import ElasticRun
-    from kaju.model.fracture.fracture_result import FractureResult
-    from kaju.model.growth.growth_result import GrowthResult
-    from kaju.model.network import NetworkResult
-    from kaju.model.outline.outline_result import OutlineResult
-    from kaju.model.rheology.creep_result import CreepResult
-    from kaju.model.rheology.creeping_body import TransferCreepResult
-    from kaju.model.rheology.elastic import ElasticCreepResult
-    from kaju.model.rheology.network import NetworkCreepResult
-    from kaju.model.transfer.transfer_result import TransferResult
-
-    static = (TransferResult, ElasticResult, OutlineResult, ElasticRun, NetworkResult)
-    in_time = (CreepResult, NetworkCreepResult, TransferCreepResult, ElasticCreepResult)
-    return *static, *in_time, FractureResult, GrowthResult

@@ -99,8 +99,6 @@ class Course(Result):
     """What every run in time returns, at the times asked for."""
 
     kind: ClassVar[str]
-    pictures: ClassVar[tuple[str, ...]] = ("curves",)
-    films: ClassVar[tuple[str, ...]] = ("times",)
     times: Floats
     factors: Floats
     """Times asked for (s) and the factor of the history there (at a jump, before it). Shape
@@ -244,8 +242,6 @@ class Course(Result):
 class BodyCourse(Course):
     """What became of the body of a scene in time."""
 
-    pictures: ClassVar[tuple[str, ...]] = ("curves", "deformed", "scene")
-    films: ClassVar[tuple[str, ...]] = ("times", "curves")
     static: BodyResult
     """The same scene without time, at a factor of 1."""
     _static: ClassVar[type[BodyResult]]

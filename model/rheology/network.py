@@ -307,8 +307,6 @@ class NetworkCreepResult(Course):
     """What became of a spring network in time."""
 
     kind: ClassVar[str] = "network in time"
-    pictures: ClassVar[tuple[str, ...]] = ("curves", "deformed")
-    films: ClassVar[tuple[str, ...]] = ("times", "curves")
     network: SpringNetwork
     """What crept."""
     displacement: Floats

@@ -335,26 +335,18 @@ def slabs_of(box: Box) -> list[Box]:
 
 @dataclass(frozen=True)
 class PetscRows:
-    """The rows of the stiffness matrix that belong to some faces, and what acts on them.
-
-    Attributes
-    ----------
-    row : array
-        PETSc's numbers of the faces.
-    start, column, value : arrays
-        The rows, compressed, with PETSc's numbers as columns.
-    right : array
-        Load less what the lead from moved sides takes; 0 at faces that do not move.
-    active : array of bool
-        Which faces move.
-    """
+    """The rows of the stiffness matrix that belong to some faces, and what acts on them."""
 
     row: Index
+    """PETSc's numbers of the faces."""
     start: Index
     column: Index
     value: Floats
+    """The rows, compressed, with PETSc's numbers as columns."""
     right: Floats
+    """Load less what the lead from moved sides takes; 0 at faces that do not move."""
     active: Flags
+    """Which faces move."""
 
 
 def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:

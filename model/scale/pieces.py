@@ -140,8 +140,6 @@ class PiecedResult(BodyResult):
 
     kind: ClassVar[str] = "elasticity in pieces"
     name: ClassVar[str] = "elasticity"
-    pictures: ClassVar[tuple[str, ...]] = ("scene",)  # ParaView draws pieces
-    films: ClassVar[tuple[str, ...]] = ()
 
     def __init__(
         self,

@@ -48,23 +48,16 @@ class Ledger:
 
 @dataclass(frozen=True, eq=False)
 class TakenHistory:
-    """Loads taken, generation by generation: one row per agent, direction and generation.
-
-    Attributes
-    ----------
-    generation, agent, direction : arrays of int, shape (rows,)
-        When, by which agent (a row of `Stage.cells`) and along which direction.
-    load : array of float, shape (rows,)
-        Sum of the loads taken then (N).
-    pull : array of bool, shape (rows,)
-        Whether these are pulls.
-    """
+    """Loads taken, generation by generation: one row per agent, direction and generation."""
 
     generation: Ints
     agent: Ints
     direction: Ints
+    """When, by which agent (a row of `Stage.cells`) and along which direction. Shape (rows,)."""
     load: Floats
+    """Sum of the loads taken then (N). Shape (rows,)."""
     pull: Flags
+    """Whether these are pulls. Shape (rows,)."""
 
 
 class News(NamedTuple):

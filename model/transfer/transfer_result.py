@@ -109,7 +109,6 @@ class TransferResult(BodyResult):
     """
 
     kind: ClassVar[str] = "load transfer"
-    films: ClassVar[tuple[str, ...]] = ("generations", "stages")
     name: ClassVar[str] = "prescribed rule"
     scene: Scene
     stages: tuple[Stage, ...]
@@ -124,7 +123,7 @@ class TransferResult(BodyResult):
         left_out = {"stages"} if len(self.stages) == 1 else set()
         if not (lattice.boxes or lattice.kind == "hexagon"):
             left_out.add("cuts")  # its cells lie in layers across no axis
-        return tuple(name for name in PICTURES if name not in left_out)
+        return tuple(name for name in super().pictures if name not in left_out)
 
     @property
     def focus(self) -> Ints:
@@ -417,23 +416,6 @@ class StageRecord(TypedDict):
     outcome: str
     generations: int
     ledger: Ledger
-
-
-PICTURES = (
-    "agents",
-    "loads",
-    "deformed",
-    "displacement",
-    "strain",
-    "stress",
-    "von_mises",
-    "taken",
-    "load_path",
-    "cuts",
-    "ledger",
-    "stages",
-    "scene",
-)
 
 
 def _columns(record: Stage | TakenHistory) -> dict[str, NDArray[Any]]:

@@ -21,6 +21,7 @@ from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import Curves, Result
 from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
+from kaju.result_kinds import KINDS, fetch
 from kaju.view import motion
 
 from .scene_data import Columns
@@ -30,10 +31,11 @@ if TYPE_CHECKING:
     from kaju.model.elastic.settling.run import ElasticRun
     from kaju.model.fracture.fracture_result import FractureResult
     from kaju.model.growth.growth_result import GrowthResult
-    from kaju.model.network import SpringNetwork
+    from kaju.model.network import NetworkResult, SpringNetwork
     from kaju.model.rheology.creep_result import CreepResult
     from kaju.model.rheology.creeping_body import TransferCreepResult
     from kaju.model.rheology.elastic import ElasticCreepResult
+    from kaju.model.rheology.network import NetworkCreepResult
     from kaju.view.motion import Motion
 
 
@@ -97,7 +99,13 @@ def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
     ParameterError
         If there is nothing to see in it.
     """
-    return picture_data(_pictures(result))
+    page = KINDS[result.kind].page
+    if page is None:
+        raise ParameterError(
+            f"of: {type(result).__name__} has nothing that a page can show; it shows scenes, "
+            "models and their results"
+        )
+    return picture_data(fetch(page)(result))
 
 
 def picture_data(told: Pictures) -> tuple[dict[str, Any], Columns]:
@@ -143,49 +151,38 @@ def curve_data(curves: Curves) -> dict[str, Any]:
     }
 
 
-def _pictures(result: Result) -> Pictures:
+def network(result: NetworkResult) -> Pictures:
+    """Tell of a network stage by stage."""
+    over, moved = ("stage", "", result.stage), _largest(result.displacement)
+    stages = Curves("Displacement", *over, moved, "m")
+    pull = {"pull": result.tension.max(axis=1), "push": result.tension.min(axis=1)}
+    springs = Curves("Largest forces", *over, pull, "N")
+    return _network(motion.increments(result), result.network, "stage", [stages, springs])
 
-    from kaju.model.elastic.elastic_result import ElasticResult
-    from kaju.model.elastic.settling.run import ElasticRun
-    from kaju.model.fracture.fracture_result import FractureResult
-    from kaju.model.growth.growth_result import GrowthResult
-    from kaju.model.network.network_result import NetworkResult
-    from kaju.model.rheology.creep_result import CreepResult
-    from kaju.model.rheology.creeping_body import TransferCreepResult
-    from kaju.model.rheology.elastic import ElasticCreepResult
-    from kaju.model.rheology.network import NetworkCreepResult
 
-    if isinstance(result, NetworkResult):
-        over, moved = ("stage", "", result.stage), _largest(result.displacement)
-        stages = Curves("Displacement", *over, moved, "m")
-        pull = {"pull": result.tension.max(axis=1), "push": result.tension.min(axis=1)}
-        springs = Curves("Largest forces", *over, pull, "N")
-        return _network(motion.increments(result), result.network, "stage", [stages, springs])
-    if isinstance(result, NetworkCreepResult):
-        return _network(motion.network_times(result), result.network, "s", result.curves())
-    if isinstance(result, (TransferCreepResult, ElasticCreepResult)):
-        moving = _strained(result, motion.times(result))
-        curves = [*result.curves()[:2], *map(_largest_of(moving), ("strain", "stress"))]
-        return _moving(moving, "s", curves, applied(result.static.scene))
-    if isinstance(result, CreepResult):
-        return _element(result)
-    if isinstance(result, TransferResult):
-        told = _moving(motion.generations(result), "generation", [], applied(result.scene))
-        return replace(told, words=result.outcome)
-    if isinstance(result, ElasticRun):
-        return _elastic_agents(result)
-    if isinstance(result, FractureResult):
-        return _broken(result)
-    if isinstance(result, GrowthResult):
-        return _grown(result)
-    if isinstance(result, ElasticResult) and result.spawned:
+def network_in_time(result: NetworkCreepResult) -> Pictures:
+    """Tell of a network that creeps."""
+    return _network(motion.network_times(result), result.network, "s", result.curves())
+
+
+def body_in_time(result: TransferCreepResult | ElasticCreepResult) -> Pictures:
+    """Tell of a body that creeps."""
+    moving = _strained(result, motion.times(result))
+    curves = [*result.curves()[:2], *map(_largest_of(moving), ("strain", "stress"))]
+    return _moving(moving, "s", curves, applied(result.static.scene))
+
+
+def generations_of(result: TransferResult) -> Pictures:
+    """Tell of load transfer on a lattice that the page does not know."""
+    told = _moving(motion.generations(result), "generation", [], applied(result.scene))
+    return replace(told, words=result.outcome)
+
+
+def elastic_answer(result: ElasticResult) -> Pictures:
+    """Tell how agents spawned; of equal agents how they move with the load."""
+    if result.spawned:
         return _spawned(result)
-    if isinstance(result, ElasticResult):
-        return _moving(motion.loaded(result), "share", [], applied(result.scene), 21)
-    raise ParameterError(
-        f"of: {type(result).__name__} has nothing that a page can show; it shows scenes, models "
-        "and their results"
-    )
+    return _moving(motion.loaded(result), "share", [], applied(result.scene), 21)
 
 
 _UNITS = {"strain": "", "stress": "Pa"}
@@ -229,7 +226,7 @@ def _largest_of(moving: Motion) -> Callable[[str], Curves]:
     return curve
 
 
-def _element(result: CreepResult) -> Pictures:
+def element(result: CreepResult) -> Pictures:
     """Tell of one element: a bar, four times as long as it ever lengthens, held on its left."""
     times, moved = result.times, result.displacement
     long = 4.0 * float(np.abs(moved).max(initial=0.0)) or 1.0
@@ -353,7 +350,7 @@ def _spawned(result: ElasticResult) -> Pictures:
     )
 
 
-def _grown(result: GrowthResult) -> Pictures:
+def growth_steps(result: GrowthResult) -> Pictures:
     """Densities step by step; of the last step alone if no other were kept."""
     lattice = result.scene.lattice
     corners = lattice.cell_size * (corner_order(lattice.dimension) - 0.5)
@@ -376,7 +373,7 @@ def _grown(result: GrowthResult) -> Pictures:
     )
 
 
-def _broken(result: FractureResult) -> Pictures:
+def breaks(result: FractureResult) -> Pictures:
     """Springs or cells, each until it breaks, under the load of the last break."""
     counts = _chosen(result.standing + 1)
     moved, borne = [], []
@@ -495,7 +492,7 @@ def _shape_of(run: ElasticRun, chosen: Ints) -> NDArray[np.floating] | None:
     return ((bits + 0x80) & np.uint32(0xFFFFFF00)).view(np.float32)
 
 
-def _elastic_agents(run: ElasticRun) -> Pictures:
+def elastic_agents(run: ElasticRun) -> Pictures:
     """Agents on the faces of the cells."""
     agents, moments = run.agents, run.moments
     own = agents.level == 0

@@ -42,7 +42,6 @@ class ElasticRun(BodyResult):
     """What the agents of the elastic rule have done."""
 
     kind: ClassVar[str] = "elastic agents"
-    films: ClassVar[tuple[str, ...]] = ("waves",)
     name: ClassVar[str] = "elastic agents"
     scene: Scene  # What was asked
     result: ElasticResult  # Displacements, stresses and reactions, as of `kaju.solve`

@@ -22,46 +22,32 @@ Kind = Callable[[Generator, int], Told]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a trial.
-
-    Attributes
-    ----------
-    number : int
-        From which the scene was made.
-    family, engine : str
-        Kind of scene, and what it was put to.
-    verdict : {"answered", "refused", "failed", "not finished"}
-        "refused" is an error that kaju names; "failed" is anything that must not happen; "not
-        finished" is what the machine was too busy for.
-    what : str
-        The error or the failure, in words; how it ended, if it was answered.
-    agents : int
-        How many carried load.
-    estimate : float
-        Estimated error of the answer in the energy norm, relative; NaN if there is none.
-    true_error : float
-        The same by graded elements of high order; NaN where they were not asked.
-    truth, lower, upper : float
-        Energy by these elements, and proven bounds of it (J); NaN if there are none.
-    iterations : int
-        Iterations, steps or generations.
-    seconds : float
-        Of processor time.
-    """
+    """What came of a trial."""
 
     number: int
+    """From which the scene was made."""
     family: str
     engine: str
+    """Kind of scene, and what it was put to."""
     verdict: str
+    """One of "answered"; "refused" is an error that kaju names, "failed" is anything that must not
+    happen, "not finished" is what the machine was too busy for."""
     what: str
+    """The error or the failure, in words; how it ended, if it was answered."""
     agents: int = 0
+    """How many carried load."""
     estimate: float = nan
+    """Estimated error of the answer in the energy norm, relative; NaN if there is none."""
     true_error: float = nan
+    """The same by graded elements of high order; NaN where they were not asked."""
     truth: float = nan
     lower: float = nan
     upper: float = nan
+    """Energy by these elements, and proven bounds of it (J); NaN if there are none."""
     iterations: int = 0
+    """Iterations, steps or generations."""
     seconds: float = 0.0
+    """Of processor time."""
 
 
 class Broken(Exception):  # noqa: N818 (it is a finding, not an error of the program)

@@ -1,0 +1,183 @@
+"""Every kind of result, entered once: where it is, what draws and films it, what a page shows.
+
+Entries are "module:name" below `kaju`, fetched when first asked for: to tell which pictures a
+result has imports nothing that draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+_MAPS = ("displacement", "strain", "stress", "von_mises")
+_FIELDS = {name: f"view.maps:plot_{name}" for name in _MAPS}
+_CURVES = {"curves": "view.creep:plot_curves"}
+_SCENE = {"scene": "view.plots:plot_scene_of"}
+_IN_TIME = {"times": "view.reels:creeping", "curves": "view.creep:curves_over_time"}
+_COLUMNS = "model.results.formats"
+_COURSE = {"anything in time, course": f"{_COLUMNS}:COURSE"}
+_PAGE = "view.page.motion_data"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What there is to a kind of result; each mapping is by name, the usual one first."""
+
+    result: str
+    """The class."""
+    pictures: Mapping[str, str]
+    """Functions that draw the result with `kaju.plot`."""
+    films: Mapping[str, str] = field(default_factory=dict)
+    """Functions that give `kaju.animate` the frames of a film."""
+    meshes: Mapping[str, str] = field(default_factory=dict)
+    """Functions that give it a mesh that moves."""
+    page: str | None = None
+    """The function that tells the page what it replays; None if a page cannot show it."""
+    columns: Mapping[str, str] = field(default_factory=dict)
+    """Tables of the arrays that are stored, as docs/formats.md lists them."""
+    section: str | None = None
+    """The function that draws a section through the agents of a body in space."""
+
+
+KINDS = {
+    "load transfer": Kind(
+        "model.transfer.transfer_result:TransferResult",
+        pictures={
+            "agents": "view.plots:plot_material_agents",
+            "loads": "view.load_plots:plot_loads",
+            "deformed": "view.deformed:plot_deformed",
+            **_FIELDS,
+            "taken": "view.maps:plot_taken",
+            "load_path": "view.load_plots:plot_load_path",
+            "cuts": "view.cut_plots:plot_cuts",
+            "ledger": "view.ledger:plot_ledger",
+            "stages": "view.plots:plot_every_stage",
+            **_SCENE,
+        },
+        films={"generations": "view.reels:spawning", "stages": "view.reels:loading"},
+        meshes={"generations": "view.motion:generations", "stages": "view.motion:stages"},
+        page=f"{_PAGE}:generations_of",
+        section="view.agents:plot_agents",
+        columns={
+            "load transfer, every stage": f"{_COLUMNS}:STAGE",
+            "load transfer, every stage's history": f"{_COLUMNS}:HISTORY",
+        },
+    ),
+    "elastic": Kind(
+        "model.elastic.elastic_result:ElasticResult",
+        pictures={
+            "agents": "view.plots:plot_agents_of_many_sizes",
+            "deformed": "view.deformed:plot_deformed",
+            **_FIELDS,
+            "cuts": "view.cut_plots:plot_cuts",
+            **_SCENE,
+        },
+        films={
+            "generations": "view.reels:generations",
+            "loads": "view.reels:unbalanced_loads",
+            "loading": "view.reels:growing",
+        },
+        meshes={"loading": "view.motion:loaded"},
+        page=f"{_PAGE}:elastic_answer",
+        section="view.quadtree:plot_quadtree",
+    ),
+    "true outlines": Kind(
+        "model.outline.outline_result:OutlineResult",
+        pictures={"agents": "view.outlined:plot_cut_agents"},
+        columns={"true outlines": f"{_COLUMNS}:OUTLINE_AGENTS"},
+    ),
+    "elastic agents": Kind(
+        "model.elastic.settling.run:ElasticRun",
+        pictures={
+            "agents": "view.face_agents:plot_face_agents",
+            "left": "view.face_agents:plot_left",
+            **_CURVES,
+            **{name: f"view.face_agents:{name}" for name in ("deformed", *_MAPS, "cuts")},
+            **_SCENE,
+        },
+        films={"waves": "view.face_agents:waves"},
+        page=f"{_PAGE}:elastic_agents",
+        columns={
+            "elastic agents, agents": f"{_COLUMNS}:FACE_AGENTS",
+            "elastic agents, boundary": f"{_COLUMNS}:BOUNDARY_AGENTS",
+            "elastic agents, moments": f"{_COLUMNS}:MOMENTS",
+        },
+    ),
+    "elasticity in pieces": Kind("model.scale.pieces:PiecedResult", _SCENE),  # ParaView draws it
+    "spring network": Kind(
+        "model.network.network_result:NetworkResult",
+        pictures={
+            "deformed": "view.network_plots:plot_network",
+            "response": "view.network_plots:plot_response",
+        },
+        films={"increments": "view.network_plots:increments"},
+        meshes={"increments": "view.motion:increments"},
+        page=f"{_PAGE}:network",
+        columns={
+            "spring network, network": f"{_COLUMNS}:NETWORK",
+            "spring network": f"{_COLUMNS}:RECORDS",
+        },
+    ),
+    "fracture": Kind(
+        "model.fracture.fracture_result:FractureResult",
+        pictures={
+            "crack": "view.fracture_plots:plot_crack",
+            "response": "view.fracture_plots:plot_load_and_displacement",
+            "avalanches": "view.fracture_plots:plot_avalanches",
+        },
+        films={"breaks": "view.fracture_plots:breaking"},
+        page=f"{_PAGE}:breaks",
+        columns={"fracture": f"{_COLUMNS}:BREAKS"},
+    ),
+    "growth": Kind(
+        "model.growth.growth_result:GrowthResult",
+        pictures={
+            "design": "view.growth_plots:plot_design",
+            "history": "view.growth_plots:plot_growth",
+        },
+        films={"steps": "view.growth_plots:growing_body"},
+        page=f"{_PAGE}:growth_steps",
+        columns={"growth": f"{_COLUMNS}:GROWTH"},
+    ),
+    "element in time": Kind(
+        "model.rheology.creep_result:CreepResult",
+        pictures=_CURVES,
+        films={"times": "view.creep:curves_over_time"},
+        page=f"{_PAGE}:element",
+        columns=_COURSE | {"element in time": f"{_COLUMNS}:ELEMENT_IN_TIME"},
+    ),
+    "network in time": Kind(
+        "model.rheology.network:NetworkCreepResult",
+        pictures=_CURVES | {"deformed": "view.creep:plot_network_at"},
+        films=_IN_TIME | {"times": "view.creep:network_over_time"},
+        meshes={"times": "view.motion:network_times"},
+        page=f"{_PAGE}:network_in_time",
+        columns=_COURSE | {"network in time": f"{_COLUMNS}:NETWORK_IN_TIME"},
+    ),
+} | {
+    name: Kind(
+        result,
+        pictures=_CURVES | {"deformed": "view.creep:plot_body_at"} | _SCENE,
+        films=_IN_TIME,
+        meshes={"times": "view.motion:times"},
+        page=f"{_PAGE}:body_in_time",
+        columns=_COURSE | {name: f"{_COLUMNS}:{columns}"},
+    )
+    for name, result, columns in (
+        (
+            "load transfer in time",
+            "model.rheology.creeping_body:TransferCreepResult",
+            "TRANSFER_IN_TIME",
+        ),
+        ("elasticity in time", "model.rheology.elastic:ElasticCreepResult", "ELASTIC_IN_TIME"),
+    )
+}
+"""Kinds of results, by the label that stored ones have."""
+
+
+def fetch(entry: str) -> Any:
+    """Return what an entry names."""
+    module, _, name = entry.partition(":")
+    return getattr(import_module(f"kaju.{module}"), name)

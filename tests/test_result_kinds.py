@@ -1,0 +1,21 @@
+"""Every kind of result is entered once, and what is entered is there."""
+
+import inspect
+
+import pytest
+
+from kaju.result_kinds import KINDS, fetch
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_entered_is_there(kind):
+    entry = KINDS[kind]
+    assert fetch(entry.result).kind == kind
+    for named in (entry.pictures, entry.films, entry.meshes):
+        for function in map(fetch, named.values()):
+            assert callable(function)
+            assert inspect.signature(function).parameters
+    for table in map(fetch, entry.columns.values()):
+        assert all(column.told() for column in table.values())
+    for function in (entry.page, entry.section):
+        assert function is None or callable(fetch(function))

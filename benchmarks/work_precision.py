@@ -37,18 +37,9 @@ def run(
 
     Every row is written as soon as it is measured.
 
-    Parameters
-    ----------
-    folder : Path
-        Gets work_precision.csv, .md and .png, and environment.json.
-    quick : bool
-        Small sizes only.
-    problems : tuple of str
-        Some of the problems; all unless given.
-    tell : function
-        Is told a line about each job.
-    resume : bool
-        Keep the rows that the folder has, and measure the others.
+    `folder`: gets work_precision.csv, .md and .png, and environment.json; `quick`: small sizes
+    only; `problems`: some of the problems; all unless given; `tell`: is told a line about each job;
+    `resume`: keep the rows that the folder has, and measure the others.
     """
     for name in problems:
         if name not in PROBLEMS:

@@ -29,10 +29,7 @@ DOWN = 2
 class Seen:
     """A scene, run by its rule and solved by elasticity, as far as somebody looks.
 
-    Parameters
-    ----------
-    scene : Scene
-        A plane body of square cells, loaded from above.
+    `scene`: a plane body of square cells, loaded from above.
     """
 
     def __init__(self, scene: kaju.Scene) -> None:

@@ -77,14 +77,8 @@ def layer_of(
 ) -> Layer:
     """Choose what to show: the whole body, or the surroundings of its smallest agents.
 
-    Parameters
-    ----------
-    result : ElasticResult
-    cut : dict of one axis to a place (m), optional
-        The plane through a three-dimensional body to show, such as ``{"y": 0.05}``; by
-        default through small agents.
-    crop : bool, optional
-        Unless given, only where many agents could not be seen otherwise.
+    `cut`: the plane through a three-dimensional body to show, such as ``{"y": 0.05}``; by default
+    through small agents; `crop`: unless given, only where many agents could not be seen otherwise.
     """
     scene = result.grid
     axis, place = _plane(result, cut)
@@ -165,11 +159,7 @@ def squares_of(layer: Layer, tiles: Tiles) -> DrawnSquares:
 def together(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
     """Draw tiles smaller than `finest` together: the value farthest from 0 stands for all.
 
-    Returns
-    -------
-    drawn : Tiles
-    row : int array
-        The tile that each value is of.
+    Returns `drawn`; `row`: The tile that each value is of.
     """
     lower, size, value = tiles
     everybody = np.arange(len(size))

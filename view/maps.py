@@ -79,19 +79,7 @@ def _known(component: str, known: tuple[str, ...]) -> str:
 
 
 def draw_map(ax: Axes, section: Section, cells: Ints, shown: Quantity) -> PolyCollection:
-    """Colour cells by a value; of the cells of one tile the value farthest from 0 counts.
-
-    Parameters
-    ----------
-    ax : matplotlib Axes
-        Where to draw.
-    section : Section
-        What part of the body.
-    cells : array of int, shape (n, dimension)
-        The cells.
-    shown : Quantity
-        Their values.
-    """
+    """Colour cells by a value; of the cells of one tile the value farthest from 0 counts."""
     tiles, high = section.gather(cells, shown.values, "max")
     _, low = section.gather(cells, shown.values, "min")
     values = np.where(-low > high, low, high)

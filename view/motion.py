@@ -184,19 +184,9 @@ def write_glb(
 ) -> None:
     """Write a motion as binary glTF.
 
-    Parameters
-    ----------
-    motion : Motion
-        What moves.
-    path : Path
-        The file.
-    fps : float
-        Frames per second.
-    hold : float
-        For how long the last frame stays (s).
-    magnification : float, optional
-        How many times larger than true the displacements are; a round number that makes them
-        visible unless given. The file's `extras` state it.
+    `fps`: frames per second; `hold`: for how long the last frame stays (s); `magnification`: how
+    many times larger than true the displacements are; a round number that makes them visible unless
+    given. The file's `extras` state it.
     """
     check_magnification(magnification)
     surface = _surface(motion)
@@ -365,14 +355,9 @@ _VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
 def write_series(motion: Motion, path: Path, target: Path) -> None:
     """Write a motion as one ``.vtu`` file a frame, in a folder, and the ``.pvd`` that lists them.
 
-    Parameters
-    ----------
-    motion : Motion
-        What moves; displacements are written as they are (m), to be magnified by the reader.
-    path : Path
-        Where to write the list.
-    target : Path
-        What the list will be called; the folder has its name without the ending.
+    `motion`: what moves; displacements are written as they are (m), to be magnified by the reader;
+    `path`: where to write the list; `target`: what the list will be called; the folder has its name
+    without the ending.
     """
     try:
         import meshio

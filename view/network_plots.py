@@ -51,16 +51,8 @@ _MOST_NODES = 2000  # above this, nodes are not drawn one by one
 class Stand:
     """Axes prepared for the states of one network: frame, colours and magnification.
 
-    Parameters
-    ----------
-    result : NetworkResult
-        A loaded network.
-    ax : matplotlib Axes or None
-        Where to draw.
-    colour : {"tension", "strain"}
-        What the springs' colours mean.
-    magnification : float or None
-        How many times larger than true displacements are drawn.
+    `colour`: what the springs' colours mean; `magnification`: how many times larger than true
+    displacements are drawn.
     """
 
     def __init__(

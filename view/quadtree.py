@@ -263,20 +263,9 @@ def seen_faces(
 ) -> tuple[Floats, Ints, Floats]:
     """Return the faces of agents that can be seen: on the body's surface, or by a cut.
 
-    Parameters
-    ----------
-    scene : Scene
-        The body.
-    view : View
-        What is shown of it.
-    lower, upper : array, shape (agents, 3)
-        Corners of the agents (m).
-
-    Returns
-    -------
-    corners : array, shape (faces, 4, 3)
-    owner : int array, shape (faces,)
-    light : array, shape (faces,)
+    `scene`: the body; `view`: what is shown of it; `lower`, `upper`, shape (agents, 3): corners of
+    the agents (m). Returns `corners`, shape (faces, 4, 3); `owner`, shape (faces,); `light`, shape
+    (faces,).
     """
     corners, owner, light = [], [], []
     for first, last in _parts(view):

@@ -98,14 +98,9 @@ class Section:
     ) -> tuple[Ints, NDArray[Any]]:
         """Return the tiles that show cells, and for each of them one value.
 
-        Parameters
-        ----------
-        cells : array of int, shape (n, dimension)
-            Cells of the body; those out of the picture are left out.
-        values : array, shape (n,) or (n, m)
-            What they have.
-        how : {"min", "max", "sum"}
-            How the values of the cells of one tile become one.
+        `cells`, shape (n, dimension): cells of the body; those out of the picture are left out;
+        `values`, shape (n,) or (n, m): what they have; `how`: how the values of the cells of one
+        tile become one.
         """
         shown = self.holds(cells)
         return one_a_place(self.tiles(cells[shown]), np.asarray(values)[shown], how)

@@ -213,12 +213,8 @@ _ASIDE = np.array([0.0, 1.6, 0.5, 0.5, -0.5, -0.5, -1.6])
 def arrow_polygons(tail: Floats, head: Floats, width: Floats) -> Floats:
     """Return the outlines of straight arrows, shape (n, 7, 2).
 
-    Parameters
-    ----------
-    tail, head : arrays, shape (n, 2)
-        Where the arrows begin and end.
-    width : array, shape (n,)
-        Width of the shafts. A head is 3.2 shafts broad and 3.4 long, at most 0.6 of the arrow.
+    `tail`, `head`, shape (n, 2): where the arrows begin and end; `width`, shape (n,): width of the
+    shafts. A head is 3.2 shafts broad and 3.4 long, at most 0.6 of the arrow.
     """
     along = head - tail
     length = np.linalg.norm(along, axis=1)

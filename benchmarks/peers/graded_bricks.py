@@ -33,14 +33,9 @@ RESIDUAL = 1e-11
 def solve_bricks(scene: Scene, singular: Sequence[Sequence[int]], parts: int) -> ElementField:
     """Solve a scene of cubes.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of few cells. Sides are free, rigid or rollers; forces enter by faces of cells.
-    singular : three sequences of int
-        Along each axis the grid planes, counted in cells, towards which bricks get thinner.
-    parts : int
-        Bricks along a cell that such a plane bounds; along others half as many.
+    `scene`: of few cells. Sides are free, rigid or rollers; forces enter by faces of cells;
+    `singular`: along each axis the grid planes, counted in cells, towards which bricks get thinner;
+    `parts`: bricks along a cell that such a plane bounds; along others half as many.
     """
     import skfem
 

@@ -120,10 +120,7 @@ class Problem:
     def pressed(self, middles: Floats, size: float) -> Flags:
         """Tell which cells or facets lie below the load, by their middles (m).
 
-        Parameters
-        ----------
-        size : float
-            Height of what lies there (m): its top is half of that above the middle.
+        `size`: height of what lies there (m): its top is half of that above the middle.
         """
         lower, upper = np.array(self.patch)
         near = 1e-9 * self.edge

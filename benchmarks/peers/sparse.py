@@ -15,12 +15,8 @@ RESIDUAL = 1e-6
 def solved(matrix: Any, right: Floats, places: Floats, solver: Solver) -> Floats:
     """Solve a symmetric positive definite system.
 
-    Parameters
-    ----------
-    matrix : sparse array
-        The components of a node follow one another.
-    places : array, shape (nodes, dimension)
-        Where the nodes are (m), from which pyamg is told the rigid motions.
+    `matrix`: the components of a node follow one another; `places`, shape (nodes, dimension): where
+    the nodes are (m), from which pyamg is told the rigid motions.
     """
     if solver == "pardiso":
         return by_pardiso(matrix, right)

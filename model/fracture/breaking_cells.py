@@ -44,19 +44,8 @@ _ROUNDING = 1e-9
 class BreakingCells(WeakeningBody):
     """The cells of a body that are left, under the whole load (a load factor of 1).
 
-    Parameters
-    ----------
-    scene : Scene
-        Of squares or cubes.
-    strengths : (n,) floats
-        Of the cells of material, row by row.
-    measure : str
-        What is exceeded where they break: "stress", "strain" or "energy".
-
-    Raises
-    ------
-    SceneError
-        If the cells have weight, or are too large.
+    `scene`: of squares or cubes; `strengths`: of the cells of material, row by row; `measure`: what
+    is exceeded where they break: "stress", "strain" or "energy".
     """
 
     precise = 1e-13

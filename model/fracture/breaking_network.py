@@ -27,14 +27,9 @@ BREAKS_CORRECTED = 64
 class BreakingNetwork(WeakeningBody):
     """The springs of a network that are left, under the whole load (a load factor of 1).
 
-    Parameters
-    ----------
-    network : SpringNetwork
-        What is loaded: in one stage, with springs that are free of force at first.
-    strengths : (m,) floats
-        Of its springs.
-    measure : str
-        What is exceeded where they break: "force", "strain" or "energy".
+    `network`: what is loaded: in one stage, with springs that are free of force at first;
+    `strengths`: of its springs; `measure`: what is exceeded where they break: "force", "strain" or
+    "energy".
     """
 
     precise = 1e-4
@@ -117,13 +112,7 @@ class BreakingNetwork(WeakeningBody):
 
 
 def check_breakable(network: SpringNetwork) -> None:
-    """Refuse a network that is none to be broken.
-
-    Raises
-    ------
-    SceneError
-        If it has several stages, springs stretched from the start, forces beside displacements.
-    """
+    """Refuse a network that is none to be broken."""
     if network.stages > 1:
         raise SceneError(
             f"loads: one load is scaled until springs break, got {network.stages} stages; "

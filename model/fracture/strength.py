@@ -25,23 +25,10 @@ def drawn_strengths(
 ) -> Floats:
     """Return the strengths of springs or cells, shape (count,).
 
-    Parameters
-    ----------
-    count : int
-        Number of springs or cells.
-    strength : float or (count,) floats
-        Mean of them, or of a Weibull distribution the scale; above 0.
-    scatter : float
-        They are spread evenly over (1 ± scatter) times the mean; from 0 to below 1.
-    weibull : float or None
-        Modulus of a Weibull distribution, in the place of the even spread; above 0.
-    rng : numpy Generator
-        Draws them.
-
-    Raises
-    ------
-    ParameterError
-        If a number is outside its rule.
+    `count`: number of springs or cells; `strength`: mean of them, or of a Weibull distribution the
+    scale; above 0; `scatter`: they are spread evenly over (1 ± scatter) times the mean; from 0 to
+    below 1; `weibull`: modulus of a Weibull distribution, in the place of the even spread; above 0;
+    `rng`: draws them.
     """
     scale = np.asarray(strength, dtype=np.float64)
     if scale.shape not in ((), (count,)):
@@ -61,13 +48,7 @@ def drawn_strengths(
 
 
 def measured(measure: str, known: Mapping[str, Callable[[], Floats]]) -> Callable[[], Floats]:
-    """Return what a measure is called by, of those that a body knows.
-
-    Raises
-    ------
-    ParameterError
-        If it knows no such measure.
-    """
+    """Return what a measure is called by, of those that a body knows."""
     if measure not in known:
         raise ParameterError(f"measure: {', '.join(map(repr, known))}, got {measure!r}")
     return known[measure]

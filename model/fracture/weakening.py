@@ -109,11 +109,6 @@ class WeakeningBody:
         """Break the part that a place among the shares stands for.
 
         Returns its number, and the energy (J) that this released under the load.
-
-        Raises
-        ------
-        GivesWayError
-            If what is left does not resist.
         """
 
     @abstractmethod

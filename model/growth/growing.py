@@ -30,12 +30,8 @@ from kaju.model.scene import Scene
 class Neighbours:
     """Weighted means over cells of a body, which know nothing beyond its surface.
 
-    Parameters
-    ----------
-    body : array of bool
-        Which cells of a box are of the body.
-    weights : array
-        Of a cell's surroundings, the same along opposite ways.
+    `body`: which cells of a box are of the body; `weights`: of a cell's surroundings, the same
+    along opposite ways.
     """
 
     def __init__(self, body: Flags, weights: Floats) -> None:

@@ -238,14 +238,8 @@ class Assembler:
     def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
         """Return how the free nodes resist small displacements (N/m), shape (f, f).
 
-        Parameters
-        ----------
-        geometry : Geometry
-            State of the springs.
-        tension : (m,) floats
-            Force in every spring (N), positive when it pulls.
-        stiffness : (m,) floats
-            Growth of the tension with the length (N/m).
+        `geometry`: state of the springs; `tension`: force in every spring (N), positive when it
+        pulls; `stiffness`: growth of the tension with the length (N/m).
         """
         return self._pattern.fill(self.network, self._blocks(geometry, tension, stiffness))
 

@@ -28,16 +28,9 @@ def tangent_error(
 ) -> TangentError:
     """Return the error that describes what gives way.
 
-    Parameters
-    ----------
-    assembler : Assembler
-        Of the network at hand.
-    geometry, stiffness
-        State of the springs and their stiffness (N/m).
-    direction : (f,) floats
-        Direction of the free coordinates that meets no resistance.
-    stage : float
-        Point of the load path, for the message.
+    `assembler`: of the network at hand; `geometry`, `stiffness`: state of the springs and their
+    stiffness (N/m); `direction`: direction of the free coordinates that meets no resistance;
+    `stage`: point of the load path, for the message.
     """
     network = assembler.network
     mode = assembler.expand(direction)

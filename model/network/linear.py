@@ -41,14 +41,9 @@ class GivesWayError(ArithmeticError):
 class MultigridSolver:
     """Solves with the last tangent, and reuses the coarse levels while they serve.
 
-    Parameters
-    ----------
-    assembler : Assembler
-        Gives the places of the free coordinates, hence the rigid body modes.
-    tolerance : float
-        Residual at which to stop, as a share of the load.
-    patience : int
-        Number of iterations after which the coarse levels are built anew.
+    `assembler`: gives the places of the free coordinates, hence the rigid body modes; `tolerance`:
+    residual at which to stop, as a share of the load; `patience`: number of iterations after which
+    the coarse levels are built anew.
     """
 
     name = "conjugate gradients with algebraic multigrid"
@@ -180,15 +175,7 @@ class TangentSolver(Protocol):
 
 
 def tangent_solver(assembler: Assembler, method: Method = "auto") -> TangentSolver:
-    """Choose how to solve; "auto" goes by the number of free coordinates.
-
-    Raises
-    ------
-    ParameterError
-        If the method is unknown.
-    MissingExtraError
-        If multigrid is asked for, or needed for the size, and pyamg is not installed.
-    """
+    """Choose how to solve; "auto" goes by the number of free coordinates."""
     if method not in ("auto", "direct", "multigrid"):
         raise ParameterError(f"method: must be 'auto', 'direct' or 'multigrid', got {method!r}")
     small = len(assembler.free) <= _DIRECT_UP_TO[assembler.network.dimension]

@@ -95,17 +95,9 @@ class Archive:
     ) -> NDArray[Any]:
         """Return an array that is what it must be.
 
-        Parameters
-        ----------
-        name : str
-        kind : {"f", "s", "i", "b"}
-            As `Column` says.
-        shape : tuple
-            None stands for any length along an axis, or for any shape.
-        low, high : float, optional
-            The smallest and the largest value allowed; `high` also one for each column.
-        finite : bool
-            Whether floating-point numbers must be finite.
+        `kind`: as `Column` says; `shape`: none stands for any length along an axis, or for any
+        shape; `low`, `high`: the smallest and the largest value allowed; `high` also one for each
+        column; `finite`: whether floating-point numbers must be finite.
         """
         if name not in self.arrays:
             raise ResultFileError(f"{self.path}: the array {name!r} is missing")
@@ -134,13 +126,8 @@ class Archive:
     ) -> dict[str, NDArray[Any]]:
         """Return the arrays of a table, every one looked at.
 
-        Parameters
-        ----------
-        table : mapping of str to Column
-        sizes : mapping of str to int
-            Sizes that are known; the others are those of the first array that names them.
-        prefix : str
-            What the arrays' names begin with in the file.
+        `sizes`: sizes that are known; the others are those of the first array that names them;
+        `prefix`: what the arrays' names begin with in the file.
         """
         known, found = dict(sizes), {}
         for name, column in table.items():
@@ -219,16 +206,9 @@ def write_archive(
 ) -> Path:
     """Write arrays and plain values to one ``.npz`` file, whole or not at all.
 
-    Parameters
-    ----------
-    path : path
-        The file; the ending ``.npz`` is added if it is missing.
-    kind : str
-        Label of the result, which `read_archive` checks.
-    arrays : dict of str to array
-        Numbers; no objects, so that reading needs no pickle.
-    text : dict
-        Anything that JSON can hold.
+    `path`: the file; the ending ``.npz`` is added if it is missing; `kind`: label of the result,
+    which `read_archive` checks; `arrays`: numbers; no objects, so that reading needs no pickle;
+    `text`: anything that JSON can hold.
     """
     target = Path(path)
     if target.suffix != ".npz":

@@ -25,12 +25,8 @@ def corner_order(dimension: int) -> Floats:
 def same_points(points: Floats, apart: float | Floats) -> tuple[Ints, Ints]:
     """Return which points to keep of those that are the same, and which of these each is.
 
-    Parameters
-    ----------
-    points : array, shape (n, dimension)
-        Where they are (m).
-    apart : float or array, shape (dimension,)
-        The distance of points that differ (m), or a part of it.
+    `points`, shape (n, dimension): where they are (m); `apart`, shape (dimension,): the distance of
+    points that differ (m), or a part of it.
     """
     place = np.rint(points / apart).astype(np.int64)
     place -= place.min(axis=0)
@@ -48,18 +44,9 @@ def write_vtk(
 ) -> Path:
     """Write squares or cubes to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    corners : array, shape (n, 4 or 8, dimension)
-        Where their corners are (m), in the order of `corner_order`.
-    apart : float
-        The distance of corners that differ (m).
-    values : mapping of str to array
-        What is known of each.
-    moved_at : callable, optional
-        Displacements (m) at points (m), to be written for the corners.
+    `path`: the file; `corners`, shape (n, 4 or 8, dimension): where their corners are (m), in the
+    order of `corner_order`; `apart`: the distance of corners that differ (m); `values`: what is
+    known of each; `moved_at`: displacements (m) at points (m), to be written for the corners.
     """
     try:
         import meshio

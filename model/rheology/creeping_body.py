@@ -43,16 +43,9 @@ class Elements:
     Its state is the stretches of both parts, the force in each element, and the velocity of
     its end (which stays 0 without mass).
 
-    Parameters
-    ----------
-    laws : Laws
-        The elements, arrays of shape (n,).
-    share : (n,) floats
-        Force (N) or, if `stretched`, elongation (m) of each at a factor of 1.
-    stretched : bool
-        Whether the elongations are given rather than the forces.
-    mass : (n,) floats, optional
-        Mass at the loaded end of each (kg).
+    `laws`: the elements, arrays of shape (n,); `share`: force (N) or, if `stretched`, elongation
+    (m) of each at a factor of 1; `stretched`: whether the elongations are given rather than the
+    forces; `mass`: mass at the loaded end of each (kg).
     """
 
     def __init__(

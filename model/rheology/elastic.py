@@ -75,14 +75,9 @@ class CreepingBody:
     (axes, cells) and for every material at every edge (materials, edges); the displacement
     of the active faces; the stress of the cells along each axis, and the shear of the edges.
 
-    Parameters
-    ----------
-    problem : ElasticProblem
-        Body, supports and the loads at a factor of 1.
-    materials : sequence of Material
-        Those that its kinds count; without a rheology they are elastic.
-    tolerance : float
-        Unbalanced force at which an elastic problem counts as solved, as a share of the load.
+    `problem`: body, supports and the loads at a factor of 1; `materials`: those that its kinds
+    count; without a rheology they are elastic; `tolerance`: unbalanced force at which an elastic
+    problem counts as solved, as a share of the load.
     """
 
     def __init__(

@@ -161,12 +161,9 @@ def take_step(
 ) -> tuple[Fields, Floats]:
     """Return the state after one step, and its work, dissipation and the scheme's own part.
 
-    Parameters
-    ----------
-    system, method, fields, step
-        What creeps, how time is stepped, where the step begins, how long it lasts (s).
-    factors : (2, 2) floats
-        Factors of forces and displacements just after its beginning and at its end.
+    `system`, `method`, `fields`, `step`: what creeps, how time is stepped, where the step begins,
+    how long it lasts (s); `factors`: factors of forces and displacements just after its beginning
+    and at its end.
     """
     booked = np.zeros(3)
     for end, weight in zip(method.ends, method.weights, strict=True):

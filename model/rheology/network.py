@@ -131,18 +131,10 @@ class CreepingNetwork:
     a spring that is longer than its rest length has stretched its Voigt part, as one that has
     long been so.
 
-    Parameters
-    ----------
-    network : SpringNetwork
-        Its last stage's forces and given displacements are those at a factor of 1. A held
-        coordinate moves from where it is when the run begins, by its given displacement times
-        the growth of the factor; so teeth may grip a network that is bent already.
-    rheology : ThreeElement or sequence of them
-        See `spring_laws`.
-    method : {"auto", "direct", "multigrid"}
-        How tangents are solved.
-    mass : float or (n,) floats, optional
-        Mass of each node (kg).
+    `network`: its last stage's forces and given displacements are those at a factor of 1. A held
+    coordinate moves from where it is when the run begins, by its given displacement times the
+    growth of the factor; so teeth may grip a network that is bent already; `rheology`: see
+    `spring_laws`; `method`: how tangents are solved; `mass`: mass of each node (kg).
     """
 
     def __init__(

@@ -128,20 +128,9 @@ def scheme(name: str) -> Scheme:
 def as_spring(law: Law, step: float, state: Stretch) -> tuple[Floats, Floats]:
     """Return the elastic spring that stands for an element during one implicit step.
 
-    Parameters
-    ----------
-    law : Law
-        The elements.
-    step : float
-        Length of the implicit step (s), above 0.
-    state : Stretch
-        Where the step begins.
-
-    Returns
-    -------
-    stiffness, rest : numpy.ndarray
-        At its end the force is ``stiffness * (elongation - rest)``. `stiffness` is 1/(C h)
-        with C = 1/D_d + 1/(K_f h + D_f).
+    `law`: the elements; `step`: length of the implicit step (s), above 0; `state`: where the step
+    begins. Returns `stiffness`, `rest`: At its end the force is ``stiffness * (elongation -
+    rest)``. `stiffness` is 1/(C h) with C = 1/D_d + 1/(K_f h + D_f).
     """
     voigt = law.K_f + law.D_f / step
     stiffness = voigt / (1.0 + voigt * (step / law.D_d))
@@ -194,12 +183,8 @@ def stage_energy(
 def march(law: Law, history: History, times: Floats, method: Scheme, driven_by: str) -> Floats:
     """Step one element along a history; return the displacement, or the force, at `times`.
 
-    Parameters
-    ----------
-    law, history, times, method
-        The element; what drives it; rising times (s); the scheme.
-    driven_by : {"force", "displacement"}
-        What the history gives. The other one is returned.
+    `law`, `history`, `times`, `method`: the element; what drives it; rising times (s); the scheme;
+    `driven_by`: what the history gives. The other one is returned.
     """
     nodes = np.union1d(times, [c for c in history.times if c < times[-1]])
     nodes = np.union1d(nodes, [0.0])

@@ -75,11 +75,7 @@ class PetscLevel:
 def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
     """Return the levels of a body's hierarchy, the finest first.
 
-    Parameters
-    ----------
-    shape : tuple of int
-        Cells along each axis, without the rim.
-    comm : petsc4py Comm
+    `shape`: cells along each axis, without the rim.
     """
     size = comm.getSize()
     parts = _processes(shape, size)
@@ -258,11 +254,7 @@ class PiecedBody:
 def body_of(scene: Scene, stage: int | None) -> PiecedBody:
     """Return the body of a scene, with units in which nothing has been chosen yet.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of squares or cubes.
-    stage : int or None
+    `scene`: of squares or cubes.
     """
     lower, upper = (np.asarray(corner, dtype=np.int64) for corner in scene.bounds())
     shape = tuple(int(n) for n in upper - lower)

@@ -176,16 +176,8 @@ class PiecedResult(BodyResult):
     ) -> Self:
         """Return the answer of which this process has one piece; all processes take part.
 
-        Parameters
-        ----------
-        scene, grid, stage
-            As the result's own.
-        piece : Piece
-        borne : dict from name to array
-            What the supports bear in this piece (N).
-        figures : dict
-            What all processes know of the whole.
-        comm : mpi4py Comm
+        `scene`, `grid`, `stage`: as the result's own; `borne`: what the supports bear in this piece
+        (N); `figures`: what all processes know of the whole.
         """
         reaction: dict[str, Floats] = {}
         for part in comm.allgather(borne):
@@ -289,10 +281,7 @@ class PiecedResult(BodyResult):
     def save(self, path: str | Path) -> Path:
         """Write the result to a folder, every process its own piece; all take part.
 
-        Parameters
-        ----------
-        path : path
-            A new folder.
+        `path`: a new folder.
         """
         from .solve_petsc import together
 

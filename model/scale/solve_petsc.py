@@ -394,11 +394,7 @@ def _matrix(parts: list[PetscRows], place: Index, like: Any, columns: Any = None
 def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> Any:
     """Return the matrix from the coarse faces to the fine ones.
 
-    Parameters
-    ----------
-    fine, coarse : Level
-    moves : Vec, optional
-        1 at fine faces that move, 0 at the others, whose rows vanish.
+    `moves`: 1 at fine faces that move, 0 at the others, whose rows vanish.
     """
     like, columns = fine.dm.createGlobalVec(), coarse.dm.createGlobalVec()
     first, _ = like.getOwnershipRange()
@@ -444,13 +440,7 @@ def _across(face: Index) -> list[tuple[Index, Floats]]:
 class PetscHierarchy:
     """Matrices of all levels, the finest first, and solvers that start on any of them.
 
-    Parameters
-    ----------
-    levels : list of PetscLevel
-    matrix : Mat
-        Of the finest level.
-    moves : Vec
-        1 at the finest faces that move.
+    `matrix`: of the finest level; `moves`: 1 at the finest faces that move.
     """
 
     def __init__(self, levels: list[PetscLevel], matrix: Any, moves: Any) -> None:
@@ -472,15 +462,9 @@ class PetscHierarchy:
     def solver(self, start: int, tolerance: float, most: int) -> Any:
         """Return conjugate gradients, preconditioned by V-cycles from a level downwards.
 
-        Parameters
-        ----------
-        start : int
-            The level that is solved.
-        tolerance : float
-            Of the residual in the norm that the preconditioner gives: nearly the error in the
-            energy norm, relative to the solution.
-        most : int
-            Iterations at most.
+        `start`: the level that is solved; `tolerance`: of the residual in the norm that the
+        preconditioner gives: nearly the error in the energy norm, relative to the solution; `most`:
+        iterations at most.
         """
         from petsc4py import PETSc
 

@@ -99,13 +99,7 @@ def read_embedded(text: str, key: str) -> Floats:
 
 
 def checked(values: Any, key: str) -> Floats:
-    """Return samples as numbers.
-
-    Raises
-    ------
-    SceneFileError
-        If they are not finite numbers along two axes.
-    """
+    """Return samples as numbers."""
     if values.ndim != 2 or min(values.shape) < 2 or values.dtype.kind not in "fiub":
         raise SceneFileError(f"{key}: numbers along x and y are needed, got shape {values.shape}")
     out = np.asarray(values, dtype=np.float64)
@@ -169,13 +163,7 @@ class LevelSet:
         return inside
 
     def outline(self) -> list[Floats]:
-        """Return its closed lines: parts of hyperbolas, and of the sides of its box.
-
-        Raises
-        ------
-        SceneError
-            If two lines cross between four samples, or there is none.
-        """
+        """Return its closed lines: parts of hyperbolas, and of the sides of its box."""
         (xs, ys), above = self._grid
         xs, ys = (np.array([line[0], *line, line[-1]]) for line in (xs, ys))
         above = np.pad(above, 1, constant_values=-np.abs(above).max())  # nothing beyond the box

@@ -35,12 +35,8 @@ class Purity:
     def kinds(self, lower: Cells, exponent: int) -> Kinds:
         """Return the kind that fills each box, or MIXED.
 
-        Parameters
-        ----------
-        lower : int array, shape (n, dimension)
-            Lower cells of the boxes, multiples of 2^exponent.
-        exponent : int
-            The boxes have 2^exponent cells along every axis.
+        `lower`, shape (n, dimension): lower cells of the boxes, multiples of 2^exponent;
+        `exponent`: the boxes have 2^exponent cells along every axis.
         """
         shape = np.asarray(self._filling.lattice.shape)
         upper = lower + (1 << exponent)

@@ -64,13 +64,7 @@ def _curved(arcs: Floats) -> bool:
 
 
 def read_path(text: str) -> list[Floats]:
-    """Return the closed lines of a path, each of shape (n, 4, 3); lines left open are closed.
-
-    Raises
-    ------
-    SceneError
-        If the text is no path.
-    """
+    """Return the closed lines of a path, each of shape (n, 4, 3); lines left open are closed."""
     lines: list[list[Floats]] = []
     start: Point = (0.0, 0.0)
     here, handle, command, last, place = start, start, "", "", 0

@@ -27,13 +27,7 @@ def check_no_outlines(scene: Scene) -> None:
 
 
 def check_outlines(scene: Scene) -> None:
-    """Refuse whatever a body with true outlines is not proved with.
-
-    Raises
-    ------
-    SceneError
-        Naming the key, what it may be, and what to do instead.
-    """
+    """Refuse whatever a body with true outlines is not proved with."""
     if scene.lattice.dimension == 3:
         raise SceneError(f"body.regions: true outlines belong to the plane; {TAKES}")
     if scene.lattice.kind != "square":

@@ -69,13 +69,7 @@ class Pair:
         return np.asarray(self.values / np.where(small, np.nan, self.reference))
 
     def component(self, name: str) -> Pair:
-        """Return one component, such as "y" of a displacement or "yy" of a stress.
-
-        Raises
-        ------
-        ResultError
-            If there is no such component.
-        """
+        """Return one component, such as "y" of a displacement or "yy" of a stress."""
         order, axes = self.values.ndim - 1, "xyz"[: self.values.shape[-1]]
         if order == 0 or len(name) != order or not set(name) <= set(axes):
             known = "none" if order == 0 else " and ".join(axes if order == 1 else (axes[0] * 2,))

@@ -386,17 +386,9 @@ def solve_on(
 ) -> ElementField:
     """Solve a scene on the elements of a basis.
 
-    Parameters
-    ----------
-    scene : Scene
-    basis : skfem.Basis
-        Vector-valued, on a mesh in cells.
-    kinds : int array
-        What is where; see `surroundings`.
-    solve : callable, optional
-        From a matrix, the forces and the rigid motions of its unknowns to the unknowns.
-    matrix : sparse array, optional
-        The stiffness of all unknowns; `stiffness` unless given.
+    `basis`: vector-valued, on a mesh in cells; `kinds`: what is where; see `surroundings`; `solve`:
+    from a matrix, the forces and the rigid motions of its unknowns to the unknowns; `matrix`: the
+    stiffness of all unknowns; `stiffness` unless given.
     """
     moduli = element_moduli(scene, basis.mesh, kinds)
     matrix = stiffness(scene, basis, moduli) if matrix is None else matrix

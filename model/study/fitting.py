@@ -154,11 +154,8 @@ class Fit:
 def elastic_reference(scene: Scene, resolution: int | None = None) -> BodyResult:
     """Return the answer of elasticity to a scene, on cells fine enough to be believed.
 
-    Parameters
-    ----------
-    resolution : int, optional
-        Cells for each of the scene's along every axis; by default as many as give 160 (in space
-        48) across the body, up to 8.
+    `resolution`: cells for each of the scene's along every axis; by default as many as give 160 (in
+    space 48) across the body, up to 8.
     """
     if resolution is None:
         across = CELLS_ACROSS[scene.lattice.dimension]

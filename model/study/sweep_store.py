@@ -34,10 +34,7 @@ PATIENCE = 10.0
 class SweepStore:
     """The rows of one sweep.
 
-    Parameters
-    ----------
-    database : sqlite3.Connection
-        Of a store that `store_of` has begun, or that some sweep has left.
+    `database`: of a store that `store_of` has begun, or that some sweep has left.
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
@@ -85,12 +82,8 @@ class SweepStore:
 def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
     """Yield a store for the rows of one sweep, which no other sweep writes to meanwhile.
 
-    Parameters
-    ----------
-    out : Path or None
-        A new or empty folder, or the one in which the same sweep was begun; None: in memory.
-    about : dict
-        What the sweep is; its "identity" tells it from others.
+    `out`: a new or empty folder, or the one in which the same sweep was begun; None: in memory;
+    `about`: what the sweep is; its "identity" tells it from others.
     """
     if out is None:
         with closing(sqlite3.connect(":memory:", isolation_level=None)) as database:

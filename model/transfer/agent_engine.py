@@ -81,16 +81,7 @@ def boundary_classes(own: Mapping[str, type[BoundaryAgent]]) -> dict[int, type[B
 class AgentEngine:
     """One stage of load transfer at a time, with one object per agent.
 
-    Parameters
-    ----------
-    model : LoadModel
-        The model in which the agents live.
-    scene, transfer
-        What is loaded, and its rule.
-    material_agent : type
-        Class of the material agents.
-    boundary_agents : dict of int to type
-        Class of the boundary agents, by kind.
+    `boundary_agents`: class of the boundary agents, by kind.
     """
 
     def __init__(

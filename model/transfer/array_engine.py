@@ -234,15 +234,7 @@ class PackedHistory(TakenHistory):
 
 
 class ArrayEngine:
-    """One stage of load transfer at a time, on arrays.
-
-    Parameters
-    ----------
-    scene : Scene
-        What is loaded.
-    transfer : Transfer
-        Its rule, as tables.
-    """
+    """One stage of load transfer at a time, on arrays."""
 
     most_at_one = 0  # magnitudes are products of few shares: rows of a table, not objects
 

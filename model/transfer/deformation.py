@@ -129,17 +129,7 @@ class LineDisplacement:
 
 
 class DisplacementField:
-    """Displacement of a load-transfer stage, anywhere in the body.
-
-    Parameters
-    ----------
-    scene : Scene
-        The body.
-    stage : Stage
-        The agents and what they took.
-    squeezed : Squeeze
-        How they deform.
-    """
+    """Displacement of a load-transfer stage, anywhere in the body."""
 
     def __init__(self, scene: Scene, stage: Stage, squeezed: Squeeze) -> None:
         self.lattice: Lattice = scene.lattice

@@ -85,14 +85,8 @@ def _changed(rule: Rule, numbers: dict[str, Any]) -> Rule:
 def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:
     """Refuse what is no class of agents, or one that a model cannot make.
 
-    Parameters
-    ----------
-    name : str
-        What the class was given as.
-    agent, base : type
-        The class, and the one that it must come from.
-    start : tuple of str
-        What a model makes an agent of.
+    `name`: what the class was given as; `agent`, `base`: the class, and the one that it must come
+    from; `start`: what a model makes an agent of.
     """
     if not (isinstance(agent, type) and issubclass(agent, base)):
         raise ParameterError(

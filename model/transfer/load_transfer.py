@@ -37,17 +37,8 @@ MOST_IMBALANCE = 1e-9
 class LoadTransfer:
     """Load transfer on arrays; `LoadModel` is the same as a Mesa model, with agents as objects.
 
-    Parameters
-    ----------
-    scene : Scene
-        Body, supports, loads and a prescribed rule.
-    allow_unstable, max_generations, rule
-        As of `LoadModel`.
-
-    Raises
-    ------
-    StabilityError, SceneError, ParameterError
-        As of `LoadModel`.
+    `scene`: body, supports, loads and a prescribed rule; `allow_unstable`, `max_generations`,
+    `rule`: as of `LoadModel`.
     """
 
     engine: Any
@@ -200,12 +191,8 @@ class LoadTransfer:
     def since(self, generation: int, agents: int = 0) -> News:
         """Return what has happened in the current stage after a generation.
 
-        Parameters
-        ----------
-        generation : int
-            0 for all of it.
-        agents : int
-            How many agents are known already; those that spawned later are told.
+        `generation`: 0 for all of it; `agents`: how many agents are known already; those that
+        spawned later are told.
         """
         news: News = self.engine.since(generation, agents)
         return news
@@ -219,13 +206,9 @@ class LoadTransfer:
     def run(self, until: Until | None = None, progress: bool | None = None) -> TransferResult:
         """Step until the last stage is at rest, and return the result.
 
-        Parameters
-        ----------
-        until : callable or int, optional
-            A function of the model; the run pauses as soon as it is true, and can go on. A whole
-            number: so many steps, or fewer if the last stage is at rest before.
-        progress : bool, optional
-            Show a progress line; None: on a terminal, when the run takes over two seconds.
+        `until`: a function of the model; the run pauses as soon as it is true, and can go on. A
+        whole number: so many steps, or fewer if the last stage is at rest before; `progress`: show
+        a progress line; None: on a terminal, when the run takes over two seconds.
         """
         if isinstance(until, bool):  # until 0.1 this came first
             warn("run: progress is a keyword, run(progress=...)", DeprecationWarning, stacklevel=2)

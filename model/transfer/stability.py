@@ -200,10 +200,8 @@ def bound_spectral_radius(
     (Aᵀx)ᵢ/xᵢ (Collatz, Wielandt). Adding half of the identity keeps the iteration from
     swinging between loads that run to and fro.
 
-    Returns
-    -------
-    lower, upper : float
-        Rigorous bounds, closer than `tolerance` if the iteration got that far.
+    Returns `lower`, `upper`: Rigorous bounds, closer than `tolerance` if the iteration got that
+    far.
     """
     transposed = operator.T.tocsr()
     x: Floats = np.ones(operator.shape[0])

@@ -27,12 +27,7 @@ class Transfer:
     Loads are numbered by *state*: the direction of the force for pushes, and the same plus
     the number of directions for pulls, which only a rule with a sense has.
 
-    Parameters
-    ----------
-    scene : Scene
-        A scene whose rule is a `PrescribedRule`.
-    rule : ShareRule, optional
-        Another rule, instead of the scene's.
+    `scene`: a scene whose rule is a `PrescribedRule`; `rule`: another rule, instead of the scene's.
     """
 
     def __init__(self, scene: Scene, rule: ShareRule | None = None) -> None:
@@ -201,15 +196,8 @@ def pulls(scene: Scene, applied: AppliedLoads, row: Ints, direction: Ints) -> Fl
 def split_force(lattice: Lattice, force: Floats) -> tuple[Ints, Ints, Floats]:
     """Split forces into loads along the directions of the lattice; see `Lattice.split`.
 
-    Parameters
-    ----------
-    force : array, shape (n, dimension)
-        Forces (N).
-
-    Returns
-    -------
-    row, direction, magnitude : arrays
-        Which force, which direction, and the load along it (N), all above 0.
+    `force`, shape (n, dimension): forces (N). Returns `row`, `direction`, `magnitude`: Which force,
+    which direction, and the load along it (N), all above 0.
     """
     magnitude = lattice.split(force)
     row, direction = np.nonzero(magnitude)

@@ -40,12 +40,8 @@ WORDS = {"spectral_radius": "growth_if_added_up", "seconds": "time_taken"}
 class Console:
     """Where the command prints.
 
-    Parameters
-    ----------
-    as_json : bool
-        Print the key figures as one JSON object, and nothing else.
-    quiet : bool
-        Print nothing but errors.
+    `as_json`: print the key figures as one JSON object, and nothing else; `quiet`: print nothing
+    but errors.
     """
 
     as_json: bool = False

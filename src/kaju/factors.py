@@ -16,11 +16,7 @@ from kaju.errors import OutOfMemoryError
 def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
     """Return the factors of a symmetric matrix on the diagonal's own pivots.
 
-    Parameters
-    ----------
-    matrix : sparse array
-    order : str
-        Order of elimination, as `scipy.sparse.linalg.splu` names it.
+    `order`: order of elimination, as `scipy.sparse.linalg.splu` names it.
     """
     how: dict[str, Any] = {"permc_spec": order, "diag_pivot_thresh": 0.0}
     columns = sp.csc_array(matrix)
@@ -39,12 +35,8 @@ def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
 def rigid_motions(places: Floats, axis: Ints) -> Floats:
     """Return what displacements are in rigid motions, a column each: shifts first, then turns.
 
-    Parameters
-    ----------
-    places : array, shape (n, dimension)
-        Where the displacements are.
-    axis : int array, shape (n,)
-        Along which axis each is.
+    `places`, shape (n, dimension): where the displacements are; `axis`, shape (n,): along which
+    axis each is.
     """
     d = places.shape[1]
     shifts = np.eye(d)[axis]

@@ -82,12 +82,8 @@ def scratch_beside(target: Path, error: type[KajuError]) -> Iterator[Path]:
 def scratch_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
     """Yield a hidden folder beside a folder to be; it goes when the block ends.
 
-    Parameters
-    ----------
-    target : Path
-        The folder to be; the folders above it are made.
-    error : type of KajuError
-        What to raise if nothing can be written there.
+    `target`: the folder to be; the folders above it are made; `error`: what to raise if nothing can
+    be written there.
     """
     with _named(target, error):
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -98,13 +94,8 @@ def scratch_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
 def take_place(scratch: Path, target: Path, *, replace: bool) -> None:
     """Give a whole folder its name, in one step.
 
-    Parameters
-    ----------
-    scratch : Path
-        The folder; with `replace` it has what stood at the target afterwards.
-    target : Path
-        Its name: of nothing, or of an empty folder; of anything with `replace`.
-    replace : bool
+    `scratch`: the folder; with `replace` it has what stood at the target afterwards; `target`: its
+    name: of nothing, or of an empty folder; of anything with `replace`.
     """
     for path in scratch.rglob("*"):
         _to_disk(path)

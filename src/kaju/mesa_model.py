@@ -318,12 +318,8 @@ class _Figure:
 def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
     """Return the Mesa model of a scene: `LoadModel` or `ElasticModel`, by the scene's rule.
 
-    Parameters
-    ----------
-    scene : Scene
-        Its ``rule.kind`` decides.
-    **options
-        Handed to the model, such as ``engine="arrays"``.
+    `scene`: its ``rule.kind`` decides; `**options`: handed to the model, such as
+    ``engine="arrays"``.
     """
     if scene.rule.kind == "elastic":
         from kaju.model.elastic.settling.elastic_model import ElasticModel

@@ -25,12 +25,8 @@ OURS = ("summary.json", "result.npz", *PICTURES)
 class Folder:
     """A place for results.
 
-    Parameters
-    ----------
-    path : Path
-        The folder; it is made when the results are there.
-    force : bool
-        Replace the results of an earlier run. Other files in the folder are left alone.
+    `path`: the folder; it is made when the results are there; `force`: replace the results of an
+    earlier run. Other files in the folder are left alone.
     """
 
     def __init__(self, path: Path, force: bool = False) -> None:

@@ -48,14 +48,8 @@ def chosen(order: Order[A], waiting: list[A]) -> list[A]:
 def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
     """Tell whether agents are to be objects.
 
-    Parameters
-    ----------
-    engine : {"auto", "agents", "arrays"}
-        What was asked for.
-    agent, usual : type
-        Class of the agents, and the one that arrays know.
-    small : bool
-        Whether "auto" can afford objects.
+    `engine`: what was asked for; `agent`, `usual`: class of the agents, and the one that arrays
+    know; `small`: whether "auto" can afford objects.
     """
     own_class = agent is not usual
     if engine not in ("auto", "agents", "arrays"):

@@ -85,13 +85,8 @@ class Session:
 class LiveRun(Session):
     """A model of the prescribed rule that a page steps, and exchanges when its scene was changed.
 
-    Parameters
-    ----------
-    scene : Scene
-        With a prescribed rule.
-    model_of : callable, optional
-        Returns a model of a scene, with agents of your own if you like, and with the values of
-        their parameters that it is given by name.
+    `scene`: with a prescribed rule; `model_of`: returns a model of a scene, with agents of your own
+    if you like, and with the values of their parameters that it is given by name.
     """
 
     def __init__(self, scene: Scene, model_of: ModelOf = usual_model) -> None:
@@ -227,17 +222,8 @@ def scene_from(
 ) -> Scene:
     """Return the scene that `scene_data` has described, as a page may have changed it.
 
-    Parameters
-    ----------
-    data, cells
-        As `scene_data` returns them.
-    stage : int, optional
-        Take the loads of this stage, applied in one step.
-
-    Raises
-    ------
-    KajuError
-        If the description breaks a rule of scenes.
+    `data`, `cells`: as `scene_data` returns them; `stage`: take the loads of this stage, applied in
+    one step.
     """
     lattice = _table(data, "lattice")
     kind, shape = lattice.get("kind"), _list(lattice, "shape")
@@ -380,10 +366,7 @@ MOST_STEPS = 4096
 class LiveFaces(Session):
     """A model of the elastic rule that a page steps.
 
-    Parameters
-    ----------
-    begin : callable
-        Returns the model; it is called when the model is first needed.
+    `begin`: returns the model; it is called when the model is first needed.
     """
 
     def __init__(self, begin: Callable[[], ElasticModel]) -> None:
@@ -495,13 +478,7 @@ Watched = Scene | LoadModel | ElasticModel
 
 
 def sessions_of(of: Watched) -> Callable[[], Session]:
-    """Return what begins a session with a model of its own, that of `of` begun anew.
-
-    Raises
-    ------
-    ParameterError
-        If it cannot be watched.
-    """
+    """Return what begins a session with a model of its own, that of `of` begun anew."""
     if isinstance(of, LoadModel):
         return lambda: LiveRun(of.scene, of.again)
     if isinstance(of, ElasticModel):

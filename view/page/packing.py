@@ -16,14 +16,8 @@ def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: 
 
     Bytes of one significance stand together, for deflate then finds far more to leave out.
 
-    Parameters
-    ----------
-    header : mapping
-        Anything that JSON can say; `columns` (name, type, count) is added.
-    columns : mapping of str to array
-        Arrays of 8 to 32-bit integers or of floats.
-    level : int
-        0 (as it is), 1 (quick) to 9 (small).
+    `header`: anything that JSON can say; `columns` (name, type, count) is added; `columns`: arrays
+    of 8 to 32-bit integers or of floats; `level`: 0 (as it is), 1 (quick) to 9 (small).
     """
     arrays = {name: np.ascontiguousarray(column).ravel() for name, column in columns.items()}
     listed = [[name, array.dtype.name, array.size] for name, array in arrays.items()]

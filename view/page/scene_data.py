@@ -146,12 +146,7 @@ class Account:
     it lengthened along it. The place of a row is the cell's key times the number of these,
     plus its number.
 
-    Parameters
-    ----------
-    scene : Scene
-        Where the agents are.
-    own : bool
-        Whether what is kept follows not from the scene's rule.
+    `scene`: where the agents are; `own`: whether what is kept follows not from the scene's rule.
     """
 
     def __init__(self, scene: Scene, own: bool) -> None:
@@ -217,16 +212,9 @@ def history_columns(
 ) -> Columns:
     """Return all that a recorded page needs of a stage of loading.
 
-    Parameters
-    ----------
-    scene : Scene
-        What was asked.
-    stage : Stage
-        What its agents took, passed on and let end.
-    exact : bool
-        Loads as 64-bit numbers; a quarter larger.
-    account : Account, optional
-        What agents did in every generation. Without it all counts as done in the last one.
+    `scene`: what was asked; `stage`: what its agents took, passed on and let end; `exact`: loads as
+    64-bit numbers; a quarter larger; `account`: what agents did in every generation. Without it all
+    counts as done in the last one.
     """
     lattice, history = scene.lattice, stage.history
     key = lattice.key(stage.cells)

@@ -63,11 +63,7 @@ TURNS: dict[int, str] = {}
 def trial(name: str, *turns: int) -> Callable[[Kind], Kind]:
     """Let a function be a kind of trial: it draws from a number, judges, and tells of it.
 
-    Parameters
-    ----------
-    name : str
-    *turns : int
-        Its turns among twenty, which no other kind has.
+    `*turns`: its turns among twenty, which no other kind has.
     """
 
     def known(kind: Kind) -> Kind:

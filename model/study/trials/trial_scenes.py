@@ -324,14 +324,7 @@ def described_scene(
 ) -> Scene:
     """Return a body of shapes and an image, with weight, beds, moved sides and loads of all kinds.
 
-    Parameters
-    ----------
-    rng : Generator
-    family : str
-        Of the body in the image.
-    rule : {"elastic", "prescribed"}
-    pace : float, optional
-        Time (s) in which its materials creep.
+    `family`: of the body in the image; `pace`: time (s) in which its materials creep.
     """
     for _ in range(DRAWS - 1):
         with suppress(SceneError):

@@ -40,23 +40,10 @@ def trials(
 ) -> Iterator[Outcome]:
     """Yield the outcome of every trial as it ends, in no particular order.
 
-    Parameters
-    ----------
-    numbers : iterable of int or (int, str)
-        Which trials; with a name, put to that kind.
-    workers : int
-        Processes side by side.
-    limit : float
-        A trial that takes more seconds of processor time than this has failed: its process is
-        killed. One that does not come to that in twenty times as long by the clock is not
-        finished, for which the machine may be too busy.
-    warm : bool
-        Whether workers warm up before the clock starts.
-
-    Raises
-    ------
-    ParameterError
-        If there are no workers, or the limit is not above 0.
+    `numbers`: which trials; with a name, put to that kind; `workers`: processes side by side;
+    `limit`: a trial that takes more seconds of processor time than this has failed: its process is
+    killed. One that does not come to that in twenty times as long by the clock is not finished, for
+    which the machine may be too busy; `warm`: whether workers warm up before the clock starts.
     """
     if workers < 1:
         raise ParameterError(f"workers: must be 1 or more, got {workers}")

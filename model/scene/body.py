@@ -56,68 +56,49 @@ LatticeName = Annotated[
 
 
 class Body(Described):
-    """The cells of a body and what fills them.
-
-    Parameters
-    ----------
-    size : tuple of float, optional
-        Edges of the array of cells (m); with `cells` or a picture.
-    cells : tuple of int, optional
-        Number of cells along x, y (and z). Three numbers make cubes.
-    cell_size : float, optional
-        Distance of two opposite faces of a cell (m); instead of `size`.
-    drawing : str, optional
-        The body as text, one letter a cell, the top row first. The scene's legend says what
-        the letters (colours, codes) of a drawing (image, array) mean.
-    image : str, optional
-        Path of an image, one pixel a cell.
-    array : str or ndarray of int, optional
-        Whole numbers, one a cell, indexed [x, y] or [x, y, z] from left, front and bottom;
-        or the path of the ``.npy`` file that holds them.
-    thickness : float, optional
-        Of a two-dimensional body, across the plane (m); 1 m unless given.
-    plane : {"stress", "strain"}, optional
-        Two-dimensional state; "stress" unless given.
-    lattice : {"square", "hexagon", "cube"} or type of Lattice, optional
-        Form of the cells: one of these, or a class of your own.
-    material : str, optional
-        What fills the array, under the regions: a material's name, "air", "rigid" or
-        "roller".
-    gravity : tuple of float, optional
-        Acceleration (m/s²) that pulls every cell.
-    regions : tuple of Region
-        What is different in parts of the array; later ones cover earlier ones.
-    allow_floating : bool
-        Take a body that nothing holds.
-    nearest_colour : bool
-        Take every pixel of an image for the colour of the legend that is nearest to it, as
-        smoothed drawings and photographs need it.
-    """
+    """The cells of a body and what fills them."""
 
     size: tuple[Length, ...] | None = Field(
         default=None, description="the edges of the body (m), such as [0.2, 0.1]"
     )
+    """Edges of the array of cells (m); with `cells` or a picture."""
     cells: tuple[Count, ...] | None = Field(
         default=None, description="the number of cells along each axis, such as [20, 10]"
     )
+    """Number of cells along x, y (and z). Three numbers make cubes."""
     cell_size: Length | None = Field(
         default=None, description="the edge of a cell (m), such as 0.01"
     )
+    """Distance of two opposite faces of a cell (m); instead of `size`."""
     drawing: Text | None = Field(default=None, description="the body, one letter a cell")
+    """The body as text, one letter a cell, the top row first. The scene's legend says what the
+    letters (colours, codes) of a drawing (image, array) mean."""
     image: Text | None = Field(default=None, description="the path of an image, such as 'body.png'")
+    """Path of an image, one pixel a cell."""
     array: Codes | None = Field(default=None, description="the path of an .npy file, or an array")
+    """Whole numbers, one a cell, indexed [x, y] or [x, y, z] from left, front and bottom; or the
+    path of the ``.npy`` file that holds them."""
     thickness: Length | None = Field(
         default=None, description="the body's thickness across the plane (m)"
     )
+    """Of a two-dimensional body, across the plane (m); 1 m unless given."""
     plane: Literal["stress", "strain"] | None = None
+    """Two-dimensional state; "stress" unless given."""
     lattice: LatticeName = None
+    """Form of the cells: one of these, or a class of your own."""
     material: Text | None = Field(default=None, description="the name of what fills the body")
+    """What fills the array, under the regions: a material's name, "air", "rigid" or "roller"."""
     gravity: tuple[Number, ...] | None = Field(
         default=None, description="an acceleration (m/s²), such as [0.0, -9.81]"
     )
+    """Acceleration (m/s²) that pulls every cell."""
     regions: tuple[Region, ...] = ()
+    """What is different in parts of the array; later ones cover earlier ones."""
     allow_floating: Flag = False
+    """Take a body that nothing holds."""
     nearest_colour: Flag = False
+    """Take every pixel of an image for the colour of the legend that is nearest to it, as smoothed
+    drawings and photographs need it."""
 
     @property
     def picture_key(self) -> str | None:

@@ -80,27 +80,20 @@ class BoxWithRadius(Described):
 
 
 class RegionImage(Described):
-    """The dark part of an image, stretched over a box or over the whole array.
-
-    Parameters
-    ----------
-    file : str
-        The path of an image, or of an ``.npy`` array of numbers, indexed [x, y].
-    box : pair of points, optional
-        The corners (m) that it fills.
-    level : float, optional
-        How dark, from 0 to 1, a place must be, bilinear between the middles of pixels; or how large
-        a number, bilinear between samples, of which the outer ones lie on the sides of the box.
-        Without one, cells take pixels that are darker than 0.5; true outlines and arrays take 0.5.
-    """
+    """The dark part of an image, stretched over a box or over the whole array."""
 
     file: Text = Field(description="the path of an image, such as 'hole.png'")
+    """The path of an image, or of an ``.npy`` array of numbers, indexed [x, y]."""
     box: tuple[Point, Point] | None = Field(
         default=None, description="the lower and the upper corner (m) that the image fills"
     )
+    """The corners (m) that it fills."""
     level: Number | None = Field(
         default=None, description="how dark a place must be, from 0 to 1, such as 0.5"
     )
+    """How dark, from 0 to 1, a place must be, bilinear between the middles of pixels; or how large
+    a number, bilinear between samples, of which the outer ones lie on the sides of the box. Without
+    one, cells take pixels that are darker than 0.5; true outlines and arrays take 0.5."""
 
     def shape_in(self, lattice: Lattice, where: str, level: float | None) -> Mask | LevelSet:
         """Return its dark pixels, or where it reaches a level, in their place."""
@@ -125,65 +118,49 @@ class Region(Described):
     """A part of the array, filled with something else. Later regions cover earlier ones.
 
     Exactly one shape; a cell belongs to it if its centre lies inside or on the edge.
-
-    Parameters
-    ----------
-    material : str
-        A material's name, "air", "rigid" or "roller".
-    box : pair of points, optional
-        Lower and upper corner (m).
-    disk : Round, optional
-        Centre and radius (m), in two dimensions.
-    ball : Round, optional
-        Centre and radius (m), in three dimensions.
-    ring : RingTable, optional
-        Centre, inner and outer radius (m), in two dimensions.
-    ellipse : RoundEllipse, optional
-        Centre and half-axes (m), and the angle (degrees) of the first one, in two dimensions.
-    slot : Slot, optional
-        Ends of its middle line, and radius (m), in two dimensions.
-    rounded_box : BoxWithRadius, optional
-        A box, and the radius (m) of its corners, in two dimensions.
-    polygon : tuple of points, optional
-        Corners (m), in two dimensions.
-    path : str, optional
-        Path data of SVG in the array's coordinates (m, y upwards), in two dimensions. Lines within
-        a line go round holes.
-    image : RegionImage, optional
-        The dark pixels of an image, in two dimensions.
-    outline : {"cells", "true"}
-        "cells" makes it a staircase of cells; "true" keeps the shape as it is, for `kaju.solve`
-        alone.
-    name : str, optional
-        What loads call its outline.
     """
 
     material: Text = Field(description='a material\'s name, "air", "rigid" or "roller"')
+    """A material's name, "air", "rigid" or "roller"."""
     box: tuple[Point, Point] | None = Field(
         default=None, description="the lower and the upper corner (m), such as [[0, 0], [0.1, 0.2]]"
     )
+    """Lower and upper corner (m)."""
     disk: Round | None = None
+    """Centre and radius (m), in two dimensions."""
     ball: Round | None = None
+    """Centre and radius (m), in three dimensions."""
     ring: RingTable | None = None
+    """Centre, inner and outer radius (m), in two dimensions."""
     ellipse: RoundEllipse | None = None
+    """Centre and half-axes (m), and the angle (degrees) of the first one, in two dimensions."""
     slot: Slot | None = None
+    """Ends of its middle line, and radius (m), in two dimensions."""
     rounded_box: BoxWithRadius | None = None
+    """A box, and the radius (m) of its corners, in two dimensions."""
     polygon: tuple[Point, ...] | None = Field(
         default=None,
         min_length=3,
         max_length=MOST_CORNERS,
         description="the corners (m), three or more; finer shapes are drawn as an image",
     )
+    """Corners (m), in two dimensions."""
     path: Text | None = Field(
         default=None,
         max_length=1_000_000,
         description="path data of SVG (m, y upwards), such as 'M 0 0 H 0.1 V 0.1 Z'",
     )
+    """Path data of SVG in the array's coordinates (m, y upwards), in two dimensions. Lines within a
+    line go round holes."""
     image: RegionImage | None = None
+    """The dark pixels of an image, in two dimensions."""
     outline: Literal["cells", "true"] = Field(
         default="cells", description='"cells" for a staircase of cells, "true" for the shape itself'
     )
+    """"cells" makes it a staircase of cells; "true" keeps the shape as it is, for `kaju.solve`
+    alone."""
     name: Text | None = Field(default=None, description="what loads call the region's outline")
+    """What loads call its outline."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> Region:

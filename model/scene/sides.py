@@ -42,32 +42,25 @@ class SideCondition(Described):
 
     In a scene it is written as a word, "free", "rigid" or "roller", or as a table,
     ``{stiffness = 1e9}`` or ``{displacement = [0.0, -1e-4]}``.
-
-    Parameters
-    ----------
-    kind : {"free", "rigid", "roller", "foundation", "displaced"}
-        What lies beyond.
-    stiffness : float, optional
-        Pressure per displacement of a foundation (N/m³).
-    displacement : tuple of float, optional
-        Displacement (m) that a displaced side imposes.
-    free_axes : tuple of int
-        Axes along which it imposes none, as a roller: all of the side's own. A scene writes
-        "free" in place of their numbers, ``{displacement = ["free", -1e-4]}``.
     """
 
     kind: Literal["free", "rigid", "roller", "foundation", "displaced"] = Field(
         default="free", description="a word for what lies beyond the side"
     )
+    """What lies beyond."""
     stiffness: Positive | None = Field(
         default=None, description="the pressure per displacement of an elastic bed (N/m³)"
     )
+    """Pressure per displacement of a foundation (N/m³)."""
     displacement: tuple[Number, ...] | None = Field(
         default=None, description="what the side is moved by (m), one number per axis"
     )
+    """Displacement (m) that a displaced side imposes."""
     free_axes: tuple[Index, ...] = Field(
         default=(), description="the axes along which a moved side lets the body slide"
     )
+    """Axes along which it imposes none, as a roller: all of the side's own. A scene writes "free"
+    in place of their numbers, ``{displacement = ["free", -1e-4]}``."""
 
     @model_validator(mode="before")
     @classmethod

@@ -46,13 +46,7 @@ def check_numbers(
 
 
 def checked_stiffness(scene: Scene, stiffness: ArrayLike) -> Floats:
-    """Return a field of relative stiffness, looked at, one number for every cell of the scene.
-
-    Raises
-    ------
-    ParameterError
-        If it is of another shape, or a cell of material has none above 0.
-    """
+    """Return a field of relative stiffness, one number above 0 for every cell of the scene."""
     try:
         field = np.asarray(stiffness, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -180,10 +180,8 @@ class BalancedStress:
         return found
 
     def borne(self, side: int, box: Index) -> Floats:
-        """Return the stress that a bed bears on sides of boxes, their loads not among it.
-
-        Shape (n, parts, d): by part of the side its mean and slopes, as of `Ragged`.
-        """
+        """Return the stress that a bed bears on sides of boxes, their loads not among it."""
+        # Shape (n, parts, d): by part of the side its mean and slopes, as of `Ragged`.
         d, pressed = self.boxes.dimension, self._pressed[side, box, None]
         modes = np.zeros((len(box), 1 << (d - 1), d))
         modes[..., 0] = self.normal[side, box, None]
@@ -256,10 +254,8 @@ def _springs(boxes: Boxes) -> Floats:
 
 
 def _pressed(boxes: Boxes) -> Floats:
-    """Return the normal stress that balances on sides, shape (2·dimension, boxes).
-
-    That of the loads, but for what the iteration has left.
-    """
+    """Return the normal stress that balances on sides, shape (2·dimension, boxes)."""
+    # That of the loads, but for what the iteration has left.
     pressed = np.zeros(boxes.beside.shape) if boxes.rest is None else boxes.rest.copy()
     box, side, force = boxes.loads
     outward = 2.0 * (side % 2) - 1.0

@@ -144,10 +144,8 @@ class Boxes:
         return len(self.sigma)
 
     def side_nodes(self, box: Index, side: int) -> Index:
-        """Return the nodes at the corners of the elements on a side of boxes.
-
-        Shape (2^(dimension - 1), 2^(dimension - 1), n): by corner, and by part of the side.
-        """
+        """Return the nodes at the corners of the elements on a side of boxes."""
+        # Shape (2^(dimension - 1), 2^(dimension - 1), n): by corner, and by part of the side.
         on = corner_ends(self.dimension)[:, side // 2] == side % 2
         return np.asarray(self.mesh.element[on][:, self.mesh.parts[on][:, box]])
 
@@ -178,14 +176,12 @@ def filled_by(nodes: list[Index], octants: list[int], count: int) -> Index:
 
 
 def parted(nodes: list[Index], octants: list[int], filled: Index) -> tuple[list[Index], Index]:
-    """Give bodies that touch at a corner, or an edge, only a node each.
-
-    Points, and lines in solids, hold nothing together: the displacement may differ on both sides.
-    `nodes` are arrays over boxes, none of them twice in one; `octants` tell at which of its corners
-    (bits, in the order of `corner_ends`) boxes have these, at several in the middle of an edge or a
-    side; `filled` are the octants round every node that are body. Returned are the nodes, new ones
-    numbered from the number of nodes on, and for every new one the old one.
-    """
+    """Give bodies that touch at a corner, or an edge, only a node each."""
+    # Points, and lines in solids, hold nothing together: the displacement may differ on both sides.
+    # `nodes` are arrays over boxes, none of them twice in one; `octants` tell at which of its
+    # corners (bits, in the order of `corner_ends`) boxes have these, at several in the middle of an
+    # edge or a side; `filled` are the octants round every node that are body. Returned are the
+    # nodes, new ones numbered from the number of nodes on, and for every new one the old one.
     many = max(octants).bit_length()
     bodies = bodies_at_point(2 if many <= 4 else 3)
     several = np.asarray(bodies.any(axis=1))

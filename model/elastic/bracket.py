@@ -87,11 +87,9 @@ class Bracket:
 
 
 def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
-    """Hold the true energy between two that can be computed; or say why there are none.
-
-    Unless `checked`, forces need not balance: those of agents that have not settled yet do not, and
-    what they say is an estimate.
-    """
+    """Hold the true energy between two that can be computed; or say why there are none."""
+    # Unless `checked`, forces need not balance: those of agents that have not settled yet do not,
+    # and what they say is an estimate.
     stress = BalancedStress(boxes)
     if checked and not stress.left <= BALANCED:
         return (
@@ -105,11 +103,9 @@ def bracket_of(boxes: Boxes, checked: bool = True) -> Bracket | str:
 
 
 def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
-    """Compare the two stresses: the hypercircle.
-
-    What an iteration has left balances loads that differ a little from the true ones; the
-    lower bound is that of the true ones all the same.
-    """
+    """Compare the two stresses: the hypercircle."""
+    # What an iteration has left balances loads that differ a little from the true ones; the lower
+    # bound is that of the true ones all the same.
     boxes = stress.boxes
     bed, wall_work = _at_supports(stress)
     complementary = float(stress.energies.sum()) + bed
@@ -199,11 +195,9 @@ class MiddleStress:
 
     @cached_property
     def shares(self) -> Floats:
-        """Every box's part of the squared distance of the two, but for what others make up for.
-
-        In a box the product of the two stresses is by their means but for terms that are small
-        where the box is small.
-        """
+        """Every box's part of the squared distance of the two, but for what others make up for."""
+        # In a box the product of the two stresses is by their means but for terms that are small
+        # where the box is small.
         own = self.balanced.energies + self.field.energies()
         product = np.einsum("nab,nab->n", *self._means)
         found = self.energy * np.maximum(2.0 * (own - self._volume * product), 0.0)

@@ -58,13 +58,7 @@ class Caveat(NamedTuple):
 def refuse_singular(
     scene: Scene, tolerance_at: ToleranceAt, stage: int | None, name: str = "tolerance_at"
 ) -> None:
-    """Refuse to look for a stress at a point where it has no limit.
-
-    Raises
-    ------
-    SingularPlaceError
-        With the point, the reason and the way out.
-    """
+    """Refuse to look for a stress at a point where it has no limit."""
     if isinstance(tolerance_at, str) and tolerance_at == DISPLACEMENT:
         return
     h = scene.lattice.cell_size
@@ -290,10 +284,8 @@ def _ends_on_surface(grid: Scene, chosen: Selection) -> bool:
 
 
 def _crossed(shape: Shape, scene: Scene) -> Cells:
-    """Return the cells of the array that have points inside and outside of a shape.
-
-    Boxes of cells that lie inside of it, or apart, are not looked into.
-    """
+    """Return the cells of the array that have points inside and outside of a shape."""
+    # Boxes of cells that lie inside of it, or apart, are not looked into.
     lattice = scene.lattice
     h, d, extent = lattice.cell_size, lattice.dimension, np.asarray(lattice.shape)
     exponent = int(extent.max()).bit_length()

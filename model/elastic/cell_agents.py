@@ -64,10 +64,8 @@ class CellAgents:
 
     @property
     def error(self) -> float:
-        """Estimated error in the energy norm, relative.
-
-        The difference to the answer of cells twice as large, with what the iteration left.
-        """
+        """Estimated error in the energy norm, relative."""
+        # The difference to the answer of cells twice as large, with what the iteration left.
         return self.solution.error_estimate
 
     @property

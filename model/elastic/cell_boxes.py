@@ -67,12 +67,10 @@ def boxes_of_cells(
     stage: int | None,
     gap: float = 0.0,
 ) -> Boxes:
-    """Return equal cells with the stresses of a solution of a problem without loads along surfaces.
-
-    `unsettled` is the relative error in the energy norm that the iteration has left, `grid` the
-    scene on the problem's cells, `gap` about what lies between the two energies (0: all cells are
-    told).
-    """
+    """Return equal cells with the stresses of a solution; no loads act along surfaces."""
+    # `unsettled` is the relative error in the energy norm that the iteration has left, `grid` the
+    # scene on the problem's cells, `gap` about what lies between the two energies (0: all cells are
+    # told).
     cells = Cells(problem, u, unsettled, grid, stage)
     return cells.told(gap) if gap > 0.0 else cells.boxes(cells.body)
 
@@ -152,12 +150,10 @@ class Cells:
         return self.boxes(np.flatnonzero(near | more), sums)
 
     def sums(self, chosen: Flags, left: Floats, column: Floats | None = None) -> Floats:
-        """Add up the energies of cells without loads or walls at their faces.
-
-        These are the complementary energy, that of the corners' displacement, and its work on what
-        the faces are left with; a face belongs to the cell below, if there is one. The forces at
-        the corners are taken off `left`, their own stiffness is added to `column`.
-        """
+        """Add up the energies of cells without loads or walls at their faces."""
+        # These are the complementary energy, that of the corners' displacement, and its work on
+        # what the faces are left with; a face belongs to the cell below, if there is one. The
+        # forces at the corners are taken off `left`, their own stiffness is added to `column`.
         forms = _forms(self.dimension, *(tuple(modulus.tolist()) for modulus in self.law))
         total, places = np.zeros(3), np.flatnonzero(chosen)
         for first in range(int(places[0]), int(places[-1]) + 1, AT_ONCE) if len(places) else ():
@@ -410,11 +406,9 @@ def _odd_corners(dimension: int) -> tuple[Flags, Flags]:
 
 @lru_cache(maxsize=8)
 def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
-    """Return the energies of cells of all materials as matrices.
-
-    The complementary one, half of data·A·data, by a cell's normal stresses and the shear stresses
-    of its edges, pair by pair; and that of the displacement of its corners.
-    """
+    """Return the energies of cells of all materials as matrices."""
+    # The complementary one, half of data·A·data, by a cell's normal stresses and the shear stresses
+    # of its edges, pair by pair; and that of the displacement of its corners.
     pairs = axis_pairs(dimension)
     size = dimension + 4 * len(pairs)
     first, second = np.repeat(np.eye(size), size, axis=0).T, np.tile(np.eye(size), (size, 1)).T

@@ -127,13 +127,11 @@ def _couple(
     moment: Floats,
     dragged: bool = True,
 ) -> None:
-    """Add -moment·∂u_n/∂s: normal forces on the surface beside the loaded cells.
-
-    The slope is taken between a cell's two ends, where u_n is the mean of the faces on both
-    sides, the wall's own value at a wall, and that of the cell where the surface ends. A
-    uniform shear then leaves every corner in balance; what of the moment is lost at an end
-    is made up for inside.
-    """
+    """Add -moment·∂u_n/∂s: normal forces on the surface beside the loaded cells."""
+    # The slope is taken between a cell's two ends, where u_n is the mean of the faces on both
+    # sides, the wall's own value at a wall, and that of the cell where the surface ends. A uniform
+    # shear then leaves every corner in balance; what of the moment is lost at an end is made up for
+    # inside.
     state = problem.face_states()[normal]
     surface = cells.copy()
     surface[:, normal] += upper
@@ -201,11 +199,9 @@ def _make_up(
     cells: NDArray[np.int64],
     moment: Floats,
 ) -> Floats:
-    """Enter moments as a turn of the four faces round the edges below the surface.
-
-    Where there are no such faces u(surface) is extrapolated from the layer below, and
-    without a layer below the moment is returned.
-    """
+    """Enter moments as a turn of the four faces round the edges below the surface."""
+    # Where there are no such faces u(surface) is extrapolated from the layer below, and without a
+    # layer below the moment is returned.
     edges = [_edge_below(cells, axis, normal, upper, step) for step in (-1, 1)]
     turns = np.stack(
         [

@@ -31,12 +31,10 @@ WORTHWHILE = 0.1
 def sink(
     v: Floats, left: Floats, weight: Floats, gap: float, force: Callable[[Floats], Floats]
 ) -> None:
-    """Let a field sink by conjugate gradients, as long as that closes enough of a gap.
-
-    The displacements `v` and the forces `left` at the nodes go along; `weight` is one over the
-    diagonal, 0 where nodes are held; `gap` is how far the energy may be above what it can sink to;
-    `force` returns what holds the nodes at a displacement, and may make it fit first.
-    """
+    """Let a field sink by conjugate gradients, as long as that closes enough of a gap."""
+    # The displacements `v` and the forces `left` at the nodes go along; `weight` is one over the
+    # diagonal, 0 where nodes are held; `gap` is how far the energy may be above what it can sink
+    # to; `force` returns what holds the nodes at a displacement, and may make it fit first.
     way = weight * left
     before = float(dot(left.ravel(), way.ravel()))
     gains: list[float] = []
@@ -172,11 +170,9 @@ class CompatibleField:
         return stiffness * (0.5 * self.boxes.size[box]) ** (self.boxes.dimension - 1)
 
     def settle(self, above: float) -> None:
-        """Let the field sink by conjugate gradients, as long as that is worth while.
-
-        `above` is the complementary energy of a stress that balances, less the work at moved walls:
-        the potential energy of no field is below its negative.
-        """
+        """Let the field sink by conjugate gradients, as long as that is worth while."""
+        # `above` is the complementary energy of a stress that balances, less the work at moved
+        # walls: the potential energy of no field is below its negative.
         diagonal = self._diagonal()
         free = np.isnan(self.given) & (diagonal > 0.0)
         free[self.mesh.slave] = False

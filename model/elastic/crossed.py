@@ -71,12 +71,10 @@ class Form:
 
 @lru_cache(maxsize=2)
 def balance_rows(dimension: int, halves: int) -> Floats:
-    """Return force and moments on a box of unit edge by its tractions and the force within.
-
-    Sides are cut into 1 or 2 `halves` along each axis. Data are, for every side, part, component
-    and mode (the mean, and the slope along each axis of the side), the stress; and the force. The
-    shape is (d (d + 1) / 2, data).
-    """
+    """Return force and moments on a box of unit edge by its tractions and the force within."""
+    # Sides are cut into 1 or 2 `halves` along each axis. Data are, for every side, part, component
+    # and mode (the mean, and the slope along each axis of the side), the stress; and the force. The
+    # shape is (d (d + 1) / 2, data).
     d = dimension
     parts = list(product(range(halves), repeat=d - 1))
     force = np.zeros((d, 2 * d, len(parts), d, d))
@@ -165,10 +163,8 @@ def _part(d: int, stretch: float, lateral: float, shear: float) -> Form:
 
 @lru_cache(maxsize=2)
 def _stresses(d: int) -> tuple[Floats, Floats]:
-    """Return a stress for all data of a part, and those that need none, column by column.
-
-    The stress is (normal stresses, shear stresses) at the corners of every simplex.
-    """
+    """Return a stress for all data of a part, and those that need none, column by column."""
+    # The stress is (normal stresses, shear stresses) at the corners of every simplex.
     rows, data = _conditions(d)
     left, size, right = np.linalg.svd(rows, full_matrices=True)
     rank = int(np.count_nonzero(size > 1e-10 * size[0]))

@@ -20,11 +20,9 @@ Index = NDArray[np.int64]
 
 
 def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
-    """Return the displacement of the corners of the cells (scaled), shape (n + 1, ..., dimension).
-
-    A node's displacement is the mean of the faces round it. At a free surface, where faces lie on
-    one side only, it is prolonged half a cell (see `_edge_values`). Nodes without body get NaN.
-    """
+    """Return the displacement of the cells' corners (scaled), shape (n + 1, ..., dimension)."""
+    # A node's displacement is the mean of the faces round it. At a free surface, where faces lie on
+    # one side only, it is prolonged half a cell (see `_edge_values`). Nodes without body get NaN.
     d = problem.dimension
     nodes = []
     for axis in range(d):
@@ -41,13 +39,11 @@ def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
 def _edge_values(
     problem: ElasticProblem, u: FaceFields, axis: int, across: int
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return one component's displacement on the edges between two axes, and which are walls.
-
-    At a free surface the displacement half a cell beyond the last face follows from its
-    slope. The shear γ there is known (that of the load, or none), so the slope is
-    γ − ∂u_n/∂s; the line through the last two faces gives a second one, a cell deeper.
-    Between them lies what is wanted.
-    """
+    """Return one component's displacement on the edges between two axes, and which are walls."""
+    # At a free surface the displacement half a cell beyond the last face follows from its slope.
+    # The shear γ there is known (that of the load, or none), so the slope is γ − ∂u_n/∂s; the line
+    # through the last two faces gives a second one, a cell deeper. Between them lies what is
+    # wanted.
     states = problem.face_states()
     field = np.where(states[axis] == ABSENT, np.nan, u[axis])
     values, wall = _between(field, across, _walls(problem, axis))
@@ -99,10 +95,8 @@ def _walls(problem: ElasticProblem, axis: int) -> NDArray[np.bool_]:
 
 
 def _between(field: Floats, axis: int, wall: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return values half-way between neighbours along an axis, prolonged at the ends of a body.
-
-    Beside a wall the wall's own value holds, for it lies half a cell nearer than a face.
-    """
+    """Return values half-way between neighbours along an axis, prolonged at the ends of a body."""
+    # Beside a wall the wall's own value holds, for it lies half a cell nearer than a face.
     low, high = _sides(field, axis)
     padded = np.pad(wall, [(1, 1) if a == axis else (0, 0) for a in range(wall.ndim)])
     low_wall = padded[cut(wall.ndim, axis, slice(None, -1))]
@@ -142,10 +136,8 @@ def stress_parts(problem: ElasticProblem, u: FaceFields) -> Strains:
 
 
 def cell_tensor(problem: ElasticProblem, parts: Strains) -> Floats:
-    """Return stress tensors of the cells: normal stresses, and the mean shear of their edges.
-
-    NaN outside of the body.
-    """
+    """Return stress tensors of the cells: normal stresses, and the mean shear of their edges."""
+    # NaN outside of the body.
     d = problem.dimension
     solid = problem.kinds[problem.inner] >= 0
     tensor = np.full((*problem.shape, d, d), np.nan)
@@ -178,10 +170,8 @@ def strain_of(stress: Floats, moduli: Moduli, kinds: NDArray[np.int64]) -> Float
 
 
 def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
-    """Return the equivalent stress of von Mises.
-
-    `out_of_plane` is σ_zz of two-dimensional tensors, zero in plane stress.
-    """
+    """Return the equivalent stress of von Mises."""
+    # `out_of_plane` is σ_zz of two-dimensional tensors, zero in plane stress.
     d = stress.shape[-1]
     normal = [stress[..., a, a] for a in range(d)] + ([out_of_plane] if d == 2 else [])
     shear = sum(stress[..., a, b] ** 2 for a, b in axis_pairs(d))
@@ -190,10 +180,8 @@ def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
 
 
 def at_nodes(nodes: Floats, cells: Index, local: Floats) -> Floats:
-    """Interpolate linearly between the nodes of the cell that each point lies in.
-
-    `local` is the place within the cell, 0 to 1 along every axis.
-    """
+    """Interpolate linearly between the nodes of the cell that each point lies in."""
+    # `local` is the place within the cell, 0 to 1 along every axis.
     total: Floats = np.zeros((len(cells), nodes.shape[-1]))
     for corner in product((0, 1), repeat=cells.shape[1]):
         weight = np.prod(np.where(corner, local, 1.0 - local), axis=1)
@@ -202,11 +190,9 @@ def at_nodes(nodes: Floats, cells: Index, local: Floats) -> Floats:
 
 
 def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Index, local: Floats) -> Floats:
-    """Return stress tensors at points, shape (points, dimension, dimension).
-
-    Normal stresses run linearly from the cell's middle, by the differences to neighbours
-    of the same material; shear stresses between the cell's edges.
-    """
+    """Return stress tensors at points, shape (points, dimension, dimension)."""
+    # Normal stresses run linearly from the cell's middle, by the differences to neighbours of the
+    # same material; shear stresses between the cell's edges.
     d = cells.shape[1]
     tensor = np.zeros((len(cells), d, d))
     for axis in range(d):

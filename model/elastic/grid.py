@@ -25,28 +25,9 @@ def problem_of_scene(
 ) -> tuple[ElasticProblem, Origin]:
     """Return the problem that a scene poses, cut to the box around its body.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of squares or cubes, on the cells that are to be solved.
-    stage : int, optional
-        Stage of loading; the last one by default.
-    stiffness : array, optional
-        What the materials' moduli are multiplied by, cell by cell. Every cell of material is a
-        kind of its own then, numbered row by row.
-
-    Returns
-    -------
-    problem : ElasticProblem
-    origin : tuple of int
-        The scene's cell that is the problem's first.
-
-    Raises
-    ------
-    SceneError
-        For cells that are neither squares nor cubes, and bodies too large to rasterise.
-    ParameterError
-        For moduli that linear elasticity cannot have.
+    With it comes the scene's cell that is the problem's first. `stiffness` is what the materials'
+    moduli are multiplied by, cell by cell: every cell of material is a kind of its own then,
+    numbered row by row.
     """
     lattice = scene.lattice
     check_boxes(lattice)
@@ -125,13 +106,6 @@ def grid_of(
 
     Its cells are halved where a member, or what holds the body against turning, is one cell wide:
     neither resists on this grid. A body that is `known`, of whatever stiffness, needs no look.
-
-    Raises
-    ------
-    SceneError
-        If a member is one cell wide even then.
-    SupportError
-        If a part of the body could move without straining.
     """
     grid = _refined(scene, stage, division, stiffness)
     if known is not None and held_alike(grid.problem, known):

@@ -82,12 +82,7 @@ class Hierarchy:
     """Multigrid on the equal cells of a body.
 
     Its vectors hold all components' places with ghosts around them; see `gather` and `scatter`.
-
-    Parameters
-    ----------
-    problem : ElasticProblem
-    moduli : Moduli, optional
-        Instead of the problem's own: the mixed form leaves the pressure's part out.
+    `moduli` may replace the problem's own: the mixed form leaves the pressure's part out.
     """
 
     def __init__(self, problem: ElasticProblem, moduli: Moduli | None = None) -> None:
@@ -169,12 +164,10 @@ class Hierarchy:
         return out
 
     def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
-        """Start from the coarsest answer and improve it level by level.
-
-        On the finest level from the best combination of the parents' answer and the guess, if that
-        is far better. Also returns the potential energy, on that level, of the parents' answer
-        before it was improved.
-        """
+        """Start from the coarsest answer and improve it level by level."""
+        # On the finest level from the best combination of the parents' answer and the guess, if
+        # that is far better. Also returns the potential energy, on that level, of the parents'
+        # answer before it was improved.
         loads = [load]
         for at in range(len(self.levels) - 1):
             loads.append(self.hand_over(at, loads[at]))
@@ -347,11 +340,9 @@ def _by_law(
     *,
     spread: bool = False,
 ) -> Level:
-    """Return a level of which only moduli are stored.
-
-    `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. Its arrays
-    describe rows that are like the one before but once, unless they are `spread` over all.
-    """
+    """Return a level of which only moduli are stored."""
+    # `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. Its arrays
+    # describe rows that are like the one before but once, unless they are `spread` over all.
     d, box = rim.ndim, _box(cells, FIRST, 1)
     shape, whole = _shape(_box(tuple(n - 2 for n in rim.shape), FIRST, 1)), _shape(box)
     n, steps = prod(shape), np.array([prod(shape[a + 1 :]) for a in range(d)])
@@ -414,11 +405,9 @@ def _rows(whole: tuple[int, ...], described: tuple[int, ...], left_out: Sequence
 
 
 def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
-    """Return a full box and those of its parents that are boxes themselves.
-
-    They obey the law on cells twice as large. What moves beyond a free side goes on straight, what
-    is beyond a rigid one is its mirror image.
-    """
+    """Return a full box and those of its parents that are boxes themselves."""
+    # They obey the law on cells twice as large. What moves beyond a free side goes on straight,
+    # what is beyond a rigid one is its mirror image.
     d, cells = problem.dimension, problem.shape
     outside = outside_of(problem)
     rim = _described(problem.kinds, cells)
@@ -494,10 +483,8 @@ def _lay_moduli(
 
 
 def _lay_faces(code: NDArray[np.int8], law: Vector, steps: Integers, inverse: Vector) -> None:
-    """Write the inverse of every face's own stiffness; 0 where it cannot move.
-
-    `code` of a place is 1 if there is body, 2 if what is there holds.
-    """
+    """Write the inverse of every face's own stiffness; 0 where it cannot move."""
+    # `code` of a place is 1 if there is body, 2 if what is there holds.
     first, n = int(steps.sum()), len(code)
     here = slice(first, n - first)
     for a, step in enumerate(steps):
@@ -576,10 +563,8 @@ def _parents(fine: Level, depth: int) -> Level:
 
 
 def _rows_of_parents(fine: Level, box: Integers, sums: Sequence[Terms]) -> Integers:
-    """Return which parents' rows are like the one before, since all rows of children are.
-
-    Rows that are not in use are like the first.
-    """
+    """Return which parents' rows are like the one before, since all rows of children are."""
+    # Rows that are not in use are like the first.
     children = fine.arrays[4].reshape(fine.arrays[3][:2])
     reach = [np.unique(sums[0].rows[:, 0]), np.array([0])]
     if len(sums) == 3:
@@ -610,12 +595,10 @@ def _flat(stencil: Stencil, box: Integers) -> Integers:
 
 
 def _made(box: Integers) -> Integers:
-    """Return of what the finest level's entries are made.
-
-    The columns are: the sign (see `stencils.finest_entries`), then for the two faces that have to
-    be free to move, and for the two moduli, the component or the modulus, in how many rows from
-    its own, and how far along the row.
-    """
+    """Return of what the finest level's entries are made."""
+    # The columns are: the sign (see `stencils.finest_entries`), then for the two faces that have to
+    # be free to move, and for the two moduli, the component or the modulus, in how many rows from
+    # its own, and how far along the row.
     entries, made = finest_entries(int(box[sweeps.COUNT]))
     step = np.array([[box[1], 0], [1, 0], [0, 1]])  # In rows, and along them.
     table = []

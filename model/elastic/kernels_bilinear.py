@@ -20,11 +20,9 @@ FEW = 50_000
 
 
 def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any) -> None:
-    """Add the forces that hold the corners of boxes at a displacement, both of shape (nodes, d).
-
-    `element` are the nodes at the corners, shape (2^d, n), the last axis running fastest; the
-    moduli are times the edge in three dimensions.
-    """
+    """Add the forces that hold the corners of boxes at a displacement, both of shape (nodes, d)."""
+    # `element` are the nodes at the corners, shape (2^d, n), the last axis running fastest; the
+    # moduli are times the edge in three dimensions.
     if element.shape[1] > FEW:
         loop = _pull_plane if element.shape[0] == 4 else _pull_solid
         loop(element, stretch, lateral, shear, v, out)

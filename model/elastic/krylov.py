@@ -22,11 +22,9 @@ def dot(a: Vector, b: Vector) -> float:
 def best_of(
     load: Vector, one: Vector, force: Vector, other: Vector, other_force: Vector
 ) -> tuple[Vector, Vector]:
-    """Return the combination of two displacements that is nearest to the solution, and its force.
-
-    Nearest in the energy norm (Ritz 1909), for displacements of which the forces that hold
-    them are known. Either may be of any size.
-    """
+    """Return the combination of two displacements nearest to the solution, and its force."""
+    # Nearest in the energy norm (Ritz 1909), for displacements of which the forces that hold them
+    # are known. Either may be of any size.
     gram = np.array(
         [[dot(one, force), dot(one, other_force)], [dot(other, force), dot(other, other_force)]]
     )
@@ -80,12 +78,10 @@ def conjugate_gradients(
     most: int = 200,
     energy: Callable[[Vector], float] | None = None,
 ) -> Iteration:
-    """Solve a symmetric positive definite system (Hestenes & Stiefel 1952).
-
-    `done` sees the history after every step and decides. The error estimate is √(r·Br) for
-    a preconditioner B that is spectrally close to the inverse, over √(energy(solution)), by
-    default √(load·solution).
-    """
+    """Solve a symmetric positive definite system (Hestenes & Stiefel 1952)."""
+    # `done` sees the history after every step and decides. The error estimate is √(r·Br) for a
+    # preconditioner B that is spectrally close to the inverse, over √(energy(solution)), by default
+    # √(load·solution).
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
@@ -133,12 +129,10 @@ def minimal_residuals(
     tolerance: float,
     most: int = 300,
 ) -> Iteration:
-    """Solve a symmetric indefinite system with a positive definite preconditioner.
-
-    Preconditioned MINRES (Paige & Saunders 1975) in the form of Elman, Silvester & Wathen,
-    Finite Elements and Fast Iterative Solvers, algorithm 4.1. The residual is measured in
-    the preconditioner's norm.
-    """
+    """Solve a symmetric indefinite system with a positive definite preconditioner."""
+    # Preconditioned MINRES (Paige & Saunders 1975) in the form of Elman, Silvester & Wathen, Finite
+    # Elements and Fast Iterative Solvers, algorithm 4.1. The residual is measured in the
+    # preconditioner's norm.
     x = np.zeros_like(load)
     v_old, v = np.zeros_like(load), load.copy()
     w_old, w = np.zeros_like(load), np.zeros_like(load)

@@ -55,13 +55,7 @@ class Scales(NamedTuple):
 
     @classmethod
     def of(cls, modulus: float, force: float, length: float, stretch: float) -> Scales:
-        """Return the units of a body that a force moves by force / stretch.
-
-        Raises
-        ------
-        SceneError
-            If displacements, stresses or energies leave the numbers that a computer holds.
-        """
+        """Return the units of a body that a force moves by force / stretch."""
         force = force if force > 0.0 else stretch * length
         moved = _order(force) - _order(stretch)
         found = {
@@ -183,26 +177,10 @@ def problem_of(
 ) -> ElasticProblem:
     """Build a problem from an array of cells.
 
-    Parameters
-    ----------
-    rim : int array
-        Index into `materials` of each cell, or AIR, RIGID; with one layer more that says what lies
-        beyond the sides.
-    materials : sequence of (Young's modulus in Pa, Poisson's ratio), or array
-    cell_size, thickness : float
-        In metres; the thickness counts in two dimensions only.
-    plane : {"stress", "strain", None}
-        Assumption in two dimensions.
-    sides : mapping from side name to the number that what lies beyond needs
-    loads : CellLoads
-        Cells, face by which the force enters (-1: the middle of the cell), force (N).
-    scales : Scales, optional
-        With them given the cells may be a part of a body, even without material.
-
-    Raises
-    ------
-    SceneError
-        If no cell is of a material.
+    `rim` has the index into `materials` (Young's modulus in Pa, Poisson's ratio) of each cell, or
+    AIR, RIGID; with one layer more that says what lies beyond the sides. Cell size and thickness
+    are in metres; the thickness counts in two dimensions only. `sides` name the number that what
+    lies beyond needs. With `scales` given the cells may be a part of a body, even without material.
     """
     from .cell_loads import face_forces
 
@@ -269,10 +247,8 @@ def _side_fields(
 
 
 def _prescribe(fixed: FaceFields, rim: NDArray[np.int32], index: int, displacement: Floats) -> None:
-    """Give the faces of a rigid side, and the ghost faces within it, their displacement.
-
-    Rigid cells inside the array stay where they are, also where they touch the side.
-    """
+    """Give the faces of a rigid side, and the ghost faces within it, their displacement."""
+    # Rigid cells inside the array stay where they are, also where they touch the side.
     axis, upper = divmod(index, 2)
     inner = np.moveaxis(rim, axis, 0)[-2 if upper else 1]
     for component, values in enumerate(fixed):

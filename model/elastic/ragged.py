@@ -69,12 +69,10 @@ class Ragged:
 def ragged_tractions(
     boxes: Boxes, normal: Floats, pressed: Floats, springs: Floats, uneven: Flags, small: float
 ) -> Ragged:
-    """Return tractions of uneven boxes, and of those that help to balance them.
-
-    By side and box are `normal` the normal tractions of all boxes by their own middles, `pressed`
-    the normal stress of the loads on bare sides, and `springs` that on beds by how far these have
-    given way; `small` is a stress that may be left over.
-    """
+    """Return tractions of uneven boxes, and of those that help to balance them."""
+    # By side and box are `normal` the normal tractions of all boxes by their own middles, `pressed`
+    # the normal stress of the loads on bare sides, and `springs` that on beds by how far these have
+    # given way; `small` is a stress that may be left over.
     if not uneven.any():
         return Ragged.none(boxes.dimension)
     hanging = boxes.hanging
@@ -220,10 +218,8 @@ def uneven_modes(boxes: Boxes, found: Ragged) -> Floats:
 def _through(
     found: Ragged, whole: Floats, boxes: Boxes, side: int, component: int, at: Index
 ) -> tuple[Floats, Floats]:
-    """Return a shear stress at both ends of a side along its component: what the equations take.
-
-    Where smaller boxes hang it is the mean on either half.
-    """
+    """Return a shear stress at both ends of a side along its component: what the equations take."""
+    # Where smaller boxes hang it is the mean on either half.
     mode = _mode(side, component)
     mean, slope = whole[:, side, component, 0], 0.5 * whole[:, side, component, mode]
     low, high = mean - slope, mean + slope
@@ -256,11 +252,9 @@ class _Joint(NamedTuple):
 
 @lru_cache(maxsize=2)
 def _passing(d: int) -> Floats:
-    """Return what is passed on through sides and their parts: stresses that move like a rigid body.
-
-    By side and part (first all of it), forces along the axes and turns between pairs, as tractions
-    like those of `Ragged`: shape (2·d, 1 + 2^(d-1), d (d + 1) / 2, 2^(d-1), d, d).
-    """
+    """Return what sides and their parts pass on: stresses that move like a rigid body."""
+    # By side and part (first all of it), forces along the axes and turns between pairs, as
+    # tractions like those of `Ragged`: shape (2·d, 1 + 2^(d-1), d (d + 1) / 2, 2^(d-1), d, d).
     pairs = list(combinations(range(d), 2))
     parts = 1 << (d - 1)
     modes = np.zeros((2 * d, 1 + parts, d + len(pairs), parts, d, d))
@@ -295,11 +289,9 @@ def _slips(d: int) -> Flags:
 def _pass_on(
     boxes: Boxes, found: Ragged, off: Floats, helps: Flags, small: float
 ) -> tuple[Index, bool]:
-    """Let boxes pass on what they are left with, through the sides between them.
-
-    Returns the groups of boxes that did so with each other, and whether the iteration came to
-    its end.
-    """
+    """Let boxes pass on what they are left with, through the sides between them."""
+    # Returns the groups of boxes that did so with each other, and whether the iteration came to its
+    # end.
     d = boxes.dimension
     first, second, stiff, slides = _joints(boxes, found, helps)
     count, kinds = len(first.box), off.shape[1]
@@ -363,10 +355,8 @@ def _pass_on(
 def _solver(
     matrix: sp.csr_array, holds: Floats, d: int, share: float
 ) -> tuple[bool, Callable[[Floats], tuple[Floats, bool]]]:
-    """Return what solves a system: by factors, or by iteration where they would fill memory.
-
-    An iteration leaves a share, and says whether it came to its end.
-    """
+    """Return what solves a system: by factors, or by iteration where they would fill memory."""
+    # An iteration leaves a share, and says whether it came to its end.
     diagonal = matrix.diagonal()
     if matrix.shape[0] <= FACTORED[d]:
         try:

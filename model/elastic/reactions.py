@@ -17,11 +17,9 @@ def reactions(
     names: tuple[str, ...],
     counted: tuple[NDArray[np.bool_], ...] | None = None,
 ) -> dict[str, Floats]:
-    """Return the force (scaled) of every support on the body; rigid cells inside count as "rigid".
-
-    `names` are those of the sides, lower before upper, axis by axis; `counted` the faces that
-    count, if the cells are a part of a body.
-    """
+    """Return the force (scaled) of every support on the body; of cells inside as "rigid"."""
+    # `names` are those of the sides, lower before upper, axis by axis; `counted` the faces that
+    # count, if the cells are a part of a body.
     found: dict[str, Floats] = {}
     inner = internal_force(problem, u)
     for axis, force in enumerate(inner):

@@ -28,42 +28,12 @@ def solve(
     previous: ElasticResult | None = None,
     stiffness: ArrayLike | None = None,
 ) -> ElasticResult:
-    """Solve a scene as linear elasticity, on equal cells.
+    """Solve a scene as linear elasticity, on equal cells: `kaju.solve` with strategy "uniform".
 
-    Parameters
-    ----------
-    scene : Scene
-        Of square or cubic cells.
-    tolerance : float, optional
-        Relative error, in the energy norm, to which the equations on the grid are solved. By
-        default 1e-10 for small bodies (100,000 faces), and well below the estimated error of
-        the grid itself for larger ones. The grid's own error is
-        reported as `error_estimate`; a smaller one needs a larger `resolution`.
-    resolution : int, optional
-        Cells to solve per cell of the scene, along every axis: 2 halves them. By default 1,
-        or 2 where a member is only one cell wide, which could not carry shear; with a
-        previous result as many as there.
-    stage : int, optional
-        Stage of loading; by default the last.
-    previous : ElasticResult, optional
-        The answer to a scene on as many cells, of which something was changed: where many
-        cells are iterated they start from it.
-    stiffness : array, optional
-        What the materials' moduli are multiplied by, one number for every cell of the scene.
-        With a previous result few cells are iterated, too.
-
-    Returns
-    -------
-    ElasticResult
-
-    Raises
-    ------
-    SupportError
-        If a part of the body could move without straining.
-    ConvergenceError
-        If the iteration ends above the tolerance; `best` holds the result as far as it came.
-    ParameterError, SceneError
-        If an argument or the scene breaks a rule.
+    The equations are solved to `tolerance` in the energy norm: see `solve_problem`. There are
+    `resolution` cells per cell of the scene along every axis, by default as many as in the previous
+    result, or 1, and 2 where a member is only one cell wide, which could not carry shear. Where
+    many cells are iterated they start from the previous answer; with a field of stiffness few, too.
     """
     start = perf_counter()
     check_numbers(tolerance, resolution, least=SMALLEST)

@@ -94,12 +94,10 @@ def solve_problem(
     *,
     iterate: bool = False,
 ) -> Solution:
-    """Find the displacements at which every face of a supported body is in balance.
-
-    To a relative algebraic error in the energy norm, by default well below the estimated error of
-    the grid, and for small bodies 1e-10; iterations may start from displacements of as many faces.
-    Few cells are solved by factors, unless it is asked to `iterate`.
-    """
+    """Find the displacements at which every face of a supported body is in balance."""
+    # To a relative algebraic error in the energy norm, by default well below the estimated error of
+    # the grid, and for small bodies 1e-10; iterations may start from displacements of as many
+    # faces. Few cells are solved by factors, unless it is asked to `iterate`.
     if not iterate and np.count_nonzero(problem.kinds >= 0) <= FEW[problem.dimension]:
         solution = _by_factors(problem)
         if solution is not None:
@@ -112,10 +110,8 @@ def solve_problem(
 
 
 def settled(problem: ElasticProblem, solution: Solution, target: float) -> Solution:
-    """Let an answer settle further: to a relative algebraic error in the energy norm.
-
-    Here that is what the last correction leaves: twice as much of it as the one before left.
-    """
+    """Let an answer settle further: to a relative algebraic error in the energy norm."""
+    # Here that is what the last correction leaves: twice as much of it as the one before left.
     if solution.algebraic <= target:
         return solution
     if solution.method not in ("full multigrid", "Galerkin multigrid"):
@@ -135,11 +131,9 @@ def settled(problem: ElasticProblem, solution: Solution, target: float) -> Solut
 
 
 def followed(problem: ElasticProblem, start: FaceFields | None, tolerance: float) -> Solution:
-    """Solve a body that is one of many alike, from the displacement of the one before.
-
-    To a relative algebraic error in the energy norm; that of the grid is not looked at. The energy
-    is off by the square of that error.
-    """
+    """Solve a body that is one of many alike, from the displacement of the one before."""
+    # To a relative algebraic error in the energy norm; that of the grid is not looked at. The
+    # energy is off by the square of that error.
     hierarchy = Hierarchy(problem)
     system = System(problem, hierarchy)
     x = system.unknown(start) if start else hierarchy.full_multigrid(system.right)[0]
@@ -234,11 +228,9 @@ class System:
 
 
 def lead(problem: ElasticProblem, moved: Vector, origin: Index, cells: Index) -> FaceFields:
-    """Return displacements that fall linearly from those of moved sides to the sides opposite.
-
-    Of a body of so many cells, or of a window whose first cell is `origin`; `moved` is the
-    displacement of the body's sides, shape (axis, end, component).
-    """
+    """Return displacements that fall linearly from those of moved sides to the sides opposite."""
+    # Of a body of so many cells, or of a window whose first cell is `origin`; `moved` is the
+    # displacement of the body's sides, shape (axis, end, component).
     fields = []
     for component, fixed in enumerate(problem.fixed):
         field = np.zeros_like(fixed)
@@ -317,10 +309,8 @@ class Factors:
         return missed(potential, -0.5 * float(dot(x, system.right)), system.energy(x))
 
     def _rough(self, x: Vector, whole: float) -> float:
-        """Return the relative energy norm of x less its mean over cells twice as large.
-
-        Nearly incompressible, these would lock; the pressure's part is left out.
-        """
+        """Return the relative energy norm of x less its mean over cells twice as large."""
+        # Nearly incompressible, these would lock; the pressure's part is left out.
         prolong = prolongation(self.numbering)
         weight, mean = prolong.T @ np.ones_like(x), prolong.T @ x
         mean = np.divide(mean, weight, out=np.zeros_like(mean), where=weight > 0.1)
@@ -356,11 +346,9 @@ def held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
 
 
 def prolongation(numbering: Numbering, outside: Vector | None = None) -> sp.csr_array:
-    """Return how free faces follow all faces of cells twice as large.
-
-    Linear along the normal, and across it from the two nearest, ¾ to ¼. With weights for every
-    side, those beyond it follow from the two inside: see `hierarchy.outside_of`.
-    """
+    """Return how free faces follow all faces of cells twice as large."""
+    # Linear along the normal, and across it from the two nearest, ¾ to ¼. With weights for every
+    # side, those beyond it follow from the two inside: see `hierarchy.outside_of`.
     blocks = []
     for axis, state in enumerate(numbering.states):
         lines = []
@@ -455,11 +443,9 @@ def _judge_rounding(
 
 
 def lost_digits(stiffness_times_x: Vector, right: Vector) -> float:
-    """Return about which share of the loads rounding leaves unbalanced.
-
-    A face's force is the difference of far larger ones where the body hardly resists (a soft bed,
-    a hinge) or hardly shrinks (a pressure λ div u).
-    """
+    """Return about which share of the loads rounding leaves unbalanced."""
+    # A face's force is the difference of far larger ones where the body hardly resists (a soft bed,
+    # a hinge) or hardly shrinks (a pressure λ div u).
     square = float(dot(right, right))
     lost = np.finfo(np.float64).eps * float(np.linalg.norm(stiffness_times_x))
     return lost / sqrt(square) if square > 0.0 else 0.0

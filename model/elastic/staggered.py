@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from kaju.model.scene.kinds import AIR, RIGID
+from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
 from .moduli import REENTRANT_WEIGHT, Moduli
 from .problem import ACTIVE, ElasticProblem, FaceFields, Floats
@@ -53,36 +53,31 @@ def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
     return np.where(kinds >= 0, np.append(per_material, 0.0)[np.maximum(kinds, -1)], 0.0)
 
 
-def edge_modulus(
-    problem: ElasticProblem, pair: Pair, *, reentrant: float = REENTRANT_WEIGHT
-) -> Floats:
-    """Return the shear modulus of the edges between the axes of a pair.
-
-    Shape: one more than the cells (rim included) along both axes of the pair.
-    """
+def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
+    """Return the shear modulus of the edges between the axes of a pair."""
+    # Shape: one more than the cells (rim included) along both axes of the pair.
     kinds = problem.kinds
-    compliance = np.append(1.0 / problem.moduli.shear, np.inf)[np.maximum(kinds, -1)]
-    compliance[kinds == RIGID] = 0.0
-    compliance[(kinds < 0) & (kinds != RIGID)] = np.inf
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(kinds.ndim)]
-    around = around_edges(np.pad(compliance, width, constant_values=np.inf), pair)
-    filled = [np.isfinite(c) for c in around]
-    total = np.add.reduce([np.where(f, c, 0.0) for f, c in zip(filled, around, strict=True)])
-    count = np.add.reduce([f.astype(np.int8) for f in filled])
-    with np.errstate(divide="ignore"):
-        modulus = np.where((count == 4) & (total > 0), 4.0 / total, 0.0)
-        corner = (count == 3) & ~np.any([c == 0 for c in around], axis=0)
-        air = around_edges(np.pad(kinds == AIR, width, constant_values=True), pair)
-        corner &= np.add.reduce([a.astype(np.int8) for a in air]) == 1
-        return np.where(corner, reentrant * 3.0 / np.where(corner, total, 1.0), modulus)
+    around = around_edges(np.pad(kinds, width, constant_values=AIR), pair)
+    return modulus_between(np.stack(around), problem.moduli.shear)
+
+
+def modulus_between(kinds: NDArray[np.integer], shear: Floats) -> Floats:
+    """Return the shear modulus of edges by the kinds of the four cells round them: (4, ...)."""
+    body, rigid = kinds >= 0, (kinds == RIGID) | (kinds == DISPLACED)
+    compliance = np.where(body, (1.0 / shear)[np.maximum(kinds, 0)], 0.0)
+    total = compliance.sum(axis=0)
+    safe = np.where(total > 0, total, 1.0)
+    whole = ((body | rigid).sum(axis=0) == 4) & (total > 0)
+    corner = (body.sum(axis=0) == 3) & ((kinds == AIR).sum(axis=0) == 1)
+    modulus = np.where(whole, 4.0 / safe, 0.0)
+    return np.where(corner, REENTRANT_WEIGHT * 3.0 / safe, modulus)
 
 
 def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
-    """Return the energy stored in every cell, rim left out.
-
-    An edge's energy belongs to the cells round it by their compliances. So a cell's energy is its
-    stiffness times the derivative of all energy by that, at given displacements.
-    """
+    """Return the energy stored in every cell, rim left out."""
+    # An edge's energy belongs to the cells round it by their compliances. So a cell's energy is its
+    # stiffness times the derivative of all energy by that, at given displacements.
     strain = strains(u)
     stress = stresses(problem, strain)
     pairs = zip(stress.cells, strain.cells, strict=True)
@@ -95,34 +90,6 @@ def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
         np.divide(0.5 * stress.edges[pair] * gamma, total, out=share, where=total > 0.0)
         energy += compliance * np.add.reduce(around_edges(share, pair))
     return np.asarray(energy[problem.inner])
-
-
-def stiff_edges(problem: ElasticProblem, pair: Pair) -> NDArray[np.bool_]:
-    """Return where `edge_modulus` is above zero: between four cells, or round a corner of air."""
-    width = [(1, 1) if axis in pair else (0, 0) for axis in range(problem.dimension)]
-    # Cells of each sort are counted in digits of their own.
-    around = np.pad(_digits(problem.kinds), width, constant_values=_OF_AIR)
-    for axis in pair:
-        low, high = (cut(around.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
-        around = around[low] + around[high]
-    return _STIFF[around]
-
-
-_OF_BODY, _OF_RIGID, _OF_AIR = 1, 5, 25
-_STIFF = np.zeros(4 * _OF_AIR + 1, dtype=np.bool_)
-_STIFF[[body * _OF_BODY + (4 - body) * _OF_RIGID for body in range(1, 5)]] = True
-_STIFF[3 * _OF_BODY + _OF_AIR] = True
-
-
-def _digits(kinds: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Return what a cell adds to the count of bodies, rigid cells and air round an edge."""
-    least = int(kinds.min(initial=AIR))
-    of_kind = np.zeros(int(kinds.max(initial=0)) + 1 - least, dtype=np.uint8)
-    of_kind[-least:] = _OF_BODY
-    of_kind[AIR - least] = _OF_AIR
-    if least <= RIGID:
-        of_kind[RIGID - least] = _OF_RIGID
-    return np.asarray(of_kind[kinds - least])
 
 
 def around_edges(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:
@@ -162,11 +129,9 @@ def stresses(problem: ElasticProblem, strain: Strains) -> Strains:
 
 
 def internal_force(problem: ElasticProblem, u: FaceFields) -> FaceFields:
-    """Return the force that holds every face at the displacement `u`: the plain twin.
-
-    It is the gradient of the strain energy with respect to the face displacements, plus
-    the force of the foundation.
-    """
+    """Return the force that holds every face at the displacement `u`: the plain twin."""
+    # It is the gradient of the strain energy with respect to the face displacements, plus the force
+    # of the foundation.
     return force_of(problem, u, stresses(problem, strains(u)))
 
 
@@ -231,10 +196,8 @@ class Numbering:
 def stiffness_matrix(
     problem: ElasticProblem, numbering: Numbering, moduli: Moduli | None = None
 ) -> sp.csr_array:
-    """Assemble the stiffness matrix of the active faces.
-
-    `moduli` may replace the problem's own: the mixed form leaves the pressure's part out.
-    """
+    """Assemble the stiffness matrix of the active faces."""
+    # `moduli` may replace the problem's own: the mixed form leaves the pressure's part out.
     rows = strain_matrix(problem, numbering)
     law = _law(problem, moduli or problem.moduli)
     springs = numbering.gather(problem.spring)

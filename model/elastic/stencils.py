@@ -75,13 +75,11 @@ def _opposite(offset: Offset) -> Offset:
 
 @lru_cache
 def finest_entries(dimension: int) -> tuple[tuple[Entry, ...], Integers]:
-    """Return the entries of the finest level, and what they are made of.
-
-    An entry is sign · (modulus + modulus) / 2 or the whole sum; the columns are: sign (±1 for
-    a sum, 0 for one modulus taken negative, 2 for the diagonal), then twice a row of the law (0:
-    C₁₁, 1: C₁₂, 1 + a + b: the edges between components) and the axis along which it is
-    shifted, with the length of the shift.
-    """
+    """Return the entries of the finest level, and what they are made of."""
+    # An entry is sign · (modulus + modulus) / 2 or the whole sum; the columns are: sign (±1 for a
+    # sum, 0 for one modulus taken negative, 2 for the diagonal), then twice a row of the law (0:
+    # C₁₁, 1: C₁₂, 1 + a + b: the edges between components) and the axis along which it is shifted,
+    # with the length of the shift.
     axes = axes_of(dimension)
     entries: list[Entry] = []
     made: list[tuple[int, ...]] = []

@@ -20,7 +20,7 @@ from kaju.model.scene.kinds import FOUNDATION, RIGID
 
 from .hierarchy import is_box
 from .problem import ACTIVE, FIXED, ElasticProblem, Floats
-from .staggered import axis_pairs, cut, stiff_edges
+from .staggered import axis_pairs, cut, edge_modulus
 
 Index = NDArray[np.int64]
 
@@ -90,10 +90,8 @@ def _free_motion(rows: Floats, dimension: int) -> str:
 
 
 def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Index, Floats]:
-    """Return what is held: to which part it belongs, and how far every rigid motion strains it.
-
-    These are held faces, springs, and edges that shear when faces round them stay.
-    """
+    """Return what is held: to which part it belongs, and how far every rigid motion strains it."""
+    # These are held faces, springs, and edges that shear when faces round them stay.
     d = problem.dimension
     states = problem.face_states()
     owners: list[Index] = []
@@ -139,7 +137,7 @@ def _gripped(
         held = states[axis] == FIXED
         near[cut(d, across, slice(None, -1))] |= held
         near[cut(d, across, slice(1, None))] |= held
-    edge = np.argwhere(near & stiff_edges(problem, pair))
+    edge = np.argwhere(near & (edge_modulus(problem, pair) > 0))
     rows = np.zeros((len(edge), d + d * (d - 1) // 2))
     owner = np.zeros(len(edge), dtype=np.int32)
     for axis, across in (pair, pair[::-1]):
@@ -157,17 +155,15 @@ def _gripped(
 
 
 def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
-    """Return a cell whose link to its neighbour carries no shear, None if there is none.
-
-    Two cells that share a face can slide past each other if the edges at both ends of the
-    face carry no shear, unless both are kept from sliding by a support.
-    """
+    """Return a cell whose link to its neighbour carries no shear, None if there is none."""
+    # Two cells that share a face can slide past each other if the edges at both ends of the face
+    # carry no shear, unless both are kept from sliding by a support.
     if is_box(problem):
         return None
     d = problem.dimension
     states = problem.face_states()
     solid = problem.kinds >= 0
-    edges = {pair: stiff_edges(problem, pair) for pair in axis_pairs(d)}
+    edges = {pair: edge_modulus(problem, pair) > 0 for pair in axis_pairs(d)}
     for axis in range(d):
         low, high = cut(d, axis, slice(None, -1)), cut(d, axis, slice(1, None))
         both = (solid[low] & (solid | (problem.kinds == RIGID))[high]) | (

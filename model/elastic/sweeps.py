@@ -150,11 +150,9 @@ def ancestors(a, p, i, count, coarse):
 
 @part
 def pass_plane(u, f, g, level, coarse, p, parity, task, back, share, r, t):
-    """Let the faces of a plane yield, hand what they leave unbalanced over to g, or write it to g.
-
-    `task` is YIELD, HAND_OVER (to the parents' loads), HAND_OVER_ALL (of f), WRITE (share·f − Au).
-    Forces are summed up at one place, for that is what takes long to be compiled.
-    """
+    """Let a plane's faces yield, hand what they leave unbalanced over to g, or write it to g."""
+    # `task` is YIELD, HAND_OVER (to the parents' loads), HAND_OVER_ALL (of f), WRITE (share·f −
+    # Au). Forces are summed up at one place, for that is what takes long to be compiled.
     data, inverse, _couplings, box, rows = level
     n, count, entries, length, lo = box[SIZE], box[COUNT], box[ENTRIES], box[LENGTH], box[LOW]
     first, end, w, m = box[FIRST_ROW], box[END_ROW], box[HIGH] - lo, len(inverse) // count
@@ -237,12 +235,10 @@ def follow(u, g, level, coarse, p, t):
 
 @njit(cache=True, fastmath=True)
 def cross(u, f, g, level, coarse, parity, sweeps, way, share):
-    """Cross a level in one pass.
-
-    On the WAY_UP, to the parents, sweep from u = 0 and hand what is left unbalanced to their loads
-    g; without sweeps all of f. On the WAY_DOWN add their displacement g and sweep in the opposite
-    order. ACROSS write share·f − Au to g; 0 where a face cannot move.
-    """
+    """Cross a level in one pass."""
+    # On the WAY_UP, to the parents, sweep from u = 0 and hand what is left unbalanced to their
+    # loads g; without sweeps all of f. On the WAY_DOWN add their displacement g and sweep in the
+    # opposite order. ACROSS write share·f − Au to g; 0 where a face cannot move.
     box, back = level[3], 1 if way == WAY_DOWN else 0
     first, reach, planes = box[FIRST], box[REACH], box[END] - box[FIRST]
     r, t = np.zeros(box[LENGTH]), np.zeros(coarse[LENGTH])
@@ -264,11 +260,9 @@ def cross(u, f, g, level, coarse, parity, sweeps, way, share):
 
 @part
 def combine(out, to, pitch, source, stride, where, terms, weight, n):
-    """Add up n places of weighted rows of a source: see `stencils.Terms`.
-
-    Sums are written from `to` on, `pitch` apart; `where` tells where the source's rows start, of
-    which the entries are `stride` apart.
-    """
+    """Add up n places of weighted rows of a source: see `stencils.Terms`."""
+    # Sums are written from `to` on, `pitch` apart; `where` tells where the source's rows start, of
+    # which the entries are `stride` apart.
     last = -1
     for k in range(0, len(weight), 4):
         a = along(source, where[terms[k, 1]] + terms[k, 2] * stride + terms[k, 3])
@@ -313,10 +307,8 @@ def law_row(level, made, row, w, out, to):
 
 @njit(cache=True, fastmath=True)
 def galerkin(level, made, terms, coarse, slots, own, out, inverse):
-    """Write the parents' coefficients P'AP, one axis after the other, and their own inverses.
-
-    `slots` are the parents' rows: see `rows`. The first, of those not in use, is left empty.
-    """
+    """Write the parents' coefficients P'AP, one axis after the other, and their own inverses."""
+    # `slots` are the parents' rows: see `rows`. The first, of those not in use, is left empty.
     data, _inverse, _couplings, box, rows = level
     place0, weight0, rows0, place1, weight1, rows1, place2, weight2, _rows2 = terms
     planes, many, length, half = box[PLANES], box[ROWS], box[LENGTH], box[LENGTH] // 2

@@ -40,11 +40,9 @@ class Portions(NamedTuple):
     def of(
         cls, box: Ints, side: Ints, force: Floats, uneven: Uneven, lower: Floats, size: Floats
     ) -> Portions:
-        """Return what sides have of loads on faces of cells, whose rows are taken one by one.
-
-        Lower corners and edges of the agents count in cells, from the cell's own lower corner on;
-        edges are one number for each, or one along every axis.
-        """
+        """Return what sides have of loads on faces of cells, whose rows are taken one by one."""
+        # Lower corners and edges of the agents count in cells, from the cell's own lower corner on;
+        # edges are one number for each, or one along every axis.
         n, d = force.shape
         size = np.broadcast_to(size.T, (d, n)).T
         across = np.ones((n, d), dtype=np.bool_)
@@ -94,10 +92,8 @@ def softest(stretch: Floats, lateral: Floats, shear: Floats, d: int) -> Floats:
 
 
 def data_error(portions: Portions, size: Floats, softest: Floats) -> float:
-    """Return the energy norm of what the loads cause that agents do not take, at most.
-
-    `softest` is the least modulus of each: energy over ‖ε‖²/2.
-    """
+    """Return the energy norm of what the loads cause that agents do not take, at most."""
+    # `softest` is the least modulus of each: energy over ‖ε‖²/2.
     if not len(portions.rest):
         return 0.0
     d = portions.force.shape[1]

@@ -274,10 +274,8 @@ def _with_middles(triangle: list[tuple[float, float]]) -> list[tuple[float, floa
 
 
 def _slopes(slope: Floats, at: Floats) -> Floats:
-    """Return the slopes, shape (2, 6), of the quadratics of a triangle at a place.
-
-    `slope` are those of the linear functions that are 1 at one corner, `at` their values there.
-    """
+    """Return the slopes, shape (2, 6), of the quadratics of a triangle at a place."""
+    # `slope` are those of the linear functions that are 1 at one corner, `at` their values there.
     corner = slope * (4.0 * at - 1.0)
     middle = [
         4.0 * (at[k] * slope[:, (k + 1) % 3] + at[(k + 1) % 3] * slope[:, k]) for k in range(3)

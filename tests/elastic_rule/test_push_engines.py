@@ -12,7 +12,7 @@ from kaju.agents.face_agent import FaceAgent, SupportAgent
 from kaju.errors import ParameterError
 from kaju.model.elastic.settling.elastic_model import ElasticModel
 from kaju.model.elastic.settling.face_agent_engine import AgentPushEngine
-from kaju.model.elastic.settling.face_array_engine import ArrayPushEngine, replay, seat
+from kaju.model.elastic.settling.face_array_engine import ArrayPushEngine
 from kaju.model.scene.kinds import AIR
 
 ORDERS = ["wave", "largest first", "multilevel"]
@@ -123,14 +123,3 @@ def test_the_engine_is_chosen_by_size():
         ElasticModel(plate(), engine="fast")
     with pytest.raises(ParameterError, match="pushes_per_step: must be 1 or more, got 0"):
         ElasticModel(plate(), pushes_per_step=0)
-
-
-def test_the_tournament_always_knows_the_largest():
-    rng = np.random.default_rng(1)
-    measured = rng.integers(0, 9, 21).astype(float)
-    tree = seat(measured)
-    for _ in range(200):
-        assert tree[1] == np.argmax(measured)  # of equals the first
-        changed = int(rng.integers(21))
-        measured[changed] = float(rng.integers(0, 9))
-        replay(tree, measured, changed)

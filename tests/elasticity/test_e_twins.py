@@ -11,10 +11,7 @@ from kaju.model.elastic.hierarchy import Hierarchy
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import (
     Numbering,
-    axis_pairs,
-    edge_modulus,
     internal_force,
-    stiff_edges,
     stiffness_matrix,
 )
 
@@ -195,13 +192,3 @@ def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
     matrix = np.stack(columns, axis=1)
     best = np.linalg.lstsq(matrix, modes, rcond=None)[0]
     assert np.abs(matrix @ best - modes).max() < 1e-10
-
-
-@pytest.mark.parametrize("name", RAGGED)
-def test_edges_are_stiff_where_they_have_a_modulus(name):
-    problem = RAGGED[name]
-    for pair in axis_pairs(problem.dimension):
-        stiff = edge_modulus(problem, pair) > 0
-        assert stiff.any()
-        assert not stiff.all()
-        np.testing.assert_array_equal(stiff_edges(problem, pair), stiff)

@@ -56,10 +56,8 @@ def supports(
     fixed: tuple[Integers, Integers],
     bedded: tuple[Integers, Integers],
 ) -> Boundary:
-    """Return the cells that hold the body; columns are held faces, then bedded ones.
-
-    A held face between two rigid cells is shared by them.
-    """
+    """Return the cells that hold the body; columns are held faces, then bedded ones."""
+    # A held face between two rigid cells is shared by them.
     cells, column, weight = [], [], []
     start = 0
     for (axis, index), kinds in ((fixed, (RIGID, ROLLER)), (bedded, (FOUNDATION,))):
@@ -80,10 +78,8 @@ def supports(
 def free_surfaces(
     problem: ElasticProblem, faces: tuple[Integers, Integers], stiffness: Floats
 ) -> Boundary:
-    """Return the air beside the body; columns are faces, entries the shares given back.
-
-    `faces` are axis and index of those that can move, with their (scaled) stiffness.
-    """
+    """Return the air beside the body; columns are faces, entries the shares given back."""
+    # `faces` are axis and index of those that can move, with their (scaled) stiffness.
     axis, index = faces
     cells, column, missing = [], [], []
     for at, beyond, modulus in (*_ahead(problem, axis, index), *_beside(problem, axis, index)):

@@ -13,7 +13,6 @@ from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
 from kaju.model.scene.kinds import AIR
 from kaju.stepping import Order, chosen
 
-from .face_array_engine import replay, seat
 from .push_state import Floats, Integers, PushState
 from .table import PushTable
 
@@ -54,7 +53,6 @@ class AgentPushEngine:
         self.cells: dict[tuple[object, ...], Cell] = {}
         self.agents = [{} for _ in self.table.levels]
         self.air, self.supports = {}, {}
-        self.tree = seat(self.state.measured(0))
         self.post: list[tuple[int, float]] | None = None
 
     def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
@@ -88,14 +86,13 @@ class AgentPushEngine:
         ground = self.state.grounds[0]
         measured = self.state.measured(0)
         for pushes in range(count):
-            number = int(self.tree[1])
+            number = int(np.argmax(measured))
             if not measured[number] > self.state.threshold:
                 return pushes
             agent = self._push(0, number)
             for face in (number, *(link.target for link in agent.place.links)):
                 if face < len(measured):
                     measured[face] = abs(ground.left[face]) * ground.weight[face]
-                    replay(self.tree, measured, face)
         return count
 
     def push_chosen(self, order: Order[FaceAgent]) -> None:

@@ -33,10 +33,8 @@ def push_in_turn(
     backward, threshold, generation, weight, spawn_step, indptr, target, share, stiffness, left,
     displacement, taken,
 ):  # fmt: skip
-    """Let every agent whose load exceeds γ act when its turn comes.
-
-    Returns the number of pushes and the energy released.
-    """
+    """Let every agent whose load exceeds γ act when its turn comes."""
+    # Returns the number of pushes and the energy released.
     pushes, released = 0, 0.0
     n = len(stiffness)
     for k in range(n):
@@ -50,63 +48,30 @@ def push_in_turn(
 
 
 @njit(cache=True)
-def seat(measured):
-    """Set up a tournament: node k holds the better of the players at nodes 2k and 2k + 1.
-
-    Players are faces, the larger load wins, of equal ones the lower number. Unlike in a
-    heap a player keeps its seat, so that its new load is one climb of log₂ n matches.
-    """
-    seats = 1
-    while seats < len(measured):
-        seats *= 2
-    tree = np.full(2 * seats, -1, dtype=np.int64)
-    for i in range(len(measured)):
-        tree[seats + i] = i
-    for node in range(seats - 1, 0, -1):
-        tree[node] = _winner(tree[2 * node], tree[2 * node + 1], measured)
-    return tree
-
-
-@njit(cache=True)
-def _winner(first, second, measured):
-    if second < 0 or (first >= 0 and measured[first] >= measured[second]):
-        return first
-    return second
-
-
-@njit(cache=True)
-def replay(tree, measured, i):
-    """Play the matches of face i again after its load has changed."""
-    node = (len(tree) // 2 + i) // 2
-    while node > 0:
-        tree[node] = _winner(tree[2 * node], tree[2 * node + 1], measured)
-        node //= 2
-
-
-@njit(cache=True)
 def push_largest(
-    count, tree, measured, threshold, generation, weight, spawn_step, indptr, target, share,
-    stiffness, left, displacement, taken,
+    count, measured, threshold, generation, weight, spawn_step, indptr, target, share, stiffness,
+    left, displacement, taken,
 ):  # fmt: skip
-    """Let the agent with the largest load act, `count` times or until none exceeds γ.
-
-    Returns the number of pushes and the energy released.
-    """
-    released = 0.0
+    """Let the agent with the largest load act, `count` times or until none exceeds γ."""
+    # Returns the number of pushes and the energy released. The largest load of every part of
+    # √n faces is kept; of equal ones the first acts.
+    n, released = len(measured), 0.0
+    part = int(np.sqrt(n)) + 1
+    most = np.array([measured[k : k + part].max() for k in range(0, n, part)])
     for pushes in range(count):
-        i = tree[1]
+        first = np.argmax(most) * part
+        i = first + np.argmax(measured[first : first + part])
         if not measured[i] > threshold:
             return pushes, released
         if spawn_step[i] == 0:
             spawn_step[i] = generation + 1
         released += push(i, indptr, target, share, stiffness, left, displacement, taken)
-        measured[i] = abs(left[i]) * weight[i]
-        replay(tree, measured, i)
-        for at in range(indptr[i], indptr[i + 1]):
-            j = target[at]
-            if j < len(measured):
+        for at in range(indptr[i] - 1, indptr[i + 1]):
+            j = target[at] if at >= indptr[i] else i
+            if j < n:
                 measured[j] = abs(left[j]) * weight[j]
-                replay(tree, measured, j)
+                first = j // part * part
+                most[j // part] = measured[first : first + part].max()
     return count, released
 
 
@@ -120,7 +85,6 @@ class ArrayPushEngine:
     def reset(self) -> None:
         """Put the loads on the body, before anybody has yielded."""
         self.state = PushState(self.table)
-        self.tree = seat(self.state.measured(0))
 
     def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
         """Let agents of a level take loads (N) at once, each its own."""
@@ -149,7 +113,7 @@ class ArrayPushEngine:
         """Let the agent with the largest load act, `count` times."""
         state = self.state
         pushes, released = push_largest(
-            count, self.tree, state.measured(0), state.threshold, state.generation, *self._arrays(0)
+            count, state.measured(0), state.threshold, state.generation, *self._arrays(0)
         )
         return self._book(pushes, released)
 

@@ -33,11 +33,6 @@ class Momentum:
     can move without bending it a little, would take very many rounds. This is the conjugate
     gradient iteration with rounds as its preconditioner, in the flexible form that lets agents
     rest (G. H. Golub, Q. Ye, SIAM Journal on Scientific Computing 21 (1999) 1305).
-
-    Parameters
-    ----------
-    state : PushState
-        Whose finest level is moved.
     """
 
     def __init__(self, state: PushState) -> None:
@@ -114,10 +109,8 @@ def wave(engine: PushEngine, share: float) -> Iterator[Visit]:
 
 
 def largest_first(engine: PushEngine, pushes: int) -> Iterator[Visit]:
-    """Let the agent with the largest load yield.
-
-    R. V. Southwell, Relaxation Methods in Engineering Science (1940).
-    """
+    """Let the agent with the largest load yield."""
+    # R. V. Southwell, Relaxation Methods in Engineering Science (1940).
     while True:
         engine.push_largest(pushes)
         yield Visit()
@@ -131,12 +124,10 @@ def own_order(engine: AgentPushEngine, order: Order[FaceAgent]) -> Iterator[Visi
 
 
 def multilevel(engine: PushEngine) -> Iterator[Visit]:
-    """Level after level, up to the parents and down again: a multigrid V-cycle.
-
-    The first way up is travelled without a push: the topmost parents, a handful, settle the
-    whole load among themselves, and finer agents spawn only where what their parents could
-    not take exceeds γ. At the end of each round the faces go on along the way of the round.
-    """
+    """Level after level, up to the parents and down again: a multigrid V-cycle."""
+    # The first way up is travelled without a push: the topmost parents, a handful, settle the whole
+    # load among themselves, and finer agents spawn only where what their parents could not take
+    # exceeds γ. At the end of each round the faces go on along the way of the round.
     state = engine.state
     momentum = Momentum(state)
     top = len(state.grounds) - 1

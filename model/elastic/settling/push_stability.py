@@ -38,10 +38,8 @@ class WaveCertificate:
 
 
 def certify_waves(table: PushTable, share: float | None = None) -> WaveCertificate:
-    """State by which share agents may yield at once, and which share ω is used.
-
-    None takes nine tenths of the limit.
-    """
+    """State by which share agents may yield at once, and which share ω is used."""
+    # None takes nine tenths of the limit.
     bound = eigenvalue_bound(table)
     largest = min(bound, largest_eigenvalue(table))
     limit = 2.0 / largest

@@ -103,11 +103,9 @@ class PushState:
         self.place_step[reached] = max(self.generation, 1)
 
     def survey(self) -> tuple[float, float]:
-        """Look at the loads left on all levels, as if they were handed up without a push.
-
-        Returns the largest, as it counts against γ (N), and the error in energy as a share: √(Σ
-        P²/k) over √(load · displacement).
-        """
+        """Look at the loads left on all levels, as if they were handed up without a push."""
+        # Returns the largest, as it counts against γ (N), and the error in energy as a share: √(Σ
+        # P²/k) over √(load · displacement).
         left = self.grounds[0].left[: self.table.levels[0].size]
         loudest = total = 0.0
         for level, ground in zip(self.table.levels, self.grounds, strict=True):

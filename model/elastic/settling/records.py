@@ -18,20 +18,13 @@ MOST_BYTES = 32_000_000
 
 
 class StepRecord(NamedTuple):
-    """One step: what it was, and how things stood after it.
+    """One step: what it was, and how things stood after it."""
 
-    Attributes
-    ----------
-    way : str
-        "up" if loads were handed up to parents afterwards, "down" if what parents yielded
-        was handed down, "" in orders without levels.
-    """
-
-    level: int
-    """Level that was visited."""
+    level: int  # Level that was visited
+    # "up" if loads were handed up to parents afterwards, "down" if what parents yielded was handed
+    # down, "" in orders without levels
     way: str
-    energy: float
-    """Energy of body and loads (J), 0 at the start."""
+    energy: float  # Energy of body and loads (J), 0 at the start
     loudest: float
     """Largest load left, as it counts against γ (N); as of the last visit to level 0."""
     error_estimate: float
@@ -120,11 +113,7 @@ class Recorder:
 
     A run may take tens of thousands of steps. When there are too many moments, every second one
     is forgotten, and from then on only every second step is noted.
-
-    Parameters
-    ----------
-    state : PushState
-        What is watched; the moment before the first step is noted at once.
+    The moment before the first step is noted at once.
     """
 
     def __init__(self, state: PushState) -> None:
@@ -144,10 +133,8 @@ class Recorder:
             self._every *= 2
 
     def moments(self, level: int, agents: Integers) -> Moments:
-        """Return what was kept, and how things stand now, of the faces with agents.
-
-        `level` was visited last; agents are counted through all levels.
-        """
+        """Return what was kept, and how things stand now, of the faces with agents."""
+        # `level` was visited last; agents are counted through all levels.
         kept = self._kept
         if kept[-1][0] != self._state.generation:
             kept = [*kept, self._look(level)]

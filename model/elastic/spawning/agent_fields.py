@@ -88,12 +88,10 @@ class AgentFields:
 
 
 def displacement_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
-    """Return displacements at points (units), shape (n, dimension).
-
-    Along its axis a displacement runs linearly between the leaf's two sides, across it by
-    the slopes at the edges that are nearest. On a wall it is the wall's. Where a point lies
-    on several leaves, of which `leaf` is one, it is the mean of what each of them says.
-    """
+    """Return displacements at points (units), shape (n, dimension)."""
+    # Along its axis a displacement runs linearly between the leaf's two sides, across it by the
+    # slopes at the edges that are nearest. On a wall it is the wall's. Where a point lies on
+    # several leaves, of which `leaf` is one, it is the mean of what each of them says.
     grid = fields.balance.grid
     point, leaf = touching(grid, points, leaf)
     walls = walls_beside(grid, leaf)
@@ -157,12 +155,10 @@ def corner_values(fields: AgentFields) -> Floats:
 def _slope(
     fields: AgentFields, leaf: Index, axis: int, across: int, end: int, near: Index
 ) -> Floats:
-    """Return ∂u_axis/∂across in leaves, at an end along `axis`, towards the near side.
-
-    At a free surface ∂u_t/∂n follows from the shear strain, which is known there, and
-    ∂u_n/∂t. The agents below give another one, a little deeper: between them lies what holds
-    from the agent's middle to the surface.
-    """
+    """Return ∂u_axis/∂across in leaves, at an end along `axis`, towards the near side."""
+    # At a free surface ∂u_t/∂n follows from the shear strain, which is known there, and ∂u_n/∂t.
+    # The agents below give another one, a little deeper: between them lies what holds from the
+    # agent's middle to the surface.
     grid, pair = fields.balance.grid, (min(axis, across), max(axis, across))
     edges, first = grid.edges[pair], axis < across
     gradients, table = oriented(edges, first)
@@ -186,12 +182,10 @@ def _slope(
 
 
 def stress_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
-    """Return stress tensors at points (units), shape (n, dimension, dimension).
-
-    Normal stresses run by the differences to neighbours of the same material, shear
-    stresses between the leaf's edges. Where a point lies on several leaves it is the mean
-    over those of the material of `leaf`.
-    """
+    """Return stress tensors at points (units), shape (n, dimension, dimension)."""
+    # Normal stresses run by the differences to neighbours of the same material, shear stresses
+    # between the leaf's edges. Where a point lies on several leaves it is the mean over those of
+    # the material of `leaf`.
     grid, d = fields.balance.grid, fields.balance.grid.dimension
     point, touched = touching(grid, points, leaf)
     alike = grid.leaves.kind[touched] == grid.leaves.kind[leaf[point]]
@@ -225,10 +219,8 @@ def _along_slopes(grid: Composite, value: Floats, leaf: Index, local: Floats) ->
 
 
 def touching(grid: Composite, points: Floats, leaf: Index) -> tuple[Index, Index]:
-    """Return all leaves in or on which points (units) lie: pairs of point and leaf, in order.
-
-    `leaf` is one of each point.
-    """
+    """Return all leaves in or on which points (units) lie: pairs of point and leaf, in order."""
+    # `leaf` is one of each point.
     reach = NEAR * grid.ground.cell
     offset = points - grid.leaves.lower[leaf]
     inner = (offset > reach) & (offset < grid.leaves.size[leaf, None] - reach)

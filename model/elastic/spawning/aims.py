@@ -102,19 +102,15 @@ class EnergyAim:
 
 
 def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:
-    """Return what every agent contributes to a bound, and what all may contribute together.
-
-    The bound is half the distance of two stresses, of which the contributions are the squares.
-    """
+    """Return what every agent contributes to a bound, and what all may contribute together."""
+    # The bound is half the distance of two stresses, of which the contributions are the squares.
     return bracket.shares, 2 * bracket.lower * (2 * SPARE * tolerance) ** 2
 
 
 def choose_among(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:
-    """Choose who spawns: those with the largest parts in an error, but none of the smallest.
-
-    What the smallest leave cannot be helped: the others make up for it, unless it is more than what
-    is allowed of them all. Those chosen stand for a share `bulk` of the error.
-    """
+    """Choose who spawns: those with the largest parts in an error, but none of the smallest."""
+    # What the smallest leave cannot be helped: the others make up for it, unless it is more than
+    # what is allowed of them all. Those chosen stand for a share `bulk` of the error.
     helpless = float(part[smallest].sum())
     part = np.where(smallest, 0.0, part)
     total = float(part.sum())

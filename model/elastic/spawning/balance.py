@@ -93,10 +93,8 @@ class Balance:
         return np.concatenate([normal.ravel(), shear * strain[n * d :]])
 
     def stiffness(self, faces: Index | None = None) -> sp.csr_array:
-        """Return the forces on faces by displacements of these faces: symmetric.
-
-        `faces` are all of them unless some are given.
-        """
+        """Return the forces on faces by displacements of these faces: symmetric."""
+        # `faces` are all of them unless some are given.
         faces = np.arange(self.grid.size) if faces is None else faces
         matrix = stiffness_of(self.strains, faces, *self._moduli, self.grid.dimension)
         bed = self.grid.spring[faces]

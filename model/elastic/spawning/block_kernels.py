@@ -168,12 +168,10 @@ def smooth(
     u, load, first, last, forward, beside, page, pages, own, extra, inverse, scale, table, keep,
     length,
 ):  # fmt: skip
-    """Block after block, take the latest neighbours and go a few Chebyshev steps within.
-
-    `forward` in the blocks' order, from zero; else in the opposite order: one is the other's
-    adjoint. The forces of `rows` are frozen meanwhile; their diagonals, `extra`, stand in for how
-    they change.
-    """
+    """Block after block, take the latest neighbours and go a few Chebyshev steps within."""
+    # `forward` in the blocks' order, from zero; else in the opposite order: one is the other's
+    # adjoint. The forces of `rows` are frozen meanwhile; their diagonals, `extra`, stand in for how
+    # they change.
     cross, along, shear, plain, _, _ = pages
     d, n = u.shape[1:]
     size = d * n
@@ -381,12 +379,10 @@ def upward(u, parents, child, halves):
 
 @njit(cache=True, fastmath=True)
 def curvature(u, blocks, next_to, lateral, shear, scale, stride, squares, loads):
-    """Return the squares of blocks' errors; write those of their agents, and the loads they leave.
-
-    See `indicator`: second differences are taken within a block, and with its neighbours of the
-    same size and material, `next_to` its lower and upper end along every axis. What has no room is
-    not written.
-    """
+    """Return squares of blocks' errors; write those of their agents, and the loads they leave."""
+    # See `indicator`: second differences are taken within a block, and with its neighbours of the
+    # same size and material, `next_to` its lower and upper end along every axis. What has no room
+    # is not written.
     d, n = u.shape[1:]
     b = SIDE - 2
     at_place = np.empty((n, d), np.int64)

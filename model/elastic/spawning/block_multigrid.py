@@ -38,13 +38,7 @@ SAFETY = 1.03
 
 
 class Root:
-    """The first level: equal cells, and their hierarchy.
-
-    Attributes
-    ----------
-    problem : ElasticProblem
-        The first blocks' agents as cells, without loads.
-    """
+    """The first level: its agents as equal cells without loads, `problem`, and their hierarchy."""
 
     def __init__(self, balance: BlockBalance) -> None:
         forest, ground = balance.forest, balance.forest.ground
@@ -84,13 +78,7 @@ class Root:
         u[self._place] = self._hierarchy.precondition(self._load)[self._index] / self._scale
 
     def check_held(self, balance: BlockBalance) -> None:
-        """Refuse a body of which a part could move without straining.
-
-        Raises
-        ------
-        SupportError
-            Naming a cell of the part and how it could move.
-        """
+        """Refuse a body of which a part could move without straining."""
         forest, cell = balance.forest, balance.forest.ground.cell
         size = int(forest.size[0])
         if size <= cell:
@@ -214,10 +202,8 @@ class BlockMultigrid:
         most: int = 100,
         onward: bool = False,
     ) -> Iteration:
-        """Solve for the displacement in place, by conjugate gradients.
-
-        The cycle that tells how far it is off may be gone along as well, `onward`.
-        """
+        """Solve for the displacement in place, by conjugate gradients."""
+        # The cycle that tells how far it is off may be gone along as well, `onward`.
         balance, leaves = self.balance, self.balance.forest.leaves
         p, q, r = self._directions
         balance.apply(u, r)

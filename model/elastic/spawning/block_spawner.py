@@ -56,12 +56,10 @@ CONTRAST = 100.0
 
 
 def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
-    """Return the first blocks for a scene; None where single agents do better.
-
-    These do what blocks cannot do yet: bodies on foundations or with displaced sides, materials
-    of a contrast above 100 or nearly incompressible. They also stand where a tolerance asks for
-    few agents, or fewer than the first blocks hold, for instance in bodies of fine shape.
-    """
+    """Return the first blocks for a scene; None where single agents do better."""
+    # These do what blocks cannot do yet: bodies on foundations or with displaced sides, materials
+    # of a contrast above 100 or nearly incompressible. They also stand where a tolerance asks for
+    # few agents, or fewer than the first blocks hold, for instance in bodies of fine shape.
     moduli, scene = ground.moduli, ground.scene
     conditions = [scene.side_condition(name) for name in scene.lattice.sides]
     unusual = any(c.displacement is not None or c.stiffness for c in conditions)
@@ -380,10 +378,8 @@ class BlockSpawner(Spawner):
             self._stand(BlockBalance(fewer), self.displacement)
 
     def _regrouped(self) -> Forest | None:
-        """Return the forest in which agents that leave little retire, and those with much spawn.
-
-        None if those that stand may as well stay.
-        """
+        """Return the forest in which agents that leave little retire, and those with much spawn."""
+        # None if those that stand may as well stay.
         forest, smallest, part = self.blocks.forest, self.ground.smallest, self.square
         parts = np.zeros(len(forest))
         parts[forest.leaves] = part
@@ -414,10 +410,8 @@ class BlockSpawner(Spawner):
         return self._settled(None if for_good else min(ON_THE_WAY * self.error, WORST))
 
     def _settled(self, share: float | None) -> Iteration:
-        """Balance the forces, and see what is left unbalanced.
-
-        To a relative error that one more cycle leaves, or for good.
-        """
+        """Balance the forces, and see what is left unbalanced."""
+        # To a relative error that one more cycle leaves, or for good.
 
         def done(run: Iteration) -> bool:
             if share is not None:

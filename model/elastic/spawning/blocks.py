@@ -67,11 +67,9 @@ def layout(dimension: int) -> Layout:
 
 
 def _ends(d: int, stride: Index, place: Index) -> tuple[Index, Index]:
-    """Return the last faces of neighbours at corners, which stand at the first of nothing.
-
-    A row holds the way, the way to nothing, and where its places begin and end; a second
-    array the places, and where they are in the neighbour.
-    """
+    """Return the last faces of neighbours at corners, which stand at the first of nothing."""
+    # A row holds the way, the way to nothing, and where its places begin and end; a second array
+    # the places, and where they are in the neighbour.
     steps, heads, into, source = ways(d), [], [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     count = 0
     for m, a in product(np.argsort(np.abs(steps).sum(axis=1), kind="stable"), range(d)):
@@ -111,10 +109,8 @@ def _ties(d: int, stride: Index) -> tuple[Index, Index, Index, Floats, Index]:
 
 
 def _line(upper: int, along: bool) -> list[tuple[int, int, float]]:
-    """Return places along a line of a child, those of its parent, and weights.
-
-    Along their normal every other face is one of the parent's; across it faces lie a quarter off.
-    """
+    """Return places along a line of a child, those of its parent, and weights."""
+    # Along their normal every other face is one of the parent's; across it faces lie a quarter off.
     found = []
     for p in range(1, ACROSS + 1 + along, 1 + along):
         at = upper * ACROSS + p - 1
@@ -285,10 +281,8 @@ class BlockBalance:
         return total, np.unique(place[force != 0.0] // total[0].size)
 
     def everywhere(self, u: Floats) -> None:
-        """Fill in what is not unknown, but has a displacement: of parents, and neighbours.
-
-        A side that smaller agents share moves by the mean of their faces.
-        """
+        """Fill in what is not unknown, but has a displacement: of parents, and neighbours."""
+        # A side that smaller agents share moves by the mean of their faces.
         forest, d = self.forest, self.forest.dimension
         places = np.arange(PLACES**d).reshape((PLACES,) * d)
         for level in range(forest.depth - 1, -1, -1):
@@ -317,10 +311,8 @@ class BlockBalance:
         return np.asarray(found)
 
     def follow(self, old: Floats, rim: Index) -> Floats:
-        """Return the displacement interpolated to this forest from what it has grown from.
-
-        `old` is known everywhere; `rim` belongs to this forest.
-        """
+        """Return the displacement interpolated to this forest from what it has grown from."""
+        # `old` is known everywhere; `rim` belongs to this forest.
         forest, u = self.forest, self.zeros()
         known = forest.origin >= 0
         u[known] = old[forest.origin[known]]
@@ -360,10 +352,8 @@ class BlockBalance:
 
 @cache
 def _reach(dimension: int) -> NDArray[np.float32]:
-    """Tell which edges of a block's agents touch which neighbour.
-
-    Shape (ways, agents, pairs, 2, 2): 1 for those at the lower or upper end along either axis.
-    """
+    """Tell which edges of a block's agents touch which neighbour."""
+    # Shape (ways, agents, pairs, 2, 2): 1 for those at the lower or upper end along either axis.
     step, place = ways(dimension), corners(dimension)
     on = np.zeros((dimension, 2, len(step), len(place)))
     for a, end in product(range(dimension), (0, 1)):

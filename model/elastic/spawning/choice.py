@@ -188,10 +188,8 @@ class EqualCells:
         self.error = max(self.error, sqrt(gap / (finer**2 - 1.0)))
 
     def _poses_the_same(self, division: int) -> bool:
-        """Tell whether smaller cells are of the same body under the same loads.
-
-        Round shapes become rounder on smaller cells, and loads at points sharper.
-        """
+        """Tell whether smaller cells are of the same body under the same loads."""
+        # Round shapes become rounder on smaller cells, and loads at points sharper.
         if division == 1 or self._divides:
             return True
         if self._count(division) > MOST_CELLS[self.method]:
@@ -250,12 +248,10 @@ def solve_cheaply(
     most_agents: int | None = None,
     previous: ElasticResult | None = None,
 ) -> ElasticResult:
-    """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper.
-
-    Arguments and errors are those of `kaju.solve`. The scene's cells may be divided; equal cells
-    are considered only if they pose the same problem when they are. As many as in the previous
-    answer are tried first. The answer's notes say what was chosen, and why.
-    """
+    """Solve a scene to a tolerance by equal cells or by agents, whichever is cheaper."""
+    # Arguments and errors are those of `kaju.solve`. The scene's cells may be divided; equal cells
+    # are considered only if they pose the same problem when they are. As many as in the previous
+    # answer are tried first. The answer's notes say what was chosen, and why.
     start = perf_counter()
     check_numbers(tolerance, resolution)
     cells = EqualCells(scene, tolerance, resolution, stage, previous)
@@ -287,11 +283,6 @@ def solve_equal(
 
     With a resolution all cells are as small as that. Where their error is above the tolerance,
     however small, the answer's notes say so; their equations are solved to it at least.
-
-    Raises
-    ------
-    ConvergenceError
-        If more cells would be needed than fit.
     """
     start = perf_counter()
     if resolution is not None or tolerance < SMALLEST_TOLERANCE:

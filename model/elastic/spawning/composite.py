@@ -27,27 +27,21 @@ Floats = NDArray[np.float64]
 
 
 class Composite:
-    """Faces, edges and strains of leaves; lengths in the scene's cells.
+    """Faces, edges and strains of leaves; lengths in the scene's cells."""
 
-    Attributes
-    ----------
-    ground : Ground
-    leaves : Leaves
-    length : array, shape (leaves,)
-        Edge of each leaf.
-    beside : int array, shape (leaves, 2·dimension)
-        A leaf on each side, -1 for none.
-    master : int array, shape (leaves, 2·dimension)
-        The leaf's own face on each side, -1 where smaller ones take its place.
-    mean : sparse array, shape (leaves · 2·dimension, faces)
-        Displacement of the leaves' sides.
-    axis, place, area : arrays, shape (faces,), (faces, dimension) and (faces,)
-        Normal, middle (units) and area of every face.
-    state, value, spring, support : arrays, shape (faces,)
-        ACTIVE or FIXED, the displacement given, the foundation's stiffness, and the side of
-        the array that holds the face (2·dimension: rigid cells inside; -1: none).
-    edges : dict from pair of axes to Edges
-    """
+    length: Floats  # Edge of each leaf. Shape (leaves,)
+    beside: Index  # A leaf on each side, -1 for none. Shape (leaves, 2·dimension)
+    # The leaf's own face on each side, -1 where smaller ones take its place. Shape as `beside`
+    master: Index
+    mean: sp.csr_array  # Displacement of the leaves' sides. Shape (leaves · 2·dimension, faces)
+    axis: Index  # Normal of every face. Shape (faces,)
+    place: Floats  # Middle (units). Shape (faces, dimension)
+    area: Floats
+    state: NDArray[np.int8]  # ACTIVE or FIXED
+    value: Floats  # The displacement given
+    spring: Floats  # The foundation's stiffness
+    support: Index  # Side of the array that holds it (2·dimension: rigid cells inside; -1: none)
+    edges: dict[Pair, Edges]
 
     def __init__(self, ground: Ground, leaves: Leaves) -> None:
         self.ground, self.leaves = ground, leaves
@@ -55,9 +49,7 @@ class Composite:
         self.length = leaves.size / ground.cell
         self._lay_faces()
         self._hold_faces()
-        self.edges: dict[Pair, Edges] = {
-            pair: lay_edges(self, pair) for pair in axis_pairs(self.dimension)
-        }
+        self.edges = {pair: lay_edges(self, pair) for pair in axis_pairs(self.dimension)}
 
     @cached_property
     def slopes(self) -> tuple[sp.csr_array, dict[Pair, int]]:

@@ -138,16 +138,12 @@ class Curvature:
 
     The energies of an agent's second differences add up to its η²; those of the second
     differences of two displacements, multiplied, to the energy of their errors in each other.
-
-    Attributes
-    ----------
-    resting : array, shape (2·dimension + 1, dimension)
-        Walls that do not move.
     """
 
     def __init__(self, balance: Balance) -> None:
         self._balance = balance
         grid = self._grid = balance.grid
+        # Walls that do not move.
         self.resting = np.zeros((2 * grid.dimension + 1, grid.dimension))
         axes = range(grid.dimension)
         moduli, kind = grid.ground.moduli, grid.leaves.kind
@@ -158,10 +154,9 @@ class Curvature:
         self._beside = [CurvatureAcross.of(grid, a, b) for a, b in permutations(axes, 2)]
 
     def of(self, u: Floats, walls: Floats | None = None) -> Bends:
-        """Return the second differences of displacements of the faces.
-
-        `walls` may tell how those on the sides of the array, and inside, move: by default as given.
-        """
+        """Return the second differences of displacements of the faces."""
+        # `walls` may tell how those on the sides of the array, and inside, move: by default as
+        # given.
         d, n = self._grid.dimension, len(self._grid.leaves)
         stretch = (self._balance.strains[: n * d] @ u).reshape(d, n)
         change = stretch.sum(axis=0)

@@ -71,11 +71,9 @@ def told_error(
     indicator: Indicator,
     bracket: Bracket | str,
 ) -> float:
-    """Return a displacement error that the true one hardly exceeds.
-
-    Where stiff parts all but touch, not even children see what lies between them: the bounds of
-    the energy do.
-    """
+    """Return a displacement error that the true one hardly exceeds."""
+    # Where stiff parts all but touch, not even children see what lies between them: the bounds of
+    # the energy do.
     grid, hierarchy = balance.grid, NestedMultigrid(balance)
     if len(grid.leaves) > MOST_ASKED[grid.dimension]:
         error = SURE * displacement_error(balance, u, indicator, hierarchy).largest
@@ -88,10 +86,8 @@ def told_error(
 
 
 def changed_by_children(balance: Balance, u: Floats, hierarchy: NestedMultigrid) -> float:
-    """Return how far children of all agents move corners and middles of theirs, relative.
-
-    They become the finest level of the hierarchy.
-    """
+    """Return how far children of all agents move corners and middles of theirs, relative."""
+    # They become the finest level of the hierarchy.
     grid, leaves = balance.grid, balance.grid.leaves
     largest = float(np.linalg.norm(AgentFields(balance, u).displacement, axis=1).max())
     if largest == 0.0:
@@ -118,11 +114,9 @@ def displacement_error(
     hierarchy: NestedMultigrid,
     accuracy: float = ACCURACY,
 ) -> DisplacementError:
-    """Return how far off the displacement of each agent is.
-
-    The balance is the finest generation of the hierarchy; the far-reaching part is solved to a
-    share `accuracy` of itself.
-    """
+    """Return how far off the displacement of each agent is."""
+    # The balance is the finest generation of the hierarchy; the far-reaching part is solved to a
+    # share `accuracy` of itself.
     grid = balance.grid
     largest = float(np.linalg.norm(AgentFields(balance, u).displacement, axis=1).max())
     unit = 1.0 / largest if largest > 0.0 else 0.0
@@ -136,10 +130,8 @@ def displacement_error(
 def _missing_displacement(
     balance: Balance, u: Floats, hierarchy: NestedMultigrid, accuracy: float
 ) -> Floats:
-    """Return (K + C'C)⁻¹ C'C u: the way that K alone would go, as far as both let it go.
-
-    Where next to nothing but bending within the agents resists, K alone goes much too far.
-    """
+    """Return (K + C'C)⁻¹ C'C u: the way that K alone would go, as far as both let it go."""
+    # Where next to nothing but bending within the agents resists, K alone goes much too far.
     curvature, free = Curvature(balance), balance.free
     force = curvature.force(curvature.of(u))[free]
     off = np.zeros(balance.grid.size)

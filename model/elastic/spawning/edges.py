@@ -15,9 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from kaju.model.elastic.moduli import REENTRANT_WEIGHT
-from kaju.model.elastic.staggered import Pair
-from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
+from kaju.model.elastic.staggered import Pair, modulus_between
+from kaju.model.scene.kinds import AIR, DISPLACED
 
 from .leaves import Flags, Index, Leaves, morton
 from .rows import sum_rows
@@ -62,7 +61,7 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
     leaves = grid.leaves
     point, reach, around, far, of_leaf = _ends_of_leaves(leaves, grid.beside, *pair)
     kinds = _kinds_around(grid, point, pair, around)
-    modulus = edge_modulus(kinds, grid.ground.moduli.shear)
+    modulus = modulus_between(kinds, grid.ground.moduli.shear)
     grads, spans = [], []
     for a, b in (pair, pair[::-1]):
         turn = [0, 1, 2, 3] if a == pair[0] else [0, 2, 1, 3]
@@ -82,12 +81,10 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
 def _ends_of_leaves(
     leaves: Leaves, beside: Index, a: int, b: int
 ) -> tuple[Index, Index, Index, Index, Index]:
-    """Lay the edges between axes a < b, each as long as the largest leaf round it.
-
-    Returns where every edge begins, its length, the leaves round there, and round its second half
-    ((a-, b-), (a-, b+), (a+, b-), (a+, b+); -1 for none), and the edges at the ends of leaves
-    along a and b.
-    """
+    """Lay the edges between axes a < b, each as long as the largest leaf round it."""
+    # Returns where every edge begins, its length, the leaves round there, and round its second half
+    # ((a-, b-), (a-, b+), (a+, b-), (a+, b+); -1 for none), and the edges at the ends of leaves
+    # along a and b.
     n, d = leaves.lower.shape
     leaf, end = np.repeat(np.arange(n), 4), np.tile(np.arange(4), n)
     upper, right = end >> 1, end & 1
@@ -143,22 +140,6 @@ def _kinds_around(grid: Composite, point: Index, pair: Pair, around: Index) -> I
     return kinds
 
 
-def edge_modulus(kinds: Index, shear: Floats) -> Floats:
-    """Return the shear modulus of edges by the kinds of the four cells round them, shape (4, ...).
-
-    It is the harmonic mean of theirs; see `staggered.edge_modulus`.
-    """
-    rigid = (kinds == RIGID) | (kinds == DISPLACED)
-    body = kinds >= 0
-    compliance = np.where(body, 1.0 / shear[np.maximum(kinds, 0)], 0.0)
-    total = compliance.sum(axis=0)
-    count = (body | rigid).sum(axis=0)
-    corner = (body.sum(axis=0) == 3) & ((kinds == AIR).sum(axis=0) == 1)
-    safe = np.where(total > 0, total, 1.0)
-    modulus = np.where((count == 4) & (total > 0), 4.0 / safe, 0.0)
-    return np.where(corner, REENTRANT_WEIGHT * 3.0 / safe, modulus)
-
-
 def _gradient(
     grid: Composite,
     a: int,
@@ -169,11 +150,9 @@ def _gradient(
     kinds: Index,
     stiff: Flags,
 ) -> tuple[Gradient, Floats]:
-    """Return ∂u_a/∂b and the distance between its two ends.
-
-    `quads` are the leaves (a-, b-), (a-, b+), (a+, b-), (a+, b+) of the edge, `far` those of its
-    second half.
-    """
+    """Return ∂u_a/∂b and the distance between its two ends."""
+    # `quads` are the leaves (a-, b-), (a-, b+), (a+, b-), (a+, b+) of the edge, `far` those of its
+    # second half.
     count = len(point)
     index, weight, offset, present = _sides_of_edges(grid, quads, far, a)
     # A wall lies as far beyond the edge as the face that it holds lies before it.
@@ -203,12 +182,10 @@ def _gradient(
 def _sides_of_edges(
     grid: Composite, quads: Index, far: Index, a: int
 ) -> tuple[Index, Floats, Floats, Flags]:
-    """Return what u_a is before and behind edges, along b.
-
-    These are the sides of leaves whose displacements count and their weights, the distance between
-    both, and whether there is any: that of the smaller leaf, or of the middle of one that reaches
-    round the edge, which moves by the mean of its two sides.
-    """
+    """Return what u_a is before and behind edges, along b."""
+    # These are the sides of leaves whose displacements count and their weights, the distance
+    # between both, and whether there is any: that of the smaller leaf, or of the middle of one that
+    # reaches round the edge, which moves by the mean of its two sides.
     size, count = grid.leaves.size, quads.shape[1]
     index, weight = np.zeros((count, 4), dtype=np.int64), np.zeros((count, 4))
     offset, present = np.zeros(count), (quads[:2] >= 0) | (quads[2:] >= 0)
@@ -237,14 +214,12 @@ def _toward(point: Index, axis: int, end: int) -> Index:
 
 
 def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
-    """Put right the edges where one leaf of four is larger.
-
-    The middle of a large leaf stands in for its sides at the edges that hang on it. Where it
-    is met by small leaves on two adjacent sides, both sides do so, and a quarter of a small
-    leaf's area is counted twice, at the corner between them. The corner's weight is less by
-    that quarter, and its gradients are those of the remaining area,
-    (g - ¼ Σ g_hanging) / (1 - ¼ m) for m large leaves: constant stresses then balance.
-    """
+    """Put right the edges where one leaf of four is larger."""
+    # The middle of a large leaf stands in for its sides at the edges that hang on it. Where it is
+    # met by small leaves on two adjacent sides, both sides do so, and a quarter of a small leaf's
+    # area is counted twice, at the corner between them. The corner's weight is less by that
+    # quarter, and its gradients are those of the remaining area, (g - ¼ Σ g_hanging) / (1 - ¼ m)
+    # for m large leaves: constant stresses then balance.
     large = (size > size.min(axis=0)) & (size.min(axis=0) > 0)
     count = large.sum(axis=0)
     diagonal = (large[0] & large[3]) | (large[1] & large[2])

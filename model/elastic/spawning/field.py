@@ -14,11 +14,9 @@ from .rows import sum_rows
 def interpolation(
     grid: Composite, points: Floats, leaf: Index, axis: int
 ) -> tuple[sp.csr_array, Floats]:
-    """Return u_axis at points (units), each in or on a leaf, as ``matrix @ u + constant``.
-
-    Along its axis the displacement runs linearly between the leaf's two sides, across it by the
-    gradients at the edges that are nearest; where these lie on a free surface, by those opposite.
-    """
+    """Return u_axis at points (units), each in or on a leaf, as ``matrix @ u + constant``."""
+    # Along its axis the displacement runs linearly between the leaf's two sides, across it by the
+    # gradients at the edges that are nearest; where these lie on a free surface, by those opposite.
     leaves = grid.leaves
     local = (points - leaves.lower[leaf]) / leaves.size[leaf, None]
     along = (1.0 - local[:, axis], local[:, axis])
@@ -49,10 +47,8 @@ def interpolation(
 
 
 def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Index]:
-    """Return ∂u_a/∂b and ∂u_b/∂a, and the edges of leaves by end along a, then b.
-
-    (a, b) is the pair of the edges, or the pair reversed unless `first`.
-    """
+    """Return ∂u_a/∂b and ∂u_b/∂a, and the edges of leaves by end along a, then b."""
+    # (a, b) is the pair of the edges, or the pair reversed unless `first`.
     if first:
         return edges.gradients, edges.of_leaf
     return edges.gradients[::-1], edges.of_leaf.swapaxes(1, 2)
@@ -61,11 +57,9 @@ def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Inde
 def slope_weights(
     edges: Edges, gradients: tuple[Gradient, Gradient], edge: Index, shear: Floats
 ) -> tuple[Floats, Floats]:
-    """Return how a leaf's own ∂u_a/∂b at an edge follows from ∂u_a/∂b and ∂u_b/∂a there.
-
-    Where the material changes along b the stress τ is common to both sides, and not the
-    slope: ∂u_a/∂b = τ/μ - ∂u_b/∂a with the leaf's own μ. On a free surface τ is zero.
-    """
+    """Return how a leaf's own ∂u_a/∂b at an edge follows from ∂u_a/∂b and ∂u_b/∂a there."""
+    # Where the material changes along b the stress τ is common to both sides, and not the slope:
+    # ∂u_a/∂b = τ/μ - ∂u_b/∂a with the leaf's own μ. On a free surface τ is zero.
     own, other = gradients
     valid = own.valid[edge]
     first = np.where(valid, own.one_sided[edge], 0.0)
@@ -102,10 +96,8 @@ def nearest_known(
 
 
 def prolongation(coarse: Composite, fine: Composite) -> sp.csr_array:
-    """Return the displacement of the fine faces by that of the coarse ones.
-
-    The leaves of `fine` are those of `coarse` or lie inside of them.
-    """
+    """Return the displacement of the fine faces by that of the coarse ones."""
+    # The leaves of `fine` are those of `coarse` or lie inside of them.
     # Both stand in the order of their codes, and a child's is not less than its parent's.
     parents = np.searchsorted(coarse.leaves.code, fine.leaves.code, side="right") - 1
     order, blocks = [], []

@@ -126,10 +126,8 @@ class Forest:
         return replace(self.as_first(), ground=ground, origin=np.arange(len(self)))
 
     def states(self, composite: bool) -> Index:
-        """Tell what every block has beside it, shape (blocks, 3^d).
-
-        On its own level a block does not look at children; as part of the `composite` it does.
-        """
+        """Tell what every block has beside it, shape (blocks, 3^d)."""
+        # On its own level a block does not look at children; as part of the `composite` it does.
         there = self.beside >= 0
         state = np.where(there, REGULAR, np.where(self.kinds >= 0, COARSE, NOTHING))
         if composite:
@@ -155,10 +153,8 @@ class Forest:
         return forest.refined(unlike, step).after(forest)
 
     def pruned(self, retiring: Flags) -> Forest:
-        """Return the forest without the descendants of blocks, as far as others can do without.
-
-        The neighbours of a block with children stay, so that no two leaves are too unlike.
-        """
+        """Return the forest without the descendants of blocks, as far as others can do without."""
+        # The neighbours of a block with children stay, so that no two leaves are too unlike.
         split = ~self.leaf & ~retiring
         for level in range(self.depth - 1, 0, -1):
             block = np.arange(self.start[level], self.start[level + 1])
@@ -314,10 +310,8 @@ class _Level:
 
 
 def first_forest(ground: Ground) -> Forest | None:
-    """Return the first blocks: of one size, as large as the body and its surroundings let them be.
-
-    None where they would have to be too small or too many for what the body is.
-    """
+    """Return the first blocks: of one size, as large as body and surroundings let them be."""
+    # None where they would have to be too small or too many for what the body is.
     lower, upper = ground.scene.bounds()
     spans, d = upper - lower, ground.dimension
     exponent = int(np.log2(max(1, min(spans.max() // 2, spans.min()))))

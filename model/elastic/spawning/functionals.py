@@ -112,10 +112,8 @@ class _Stressed:
         return found
 
     def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
-        """Return the tractions on the sides of leaves whose work is their mean stress.
-
-        By Gauss's theorem, those of the stress that a unit strain would cause.
-        """
+        """Return the tractions on the sides of leaves whose work is their mean stress."""
+        # By Gauss's theorem, those of the stress that a unit strain would cause.
         assert self._component is not None
         a, b = self._component
         moduli, kind, d = grid.ground.moduli, grid.leaves.kind, grid.dimension
@@ -191,10 +189,8 @@ class _Supported:
         return []
 
     def of(self, fields: AgentFields) -> Value:
-        """Return the reaction: the energy's derivative by the support's own displacement.
-
-        So what it depends on is how the body follows the support, moved against its axis.
-        """
+        """Return the reaction: the energy's derivative by the support's own displacement."""
+        # So what it depends on is how the body follows the support, moved against its axis.
         balance, grid = fields.balance, fields.balance.grid
         reactions = balance.reactions(fields.u)
         if self._name not in reactions:
@@ -220,13 +216,7 @@ class _Supported:
 
 
 def functional_of(quantity: Quantity, ground: Ground) -> Functional:
-    """Return a quantity on some ground.
-
-    Raises
-    ------
-    ParameterError
-        If it is of another dimension, outside of the body, or unknown.
-    """
+    """Return a quantity on some ground."""
     if isinstance(quantity, Deflection):
         return _Displaced(quantity, ground)
     if isinstance(quantity, Stress):
@@ -260,12 +250,10 @@ def _spots(site: Site, grid: Composite, name: str) -> Spots:
 
 
 def _bulge(fields: AgentFields, spots: Spots, middle: Floats) -> Floats:
-    """Return by how much the mean over each spot's part differs from its middle, roughly.
-
-    The displacement in the middle is that of a face, which stands for a point as well as for
-    a mean: half-way between them lies h²u″/48 for every axis. The slopes at an agent's edges,
-    taken from its middle on, give six times as much at the quarters.
-    """
+    """Return by how much the mean over each spot's part differs from its middle, roughly."""
+    # The displacement in the middle is that of a face, which stands for a point as well as for a
+    # mean: half-way between them lies h²u″/48 for every axis. The slopes at an agent's edges, taken
+    # from its middle on, give six times as much at the quarters.
     total = np.zeros_like(middle)
     if not spots.span.any():
         return total

@@ -43,11 +43,9 @@ class Between(NamedTuple):
 
 
 def work_between(own: Boxes, asked: Boxes, error: float, rest: float) -> Between | str:
-    """Hold the work of forces between two values that can be computed; or say why there are none.
-
-    `own` are the agents under the loads, `asked` under the forces; with the estimated energies of
-    the errors of both.
-    """
+    """Hold the work of forces between two values that can be computed; or say why not."""
+    # `own` are the agents under the loads, `asked` under the forces; with the estimated energies of
+    # the errors of both.
     larger = error + SMALL * _square(own), rest + SMALL * _square(asked)
     share = sqrt(larger[0] / larger[1]) if min(larger) > 0.0 else 1.0
     more, less = (bracket_of(_sum(own, asked, sign * share)) for sign in (1.0, -1.0))

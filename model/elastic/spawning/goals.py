@@ -111,10 +111,8 @@ class Influence:
     def asked(
         self, balance: Balance, forces: LeafForces, hierarchy: NestedMultigrid
     ) -> tuple[Balance, Floats, float]:
-        """Return the agents under the forces that ask for it, what these cause, and its error.
-
-        The error is the energy of what is missing, estimated.
-        """
+        """Return the agents under the forces that ask for it, what these cause, and its error."""
+        # The error is the energy of what is missing, estimated.
         found = asking(balance, forces)
         load, z = found.load[found.free], found.grid.value.copy()
 
@@ -130,18 +128,7 @@ class Influence:
 
 
 class GoalAim:
-    """The largest relative error of some quantities.
-
-    Parameters
-    ----------
-    quantities : tuple of Quantity
-    ground : Ground
-
-    Raises
-    ------
-    ParameterError
-        If a quantity is of another dimension, outside of the body, or unknown.
-    """
+    """The largest relative error of some quantities."""
 
     adds_up = True
 
@@ -169,10 +156,8 @@ class GoalAim:
         return _aimed(spawner, answers, parts)
 
     def bounded(self, spawner: State) -> Aimed:
-        """Return the answers with what is certain of them.
-
-        Where agents lie on both sides of the rim of a place these have to spawn first.
-        """
+        """Return the answers with what is certain of them."""
+        # Where agents lie on both sides of the rim of a place these have to spawn first.
         grid = spawner.balance.grid
         places = [functional.parts(grid) for functional in self._functionals]
         rims = [place.cut for place in places if not isinstance(place, str)]

@@ -239,10 +239,8 @@ class Ground:
         return self.scene.lattice.key(cells) * (2 * self.dimension + 1) + direction + 1
 
     def _collect_loads(self, stage: int | None) -> None:
-        """Add up the forces that enter by the same face of a cell, in the order of their keys.
-
-        Those that lie on it unevenly are kept apart.
-        """
+        """Add up the forces that enter by the same face of a cell, in the order of their keys."""
+        # Those that lie on it unevenly are kept apart.
         applied = self.scene.applied(stage)
         keys = self._keys(applied.cells, applied.direction)
         d = self.dimension

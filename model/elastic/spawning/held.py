@@ -40,10 +40,8 @@ def check_held(balance: Balance) -> None:
 
 
 def loose_part(balance: Balance) -> tuple[int, str] | None:
-    """Return a leaf of a part that could move without straining, and how; None if all are held.
-
-    A rigid motion strains nothing but what holds the body: faces that stay where they are.
-    """
+    """Return a leaf of a part that could move without straining, and how; None if all are held."""
+    # A rigid motion strains nothing but what holds the body: faces that stay where they are.
     grid, d = balance.grid, balance.grid.dimension
     part = _parts(grid)
     modes = rigid_motions(grid, part)
@@ -76,10 +74,8 @@ def _products(rows: Floats, part: Index, count: int) -> Floats:
 
 
 def rigid_motions(grid: Composite, part: Index) -> Floats:
-    """Return the faces' displacements in every rigid motion, one column each.
-
-    Every part turns about its own middle, by as much as moves its ends by about one.
-    """
+    """Return the faces' displacements in every rigid motion, one column each."""
+    # Every part turns about its own middle, by as much as moves its ends by about one.
     d = grid.dimension
     of_face = part[grid.owner]
     place = grid.place / grid.ground.cell
@@ -107,10 +103,8 @@ def _parts(grid: Composite) -> Index:
 
 
 def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
-    """Return in words a rigid motion that nothing resists, "" if there is none.
-
-    Only those count that move a face that is free (by its mass).
-    """
+    """Return in words a rigid motion that nothing resists, "" if there is none."""
+    # Only those count that move a face that is free (by its mass).
     size, motion = np.linalg.eigh(mass)
     moves = size > 1e-12 * size[-1]
     if size[-1] <= 0:
@@ -168,10 +162,8 @@ def slender(grid: Composite) -> Flags:
 
 
 def first_agents(ground: Ground) -> tuple[Balance, list[str]]:
-    """Return the first agents, and what is to be noted.
-
-    Members one agent wide and pins get smaller ones.
-    """
+    """Return the first agents, and what is to be noted."""
+    # Members one agent wide and pins get smaller ones.
     leaves, notes = ground.start(), list[str]()
     balance = Balance(_stiff(ground, leaves, notes))
     if loose_part(balance) is not None:

@@ -112,10 +112,8 @@ class _Entering:
         np.add.at(self._share, leaf * 2 * self.grid.dimension + side, value)
 
     def drag(self, axis: int, side: int, leaf: Index, value: Floats) -> None:
-        """Enter forces along `axis` by the side `side`, which is normal to another axis.
-
-        The faces that they drag lie half a leaf below the side: there is a moment with them.
-        """
+        """Enter forces along `axis` by the side `side`, which is normal to another axis."""
+        # The faces that they drag lie half a leaf below the side: there is a moment with them.
         normal, upper = divmod(side, 2)
         kind = self._kind_beyond(leaf, side)
         held, inside = _holds(kind), kind >= 0

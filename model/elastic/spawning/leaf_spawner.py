@@ -115,10 +115,8 @@ class LeafSpawner(Spawner):
         return self._settled(LAST if for_good else ALGEBRAIC_SHARE * self.error)
 
     def _settled(self, share: float, *, known: bool = True) -> Iteration:
-        """Balance the forces to a relative algebraic error, and see what is left unbalanced.
-
-        An algebraic error that is not `known`, still to be settled, will be a share of the error.
-        """
+        """Balance the forces to a relative algebraic error, and see what is left unbalanced."""
+        # An algebraic error that is not `known`, still to be settled, will be a share of the error.
         run = settle(self.balance, self.hierarchy, self.displacement, share)
         self.indicator = indicate(self.balance, self.displacement)
         self.square = self.indicator.square

@@ -84,10 +84,8 @@ class Leaves:
         return np.where(held, at, -1)
 
     def split(self, chosen: Flags, step: int, cause: NDArray[np.float64]) -> Leaves:
-        """Return the leaves with the chosen ones replaced by their children.
-
-        `cause` gives, per leaf, what is noted with its children.
-        """
+        """Return the leaves with the chosen ones replaced by their children."""
+        # `cause` gives, per leaf, what is noted with its children.
         d = self.dimension
         # A leaf's children take its place in the order: corner after corner, x the fastest.
         corners = np.array(list(product((0, 1), repeat=d)), dtype=np.int64)[:, ::-1]
@@ -169,12 +167,10 @@ class Leaves:
         return chosen, crowded
 
     def balanced(self, step: int, young: Flags | None = None) -> Leaves:
-        """Return leaves of which no two neighbours differ by more than a factor of two.
-
-        Where two materials meet at a face, the leaves on both sides are of one size: small
-        faces on a stiff large leaf would be held by its soft neighbours only. Where all but
-        some `young` leaves are known to be balanced, these alone look about.
-        """
+        """Return leaves of which no two neighbours differ by more than a factor of two."""
+        # Where two materials meet at a face, the leaves on both sides are of one size: small faces
+        # on a stiff large leaf would be held by its soft neighbours only. Where all but some
+        # `young` leaves are known to be balanced, these alone look about.
         leaves = self
         looking = np.arange(len(leaves)) if young is None else np.flatnonzero(young)
         while len(looking):

@@ -187,11 +187,9 @@ class _NestedLevel:
         self._most = float(sums.max(initial=1.0))
 
     def smooth(self, left: Floats, x: Floats) -> None:
-        """Let the faces that changed yield to a residual, in place, by Chebyshev's polynomial.
-
-        It is least for the upper part of the spectrum, which coarser cells do not see
-        (Adams et al. 2003).
-        """
+        """Let the faces that changed yield to a residual, in place, by Chebyshev's polynomial."""
+        # It is least for the upper part of the spectrum, which coarser cells do not see (Adams et
+        # al. 2003).
         centre, half = 0.5 * self._most * (1.0 + LOW), 0.5 * self._most * (1.0 - LOW)
         left, inverse = left[self.rows], self._inverse
         step, rho = inverse * left / centre, half / centre

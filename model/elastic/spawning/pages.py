@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.model.elastic.moduli import Moduli
-from kaju.model.elastic.staggered import axis_pairs
+from kaju.model.elastic.staggered import axis_pairs, modulus_between
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
-from .edges import edge_modulus
 from .forest import ACROSS, COARSE, NOTHING, REFINED, REGULAR, ways
 from .leaves import Flags, Index
 
@@ -120,7 +119,7 @@ def _shear(kind: Index, state: Index, pair: tuple[int, int], shear: Floats) -> F
     before = [_shifted(v, a, -1, e) for v, e in zip(around[1], (-1, NOTHING), strict=True)]
     # (a-, b-), (a-, b+), (a+, b-), (a+, b+)
     quads = [tuple(before), around[2], around[1], around[0]]
-    modulus = edge_modulus(np.stack([k for k, _ in quads]), shear)
+    modulus = modulus_between(np.stack([k for k, _ in quads]), shear)
     irregular = np.any([(s == COARSE) | (s == REFINED) for _, s in quads], axis=0)
     return np.where(irregular | ~_within(kind.ndim - 1, pair), 0.0, modulus)
 
@@ -137,10 +136,8 @@ def _unknown(kind: Index, state: Index, axis: int) -> Flags:
 
 
 def rims(kinds: Index, states: Index) -> Index:
-    """Tell how displacements go on beyond the sides of blocks, shape (blocks, 2·dimension).
-
-    0: in another block; 1: linearly, beyond a free surface; 2: mirrored, beyond a wall.
-    """
+    """Tell how displacements go on beyond the sides of blocks, shape (blocks, 2·dimension)."""
+    # 0: in another block; 1: linearly, beyond a free surface; 2: mirrored, beyond a wall.
     d = int(np.rint(np.log(kinds.shape[1]) / np.log(3)))
     step = ways(d)
     rim = np.zeros((len(kinds), 2 * d), dtype=np.int64)

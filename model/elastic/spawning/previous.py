@@ -63,11 +63,9 @@ class Heirs:
         return first_agents(self.ground)
 
     def take_up(self, previous: Spawning) -> Standing:
-        """Return the agents of the previous answer.
-
-        On the same body they stay as they are. Where it changed they are kept as far as they lie
-        inside of what the first agents would be.
-        """
+        """Return the agents of the previous answer."""
+        # On the same body they stay as they are. Where it changed they are kept as far as they lie
+        # inside of what the first agents would be.
         old, ground = previous.balance, self.ground
         if of_same_body(old, ground):
             balance = _loaded(previous, ground)
@@ -77,10 +75,8 @@ class Heirs:
         return self._stand(self._placed(old.grid.leaves), old, previous.displacement)
 
     def regroup(self, balance: Balance, u: Floats, aimed: Aimed) -> Standing | None:
-        """Let agents retire that are not needed, and others spawn, after they have settled.
-
-        None if those that stand may as well stay.
-        """
+        """Let agents retire that are not needed, and others spawn, after they have settled."""
+        # None if those that stand may as well stay.
         leaves, part, ground = balance.grid.leaves, aimed.part, self.ground
         allowed = max(aimed.allowed, LEAST * float(part.sum()))
         share = even_share(leaves, part, allowed, ground.smallest)
@@ -172,7 +168,8 @@ def carried(old: Balance, u: Floats, grid: Composite) -> Floats:
         lower, size = leaves.lower[owner], leaves.size[owner, None]
         cell = np.clip(np.floor(place).astype(np.int64), lower, lower + size - 1)
         held = old.grid.leaves.find(cell)
-        face, place, held = (column[held >= 0] for column in (face, place, held))
+        there = held >= 0
+        face, place, held = face[there], place[there], held[there]
         matrix, constant = interpolation(old.grid, place.astype(np.float64), held, axis)
         found[face] = (matrix @ u + constant) * _unit(old.grid.ground, grid.ground)
     return found

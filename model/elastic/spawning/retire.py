@@ -18,11 +18,9 @@ fall like the edge, their squares like its square."""
 
 
 def even_share(leaves: Leaves, part: Floats, allowed: float, smallest: int = 1) -> float:
-    """Return what an agent may leave, for all together to leave what is allowed.
-
-    Parts of an error add up; at least a quarter of them has to be allowed, since children leave
-    that much of their parents' parts. Agents of the smallest edge (units) spawn no children.
-    """
+    """Return what an agent may leave, for all together to leave what is allowed."""
+    # Parts of an error add up; at least a quarter of them has to be allowed, since children leave
+    # that much of their parents' parts. Agents of the smallest edge (units) spawn no children.
     large = leaves.size > smallest
     shares = [part[large]]
     left = float(part[large].sum()) / RETURN + float(part[~large].sum())
@@ -37,12 +35,10 @@ def even_share(leaves: Leaves, part: Floats, allowed: float, smallest: int = 1) 
 
 
 def share_of(parts: Floats, left: float, allowed: float) -> float:
-    """Return the even share, from the parts of agents that may spawn and of their forebears.
-
-    If all may leave up to a share s, then those above it spawn and the parents below it come
-    back: together they leave what would be `left` if all spawned, a quarter, and ¾ of every part
-    and parent's part up to s.
-    """
+    """Return the even share, from the parts of agents that may spawn and of their forebears."""
+    # If all may leave up to a share s, then those above it spawn and the parents below it come
+    # back: together they leave what would be `left` if all spawned, a quarter, and ¾ of every part
+    # and parent's part up to s.
     ordered = np.sort(parts)
     up_to = left + (1.0 - 1.0 / RETURN) * np.cumsum(ordered)
     count = int(np.searchsorted(up_to, allowed, side="right"))

@@ -11,10 +11,8 @@ from .leaves import Index
 
 
 def sum_rows(matrix: sp.csr_array, index: Index, weight: Floats) -> sp.csr_array:
-    """Return a matrix whose rows are weighted sums of rows of another: `index`, shape (n, terms).
-
-    An index may be any number where its weight is zero.
-    """
+    """Return a matrix of weighted sums of rows of another: `index`, shape (n, terms)."""
+    # An index may be any number where its weight is zero.
     some = weight != 0.0
     start = np.append(0, np.cumsum(some.sum(axis=1))).astype(np.int32)
     shape = (len(index), matrix.shape[0])
@@ -30,11 +28,9 @@ def stiffness_of(
     shear: Floats,
     dimension: int,
 ) -> sp.csr_array:
-    """Return SᵀDS among some of the faces.
-
-    S are the stretches of the leaves axis by axis, then the shear strains of the edges. D is stress
-    times volume: by the stretch along its axis, by those across, and by the shear strain.
-    """
+    """Return SᵀDS among some of the faces."""
+    # S are the stretches of the leaves axis by axis, then the shear strains of the edges. D is
+    # stress times volume: by the stretch along its axis, by those across, and by the shear strain.
     n = len(along)
     own = strains if len(face) == strains.shape[1] else strains[:, face]
     stretches = [own[axis * n : (axis + 1) * n] for axis in range(dimension)]

@@ -44,19 +44,9 @@ def solve_spawning(
     half their size, and all settle again, until the estimated error is within the tolerance.
     The scene's cells say where the body is; it is never rasterised as a whole.
 
-    Parameters
-    ----------
-    scene, tolerance, resolution, tolerance_at, stage
-        As of `kaju.solve`; what is not given is as in the previous answer.
-    most_agents : int, optional
-        Give up before there are more; by default 4 million, 400,000 in three dimensions, of
-        agents in blocks 20 and 4 million.
-    previous : ElasticResult, optional
-        The answer to a scene on the same cells, of which something was changed. Its agents
-        are those to begin with; where the body is the same they keep their matrices, where
-        fewer would do they retire and a parent comes back.
-    note : str
-        What else is to be said of the answer.
+    What is not given is as in the previous answer, whose agents are those to begin with: where the
+    body is the same they keep their matrices, where fewer would do they retire and a parent comes
+    back. `note` is what else is to be said of the answer.
     """
     start = perf_counter()
     before, tolerance, resolution = _continued(previous, tolerance, resolution)

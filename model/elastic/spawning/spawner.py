@@ -179,11 +179,9 @@ class Spawner(ABC):
         return "" if chosen.any() else "depth"
 
     def _out_of_reach(self) -> bool:
-        """Tell whether a tolerance takes far more agents than allowed.
-
-        Their number grows at least with the error's fall to the power of the dimension, unless a
-        resolution does not let them be smaller.
-        """
+        """Tell whether a tolerance takes far more agents than allowed."""
+        # Their number grows at least with the error's fall to the power of the dimension, unless a
+        # resolution does not let them be smaller.
         if self.ground.smallest > 1 or not isinstance(self.aim, EnergyAim):
             return False
         expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension

@@ -272,6 +272,13 @@ class Scene(Description):
         parts = {name: getattr(self, name) for name in type(self).model_fields}
         return Scene(**(parts | changes))
 
+    def in_one_step(self) -> Scene:
+        """Return the scene with all of its loads applied at once."""
+        if self.stages == 1:
+            return self
+        loads = tuple(load.model_copy(update={"steps": 1}) for load in self.loads)
+        return self.replace(loads=loads)
+
     def with_region(self, material: str = "air", **shape: Any) -> Scene:
         """Return the scene with a part of the array filled anew: by default a hole.
 

@@ -207,8 +207,7 @@ def beside_elasticity(
     BesideElasticity
     """
     began = perf_counter()
-    loads = tuple(load.model_copy(update={"steps": 1}) for load in scene.loads)
-    scene = scene.replace(loads=loads)
+    scene = scene.in_one_step()
     believed = elastic_reference(scene, resolution)
     force = np.abs(scene.applied().force).sum(axis=0)
     found: dict[str, Comparison] = {}

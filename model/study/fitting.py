@@ -316,8 +316,7 @@ class _Case:
         points: ArrayLike | None,
     ) -> None:
         # The last stage alone counts, and each is run from the start.
-        loads = tuple(load.model_copy(update={"steps": 1}) for load in scene.loads)
-        self.scene = scene.replace(loads=loads)
+        self.scene = scene.in_one_step()
         self.weights = weights
         assert isinstance(scene.rule, PrescribedRule)
         self.rule = scene.rule

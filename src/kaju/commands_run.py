@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,6 +27,7 @@ from .options import (
     Resolution,
     SceneFile,
     Settings,
+    drawn_by,
     fraction,
     places_of,
     scene_of,
@@ -143,7 +145,7 @@ def demo(
     from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
-    drawn = Drawn.NONE if no_pictures else pictures
+    drawn = drawn_by(pictures, no_pictures)
     scene = Scene.from_toml(worked_plate())
     result = into_folder(folder, console, lambda: _watched(scene, console), drawn, force)
     if drawn is not Drawn.NONE:
@@ -182,13 +184,9 @@ def run(
     console, described = Console(as_json, quiet), scene_of(scene, settings)
     if resolution is not None:
         described = described.refine(resolution)
-    into_folder(
-        out or Path(f"{scene.stem}-result"),
-        console,
-        lambda: _watched(described, console, allow_unstable),
-        Drawn.NONE if no_pictures else pictures,
-        force,
-    )
+    answer = partial(_watched, described, console, allow_unstable)
+    folder = out or Path(f"{scene.stem}-result")
+    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
 
 
 def solve(
@@ -229,7 +227,7 @@ def solve(
         console.say("solved as linear elasticity")
         return found
 
-    into_folder(folder, console, answer, Drawn.NONE if no_pictures else pictures, force)
+    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
 
 
 def into_folder(
@@ -349,13 +347,8 @@ def creep(
             console.say("no material has a rheology: all of them are elastic, nothing creeps")
         return found
 
-    into_folder(
-        out or Path(f"{scene.stem}-creep"),
-        console,
-        answer,
-        Drawn.NONE if no_pictures else pictures,
-        force,
-    )
+    folder = out or Path(f"{scene.stem}-creep")
+    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
 
 
 class MeasureName(Enum):
@@ -411,13 +404,8 @@ def break_(
         console.say(f"{broken.parts}s of the body break: {broken.outcome}")
         return broken
 
-    into_folder(
-        out or Path(f"{scene.stem}-broken"),
-        console,
-        answer,
-        Drawn.NONE if no_pictures else pictures,
-        force,
-    )
+    folder = out or Path(f"{scene.stem}-broken")
+    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
 
 
 class GrowthRuleName(Enum):
@@ -470,10 +458,5 @@ def grow(
         console.say(f"cells grow by the rule of {rule.value}: {grown.outcome}")
         return grown
 
-    into_folder(
-        out or Path(f"{scene.stem}-grown"),
-        console,
-        answer,
-        Drawn.NONE if no_pictures else pictures,
-        force,
-    )
+    folder = out or Path(f"{scene.stem}-grown")
+    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)

@@ -47,6 +47,13 @@ Draw = Annotated[
     typer.Option("--pictures", help="Draw the one picture that tells the story, all, or none."),
 ]
 DrawNone = Annotated[bool, typer.Option("--no-pictures", help="As --pictures none.")]
+
+
+def drawn_by(pictures: Drawn, no_pictures: bool) -> Drawn:
+    """Return which pictures the two options ask for."""
+    return Drawn.NONE if no_pictures else pictures
+
+
 Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
 Json = Annotated[
     bool, typer.Option("--json", help="Print the key figures as JSON, and nothing else.")

@@ -106,7 +106,7 @@ class LiveRun(Session):
     def model(self) -> LoadModel:
         """What is stepped, begun when it is first asked for."""
         if self._model is None:
-            self._begin(at_stage(self.scene, self.scene.stages))
+            self._begin(self.scene.in_one_step())
         assert self._model is not None
         return self._model
 
@@ -123,7 +123,7 @@ class LiveRun(Session):
         """Begin anew if that is asked for; return whether it was."""
         match asked.get("type"):
             case "hello":
-                self._begin(at_stage(self.scene, self.scene.stages))
+                self._begin(self.scene.in_one_step())
             case "scene":
                 stage = whole(asked, "stage", 1, 100_000, 1)
                 numbers = _table(asked, "parameters") if "parameters" in asked else {}
@@ -199,22 +199,6 @@ class LiveRun(Session):
             "displacement": np.stack([mean(column) for column in result.displacement.T]),
             "stress": np.stack([mean(result.stress[:, a, b]) for a, b in pairs]),
         }
-
-
-def at_stage(scene: Scene, stage: int) -> Scene:
-    """Return a scene whose loads are those of one stage, applied in one step."""
-    if scene.stages == 1:
-        return scene
-    loads = []
-    for load in scene.loads:
-        share = min(1.0, stage / load.steps)
-        pressed: dict[str, Any] = {}
-        if load.pressure is not None:
-            pressed = {"pressure": share * load.pressure}
-        if load.force is not None:
-            pressed = {"force": tuple(share * component for component in load.force)}
-        loads.append(load.model_copy(update={"steps": 1, **pressed}))
-    return scene.replace(loads=tuple(loads))
 
 
 def scene_from(

@@ -149,7 +149,7 @@ _TRUE_UP_TO = 30.0  # longer bodies than this are not drawn to scale
 def draw_body(ax: Axes, section: Section, *, filled: bool = True) -> list[Artist]:
     """Draw body and supports; return what explains them in a legend.
 
-    `filled`: false leaves the material out (for pictures that draw it deformed).
+    `filled`: False leaves the material out (for pictures that draw it deformed).
     """
     tiles, kind = section.ground
     entries: list[Artist] = []

@@ -95,7 +95,7 @@ class Archive:
     ) -> NDArray[Any]:
         """Return an array that is what it must be.
 
-        `kind`: as `Column` says; `shape`: none stands for any length along an axis, or for any
+        `kind`: as `Column` says; `shape`: None stands for any length along an axis, or for any
         shape; `low`, `high`: the smallest and the largest value allowed; `high` also one for each
         column; `finite`: whether floating-point numbers must be finite.
         """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from kaju.errors import ResultError
 from kaju.model.elastic.fields import von_mises
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import OUTLINE_AGENTS
+from kaju.model.results.mesh import write_polygons
 from kaju.model.results.result import Result, finite
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
@@ -302,11 +304,29 @@ class OutlineResult(Result):
             columns[f"stress_{name} (Pa)"] = self.mean_stress[:, number]
         return pd.DataFrame(columns)
 
-    def _repr_html_(self) -> str:
-        """Return its key figures: pages show cells."""
-        from html import escape
+    def to_vtk(self, path: str | Path) -> Path:
+        """Write what the agents hold as polygons that ParaView reads (.vtu or .vtk).
 
-        return f"<pre>{escape(repr(self))}</pre>"
+        Of each the equivalent stress (Pa), the mean stress (xx, xy, yx, yy; Pa) and the number
+        of its agent; displacements (m) at the corners.
+
+        Raises
+        ------
+        MissingExtraError
+            If meshio is not installed.
+        ResultFileError
+            If the file cannot be written.
+        """
+        agent, polygons = self.pieces()
+        of = np.repeat(agent, [len(polygon) for polygon in polygons])
+        local = (np.concatenate(polygons) - self.lower[of]) / self.size[of, None]
+        moved = np.einsum("nk,nkd->nd", shapes_at(local), self.corner_displacement[of])
+        values = {
+            "von_mises": self.von_mises[agent],
+            "stress": self.mean_stress[agent][:, [0, 2, 2, 1]],
+            "agent": agent,
+        }
+        return write_polygons(path, polygons, 1e-8 * self.first_edge, values, moved)
 
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         text, scene_arrays = self.scene.to_archive()
@@ -371,7 +391,7 @@ def _hoop_stress(border: Floats, found: OutlineBracket, stress: Floats, edge: fl
     tx, ty = sums / np.hypot(*sums)
     xx, yy, xy = stress[leaf].T
     hoop = xx * tx**2 + yy * ty**2 + 2.0 * xy * tx * ty
-    place = np.bincount(of, length * along, len(leaf)) / total
-    order = np.argsort(place)
+    first = np.unique(of, return_index=True)[1]  # a mean would tear agents from the line's start
+    order = np.argsort(along[first])
     order = order[balanced.area[leaf[order]] > _SLIVER * full[order]]
     return np.column_stack([edge * middle[0], edge * middle[1], hoop])[order]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -48,6 +48,54 @@ def write_vtk(
     order of `corner_order`; `apart`: the distance of corners that differ (m); `values`: what is
     known of each; `moved_at`: displacements (m) at points (m), to be written for the corners.
     """
+    d = corners.shape[2]
+    first, cells = same_points(corners.reshape(-1, d), apart)
+    points = corners.reshape(-1, d)[first]
+    blocks = [("quad" if d == 2 else "hexahedron", cells.reshape(corners.shape[:2]))]
+    moved = None if moved_at is None else moved_at(points)
+    return _write(path, points, blocks, moved, {name: [of] for name, of in values.items()})
+
+
+def write_polygons(
+    path: str | Path,
+    polygons: Sequence[Floats],
+    apart: float,
+    values: Mapping[str, NDArray[Any]],
+    moved: Floats,
+) -> Path:
+    """Write polygons in the plane to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    polygons : sequence of array, shape (corners, 2)
+        Their corners (m).
+    apart : float
+        The distance of corners that differ (m).
+    values : mapping of str to array
+        What is known of each.
+    moved : array, shape (corners of all, 2)
+        Displacements (m) of the corners, polygon by polygon.
+    """
+    corners = np.concatenate(polygons)
+    first, point = same_points(corners, apart)
+    count = np.array([len(polygon) for polygon in polygons])
+    start = np.cumsum(count) - count
+    alike = [np.flatnonzero(count == number) for number in np.unique(count)]
+    blocks = [("polygon", point[start[rows, None] + np.arange(count[rows[0]])]) for rows in alike]
+    told = {name: [of[rows] for rows in alike] for name, of in values.items()}
+    return _write(path, corners[first], blocks, moved[first], told)
+
+
+def _write(
+    path: str | Path,
+    points: Floats,
+    blocks: Sequence[tuple[str, Ints]],
+    moved: Floats | None,
+    values: Mapping[str, list[NDArray[Any]]],
+) -> Path:
+    """Write cells of some kinds, one block a kind."""
     try:
         import meshio
     except ImportError as error:
@@ -56,15 +104,9 @@ def write_vtk(
     target = Path(path)
     if target.suffix not in (".vtu", ".vtk"):
         target = target.with_name(target.name + ".vtu")
-    d = corners.shape[2]
-    first, cells = same_points(corners.reshape(-1, d), apart)
-    points, flat = corners.reshape(-1, d)[first], [(0, 0), (0, 3 - d)]
-    written = meshio.Mesh(
-        np.pad(points, flat),
-        [("quad" if d == 2 else "hexahedron", cells.reshape(corners.shape[:2]))],
-        {} if moved_at is None else {"displacement": np.pad(moved_at(points), flat)},
-        {name: [column] for name, column in values.items()},
-    )
+    flat = [(0, 0), (0, 3 - points.shape[1])]
+    told = {} if moved is None else {"displacement": np.pad(moved, flat)}
+    written = meshio.Mesh(np.pad(points, flat), blocks, told, values)
     try:
         written.write(target)
     except OSError as error:

@@ -172,7 +172,7 @@ class Scene(Description):
         if self.outlined:
             raise SceneError(
                 'body.regions: outline = "true" is answered by kaju.solve alone so far; for what '
-                "needs cells (agents that pass loads on, creep, sweeps of cells, pages, pictures) "
+                "needs cells (agents that pass loads on, creep, sweeps of cells, live pages) "
                 'take outline = "cells" on small cells'
             )
         return self._contents

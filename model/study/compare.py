@@ -385,6 +385,7 @@ def load_answer(path: str | Path) -> BodyResult | Reference:
     if open_archive(source).about["kind"] == "reference":
         return Reference.load(source)
     result = load_result(source)
+    _refuse_outlined(result)
     if not isinstance(result, BodyResult):
         raise ResultFileError(
             f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
@@ -398,7 +399,19 @@ def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
         return given
     if isinstance(given, Settling):
         return given.result
+    _refuse_outlined(given)
     raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
+
+
+def _refuse_outlined(given: object) -> None:
+    """Refuse answers whose body is not made of cells: what lies in both bodies is not known."""
+    scene = getattr(given, "scene", None)
+    if isinstance(scene, Scene) and scene.outlined:
+        raise ResultError(
+            f"compare: a {type(given).__name__} is of true outlines, which no cells agree with; "
+            "compare its energy_bounds, or ask both answers at points that lie in both bodies "
+            "(displacement_at, stress_at)"
+        )
 
 
 def _pairs(

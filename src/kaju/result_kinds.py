@@ -86,6 +86,7 @@ KINDS = {
     "true outlines": Kind(
         "model.outline.outline_result:OutlineResult",
         pictures={"agents": "view.outlined:plot_cut_agents"},
+        page="view.page.outline_data:cut_agents",
         columns={"true outlines": f"{_COLUMNS}:OUTLINE_AGENTS"},
     ),
     "elastic agents": Kind(

@@ -16,6 +16,7 @@ from kaju import (
     creep,
     solve,
 )
+from kaju.errors import SceneError
 from kaju.model.network import jittered, pulled, triangular
 from kaju.view.page.export import packed_page
 from kaju.view.page.motion_data import motion_data
@@ -154,8 +155,20 @@ def torn():
     return kaju.FractureModel(network, scatter=0.2, seed=1, most_breaks=9).run()
 
 
+def plate_with_a_hole(**changes):
+    """A plate with a round hole in its middle, of true outline, pulled to the right."""
+    hole = {"disk": {"centre": [0.1, 0.1], "radius": 0.031}, "material": "air", "name": "bore"}
+    body = PLATE["body"] | {"regions": [hole | {"outline": "true"}]}
+    pulled = {"sides": {"left": "rigid"}, "loads": [{"side": "right", "force": [1e3, 0.0]}]}
+    return Scene(**pulled | {"body": body} | changes)
+
+
+def outlined():
+    return solve(plate_with_a_hole(), tolerance=0.1)
+
+
 @pytest.mark.parametrize(
-    "make", [elastic_agents, spawned, network, noodle, answer, grown, cracked, torn]
+    "make", [elastic_agents, spawned, network, noodle, answer, grown, cracked, torn, outlined]
 )
 def test_every_kind_plays_without_a_word_to_the_console(opened, tmp_path, make):
     path = kaju.export_page(make(), tmp_path / "run.html", title=make.__name__)
@@ -176,6 +189,69 @@ def test_every_kind_plays_without_a_word_to_the_console(opened, tmp_path, make):
         assert float(told) == page.js("page.value(0, page.colours[0])")
     assert page.requests == [path.as_uri()]
     assert page.messages == []
+
+
+def test_outlines_are_curves_that_the_agents_move():
+    result = outlined()
+    header, columns = motion_data(result)
+    corners = columns["points"][columns["parts"].reshape(-1, 4)]
+    np.testing.assert_allclose(corners[:, 2] - corners[:, 0], result.size[:, None] * [1, 1], 1e-5)
+    box, hole = header["outlines"]
+    assert box == {"solid": True, "lines": []}
+    (count,) = hole["lines"]
+    assert not hole["solid"]
+    line = columns["points"][-count:].astype(float)
+    assert line[0].tolist() == line[-1].tolist()
+    curves = np.stack([line[k : count - 3 + k : 3] for k in range(4)], axis=1)
+    for t in (0.0, 0.2, 0.5, 0.9):
+        weights = np.array([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3])
+        away = np.hypot(*(np.einsum("k,nkd->dn", weights, curves) - 0.1))
+        np.testing.assert_allclose(away, 0.031, rtol=1e-4)
+    moved = columns["moved"].reshape(21, -1, 2)
+    on_it = 0.1 + 1.0001 * (line[::3] - 0.1)
+    np.testing.assert_allclose(moved[-1, -count::3], result.displacement_at(on_it), atol=1e-9)
+    assert not moved[0].any()
+    (curve,) = header["curves"]
+    assert curve["place"]
+    assert 0.15 < curve["at"][-1] < 2 * np.pi * 0.031  # once round, but for the last agent
+    assert len(curve["at"]) == len(curve["lines"]["hoop stress"]) == len(result.hoops["bore"])
+
+
+PAINTED = """(() => {
+  const at = (x) => page.view.point(page.low.map((low) => (x - low) / page.unit));
+  const [left, bottom] = at(0), [right, top] = at(0.2), { r, ctx } = page.view;
+  const [w, h] = [right - left, bottom - top].map((x) => Math.round(r * x));
+  const { data } = ctx.getImageData(Math.round(r * left), Math.round(r * top), w, h);
+  return data.filter((alpha, i) => i % 4 === 3 && alpha === 255).length / (w * h);
+})()"""
+
+
+def test_outlines_cut_what_is_painted(opened, tmp_path):
+    page = opened(kaju.export_page(outlined(), tmp_path / "run.html"))
+    page.js("(page.forces.splice(0), page.set('deformed', false), page.draw())")
+    assert page.js(PAINTED) == pytest.approx(1 - np.pi * 0.031**2 / 0.04, abs=0.01)
+
+
+def test_a_rule_keeps_the_cells_of_true_outlines_and_says_so():
+    scene = plate_with_a_hole()
+    header, columns = unpack(packed_page(scene, text="A plate."))
+    assert header["kind"] == "runnable"
+    assert (columns["cells"] == -1).sum() == 4
+    assert set(header["text"]) == {"en", "de", "ja"}
+    assert header["text"]["en"].startswith("A plate.\n\n")
+    header, _ = unpack(packed_page(plate_with_a_hole(rule={"kind": "elastic"})))
+    assert header["kind"] == "pictures"
+    pressed = plate_with_a_hole(loads=[{"outline": "bore", "pressure": 1e5}])
+    with pytest.raises(SceneError, match=r"loads\.0\.outline"):
+        packed_page(pressed)
+    # the answer has arrows all along the pressed outline, out of the hole
+    forces = motion_data(solve(pressed, tolerance=0.1))[0]["forces"]
+    place, force = (np.array([arrow[key] for arrow in forces]) for key in ("place", "force"))
+    total = 1e5 * 2 * np.pi * 0.031 * 0.002
+    assert np.hypot(*force.T).sum() == pytest.approx(total, rel=0.01)
+    assert ((place - 0.1) * force).sum(axis=1) == pytest.approx(
+        0.031 * np.hypot(*force.T), rel=0.01
+    )
 
 
 def test_a_body_that_grew_is_told_step_by_step():

@@ -316,11 +316,8 @@ export class StaggeredGrid {
 
 function moduliOf(E, nu, plane) {
   const shear = E / (2 * (1 + nu));
-  if (plane === "strain") {
-    if (nu >= 0.5) throw new Error("In plane strain Poisson's ratio stays below 0.5.");
-    const lateral = E * nu / ((1 + nu) * (1 - 2 * nu));
-    return [lateral + 2 * shear, lateral, shear];
-  }
+  if (plane === "strain" && nu >= 0.5) throw new Error("In plane strain Poisson's ratio stays below 0.5.");
+  if (plane === "strain") [E, nu] = [E / (1 - nu * nu), nu / (1 - nu)];
   return [E / (1 - nu * nu), nu * E / (1 - nu * nu), shear];
 }
 function shifted(place, axis, step) { return axis ? [place[0], place[1] + step] : [place[0] + step, place[1]]; }

@@ -132,7 +132,8 @@ def export_page(
     loads and the body can be changed in it; so a body of up to 2,700 squares grows anew if it grew
     by a rule with its usual numbers. All else is recorded: agents and lattices of one's own,
     elastic agents, agents that spawn, elastic answers, spring networks, what breaks, creep, other
-    growth.
+    growth. Answers with true outlines are drawn with these; rules run on cells, and their pages
+    say so.
 
     Parameters
     ----------
@@ -212,6 +213,8 @@ def packed_page(
     lesson: Mapping[str, Any] | None = None,
 ) -> bytes:
     """Return what the page is told, packed as README.md beside this file describes it."""
+    if isinstance(of, Scene) and of.outlined:
+        of, text = _outlined(of, text)
     if isinstance(of, Scene) and not isinstance(of.rule, PrescribedRule):
         creeps = of.history and any(material.rheology for material in of.cell_materials)
         of = creep(of) if creeps else ElasticModel(of)
@@ -256,6 +259,18 @@ def packed_page(
         for number, (name, preset) in enumerate((presets or {}).items())
     ]
     return pack(header, columns)
+
+
+def _outlined(scene: Scene, text: Text) -> tuple[Scene | Result, Text]:
+    """Return what is shown of a scene with true outlines, and a text that says so."""
+    from kaju.model.study.solving import solve
+
+    from .outline_data import CELLS, on_cells
+
+    if not isinstance(scene.rule, PrescribedRule):
+        return solve(scene), text
+    told = {key: [_in(key, text), CELLS[key]] for key in LANGUAGES}
+    return on_cells(scene), {key: "\n\n".join(filter(None, of)) for key, of in told.items()}
 
 
 def _watched(model: LoadModel) -> tuple[TransferResult, Account]:

@@ -52,7 +52,6 @@ export class GrowthPage extends Page {
   words() {
     const { t, g, run, parts, picked } = this, text = `${t("along_step")} ${g} · ${t("moment", { g, n: run.generation })}${this.over ? "" : " …"}`;
     this.tellTime(text);
-    this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
     const cell = picked >= 0 && run.kinds[picked] >= 0;
     parts.story.replaceChildren(...(cell ? [make("b", { textContent: t("cellOf", { c: `(${run.lattice.cell(picked).join(", ")})` }) }),
       make("dl", {}, make("dt", { textContent: this.word("density") }), make("dd", {}, make("data", { value: String(this.values()[picked]), textContent: quantity(this.values()[picked], "") })))]

@@ -11,10 +11,7 @@ const MOST_NUMBERS = 5e7;                      // of all frames in the page's me
 export class Channel {
   constructor(page, send) { Object.assign(this, { page, send, wanted: 0, every: 1, most: MOST_NUMBERS, busy: false, next: null, elastic: false }); }
   /** Ask for what has happened up to a generation. */
-  want(g) {
-    this.wanted = g;
-    this.ask();
-  }
+  want(g) { this.wanted = g; this.ask(); }
   /** Ask for the elastic answer. */
   solve() { this.elastic = true; this.ask(); }
   /** Begin anew with another scene. */

@@ -9,9 +9,9 @@ import { Page } from "./page.js";
 const SHOWN = 0.066;                           // of the body: its largest displacement, magnified
 
 export class MotionPage extends Page {
-  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, alone, columns }) {
+  begin({ dimension, corners, at, along, colours, curves, forces, outcome, visits, alone, outlines, columns }) {
     const { points, parts, held, moved, born, gone } = columns;
-    Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, alone, points, parts, held, born, gone });
+    Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, alone, outlines, points, parts, held, born, gone });
     this.count = parts.length / corners;
     this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
     this.moved = moved && this.framesOf(moved, moved.length / at.length);
@@ -26,8 +26,8 @@ export class MotionPage extends Page {
   framesOf(column, size) { return Array.from({ length: column.length / size }, (_, f) => column.subarray(f * size, (f + 1) * size)); }
   /** A box round everything, in whose hundredths points are drawn. */
   frame() {
-    const { dimension: d, points } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
-    for (let i = 0; i < points.length; i++) { const a = i % d; low[a] = Math.min(low[a], points[i]); high[a] = Math.max(high[a], points[i]); }
+    const { dimension: d, points, parts } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);
+    for (const i of parts) for (let a = 0; a < d; a++) { low[a] = Math.min(low[a], points[i * d + a]); high[a] = Math.max(high[a], points[i * d + a]); }
     const extent = this.extent = Math.max(...high.map((h, a) => h - low[a])) || 1;
     const room = this.moved ? Math.max(SHOWN * extent, this.alone ? 0 : this.usual * this.scale("move").far) : 0;   // what moves stays in the picture
     this.unit = extent / 100; this.low = low.map((x) => x - 0.5 * room);
@@ -41,12 +41,10 @@ export class MotionPage extends Page {
     return far > 0.01 * extent || !far ? 1 : SHOWN * extent / far;
   }
   get touchable() { return false; }
-  get stages() { return 1; }
   get deformable() { return Boolean(this.moved); }
   get colours() { return [...Object.keys(this.units), ...(this.moved ? ["move"] : [])]; }
   unitOf(name) { return name === "move" ? "m" : this.units[name]; }
   get solvable() { return false; }
-  get solid() { return this.dimension === 3; }
   word(key) { return this.t(key === "move" ? key : `value_${key}`); }
   certify() { this.tellVerdict(this.outcome, true); }
   goTo(g) { this.g = Math.max(0, Math.min(g, this.run.generation)); }
@@ -103,6 +101,7 @@ export class MotionPage extends Page {
     const scale = look.colour ? this.scale() : null, plain = packed(rgb(inks.accent));
     const ink = (part) => (scale ? colourOf(this.value(part), scale, inks) : plain);
     if (this.corners === 2) this.drawSprings(view, ink); else this.drawParts(view, ink);
+    if (this.outlines?.length) this.cutOut(view);
     this.loads.paint(view);
     if (this.picked >= 0 && this.there(this.picked)) {
       const [x, y] = view.point(this.middle(this.picked));
@@ -144,6 +143,28 @@ export class MotionPage extends Page {
       fillRimmed(this.view, px, py, corners, ink(part), 1);
     }
   }
+  /** Leave of the parts what is within the outlines, curves to which the last points belong; a later region covers earlier ones. */
+  cutOut(view) {
+    const { outlines, points, inks } = this, { ctx, r, W, H } = view, mask = new OffscreenCanvas(W, H), pen = mask.getContext("2d");
+    let n = points.length / 2 - outlines.flatMap(({ lines }) => lines).reduce((a, b) => a + b, 0);
+    const at = () => view.point(this.where(n++));
+    pen.setTransform(r, 0, 0, r, 0, 0);
+    if (outlines[0].solid) pen.fillRect(0, 0, W, H);
+    for (const { solid, lines } of outlines) {
+      pen.beginPath();
+      for (const count of lines) {
+        pen.moveTo(...at());
+        for (let k = 1; k < count; k += 3) pen.bezierCurveTo(...at(), ...at(), ...at());
+      }
+      pen.globalCompositeOperation = solid ? "source-over" : "destination-out";
+      pen.fill("evenodd");
+    }
+    ctx.save(); ctx.resetTransform();
+    ctx.globalCompositeOperation = "destination-in"; ctx.drawImage(mask, 0, 0);
+    Object.assign(ctx, { globalCompositeOperation: "destination-over", shadowColor: inks.ink, shadowBlur: 2 * r });
+    ctx.drawImage(view.canvas, 0, 0);            // a dark edge
+    ctx.restore();
+  }
   drawSprings(view, ink) {
     const { parts, count, held, points, dimension, inks } = this, { ctx } = view, nodes = points.length / dimension;
     const room = Math.min(1, view.W / 600, view.H / 600);   // a phone, or a frame beside others
@@ -172,7 +193,6 @@ export class MotionPage extends Page {
   words() {
     const { t, g, run } = this, text = `${this.moment()} · ${t("moment", { g, n: run.generation })}`;
     this.tellTime(text);
-    this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
     this.tell();
     this.drawCurves();
   }
@@ -188,12 +208,12 @@ export class MotionPage extends Page {
     const { parts: { charts: canvas }, curveList, inks, at, g } = this;
     canvas.hidden = !curveList.length;
     if (!canvas.isConnected || !curveList.length) return;
-    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, lines, logarithmic, course }) =>
-      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: at[g], log: logarithmic, course })), inks);
+    paintGrid(canvas, curveList.slice(0, 4).map(({ title, unit, at: over, lines, logarithmic, course, place }) =>
+      ({ word: title, unit, over, lists: Object.values(lines), names: Object.keys(lines), now: place ? null : at[g], log: logarithmic, course })), inks);
   }
   seekChart(x) {
     const { curveList, parts: { charts }, at } = this;
-    if (!curveList.length) return;
+    if (!curveList.length || curveList[0].place) return;
     const { at: over } = curveList[0], wanted = over[0] + partOf(charts, Math.min(4, curveList.length), x) * (over.at(-1) - over[0]);
     this.seek(at.reduce((best, v, i) => (Math.abs(v - wanted) < Math.abs(at[best] - wanted) ? i : best), 0));
   }
@@ -213,10 +233,8 @@ export class MotionPage extends Page {
   walk(event) {                                // arrows go from part to part
     const way = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1 }[event.key];
     if (!way) return false;
-    for (let n = 0, i = this.picked; n < this.count; n++) {
-      i = (i + way + this.count) % this.count;
-      if (this.there(i)) { this.picked = i; break; }
-    }
+    const { count, picked } = this, next = Array.from({ length: count }, (_, n) => (picked + way * (n + 1) + 2 * count) % count).find((i) => this.there(i));
+    this.picked = next ?? picked;
     this.later();
     return true;
   }

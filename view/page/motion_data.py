@@ -73,6 +73,9 @@ class Pictures:
         How the run ended.
     alone : bool
         Whether every frame is magnified by itself: what hardly holds any more moves far.
+    outlines : list of dict
+        What cuts the parts, first the box, then regions by their curves: "solid", and "lines",
+        the number of points of each. These are the last points: one, and three a cubic curve.
     """
 
     points: Floats
@@ -89,6 +92,7 @@ class Pictures:
     visits: Sequence[int] = ()
     words: str = ""
     alone: bool = False
+    outlines: Sequence[dict[str, Any]] = ()
 
 
 def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
@@ -135,6 +139,7 @@ def picture_data(told: Pictures) -> tuple[dict[str, Any], Columns]:
         "visits": list(told.visits),
         "outcome": told.words,
         "alone": told.alone,
+        "outlines": list(told.outlines),
     }
     return header, columns
 
@@ -148,6 +153,7 @@ def curve_data(curves: Curves) -> dict[str, Any]:
         "lines": {name: line.tolist() for name, line in curves.lines.items()},
         "logarithmic": curves.logarithmic,
         "course": curves.along == "displacement",  # a point a moment, there and back
+        "place": curves.along == "place",  # no moments at all
     }
 
 

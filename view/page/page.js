@@ -2,7 +2,7 @@
 // the file, or Python behind a channel.
 import { certifying, sharesOf, Twin } from "./rule.js";
 import { cornersOf, deformation } from "./deformation.js";
-import { Recorded, Sums } from "./history.js";
+import { Sums } from "./history.js";
 import { colourOf, css, inksOf, paintCells, paintLegend, paintLoads, paintNumbers, paintPath, paintPick, View } from "./paint.js";
 import { curvesOf, paintGrid, partOf } from "./charts.js";
 import { icon, make } from "./controls.js";
@@ -316,6 +316,7 @@ export class Page {
   tellTime(text) {
     const { parts, t, run, g } = this, on = Boolean(this.playing);
     parts.count.textContent = parts.time.ariaValueText = text;
+    this.canvas.ariaLabel = `${this.say(this.title) || "kaju"}. ${text}`;
     parts.time.max = run.generation; parts.time.value = g;
     tellMarks(this); this.lesson?.tell();
     if (parts.shows === on) return;

@@ -1,0 +1,189 @@
+"""What pages are told of true outlines: curves that cut the agents' squares, and their loads."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from kaju.arrays import Floats
+from kaju.errors import SceneError
+from kaju.model.outline.arc_triangles import ArcFrames, halved
+from kaju.model.outline.fitted_displacement import shapes_at
+from kaju.model.outline.outline_problem import SIDES
+from kaju.model.outline.outlined_scene import problem_of
+from kaju.model.outline.square_leaves import SquareLeaves
+from kaju.model.outline.true_shapes import TrueBody, TrueShape
+from kaju.model.results.mesh import corner_order
+from kaju.model.results.result import Curves
+from kaju.model.scene.curves import flattened
+
+from .motion_data import Pictures
+
+if TYPE_CHECKING:
+    from kaju.model.outline.outline_result import OutlineResult
+    from kaju.model.scene import Scene
+    from kaju.model.scene.loads import Load
+
+_ON_CURVE = np.linalg.inv(
+    [[(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3] for t in (0, 1 / 3, 2 / 3, 1)]
+)
+"""Control points of the cubic curve through four points."""
+_ARROWS = 12
+"""Arrows that stand for a pressure along an outline."""
+CELLS = {
+    "en": "The outlines of this body are true ones. The prescribed rule runs on cells: here they "
+    "are steps of these.",
+    "de": "Die Umrisse dieses Körpers sind echte Kurven. Die vorgeschriebene Regel läuft auf "
+    "Zellen: Hier sind sie Treppen aus diesen.",
+    "ja": "この物体の輪郭は本来なめらかな曲線です。決められた規則はセルの上で動くので、"
+    "ここではセルの階段になります。",
+}
+"""What a page says that runs the prescribed rule on a body with true outlines."""
+
+
+class DrawnOutlines(NamedTuple):
+    """Outlines as cubic curves: every line begins with a point, and three follow for each curve."""
+
+    points: Floats
+    """Where their control points are (m), shape (n, 2)."""
+    moved: Floats
+    """By how much they move (m), shape (n, 2)."""
+    regions: list[dict[str, Any]]
+    """Whether it is solid, and the number of points of each of its lines: first the box, which has
+    none, then region by region."""
+
+
+def cut_agents(result: OutlineResult) -> Pictures:
+    """Agents as whole squares that the outlines cut, by shares of the load."""
+    at = np.linspace(0.0, 1.0, 21)
+    low = np.stack([result.x, result.y], axis=1)[:, None]
+    corners = low + result.width[:, None, None] * corner_order(2).astype(np.int64)
+    _, first, node = np.unique(
+        corners.reshape(-1, 2), axis=0, return_index=True, return_inverse=True
+    )
+    unit = result.first_edge * SquareLeaves.unit
+    drawn = drawn_outlines(result)
+    points = np.concatenate([unit * corners.reshape(-1, 2)[first], drawn.points])
+    moved = np.concatenate([result.corner_displacement.reshape(-1, 2)[first], drawn.moved])
+    curves = []
+    for name, (x, y, hoop) in ((name, rows.T) for name, rows in result.hoops.items()):
+        along = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
+        title = f"Hoop stress over the way along {name} (m)"
+        curves.append(Curves(title, "place", "m", along, {"hoop stress": hoop}, "Pa"))
+    return Pictures(
+        points=points,
+        parts=node.reshape(-1, 4),
+        at=at,
+        along="share",
+        values={"von_mises": ("Pa", at[:, None] * result.von_mises)},
+        moved=at[:, None, None] * moved,
+        curves=curves,
+        forces=[arrow for load in result.scene.loads for arrow in _arrows_of(result, load)],
+        words=f"{result.agents} agents, error at most {100.0 * result.error_bound:.2g} %",
+        outlines=drawn.regions,
+    )
+
+
+def drawn_outlines(result: OutlineResult) -> DrawnOutlines:
+    """Return the outlines of a body, as its agents move them."""
+    problem, edge = problem_of(result.scene)
+    leaves = SquareLeaves(result.x, result.y, result.width, problem.shape)
+    points: list[Floats] = []
+    moved: list[Floats] = []
+    regions: list[dict[str, Any]] = [{"solid": problem.body.solid, "lines": []}]
+    for region in problem.body.regions:
+        counts = []
+        for arcs in _lines(region.shape):
+            arcs = _as_fine(arcs, leaves)
+            at = flattened(arcs, 3)
+            for told, found in ((edge * at, points), (_moved(result, leaves, at), moved)):
+                of = np.stack([told[0::3], told[1::3], told[2::3], np.roll(told[0::3], -1, 0)], 1)
+                controls = np.einsum("ij,njd->nid", _ON_CURVE, of)
+                found.append(np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 2)]))
+            counts.append(len(points[-1]))
+        regions.append({"solid": region.solid, "lines": counts})
+    return DrawnOutlines(np.concatenate(points), np.concatenate(moved), regions)
+
+
+def _lines(shape: TrueShape) -> list[Floats]:
+    """Return the closed lines of a shape; every second one within another is a hole."""
+    if isinstance(shape, TrueBody):
+        return [arcs for region in shape.regions for arcs in _lines(region.shape)]
+    return [shape.arcs]
+
+
+def _as_fine(arcs: Floats, leaves: SquareLeaves) -> Floats:
+    """Halve arcs that are longer than the leaves at them: the leaves bend them."""
+    while True:
+        frames = ArcFrames(arcs)
+        size = np.full(len(arcs), np.inf)
+        for points in (frames.start, frames.tip, frames.end):
+            leaf = leaves.at(points)
+            size = np.minimum(size, np.where(leaf < 0, np.inf, leaves.size[leaf] * leaves.unit))
+        long = frames.length > size
+        if not long.any():
+            return arcs
+        arcs = halved(arcs, long)
+
+
+def _moved(result: OutlineResult, leaves: SquareLeaves, at: Floats) -> Floats:
+    """Return how points (in edges of the first agents) move; beyond the body with what is near."""
+    leaf, low, size = leaves.at(at), leaves.lower(), leaves.size * leaves.unit
+    beyond = leaf < 0
+    leaf[beyond] = cKDTree(low + 0.5 * size[:, None]).query(at[beyond])[1]
+    local = np.clip((at - low[leaf]) / size[leaf, None], 0.0, 1.0)
+    return np.asarray(np.einsum("nk,nkd->nd", shapes_at(local), result.corner_displacement[leaf]))
+
+
+def _arrows_of(result: OutlineResult, load: Load) -> list[tuple[list[float], list[float]]]:
+    scene = result.scene
+    if load.side is not None:
+        axis, upper = SIDES[load.side]
+        at = (
+            result.lower
+            + np.where(np.arange(2) == axis, 1.0 if upper else 0.0, 0.5) * (result.size[:, None])
+        )
+        end = scene.lattice.extent[axis] if upper else 0.0
+        there = np.isclose(at[:, axis], end, rtol=0.0, atol=1e-9 * result.first_edge)
+        place, long = at[there].mean(axis=0), float(result.size[there].sum())
+        if load.force is not None:
+            return [(place.tolist(), list(load.force))]
+        assert load.pressure is not None
+        inward = np.where(np.arange(2) == axis, -1.0 if upper else 1.0, 0.0)
+        return [(place.tolist(), (load.pressure * long * scene.thickness * inward).tolist())]
+    problem, edge = problem_of(scene)
+    which = [region.name for region in scene.body.regions].index(load.outline)
+    region = problem.body.regions[which]
+    ring = np.concatenate([edge * flattened(arcs, 8) for arcs in _lines(region.shape)[:1]])
+    if load.force is not None:
+        return [(ring.mean(axis=0).tolist(), list(load.force))]
+    assert load.pressure is not None
+    run = np.roll(ring, -1, axis=0) - ring
+    way = np.append(0.0, np.cumsum(np.hypot(*run.T)))
+    rows = np.searchsorted(way, way[-1] * np.arange(_ARROWS) / _ARROWS, side="right") - 1
+    inward = np.stack([-run[rows, 1], run[rows, 0]], axis=1) * (1.0 if region.solid else -1.0)
+    inward /= np.hypot(*inward.T)[:, None]
+    force = load.pressure * scene.thickness * way[-1] / _ARROWS * inward
+    inside = ((ring[rows] >= 0.0) & (ring[rows] <= scene.lattice.extent)).all(axis=1)
+    return list(zip(ring[rows][inside].tolist(), force[inside].tolist(), strict=True))
+
+
+def on_cells(scene: Scene) -> Scene:
+    """Return a scene whose true outlines are steps of its cells.
+
+    Raises
+    ------
+    SceneError
+        If an outline is loaded: steps have none.
+    """
+    for number, load in enumerate(scene.loads):
+        if load.outline is not None:
+            raise SceneError(
+                f"loads.{number}.outline: the prescribed rule runs on cells, which have no outline "
+                f"{load.outline!r} to load; show the answer, export_page(solve(scene), ...), or "
+                "load a side or a region"
+            )
+    count = len(scene.body.regions)
+    return scene.with_overrides({f"body.regions.{n}.outline": "cells" for n in range(count)})

@@ -24,7 +24,7 @@ from .motion_data import Pictures
 if TYPE_CHECKING:
     from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.scene import Scene
-    from kaju.model.scene.loads import Load
+    from kaju.model.scene.loads import LoadTable
 
 _ON_CURVE = np.linalg.inv(
     [[(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3] for t in (0, 1 / 3, 2 / 3, 1)]
@@ -137,7 +137,7 @@ def _moved(result: OutlineResult, leaves: SquareLeaves, at: Floats) -> Floats:
     return np.asarray(np.einsum("nk,nkd->nd", shapes_at(local), result.corner_displacement[leaf]))
 
 
-def _arrows_of(result: OutlineResult, load: Load) -> list[tuple[list[float], list[float]]]:
+def _arrows_of(result: OutlineResult, load: LoadTable) -> list[tuple[list[float], list[float]]]:
     scene = result.scene
     if load.side is not None:
         axis, upper = SIDES[load.side]

@@ -102,29 +102,33 @@ class BalancedPieces:
 
     def _triangulate(self, pieces: list[list[Corners] | None], halved: Flags) -> None:
         leaves = self.leaves
-        lines = self._points_on_sides(pieces)
+        squares = [
+            [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+            for x0, y0, x1, y1 in np.column_stack([self.low, self.high]).tolist()
+        ]
+        rings = [
+            [square] if held is None else _rings_of(tuple(map(tuple, held)), tuple(square))
+            for held, square in zip(pieces, squares, strict=True)
+        ]
+        lines = _points_on_sides(squares, rings)
         corners: list[tuple[Point, Point, Point]] = []
         owner: list[int] = []
-        left_out: list[list[tuple[Point, Point]]] = []
+        left_out: list[tuple[Point, ...]] = []
         whole: dict[tuple[bool, ...], list[int]] = {}
-        for leaf, held in enumerate(pieces):
-            if held is not None and not held:
-                continue
-            beside = self._beside(leaf, lines)
+        for leaf, (held, square) in enumerate(zip(pieces, squares, strict=True)):
             half = tuple(halved[leaf].tolist())
-            if held is None and len(beside) == sum(half):
-                whole.setdefault(half, []).append(leaf)
-                continue
-            (x0, y0), (x1, y1) = self.low[leaf].tolist(), self.high[leaf].tolist()
-            square = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-            shapes = tuple(map(tuple, held or [square]))
-            made, flat = _triangles_in(shapes, (*square, *beside), x1 - x0)
-            corners += made
-            left_out += flat
-            owner += [leaf] * len(made)
+            for ring in rings[leaf]:
+                split = _with_points_beside(ring, square, lines)
+                if held is None and len(split) == 4 + sum(half):
+                    whole.setdefault(half, []).append(leaf)
+                    continue
+                made = _triangles_in(split, square[1][0] - square[0][0])
+                corners += made
+                owner += [leaf] * len(made)
+                left_out += [] if made else [split]
         self.corners = np.array(corners, dtype=float).reshape(-1, 3, 2)
         self.owner = np.array(owner, dtype=np.int64)
-        sides = [side for ring in left_out for side in ring]
+        sides = [side for ring in left_out for side in zip(ring, ring[1:] + ring[:1], strict=True)]
         self.flat_ends = np.array(sides, dtype=float).reshape(-1, 2, 2)
         self.flat = np.repeat(np.arange(len(left_out)), [len(ring) for ring in left_out])
         self.cut = SplitTriangles(self.corners, self.compliance)
@@ -136,45 +140,6 @@ class BalancedPieces:
         np.add.at(self.area, self.owner, self.cut.area)
         for _, _, rows in self.whole:
             self.area[rows] = (leaves.size[rows] * leaves.unit) ** 2
-
-    def _points_on_sides(
-        self, pieces: list[list[Corners] | None]
-    ) -> dict[tuple[int, float], list[float]]:
-        """Return where on the lines along leaves' sides corners of leaves or of pieces lie."""
-        lines: dict[tuple[int, float], set[float]] = {}
-        for x0, y0, x1, y1 in np.column_stack([self.low, self.high]).tolist():
-            for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1)):
-                lines.setdefault((0, x), set()).add(y)
-                lines.setdefault((1, y), set()).add(x)
-        for leaf, held in enumerate(pieces):
-            if not held:
-                continue
-            xs, ys = ({self.low[leaf, a], self.high[leaf, a]} for a in (0, 1))
-            for piece in held:
-                for x, y in piece:
-                    if x in xs:
-                        lines[0, x].add(y)
-                    if y in ys:
-                        lines[1, y].add(x)
-        return {key: sorted(values) for key, values in lines.items()}
-
-    def _beside(self, leaf: int, lines: dict[tuple[int, float], list[float]]) -> list[Point]:
-        """Return the points within the sides of a leaf."""
-        (x0, y0), (x1, y1) = self.low[leaf].tolist(), self.high[leaf].tolist()
-        found: list[Point] = []
-        for axis, at, low, high in (
-            (1, y0, x0, x1),
-            (0, x1, y0, y1),
-            (1, y1, x0, x1),
-            (0, x0, y0, y1),
-        ):
-            line = lines[axis, at]
-            last = low
-            for value in line[bisect_right(line, low + NEAR) : bisect_left(line, high - NEAR)]:
-                if value - last > NEAR:
-                    found.append((at, value) if axis == 0 else (value, at))
-                    last = value
-        return found
 
     def _join(self) -> None:
         """Count the sides: first those of triangles in cut leaves, then those round whole ones."""
@@ -257,7 +222,7 @@ class BalancedPieces:
             self._stress_of(moved)
             left = load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
             self.residual = float(np.abs(left[free]).max() / np.abs(asked).max())
-            if self.residual < 1e-14:
+            if self.residual < 1e-11:
                 break
         return float(self.energies().sum())
 
@@ -335,21 +300,86 @@ class LooseError(SupportError):
 
 
 @lru_cache(maxsize=10_000)  # most cut leaves stay what they were when others are split
-def _triangles_in(
-    pieces: tuple[tuple[Point, ...], ...], beside: tuple[Point, ...], edge: float
-) -> tuple[list[tuple[Point, Point, Point]], list[list[tuple[Point, Point]]]]:
-    """Return triangles of the pieces of a leaf, and the sides of those pieces that are too flat."""
-    points, rings = outlines_of(map(list, pieces), list(beside), NEAR)
+def _rings_of(pieces: tuple[tuple[Point, ...], ...], square: tuple[Point, ...]) -> list[Corners]:
+    """Return closed lines round what a leaf holds, without the ends of cuts between pieces."""
+    points, rings = outlines_of(map(list, pieces), list(square), NEAR)
     if any(area_of([points[k] for k in ring]) < 0.0 for ring in rings):  # round a hole
         joints = list(points)
         rings = [ring for piece in pieces for ring in outlines_of([list(piece)], joints, NEAR)[1]]
-    made: list[tuple[Point, Point, Point]] = []
-    flat: list[list[tuple[Point, Point]]] = []
+    sides = [(0, square[0][0]), (0, square[1][0]), (1, square[0][1]), (1, square[2][1])]
+    points = [_on_sides(point, sides) for point in points]
+    out = []
     for ring in rings:
-        triangles, shape = triangles_of(points, ring) if len(ring) > 2 else ([], 0.0)
-        small = area_of([points[k] for k in ring]) < LEAST_AREA * edge**2
-        if shape > (LEAST_AREA**1.5 if small else LEAST_SHAPE):
-            made += [(points[a], points[b], points[c]) for a, b, c in triangles]
-        else:
-            flat.append([(points[k], points[ring[i - len(ring) + 1]]) for i, k in enumerate(ring)])
-    return made, flat
+        at = [points[k] for k in ring]
+        kept = [
+            here
+            for before, here, after in zip(at[-1:] + at[:-1], at, at[1:] + at[:1], strict=True)
+            if not any(before[a] == here[a] == after[a] == value for a, value in sides)
+        ]
+        if len(kept) > 2:
+            out.append(kept)
+    return out
+
+
+def _on_sides(point: Point, sides: list[tuple[int, float]]) -> Point:
+    """Return a point, moved onto sides that it is near to."""
+    at = list(point)
+    for axis, value in sides:
+        if abs(at[axis] - value) <= NEAR:
+            at[axis] = value
+    return at[0], at[1]
+
+
+Lines = dict[tuple[int, float], list[float]]
+"""Of lines along leaves' sides, by axis and place: where on them corners lie, in order."""
+
+
+def _points_on_sides(squares: list[Corners], rings: list[list[Corners]]) -> Lines:
+    """Return where on leaves' sides corners of leaves or of what they hold lie."""
+    lines: dict[tuple[int, float], set[float]] = {}
+    for square, held in zip(squares, rings, strict=True):
+        for x, y in square:
+            lines.setdefault((0, x), set()).add(y)
+            lines.setdefault((1, y), set()).add(x)
+        (x0, y0), _, (x1, y1), _ = square
+        for ring in held:
+            if ring is square:
+                continue
+            for x, y in ring:
+                if x in (x0, x1):
+                    lines[0, x].add(y)
+                if y in (y0, y1):
+                    lines[1, y].add(x)
+    return {key: sorted(values) for key, values in lines.items()}
+
+
+def _with_points_beside(ring: Corners, square: Corners, lines: Lines) -> tuple[Point, ...]:
+    """Return a closed line with the corners of others on the sides of its leaf."""
+    out: list[Point] = []
+    for first, last in zip(ring, [*ring[1:], ring[0]], strict=True):
+        out.append(first)
+        for axis in (0, 1):
+            at = first[axis]
+            if at != last[axis] or at not in (square[0][axis], square[2][axis]):
+                continue
+            low, high = sorted((first[1 - axis], last[1 - axis]))
+            line = lines[axis, at]
+            between: list[float] = []
+            for value in line[bisect_right(line, low + NEAR) : bisect_left(line, high - NEAR)]:
+                if not between or value - between[-1] > NEAR:
+                    between.append(value)
+            if first[1 - axis] > last[1 - axis]:
+                between.reverse()
+            out += [(at, value) if axis == 0 else (value, at) for value in between]
+    return tuple(out)
+
+
+@lru_cache(maxsize=10_000)
+def _triangles_in(ring: tuple[Point, ...], edge: float) -> list[tuple[Point, Point, Point]]:
+    """Return the triangles of a polygon in a leaf, none if it is too flat."""
+    points = list(ring)
+    triangles, shape = triangles_of(points, list(range(len(ring))))
+    small = area_of(points) < LEAST_AREA * edge**2
+    if shape <= (LEAST_AREA**1.5 if small else LEAST_SHAPE):
+        return []
+    return [(points[a], points[b], points[c]) for a, b, c in triangles]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -106,18 +107,18 @@ def outlines_of(
     for point in beside:
         number(point)
     rings = [[number(point) for point in piece] for piece in pieces]
-    sides: set[tuple[int, int]] = set()
+    sides: Counter[tuple[int, int]] = Counter()
     for ring in rings:
         for k, first in enumerate(ring):
             last = ring[k - len(ring) + 1]
             run = _points_along(points, first, last, near)
             for side in pairwise(run):
                 back = (side[1], side[0])
-                if back in sides:
-                    sides.remove(back)
+                if sides[back]:
+                    sides[back] -= 1
                 else:
-                    sides.add(side)
-    return points, _chained(points, sides)
+                    sides[side] += 1
+    return points, _chained(points, sides.elements())
 
 
 def _points_along(points: list[Point], first: int, last: int, near: float) -> list[int]:
@@ -129,14 +130,14 @@ def _points_along(points: list[Point], first: int, last: int, near: float) -> li
         return [first]
     between = []
     for k, (x, y) in enumerate(points):
-        along = ((x - x0) * dx + (y - y0) * dy) / length
-        off = abs((x - x0) * dy - (y - y0) * dx) / length
-        if k not in (first, last) and off <= near and 0.0 < along < length:
-            between.append((along, k))
+        if k != first and k != last and abs((x - x0) * dy - (y - y0) * dx) <= near * length:
+            along = ((x - x0) * dx + (y - y0) * dy) / length
+            if 0.0 < along < length:
+                between.append((along, k))
     return [first, *(k for _, k in sorted(between)), last]
 
 
-def _chained(points: list[Point], sides: set[tuple[int, int]]) -> list[list[int]]:
+def _chained(points: list[Point], sides: Iterable[tuple[int, int]]) -> list[list[int]]:
     """Return closed lines of directed sides; where two meet in a point, each turns sharply left."""
     onward: dict[int, list[int]] = {}
     for first, last in sorted(sides):

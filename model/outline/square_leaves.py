@@ -60,10 +60,16 @@ class SquareLeaves:
             found[hit] = rows[order[spot[hit]]]
         return found
 
-    def split(self, chosen: Flags) -> SquareLeaves:
-        """Return the leaves with the chosen ones in four, and others that became too large."""
-        leaves = self
-        while chosen.any():
+    def split(self, halvings: Flags | Ints) -> SquareLeaves:
+        """Return the leaves halved so many times each, and others that became too large."""
+        leaves, left = self, halvings.astype(np.int64)
+        while True:
+            chosen = left > 0
+            if not chosen.any():
+                left = leaves._too_large().astype(np.int64)
+                if not left.any():
+                    return leaves
+                continue
             half, x, y = leaves.size[chosen] // 2, leaves.x[chosen], leaves.y[chosen]
             leaves = SquareLeaves(
                 np.concatenate([leaves.x[~chosen], x, x + half, x, x + half]),
@@ -71,8 +77,7 @@ class SquareLeaves:
                 np.concatenate([leaves.size[~chosen], half, half, half, half]),
                 self.shape,
             )
-            chosen = leaves._too_large()
-        return leaves
+            left = np.concatenate([left[~chosen], np.tile(left[chosen] - 1, 4)])
 
     def _too_large(self) -> Flags:
         """Tell which leaves touch one of less than half their size."""

@@ -10,6 +10,7 @@ import pytest
 
 import kaju
 from kaju.model.outline import outline_bracket
+from kaju.model.outline.convex_pieces import area_of, outlines_of
 from kaju.model.outline.outline_bracket import bracket
 from kaju.model.outline.outlined_scene import problem_of
 from kaju.model.outline.split_triangle import SplitTriangles
@@ -342,3 +343,23 @@ def test_too_many_agents_keep_the_best() -> None:
     assert isinstance(best, kaju.OutlineResult)
     assert best.tolerance_kept == "missed"
     assert best.energy_bounds[0] < best.strain_energy < best.energy_bounds[1]
+
+
+def test_cuts_between_pieces_leave_no_corners() -> None:
+    problem, _ = problem_of(ring(0.1, 0.2, cells=4))
+    leaves = SquareLeaves.first(problem.shape)
+    leaves = leaves.split(np.full(len(leaves), 3))
+    found = bracket(problem, leaves)
+    assert set(leaves.size) == {leaves.size.max()}
+    assert len(leaves) == 16 * 64
+    assert np.bincount(found.balanced.owner).max() <= 6  # triangles of a leaf
+
+
+def test_sides_all_but_in_one_are_not_lost() -> None:
+    # the second piece is so flat that its corners lie on a side of the first, but apart
+    first, last = (1.0, 0.41183), (0.71445, 1.0)
+    large = [(0.0, 0.0), (1.0, 0.0), first, last, (0.0, 1.0)]
+    small = [first, (1.0, 0.411835), (0.99883, 0.414246)]
+    points, rings = outlines_of([large, small], [], 3e-6)
+    assert len(rings) == 1
+    assert area_of([points[k] for k in rings[0]]) == pytest.approx(area_of(large), abs=1e-5)

@@ -8,8 +8,11 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.kaju
 	$(BIN)/kaju demo --out demo --force
 
+# On two cores: a third worker computes while others wait for browsers, servers and commands.
+WORKERS = -n 3 --dist worksteal
+
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -m "not slow" -n 2 --durations=10
+	$(BIN)/python -m pytest -m "not slow" $(WORKERS) --durations=10
 
 # The suite of what computes in the plainest arithmetic of the processor: expectations that hang
 # on a tie or on the last bit fail here. Other variants by hand: see CONTRIBUTING.md.
@@ -17,11 +20,11 @@ PLAIN = OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=generic NUMBA_DISABLE_INTEL_SV
   NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python tests/support/cpu_features.py)"
 
 test-plain: $(VENV)/.test
-	$(PLAIN) $(BIN)/python -m pytest -m "not slow" -n 2 tests \
+	$(PLAIN) $(BIN)/python -m pytest -m "not slow" $(WORKERS) tests \
 	  --ignore=tests/page --ignore=tests/view --ignore=tests/test_docs.py
 
 test-slow: $(VENV)/.test
-	$(BIN)/python -m pytest -m slow -n 2
+	$(BIN)/python -m pytest -m slow $(WORKERS)
 
 # PETSc and mpi4py come from the system, for the system's Python, built for NumPy 1: an
 # environment of its own sees them.

@@ -10,6 +10,12 @@ from hypothesis import HealthCheck, settings
 # Jobs in the background of a shell ignore Ctrl-C, and so would all that they start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# The tests start many processes: each would compile all over again what none may keep.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+if "PYTEST_XDIST_WORKER" in os.environ:  # others use the other processors
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 # Machines differ in speed: a slow example is no failure.
 settings.register_profile(
     "kaju", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True

@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from kaju import Scene, solve
 from kaju.errors import ParameterError, SupportError
 from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.spawning import block_spawner
 from kaju.model.elastic.spawning.leaves import Leaves
 from kaju.model.elastic.spawning.previous import refined_by
 from kaju.model.elastic.spawning.retire import even_share, retired
@@ -337,14 +339,28 @@ def test_others_make_up_for_agents_that_may_not_spawn():
     assert even_share(leaves, part, allowed=1.9, smallest=2) == 0.0
 
 
-FINE = 0.009
-"""A tolerance for which agents stand in blocks."""
+FINE = 0.015
+"""A tolerance for which agents stand in blocks, where few are many."""
+
+
+@pytest.fixture
+def in_blocks(monkeypatch):
+    """Tell whether agents stand in blocks, as they do here wherever they can."""
+    monkeypatch.setattr(block_spawner, "MANY", {2: 0, 3: 0})
+    monkeypatch.setattr(block_spawner, "FIRST", 0)
+    return lambda result: isinstance(result.found.spawning, block_spawner.BlockSpawning)
+
+
+@cache
+def first_in_blocks():
+    return spawned(plate(), tolerance=FINE)
 
 
 @pytest.mark.parametrize("change", ["moved", "moved by a cell", "another push more", "cut"])
-def test_agents_in_blocks_go_on_too(change):
+def test_agents_in_blocks_go_on_too(in_blocks, change):
     changes = CHANGES | {"another push more": plate(loads=[*press(), *press(2, (0.0, -1.0))])}
-    first = spawned(plate(), tolerance=FINE)
+    first = first_in_blocks()
+    assert in_blocks(first)
     again = spawned(changes[change], tolerance=None, previous=first)
     fresh = spawned(changes[change], tolerance=FINE)
     assert again.error_bound <= FINE
@@ -358,17 +374,18 @@ def test_agents_in_blocks_go_on_too(change):
     assert again.summary()["retired"] == np.count_nonzero(larger)
 
 
-def test_agents_in_blocks_retire_where_a_load_has_gone():
+def test_agents_in_blocks_retire_where_a_load_has_gone(in_blocks):
     first = spawned(plate(loads=press(2)), tolerance=FINE)
     again = spawned(plate(loads=press(26)), tolerance=None, previous=first)
     fresh = spawned(plate(loads=press(26)), tolerance=FINE)
+    assert in_blocks(again)
     assert again.summary()["retired"] > 0.2 * first.agents
     assert_as_good(again, fresh)
     assert (again.spawn_step >= 0).all()
     assert (again.cause[again.spawn_step == 0] == 0.0).all()
 
 
-def test_blocks_of_cubes_go_on_too():
+def test_blocks_of_cubes_go_on_too(in_blocks):
     block = Scene(
         body={"size": [0.1, 0.1, 0.1], "cells": [8, 8, 8], "material": "steel"},
         sides={"bottom": "rigid"},
@@ -376,8 +393,9 @@ def test_blocks_of_cubes_go_on_too():
     )
     load = {"region": {"box": [[0.05, 0.05, 0.1], [0.075, 0.1, 0.1]]}, "force": [0.1, 0.0, -1.0]}
     moved = block.replace(loads=[load])
-    first = spawned(block, tolerance=0.05)
-    again, fresh = spawned(moved, tolerance=None, previous=first), spawned(moved, tolerance=0.05)
+    first = spawned(block, tolerance=0.07)
+    again, fresh = spawned(moved, tolerance=None, previous=first), spawned(moved, tolerance=0.07)
+    assert in_blocks(again)
     assert again.agents < 1.4 * fresh.agents
     gap = again.strain_energy / fresh.strain_energy - 1
     assert abs(gap) < again.error_estimate**2 + fresh.error_estimate**2

@@ -281,7 +281,7 @@ def of_archive(data, rng, *, sealed):
     elif way == 1 and names:
         del arrays[names[int(rng.integers(len(names)))]]
     elif way == 2:
-        arrays["bomb"] = np.zeros(200_000_000 // 8)
+        arrays["bomb"] = np.zeros(50_000_000 // 8)
     elif way in (3, 4) or not names:
         about = of_words(about, rng)
     else:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
@@ -144,34 +145,60 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("verb", RUNS)
-@pytest.mark.parametrize("share", [0.2, pytest.param(0.7, marks=pytest.mark.slow)])
-def test_a_command_that_is_interrupted_leaves_a_whole_folder_or_none(tmp_path, verb, share):
-    """At any time: before there is anything to keep there is no folder, later a whole one."""
-    cells, rule, more = RUNS[verb]
+def written(folder, verb, cells):
+    _, rule, more = RUNS[verb]
     scene = LARGE.format(cells=cells, middle=cells // 2, last=cells - 1, rule=rule)
-    (tmp_path / "scene.toml").write_text(scene)
-    command = [sys.executable, "-m", "kaju", verb, "scene.toml", "--out", "answer", *more]
-    with subprocess.Popen(
-        [*command, "--no-pictures"], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-    ) as run:
-        time.sleep(4.0 + 8.0 * share)
-        run.send_signal(signal.SIGINT)
-        told = run.communicate(timeout=120)[1]
-    folder = tmp_path / "answer"
-    if run.returncode == 0:
-        assert (folder / "result.npz").exists()
-        return
-    assert run.returncode == 130, told
+    (folder / "scene.toml").write_text(scene)
+    return [verb, "scene.toml", "--out", "answer", *more, "--no-pictures"]
+
+
+def assert_whole_or_none(place, told):
+    """Before there is anything to keep there is no folder, later a whole one."""
+    folder = place / "answer"
     assert "Traceback" not in told
     assert ("answer" in told) == folder.exists()
     if folder.exists():
         summary = json.loads((folder / "summary.json").read_text())
         words = [summary.get("outcome", ""), *summary.get("notes", [])]
-        result = kaju.load_result(folder)
-        words += [getattr(result, "outcome", "")]
+        words += [getattr(kaju.load_result(folder), "outcome", "")]
         assert any("interrupted" in word for word in words)
-    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+    assert [path.name for path in place.iterdir() if path.name.startswith(".")] == []
+    return folder.exists()
+
+
+STEPS = {
+    "run": "kaju.model.transfer.load_transfer.LoadTransfer.step",
+    "solve": "kaju.model.elastic.spawning.spawner.Spawner.step",
+    "creep": "kaju.model.rheology.march.take_step",
+}
+
+
+@pytest.mark.parametrize("verb", RUNS)
+@pytest.mark.parametrize("kept", [False, True])
+def test_what_an_interrupted_command_leaves(kaju, monkeypatch, tmp_path, verb, kept):
+    place, _, name = (STEPS[verb] if kept else "kaju.model.scene.load_scene").rpartition(".")
+    interrupting(monkeypatch, (resolve_name(place), name), 3 if kept else 1)
+    code, _, told = kaju(*written(tmp_path, verb, 8))
+    assert code == 130
+    assert assert_whole_or_none(tmp_path, told) == kept
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", RUNS)
+@pytest.mark.parametrize("seconds", [5.6, 9.6])
+def test_a_command_may_be_interrupted_at_any_time(tmp_path, verb, seconds):
+    words = written(tmp_path, verb, RUNS[verb][0])
+    with subprocess.Popen(
+        [sys.executable, "-m", "kaju", *words], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+    ) as run:
+        time.sleep(seconds)
+        run.send_signal(signal.SIGINT)
+        told = run.communicate(timeout=120)[1]
+    if run.returncode == 0:
+        assert (tmp_path / "answer/result.npz").exists()
+        return
+    assert run.returncode == 130, told
+    assert_whole_or_none(tmp_path, told)
 
 
 @pytest.mark.parametrize(("at", "kept"), [(2, []), (12, ["prescribed rule"])])

@@ -6,6 +6,7 @@ import runpy
 import sys
 from contextlib import suppress
 from dataclasses import astuple, replace
+from functools import partial
 from pathlib import Path
 from time import process_time
 
@@ -135,7 +136,7 @@ def test_trials_need_workers_and_time(how, message):
 
 def test_the_certificate_draws_the_line_where_loads_begin_to_grow():
     for beta, ratio in ((1.0, 0.3), (0.0, 0.45)):
-        found = stability_map(beta, ratio, steps=4)
+        found = stability_map(beta, ratio, steps=3)
         assert found.contradicted == 0
         assert (found.growth > 1.0).any()
         assert (found.growth < 1.0).any()
@@ -147,6 +148,7 @@ def test_the_certificate_draws_the_line_where_loads_begin_to_grow():
 def test_the_command_writes_a_row_a_trial(monkeypatch, capsys, tmp_path):
     first = number_of("three elements")
     words = ["stress", "--first", str(first), "--count", "1", "--workers", "1", "--out", "here"]
+    monkeypatch.setattr(trial_workers, "trials", partial(trials, warm=False))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["kaju", *words])
     with pytest.raises(SystemExit) as end:
@@ -191,11 +193,9 @@ def test_a_bound_below_the_truth_fails(monkeypatch):
     assert sound.lower < sound.truth < sound.upper
     assert bounded([sound]) == (1, 1, 1)
     assert bounded([replace(sound, truth=2.0 * sound.truth)]) == (1, 1, 0)
-    truth = trial_kinds._true_energy
     for wrong in (0.5, 1.5):
-        monkeypatch.setattr(
-            trial_kinds, "_true_energy", lambda scene, wrong=wrong: wrong * truth(scene)
-        )
+        told = wrong * sound.truth
+        monkeypatch.setattr(trial_kinds, "_true_energy", lambda scene, told=told: told)
         assert "lies outside of its bounds" in attempt(WITH_TRUTH, "equal cells").what
 
 
@@ -215,10 +215,12 @@ REFUSALS = {
 }
 SECONDS = 60
 """Of processor time, with all that may have to be compiled."""
+LONG = (732, 753, 5162)
+"""The first two failed as 8529 and 792 did."""
 
 
 @pytest.mark.parametrize(
-    "case", [pytest.param(c, marks=pytest.mark.slow) if c[0] == 5162 else c for c in CORPUS]
+    "case", [pytest.param(c, marks=pytest.mark.slow) if c[0] in LONG else c for c in CORPUS]
 )
 def test_what_has_once_failed_does_not_again(case):
     began = process_time()

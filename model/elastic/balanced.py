@@ -26,12 +26,12 @@ from itertools import combinations
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import AIR
 
-from .boxes import Boxes, Index
+from .boxes import Boxes
 from .crossed import Form
 from .moduli import Moduli
-from .problem import Floats
 from .ragged import Ragged, found_data, ragged_tractions, uneven_modes
 from .staggered import Pair
 
@@ -67,7 +67,7 @@ class Polynomials:
             parts.append(low + b / 2 + c / 3)
         return np.stack(parts)
 
-    def at(self, box: Index, inside: Floats) -> tuple[Floats, Floats]:
+    def at(self, box: Ints, inside: Floats) -> tuple[Floats, Floats]:
         """Return normal and shear stresses at a place in each of some boxes."""
         normal, shear = [], []
         for axis, low in enumerate(self.low):
@@ -162,7 +162,7 @@ class BalancedStress:
             gap[bed.box] = np.maximum(gap[bed.box], off)
         return gap
 
-    def traction(self, side: int, box: Index) -> Floats:
+    def traction(self, side: int, box: Ints) -> Floats:
         """Return mean tractions on a side of boxes, as stress components: shape (d, n)."""
         axis, upper = divmod(side, 2)
         found = np.empty((self.boxes.dimension, len(box)))
@@ -179,7 +179,7 @@ class BalancedStress:
             found[:, at >= 0] = self.ragged.traction[at[at >= 0], side, ..., 0].mean(axis=1).T
         return found
 
-    def borne(self, side: int, box: Index) -> Floats:
+    def borne(self, side: int, box: Ints) -> Floats:
         """Return the stress that a bed bears on sides of boxes, their loads not among it."""
         # Shape (n, parts, d): by part of the side its mean and slopes, as of `Ragged`.
         d, pressed = self.boxes.dimension, self._pressed[side, box, None]
@@ -211,7 +211,7 @@ class BalancedStress:
             found[:, box] = form.mean(self._data(box))
         return _tensors(found, self.boxes.dimension)
 
-    def at(self, box: Index, inside: Floats) -> Floats:
+    def at(self, box: Ints, inside: Floats) -> Floats:
         """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
         found = np.concatenate(self.plain.at(box, inside))
         for some, form in self._forms:
@@ -219,7 +219,7 @@ class BalancedStress:
             found[:, here] = form.at(self._data(box[here]), inside[here])
         return _tensors(found, self.boxes.dimension)
 
-    def _data(self, box: Index) -> Floats:
+    def _data(self, box: Ints) -> Floats:
         return found_data(self.boxes, self.ragged, self.ragged.at(box))
 
 

@@ -12,32 +12,29 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from kaju.arrays import Flags, Floats, Ints
+
 from .moduli import Moduli
-from .problem import Floats
 from .staggered import Pair
 from .tractions import Portions, data_error, softest
-
-Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 
 class Hanging(NamedTuple):
     """Sides with smaller boxes before them: box, side, and these, in the order of `corner_ends`."""
 
-    box: Index
-    side: Index
-    fine: Index
+    box: Ints
+    side: Ints
+    fine: Ints
 
 
 class Loads(NamedTuple):
     """Forces that enter by sides: box, side, and vectors."""
 
-    box: Index
-    side: Index
+    box: Ints
+    side: Ints
     force: Floats
 
 
@@ -45,7 +42,7 @@ class Held(NamedTuple):
     """Sides of boxes at a wall: which, RIGID or ROLLER, and how it moves, shape (n, dimension)."""
 
     side: int
-    box: Index
+    box: Ints
     kind: int
     value: Floats
 
@@ -54,27 +51,27 @@ class Bed(NamedTuple):
     """Sides of boxes on a bed: which, and its stiffness per area."""
 
     side: int
-    box: Index
+    box: Ints
     stiffness: Floats
 
 
 class Mesh(NamedTuple):
     """Where a displacement without gaps has its values."""
 
-    corner: Index  # Nodes at the corners of the boxes; shape (2^dimension, boxes)
+    corner: Ints  # Nodes at the corners of the boxes; shape (2^dimension, boxes)
     # The same for the elements: the boxes, or their parts where corners of smaller ones touch;
     # shape (2^dimension, elements)
-    element: Index
-    owner: Index  # Shape (elements,)
+    element: Ints
+    owner: Ints  # Shape (elements,)
     edge: Floats  # Shape (elements,)
-    parts: Index  # The element at every corner of a box; shape (2^dimension, boxes)
+    parts: Ints  # The element at every corner of a box; shape (2^dimension, boxes)
     # slave, masters: Nodes that lie in the middle of others on a side, or an edge, that stays
     # straight; shape (n,) and (2^(dimension - 1), n)
-    slave: Index
-    masters: Index
+    slave: Ints
+    masters: Ints
     start: Floats  # Displacements to begin with; shape (nodes, dimension)
     # Nodes that stay where they begin: those of the `Others`
-    still: Index = np.zeros(0, dtype=np.int64)
+    still: Ints = np.zeros(0, dtype=np.int64)
 
 
 class Others(NamedTuple):
@@ -90,7 +87,7 @@ class Others(NamedTuple):
     tell: Callable[[Floats, float], Boxes]
 
 
-def whole_mesh(corner: Index, size: Floats, start: Floats) -> Mesh:
+def whole_mesh(corner: Ints, size: Floats, start: Floats) -> Mesh:
     """Return the nodes of boxes of which none is cut."""
     each, nothing = np.arange(len(size)), np.zeros((len(corner) // 2, 0), dtype=np.int64)
     parts = np.broadcast_to(each, corner.shape)
@@ -106,10 +103,10 @@ class Boxes:
     sigma: Floats  # Normal stresses in the middles; shape (dimension, boxes)
     shear: dict[Pair, Floats]  # Shear stresses at the ends along both axes; shape (2, 2, boxes)
     body: Floats  # Force per volume within; shape (dimension, boxes)
-    beside: Index  # A box on each side, -1 for none; shape (2·dimension, boxes)
+    beside: Ints  # A box on each side, -1 for none; shape (2·dimension, boxes)
     # What lies beyond each side: a material (from 0), AIR, RIGID, ROLLER or FOUNDATION; shape
     # (2·dimension, boxes)
-    kind: Index
+    kind: Ints
     # Round which a corner is re-entrant, or smaller ones hang, or a load acts along a side; shape
     # (boxes,)
     uneven: Flags
@@ -143,20 +140,20 @@ class Boxes:
         """2 or 3."""
         return len(self.sigma)
 
-    def side_nodes(self, box: Index, side: int) -> Index:
+    def side_nodes(self, box: Ints, side: int) -> Ints:
         """Return the nodes at the corners of the elements on a side of boxes."""
         # Shape (2^(dimension - 1), 2^(dimension - 1), n): by corner, and by part of the side.
         on = corner_ends(self.dimension)[:, side // 2] == side % 2
         return np.asarray(self.mesh.element[on][:, self.mesh.parts[on][:, box]])
 
 
-def corner_ends(dimension: int) -> Index:
+def corner_ends(dimension: int) -> Ints:
     """Return the corners of a box by their ends along the axes, shape (2^dimension, dimension)."""
     return np.array(list(product((0, 1), repeat=dimension)))
 
 
 @lru_cache(maxsize=2)
-def bodies_at_point(dimension: int) -> Index:
+def bodies_at_point(dimension: int) -> Ints:
     """Return the numbers of bodies round a point, by its filled octants (bits) and octant."""
     ends = corner_ends(dimension)
     beside = np.asarray(np.abs(ends[:, None] - ends).sum(axis=2) == 1)
@@ -167,7 +164,7 @@ def bodies_at_point(dimension: int) -> Index:
     return found
 
 
-def filled_by(nodes: list[Index], octants: list[int], count: int) -> Index:
+def filled_by(nodes: list[Ints], octants: list[int], count: int) -> Ints:
     """Return the octants round every node that boxes fill, as bits: see `parted`."""
     filled = np.zeros(count, dtype=np.int64)
     for node, bits in zip(nodes, octants, strict=True):
@@ -175,7 +172,7 @@ def filled_by(nodes: list[Index], octants: list[int], count: int) -> Index:
     return filled
 
 
-def parted(nodes: list[Index], octants: list[int], filled: Index) -> tuple[list[Index], Index]:
+def parted(nodes: list[Ints], octants: list[int], filled: Ints) -> tuple[list[Ints], Ints]:
     """Give bodies that touch at a corner, or an edge, only a node each."""
     # Points, and lines in solids, hold nothing together: the displacement may differ on both sides.
     # `nodes` are arrays over boxes, none of them twice in one; `octants` tell at which of its

@@ -21,14 +21,14 @@ from math import inf, sqrt
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import ROLLER
 
 from . import fields
 from .balanced import BALANCED, BalancedStress
-from .boxes import Boxes, Index, corner_ends
+from .boxes import Boxes, corner_ends
 from .compatible import CompatibleField
 from .moduli import Moduli
-from .problem import Floats
 from .volume_field import LOCKING, VolumeField
 
 SETTLED_TREE = 1e-11
@@ -165,11 +165,11 @@ class MiddleStress:
 
     balanced: BalancedStress
     field: CompatibleField | VolumeField
-    order: Index | None = None  # Numbers of the boxes in the order in which they are asked for
+    order: Ints | None = None  # Numbers of the boxes in the order in which they are asked for
     unit: float = 1.0  # By what stresses and energies are multiplied
     energy: float = 1.0
 
-    def at(self, box: Index, inside: Floats) -> Floats:
+    def at(self, box: Ints, inside: Floats) -> Floats:
         """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
         box = box if self.order is None else self.order[box]
         strain = self.field.strain_at(box, inside)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.results.archive import Archive, plain_of
 from kaju.model.scene import Scene
@@ -18,7 +19,7 @@ from kaju.model.scene.kinds import INSIDE
 from . import fields
 from .grid import problem_of_scene, repeated
 from .moduli import Moduli
-from .problem import ABSENT, ElasticProblem, FaceFields, Floats, Scales
+from .problem import ABSENT, ElasticProblem, FaceFields, Scales
 from .reactions import reactions
 from .solver import Solution, settled
 from .staggered import Strains, energy_of_cells
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
     from kaju.model.elastic.spawning.tree_agents import TreeAgents
 
     from .bracket import Bracket, MiddleStress
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +92,12 @@ class CellAgents:
         return {"generations": 1}
 
     @property
-    def body(self) -> NDArray[np.bool_]:
+    def body(self) -> Flags:
         """Which cells of the box are of a material."""
         return np.asarray(self.problem.kinds[self.problem.inner] >= 0)
 
     @cached_property
-    def cells(self) -> Index:
+    def cells(self) -> Ints:
         """The grid's cells that are agents, shape (agents, dimension), row by row."""
         return np.asarray(np.argwhere(self.body) + np.asarray(self.origin), dtype=np.int64)
 
@@ -118,16 +117,16 @@ class CellAgents:
         return np.full(self.count, self.grid.lattice.cell_size)
 
     @property
-    def material(self) -> Index:
+    def material(self) -> Ints:
         """Index of each agent's moduli."""
         return np.asarray(self.problem.kinds[self.problem.inner][self.body], dtype=np.int64)
 
-    def materials_of(self, moduli: Index) -> Index:
+    def materials_of(self, moduli: Ints) -> Ints:
         """Return the materials of agents, by the indices of their moduli."""
         return moduli if self.field is None else self._materials[moduli]
 
     @cached_property
-    def _materials(self) -> Index:
+    def _materials(self) -> Ints:
         return np.asarray(self.grid.kinds(self.cells))
 
     @property
@@ -205,7 +204,7 @@ class CellAgents:
         potential = energy * found.potential[0], energy * found.potential[1]
         return Bracket(lower, upper, found.error, potential, norm, middle)
 
-    def placed(self, points: Floats, cells: Index) -> tuple[Index, Floats]:
+    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
         place, inside = self._within(points, cells)
         number = np.cumsum(self.body.ravel()) - 1
@@ -227,11 +226,11 @@ class CellAgents:
             names.append(name if reached else INSIDE)
         return reactions(self.problem, self.solution.displacement, tuple(names))
 
-    def displacement_at(self, points: Floats, cells: Index) -> Floats:
+    def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
         return fields.at_nodes(self.corners, *self._within(points, cells))
 
-    def stress_at(self, points: Floats, cells: Index) -> Floats:
+    def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
         return fields.stress_at(self.parts, self._alike, *self._within(points, cells))
 
@@ -244,16 +243,16 @@ class CellAgents:
             kinds[self.body] = np.unique(moduli, axis=0, return_inverse=True)[1].ravel()
         return kinds
 
-    def material_at(self, points: Floats, cells: Index) -> Index:
+    def material_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the index of the moduli of the cells in or on which points lie."""
         return self.moduli_of_cells(cells)
 
-    def moduli_of_cells(self, cells: Index) -> Index:
+    def moduli_of_cells(self, cells: Ints) -> Ints:
         """Return the index of the moduli of cells of the grid."""
         kinds = self.problem.kinds[self.problem.inner]
         return np.asarray(kinds[tuple((cells - np.asarray(self.origin)).T)], dtype=np.int64)
 
-    def _within(self, points: Floats, cells: Index) -> tuple[Index, Floats]:
+    def _within(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         local = points / self.grid.lattice.cell_size - cells
         return cells - np.asarray(self.origin), np.clip(local, 0.0, 1.0)
 
@@ -274,16 +273,16 @@ class CellAgents:
         return np.asarray(values[self._in_tree])
 
     @cached_property
-    def _in_tree(self) -> Index:
+    def _in_tree(self) -> Ints:
         return self.tree.leaves.find(self.cells * self.tree.ground.cell)
 
     @property
-    def level(self) -> Index:
+    def level(self) -> Ints:
         """How often agents were halved: never."""
         return np.zeros(self.count, dtype=np.int64)
 
     @property
-    def spawn_step(self) -> Index:
+    def spawn_step(self) -> Ints:
         """When agents spawned: all at first."""
         return np.zeros(self.count, dtype=np.int64)
 

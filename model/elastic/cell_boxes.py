@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, RIGID, ROLLER
 
@@ -23,10 +24,8 @@ from .balanced import polynomials
 from .boxes import (
     Bed,
     Boxes,
-    Flags,
     Hanging,
     Held,
-    Index,
     Loads,
     Mesh,
     Others,
@@ -38,7 +37,7 @@ from .boxes import (
 from .cell_loads import portions_of_cells
 from .kernels_bilinear import element_stiffness
 from .moduli import Moduli
-from .problem import ElasticProblem, FaceFields, Floats
+from .problem import ElasticProblem, FaceFields
 from .staggered import Pair, axis_pairs, strains, stresses
 from .tractions import Portions
 from .volume_field import LOCKING
@@ -192,7 +191,7 @@ class Cells:
             work += float(np.vdot(self._pull(axis, _past(row, upper * step)), mean))
         return work
 
-    def _pull(self, axis: int, face: Index | slice) -> Floats:
+    def _pull(self, axis: int, face: Ints | slice) -> Floats:
         """Return the forces by which stresses hold faces."""
         force = self.sigma[axis, _past(face, -self.steps[axis])] - self.sigma[axis, face]
         for tau, pair in zip(self.shear, axis_pairs(self.dimension), strict=True):
@@ -200,12 +199,12 @@ class Cells:
                 force += tau[face] - tau[_past(face, self.steps[sum(pair) - axis])]
         return np.asarray(force)
 
-    def _start_at(self, corner: Index) -> None:
+    def _start_at(self, corner: Ints) -> None:
         """Let corners move as the faces round them, stiff ones counting more."""
         for a, normal in enumerate(self.steps):
             first, *others = (step for step in self.steps if step != normal)
 
-            def line(place: Index, a: int = a, n: int = normal, step: int = first) -> _Line:
+            def line(place: Ints, a: int = a, n: int = normal, step: int = first) -> _Line:
                 at = place + step * np.arange(-2, 2)[:, None]
                 stiff = self.law[0][self.kinds[at]] + self.law[0][self.kinds[at - n]]
                 return self.faces[a, at], stiff
@@ -231,12 +230,12 @@ class Cells:
         found = self._cells_at(rim[wall | parts]) | self._grown(self._at_edges, ROUND_EDGES)
         return body & (found | self._grown(self._marked(np.concatenate(cells)), 1))
 
-    def _marked(self, places: Index) -> Flags:
+    def _marked(self, places: Ints) -> Flags:
         found = np.zeros(len(self.kinds), dtype=np.bool_)
         found[places] = True
         return found
 
-    def _cells_at(self, corners: Index) -> Flags:
+    def _cells_at(self, corners: Ints) -> Flags:
         return self._marked(corners - self.ahead[:, None])
 
     def _corners_of(self, cells: Flags) -> Flags:
@@ -254,7 +253,7 @@ class Cells:
                 found[:-step] |= before[step:]
         return found
 
-    def boxes(self, told: Index, sums: Floats | None = None) -> Boxes:
+    def boxes(self, told: Ints, sums: Floats | None = None) -> Boxes:
         """Return cells, in order, as boxes."""
         d, n, kinds, problem = self.dimension, len(told), self.kinds, self.problem
         cells = np.stack(np.unravel_index(told, self.shape), axis=1) - PAD
@@ -294,7 +293,7 @@ class Cells:
             others,
         )
 
-    def _tell(self, known: Index, moved: Floats, scale: float) -> Boxes:
+    def _tell(self, known: Ints, moved: Floats, scale: float) -> Boxes:
         """Return all cells; see `Others`."""
         boxes = self.boxes(self.body)
         every = self._corners(self.body)[1]
@@ -303,11 +302,11 @@ class Cells:
         start[len(every) :] = moved[len(known) :]
         return replace(boxes, mesh=boxes.mesh._replace(start=start))
 
-    def _edges(self, place: Index, pair: Pair) -> list[Index]:
+    def _edges(self, place: Ints, pair: Pair) -> list[Ints]:
         a, b = self.steps[list(pair)]
         return [place, place + b, place + a, place + a + b]
 
-    def _uneven(self, told: Index) -> Flags:
+    def _uneven(self, told: Ints) -> Flags:
         """Tell which cells lie round an edge where one of four is air, the others are body."""
         found = np.zeros(len(told), dtype=np.bool_)
         some = np.flatnonzero(self._at_edges[told])
@@ -319,7 +318,7 @@ class Cells:
                 found[some[here]] = True
         return found
 
-    def _corners(self, told: Index) -> tuple[Index, Index]:
+    def _corners(self, told: Ints) -> tuple[Ints, Ints]:
         """Return the numbers of the nodes at cells' corners, and their places."""
         corner = told + self.ahead[:, None]
         known = np.flatnonzero(self._marked(corner))
@@ -327,7 +326,7 @@ class Cells:
         number[known] = np.arange(len(known))
         return number[corner], known
 
-    def _mesh(self, told: Index, cells: Index, number: Index) -> tuple[Mesh, Index]:
+    def _mesh(self, told: Ints, cells: Ints, number: Ints) -> tuple[Mesh, Ints]:
         """Return the nodes of cells, and the places of all but those that are there twice."""
         corner, known = self._corners(told)
         body = self.kinds[known - self.ahead[:, None]] >= 0
@@ -346,7 +345,7 @@ class Cells:
                     start[node[here], axis] = self.faces[axis, told[here] + end[axis] * step]
         return whole_mesh(corner, np.ones(len(told)), start)._replace(still=still), known
 
-    def _rest(self, told: Index, cells: Index, beyond: Index) -> Floats:
+    def _rest(self, told: Ints, cells: Ints, beyond: Ints) -> Floats:
         """Return what the cells' faces are left with, told by the cell below if there is one."""
         rest = np.zeros(beyond.shape)
         for side, kind in enumerate(beyond):
@@ -365,14 +364,14 @@ class Cells:
         return rest
 
 
-def _past(place: Index | slice, step: int) -> Index | slice:
+def _past(place: Ints | slice, step: int) -> Ints | slice:
     """Return places some steps further on: one by one, or in a row."""
     if isinstance(place, slice):
         return slice(place.start + step, place.stop + step)
     return place + step
 
 
-def _parts(places: Index) -> list[Index]:
+def _parts(places: Ints) -> list[Ints]:
     """Return places in parts of `AT_ONCE` or less."""
     return np.array_split(places, len(places) // AT_ONCE + 1)
 
@@ -429,7 +428,7 @@ def _forms(dimension: int, *law: tuple[float, ...]) -> tuple[Floats, Floats]:
     return np.stack(statics), np.stack(stiffness)
 
 
-def _held_cells(problem: ElasticProblem, cells: Index, beyond: Index) -> list[Held]:
+def _held_cells(problem: ElasticProblem, cells: Ints, beyond: Ints) -> list[Held]:
     found = []
     for side, kinds in enumerate(beyond):
         axis, upper = divmod(side, 2)
@@ -445,7 +444,7 @@ def _held_cells(problem: ElasticProblem, cells: Index, beyond: Index) -> list[He
     return found
 
 
-def _beds_of_cells(problem: ElasticProblem, cells: Index, beyond: Index) -> list[Bed]:
+def _beds_of_cells(problem: ElasticProblem, cells: Ints, beyond: Ints) -> list[Bed]:
     found = []
     for side, kinds in enumerate(beyond):
         axis, upper = divmod(side, 2)

@@ -12,12 +12,12 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.selection import AppliedLoads
 
-from .problem import ACTIVE, FIXED, CellLoads, ElasticProblem, Floats
+from .problem import ACTIVE, FIXED, CellLoads, ElasticProblem
 from .tractions import Portions
 
 
@@ -54,7 +54,7 @@ def portions_of_cells(loads: CellLoads | AppliedLoads, unit: float) -> Portions:
     return Portions.of(*own, scaled, lower, size)
 
 
-def _turn(problem: ElasticProblem, side: int, cells: NDArray[np.int64], moment: Floats) -> None:
+def _turn(problem: ElasticProblem, side: int, cells: Ints, moment: Floats) -> None:
     """Enter the first moments, shape (n, d, d), of forces on a side of cells."""
     normal, upper = divmod(side, 2)
     axes = [axis for axis in range(problem.dimension) if axis != normal]
@@ -70,9 +70,9 @@ def _turn(problem: ElasticProblem, side: int, cells: NDArray[np.int64], moment: 
 
 def _add(
     field: Floats,
-    cells: NDArray[np.int64],
+    cells: Ints,
     axis: int,
-    offset: int | NDArray[np.int64],
+    offset: int | Ints,
     value: Floats,
 ) -> None:
     index = list(cells.T)
@@ -80,9 +80,7 @@ def _add(
     np.add.at(field, tuple(index), value)
 
 
-def _drag(
-    problem: ElasticProblem, axis: int, side: int, cells: NDArray[np.int64], value: Floats
-) -> None:
+def _drag(problem: ElasticProblem, axis: int, side: int, cells: Ints, value: Floats) -> None:
     """Enter forces along `axis` by the side `side` (normal to another axis) of cells."""
     normal, upper = divmod(side, 2)
     beyond = cells.copy()
@@ -104,7 +102,7 @@ def _record_shear(
     axis: int,
     normal: int,
     upper: int,
-    cells: NDArray[np.int64],
+    cells: Ints,
     stress: Floats,
 ) -> None:
     """Remember the shear stress on the edges at both ends of the loaded faces."""
@@ -123,7 +121,7 @@ def _couple(
     axis: int,
     normal: int,
     upper: int,
-    cells: NDArray[np.int64],
+    cells: Ints,
     moment: Floats,
     dragged: bool = True,
 ) -> None:
@@ -161,9 +159,7 @@ def _couple(
         np.add.at(field, tuple(surface[ended].T), -rest)
 
 
-def _edge_below(
-    cells: NDArray[np.int64], axis: int, normal: int, upper: int, step: int
-) -> NDArray[np.int64]:
+def _edge_below(cells: Ints, axis: int, normal: int, upper: int, step: int) -> Ints:
     """Return the edge at one end of cells, one row below the surface."""
     edge = cells.copy()
     edge[:, axis] += step > 0
@@ -171,9 +167,7 @@ def _edge_below(
     return edge
 
 
-def _along(
-    problem: ElasticProblem, component: int, across: int, edge: NDArray[np.int64], least: int
-) -> NDArray[np.bool_]:
+def _along(problem: ElasticProblem, component: int, across: int, edge: Ints, least: int) -> Flags:
     """Tell whether both faces of one component at edges are FIXED or ACTIVE at least."""
     before = edge.copy()
     before[:, across] -= 1
@@ -181,9 +175,7 @@ def _along(
     return np.asarray((state[tuple(before.T)] >= least) & (state[tuple(edge.T)] >= least))
 
 
-def _tilt(
-    problem: ElasticProblem, component: int, across: int, edge: NDArray[np.int64], moment: Floats
-) -> None:
+def _tilt(problem: ElasticProblem, component: int, across: int, edge: Ints, moment: Floats) -> None:
     """Add +moment·∂u/∂x at edges: u is one component, x the axis across its faces."""
     before = edge.copy()
     before[:, across] -= 1
@@ -196,7 +188,7 @@ def _make_up(
     axis: int,
     normal: int,
     upper: int,
-    cells: NDArray[np.int64],
+    cells: Ints,
     moment: Floats,
 ) -> Floats:
     """Enter moments as a turn of the four faces round the edges below the surface."""

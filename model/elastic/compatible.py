@@ -14,12 +14,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import RIGID, ROLLER
 
 from . import kernels_bilinear as kernels
-from .boxes import Boxes, Index, corner_ends
+from .boxes import Boxes, corner_ends
 from .krylov import dot
-from .problem import Floats
 from .tractions import Portions
 
 STEPS, MOST_STEPS = 4, 60
@@ -86,7 +86,7 @@ class CompatibleField:
             np.add.at(force, master, force[slave] / len(self.mesh.masters))
         force[slave] = 0.0
 
-    def _gathered(self, node: Index, force: Floats) -> Floats:
+    def _gathered(self, node: Ints, force: Floats) -> Floats:
         """Add forces, shape (..., dimension), up at nodes of shape (...)."""
         at, count = node.ravel(), len(self.mesh.start)
         flat = force.reshape(len(at), force.shape[-1])
@@ -125,7 +125,7 @@ class CompatibleField:
         share = np.where(cut[:, None], 3.0 * along[None] + along[:, None], 2.0 * along[:, None])
         return self._gathered(node, share)
 
-    def middles(self, box: Index, side: int) -> Index:
+    def middles(self, box: Ints, side: int) -> Ints:
         """Return the nodes in the middle of a plane box's side where smaller ones hang, else -1."""
         hanging, found = self.boxes.hanging, np.full(len(self.boxes.size), -1)
         here = hanging.box[hanging.side == side]
@@ -165,7 +165,7 @@ class CompatibleField:
         self._lead(out)
         return out
 
-    def _bed_stiffness(self, box: Index, stiffness: Floats) -> Floats:
+    def _bed_stiffness(self, box: Ints, stiffness: Floats) -> Floats:
         """Return the stiffness of each part of the boxes' sides on a bed."""
         return stiffness * (0.5 * self.boxes.size[box]) ** (self.boxes.dimension - 1)
 
@@ -179,11 +179,12 @@ class CompatibleField:
         weight = np.where(free, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)
         self.left = self._load - self.force(self.displacement)
         gap = above + self.whole_energy() - self.work()
-        sink(self.displacement, self.left, weight, gap, self._straight_force)
 
-    def _straight_force(self, way: Floats) -> Floats:
-        self._straighten(way)
-        return self.force(way)
+        def straight_force(way: Floats) -> Floats:
+            self._straighten(way)
+            return self.force(way)
+
+        sink(self.displacement, self.left, weight, gap, straight_force)
 
     def stretch(self, share: float) -> None:
         """Multiply the field by a number."""
@@ -234,7 +235,7 @@ class CompatibleField:
         own = 0.5 * float(dot(self.displacement.ravel(), pull.ravel()))
         return own + self.scale**2 * self.boxes.others.whole if self.boxes.others else own
 
-    def _placed(self, box: Index, inside: Floats) -> tuple[Index, Floats, Floats]:
+    def _placed(self, box: Ints, inside: Floats) -> tuple[Ints, Floats, Floats]:
         """Return the nodes round places in boxes, the place between them, and the parts' edges."""
         d, parts = self.boxes.dimension, self.mesh.parts
         upper = (inside >= 0.5).astype(np.int64)
@@ -243,13 +244,13 @@ class CompatibleField:
         local = np.where(cut, 2.0 * inside - upper, inside)
         return self.mesh.element[:, element], local, self.mesh.edge[element]
 
-    def displacement_at(self, box: Index, inside: Floats) -> Floats:
+    def displacement_at(self, box: Ints, inside: Floats) -> Floats:
         """Return the displacement at a place in each of n boxes, shape (n, d) from 0 to 1."""
         node, local, _ = self._placed(box, inside)
         share = np.where(self._ends[:, None], local, 1.0 - local).prod(axis=2)
         return np.asarray(np.einsum("cn,cna->na", share, self.displacement[node]))
 
-    def strain_at(self, box: Index, inside: Floats) -> Floats:
+    def strain_at(self, box: Ints, inside: Floats) -> Floats:
         """Return the strain tensors, shape (n, d, d), there."""
         node, local, edge = self._placed(box, inside)
         share = np.where(self._ends[:, None], local, 1.0 - local)

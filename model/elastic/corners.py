@@ -14,9 +14,8 @@ from functools import cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kaju.arrays import Ints
+from kaju.arrays import Floats, Ints
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
@@ -28,7 +27,7 @@ ROUND = np.array([[-1, -1], [0, -1], [0, 0], [-1, 0]])
 """The four cells round a point of the plane, each beside the next."""
 
 
-def sharp_corners(scene: Scene) -> NDArray[np.float64]:
+def sharp_corners(scene: Scene) -> Floats:
     """Return the points (m) at which stresses grow without limit, shape (n, 2)."""
     lattice = scene.lattice
     if lattice.dimension != 2 or lattice.kind != "square" or lattice.size > MOST_CELLS:
@@ -43,14 +42,14 @@ def sharp_corners(scene: Scene) -> NDArray[np.float64]:
     return np.asarray(np.argwhere(found) * lattice.cell_size, dtype=np.float64)
 
 
-def singular_at(scene: Scene, point: NDArray[np.float64], stage: int | None = None) -> str:
+def singular_at(scene: Scene, point: Floats, stage: int | None = None) -> str:
     """Return why stresses have no limit at a point (m); empty if they have, or it is unknown."""
     if not scene.lattice.boxes:
         return ""
     return _by_shape(scene, point) or _by_loads(scene, point, stage)
 
 
-def _by_loads(scene: Scene, point: NDArray[np.float64], stage: int | None) -> str:
+def _by_loads(scene: Scene, point: Floats, stage: int | None) -> str:
     """Tell of forces at points, and of loads along a straight surface of the plane that end."""
     lattice = scene.lattice
     h = lattice.cell_size
@@ -87,7 +86,7 @@ def _by_loads(scene: Scene, point: NDArray[np.float64], stage: int | None) -> st
     return ""
 
 
-def _by_shape(scene: Scene, point: NDArray[np.float64]) -> str:
+def _by_shape(scene: Scene, point: Floats) -> str:
     """Return why stresses have no limit by the cells round a point."""
     lattice = scene.lattice
     place = np.asarray(point, dtype=np.float64) / lattice.cell_size

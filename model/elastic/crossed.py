@@ -16,9 +16,10 @@ from itertools import combinations, product
 
 import numpy as np
 
-from .boxes import Index, corner_ends
+from kaju.arrays import Floats, Ints
+
+from .boxes import corner_ends
 from .moduli import Moduli
-from .problem import Floats
 
 Point = tuple[float, ...]
 STIFFEST = 1e6
@@ -38,7 +39,7 @@ class Form:
     data of a part)."""
 
     @classmethod
-    def of_laws(cls, dimension: int, law: Moduli, box: Index) -> list[tuple[Index, Form]]:
+    def of_laws(cls, dimension: int, law: Moduli, box: Ints) -> list[tuple[Ints, Form]]:
         """Return boxes of one material each, and their form."""
         if not len(box):
             return []
@@ -239,7 +240,7 @@ def _crossed(d: int) -> Iterator[list[Point]]:
             yield [*side, (0.5,) * d]
 
 
-def inside_simplices(simplices: Sequence[Sequence[Point]], place: Floats) -> tuple[Index, Floats]:
+def inside_simplices(simplices: Sequence[Sequence[Point]], place: Floats) -> tuple[Ints, Floats]:
     """Return the simplex that each place lies in, and how much of each of its corners it is."""
     to = np.stack([np.linalg.inv(np.c_[np.ones(len(one)), np.array(one)]) for one in simplices])
     share = np.einsum("ni,sik->nsk", np.c_[np.ones(len(place)), place], to)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
-from kaju.arrays import first_largest
+from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import ParameterError, ResultError
 from kaju.model.results.archive import Archive
 from kaju.model.results.cuts import Carrying
@@ -27,7 +27,6 @@ from kaju.model.results.result import (
 from kaju.model.scene import Scene
 
 from . import fields
-from .problem import Floats
 
 if TYPE_CHECKING:
     import pandas
@@ -44,8 +43,6 @@ if TYPE_CHECKING:
     from .cell_agents import CellAgents
     from .equal_arrays import EqualArrays
     from .intensity import Intensity
-
-Index = NDArray[np.int64]
 
 
 class LargestStress(NamedTuple):
@@ -159,7 +156,7 @@ class ElasticResult(BodyResult):
         return self.lower + 0.5 * self.size[:, None]
 
     @property
-    def material(self) -> Index:
+    def material(self) -> Ints:
         """Index into `scene.cell_materials` of each agent."""
         return self.found.materials_of(self.found.material)
 
@@ -169,12 +166,12 @@ class ElasticResult(BodyResult):
         return self.found.stiffness
 
     @property
-    def level(self) -> Index:
+    def level(self) -> Ints:
         """How often the largest of the first agents would be halved to give each agent."""
         return self.found.level
 
     @property
-    def spawn_step(self) -> Index:
+    def spawn_step(self) -> Ints:
         """Step in which each agent spawned; 0 for the first, and those of a previous answer."""
         return self.found.spawn_step
 
@@ -776,14 +773,14 @@ class ElasticResult(BodyResult):
     def _spawning(self) -> Spawning:
         return self.found.tree.spawning
 
-    def _located(self, points: Floats) -> tuple[Floats, Index]:
+    def _located(self, points: Floats) -> tuple[Floats, Ints]:
         return cells_of_points(self.grid, points)
 
-    def _strain_of(self, stress: Floats, material: Index) -> Floats:
+    def _strain_of(self, stress: Floats, material: Ints) -> Floats:
         scaled = stress / self.found.scales.modulus
         return fields.strain_of(scaled, self.found.moduli, material)
 
-    def _von_mises_of(self, stress: Floats, material: Index) -> Floats:
+    def _von_mises_of(self, stress: Floats, material: Ints) -> Floats:
         across: Floats | float = 0.0
         if self.scene.plane == "strain":
             moduli = self.found.moduli

@@ -6,19 +6,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ParameterError, ResultError
 from kaju.model.scene.body_cells import body_cells
 
 from .cell_agents import CellAgents
-from .problem import Floats
 from .staggered import Pair, axis_pairs
 
 if TYPE_CHECKING:
     from .elastic_result import ElasticResult
 
-Index = NDArray[np.int64]
 
 MOST_CELLS = 40_000_000
 """More cells than this are not laid out as arrays."""
@@ -27,18 +25,7 @@ MOST_CELLS = 40_000_000
 class EqualArrays:
     """Arrays over the box around the body, indexed [x, y(, z)]; NaN where there is no body.
 
-    Parameters
-    ----------
-    result : ElasticResult
-    cell_size : float
-    origin : tuple of int
-        How many cells of that size lie before the first, along each axis.
-    shape : tuple of int
-
-    Attributes
-    ----------
-    cell_size, origin, shape
-        As above; the first cell's lower corner lies at ``origin × cell_size`` (m).
+    The first cell's lower corner lies at ``origin × cell_size`` (m).
     """
 
     def __init__(
@@ -61,7 +48,7 @@ class EqualArrays:
         return len(self.shape)
 
     @cached_property
-    def body(self) -> NDArray[np.bool_]:
+    def body(self) -> Flags:
         """Which cells have their middle in the body."""
         if self._agents is not None:
             return self._agents.body
@@ -75,14 +62,14 @@ class EqualArrays:
         return self._middles(self.body)
 
     @cached_property
-    def material(self) -> Index:
+    def material(self) -> Ints:
         """Index into `scene.cell_materials` of each cell, -1 where there is no body."""
         material = np.full(self.shape, -1, dtype=np.int64)
         material[self.body] = self._result.found.materials_of(self._moduli)
         return material
 
     @cached_property
-    def _moduli(self) -> Index:
+    def _moduli(self) -> Ints:
         """Index of the moduli of each cell of the body."""
         return self._result.found.material_at(*self._result._located(self.middle))
 
@@ -156,10 +143,10 @@ class EqualArrays:
         field[self.body] = values
         return field
 
-    def _middles(self, chosen: NDArray[np.bool_]) -> Floats:
+    def _middles(self, chosen: Flags) -> Floats:
         return np.asarray((np.argwhere(chosen) + np.asarray(self.origin) + 0.5) * self.cell_size)
 
-    def _round(self, axes: tuple[int, ...]) -> tuple[NDArray[np.bool_], Floats]:
+    def _round(self, axes: tuple[int, ...]) -> tuple[Flags, Floats]:
         """Return which faces (one axis), edges (two) or corners touch the body, and their middles.
 
         Along these axes there is one more of them than there are cells.

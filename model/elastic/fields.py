@@ -8,15 +8,15 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.kinds import RIGID
 
 from .moduli import Moduli
-from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields, Floats
+from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields
 from .staggered import Pair, Strains, axis_pairs, cell_modulus, cut, strains, stresses
 
 SURFACE_SHARE = 0.5
 """Weight of the surface's own slope against that of the line through the faces below."""
-Index = NDArray[np.int64]
 
 
 def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
@@ -38,7 +38,7 @@ def node_displacement(problem: ElasticProblem, u: FaceFields) -> Floats:
 
 def _edge_values(
     problem: ElasticProblem, u: FaceFields, axis: int, across: int
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Flags]:
     """Return one component's displacement on the edges between two axes, and which are walls."""
     # At a free surface the displacement half a cell beyond the last face follows from its slope.
     # The shear γ there is known (that of the load, or none), so the slope is γ − ∂u_n/∂s; the line
@@ -85,7 +85,7 @@ def _surface_shear_strain(problem: ElasticProblem, axis: int, across: int) -> Fl
     return np.where(np.isnan(around), 0.0, problem.surface_shear[pair] / around)
 
 
-def _walls(problem: ElasticProblem, axis: int) -> NDArray[np.bool_]:
+def _walls(problem: ElasticProblem, axis: int) -> Flags:
     """Tell which faces are ghosts inside rigid ground or at its edge."""
     width = [(1, 1) if a == axis else (0, 0) for a in range(problem.dimension)]
     kinds = np.pad(problem.kinds, width, mode="edge")
@@ -94,7 +94,7 @@ def _walls(problem: ElasticProblem, axis: int) -> NDArray[np.bool_]:
     return np.asarray(rigid & (low < 0) & (high < 0), dtype=np.bool_)
 
 
-def _between(field: Floats, axis: int, wall: NDArray[np.bool_]) -> tuple[Floats, NDArray[np.bool_]]:
+def _between(field: Floats, axis: int, wall: Flags) -> tuple[Floats, Flags]:
     """Return values half-way between neighbours along an axis, prolonged at the ends of a body."""
     # Beside a wall the wall's own value holds, for it lies half a cell nearer than a face.
     low, high = _sides(field, axis)
@@ -154,7 +154,7 @@ def _mean_along(values: Floats, axis: int) -> Floats:
     return np.asarray(0.5 * (values[low] + values[high]))
 
 
-def strain_of(stress: Floats, moduli: Moduli, kinds: NDArray[np.int64]) -> Floats:
+def strain_of(stress: Floats, moduli: Moduli, kinds: Ints) -> Floats:
     """Return the strain tensors that belong to stress tensors (scaled) in materials."""
     d = stress.shape[-1]
     shear, lateral, stretch = (
@@ -179,7 +179,7 @@ def von_mises(stress: Floats, out_of_plane: Floats | float = 0.0) -> Floats:
     return np.asarray(np.sqrt(0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3 * shear))
 
 
-def at_nodes(nodes: Floats, cells: Index, local: Floats) -> Floats:
+def at_nodes(nodes: Floats, cells: Ints, local: Floats) -> Floats:
     """Interpolate linearly between the nodes of the cell that each point lies in."""
     # `local` is the place within the cell, 0 to 1 along every axis.
     total: Floats = np.zeros((len(cells), nodes.shape[-1]))
@@ -189,7 +189,7 @@ def at_nodes(nodes: Floats, cells: Index, local: Floats) -> Floats:
     return total
 
 
-def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Index, local: Floats) -> Floats:
+def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Ints, local: Floats) -> Floats:
     """Return stress tensors at points, shape (points, dimension, dimension)."""
     # Normal stresses run linearly from the cell's middle, by the differences to neighbours of the
     # same material; shear stresses between the cell's edges.
@@ -202,7 +202,7 @@ def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Index, local: Flo
     return tensor
 
 
-def _between_edges(tau: Floats, pair: Pair, cells: Index, local: Floats) -> Floats:
+def _between_edges(tau: Floats, pair: Pair, cells: Ints, local: Floats) -> Floats:
     total: Floats = np.zeros(len(cells))
     for first, second in product((0, 1), repeat=2):
         at = cells.copy()
@@ -213,7 +213,7 @@ def _between_edges(tau: Floats, pair: Pair, cells: Index, local: Floats) -> Floa
     return total
 
 
-def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Index, local: Floats) -> Floats:
+def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Ints, local: Floats) -> Floats:
     own, kind = stress[tuple(cells.T)], kinds[tuple(cells.T)]
     total: Floats = own.copy()
     for axis in range(cells.shape[1]):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError, SupportError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
@@ -65,9 +65,7 @@ def problem_of_scene(
     return problem, tuple(int(i) for i in lower)
 
 
-def _rim_of(
-    scene: Scene, lower: NDArray[np.int64], upper: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], dict[str, Side]]:
+def _rim_of(scene: Scene, lower: Ints, upper: Ints) -> tuple[NDArray[np.int32], dict[str, Side]]:
     """Return all cells with what lies beyond the sides, and the sides that need a number."""
     lattice = scene.lattice
     rim = np.pad(scene.rasterise().astype(np.int32), 1, constant_values=AIR)

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
@@ -28,9 +29,6 @@ from .moduli import REENTRANT_WEIGHT, Moduli
 from .problem import ElasticProblem, FaceFields, rim_layer
 from .staggered import compact
 from .stencils import Stencil, Terms, coarsening, finest_entries
-
-Vector = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FIRST = 4
 """Place of the body's first cell: ghosts and what looks beyond them lie before it.
@@ -70,10 +68,10 @@ class Level(NamedTuple):
     arrays: tuple[Any, ...]
     stencil: Stencil | None
     """None where moduli of cells and edges are all there is."""
-    u: Vector
-    load: Vector
+    u: Floats
+    load: Floats
     """Displacement and load of all places."""
-    outside: NDArray[np.float64]
+    outside: Floats
     """On parents of a full box: weights of the first two faces beside a side, from which the ghosts
     beyond it follow. Empty: ghosts are parents like any others. Shape (sides, 2)."""
 
@@ -112,7 +110,7 @@ class Hierarchy:
         return len(self.levels)
 
     @cached_property
-    def moving(self) -> NDArray[np.bool_]:
+    def moving(self) -> Flags:
         """Which entries of a vector are faces that can move."""
         return self._spread(self.levels[0].arrays[1] > 0.0)
 
@@ -120,13 +118,13 @@ class Hierarchy:
         """Return for all faces what the first level says of those that others are like."""
         return _spread(values, self.levels[0].arrays)
 
-    def resisted(self, x: Vector) -> Vector:
+    def resisted(self, x: Floats) -> Floats:
         """Return the force with which faces resist x by their own stiffness, in the same array."""
         inverse = self._spread(self.levels[0].arrays[1])
-        resisted: Vector = np.divide(x, inverse, out=x, where=self.moving)
+        resisted: Floats = np.divide(x, inverse, out=x, where=self.moving)
         return resisted
 
-    def gather(self, fields: FaceFields) -> Vector:
+    def gather(self, fields: FaceFields) -> Floats:
         """Return the values of the faces that can move; all else is 0."""
         vector = np.zeros(self.levels[0].u.size)
         free = self.views(self.moving)
@@ -134,7 +132,7 @@ class Hierarchy:
             np.copyto(view, values, where=moves)
         return vector
 
-    def scatter(self, vector: Vector, fields: FaceFields) -> None:
+    def scatter(self, vector: Floats, fields: FaceFields) -> None:
         """Add the values of the faces that can move to arrays of all faces."""
         for view, values in zip(self.views(vector), fields, strict=True):
             values += view
@@ -151,19 +149,19 @@ class Hierarchy:
             views.append(part[axis][tuple(slice(FIRST - 1, end) for end in ends)])
         return tuple(views)
 
-    def apply(self, x: Vector, out: Vector | None = None) -> Vector:
+    def apply(self, x: Floats, out: Floats | None = None) -> Floats:
         """Return the stiffness times x."""
         out = np.empty_like(x) if out is None else out
         self._cross(0, x, x, out, 0, sweeps.ACROSS, share=0.0)
         return np.negative(out, out=out)
 
-    def precondition(self, load: Vector, out: Vector | None = None) -> Vector:
+    def precondition(self, load: Floats, out: Floats | None = None) -> Floats:
         """Return one V-cycle's answer to a load."""
         out = np.empty_like(load) if out is None else out
         self._cycle(0, load, out)
         return out
 
-    def full_multigrid(self, load: Vector, guess: Vector | None = None) -> tuple[Vector, float]:
+    def full_multigrid(self, load: Floats, guess: Floats | None = None) -> tuple[Floats, float]:
         """Start from the coarsest answer and improve it level by level."""
         # On the finest level from the best combination of the parents' answer and the guess, if
         # that is far better. Also returns the potential energy, on that level, of the parents'
@@ -186,26 +184,26 @@ class Hierarchy:
             x += more
         return x, energy
 
-    def follow(self, at: int, parents: Vector) -> Vector:
+    def follow(self, at: int, parents: Floats) -> Floats:
         """Return where the children on a level are if they follow their parents."""
-        x: Vector = np.zeros(self.levels[at].u.size)
+        x: Floats = np.zeros(self.levels[at].u.size)
         self._cross(at, x, x, parents, 0, sweeps.WAY_DOWN)
         return x
 
-    def hand_over(self, at: int, load: Vector) -> Vector:
+    def hand_over(self, at: int, load: Floats) -> Floats:
         """Return a level's load as its parents' one."""
-        parents: Vector = np.empty_like(self.levels[at + 1].load)
+        parents: Floats = np.empty_like(self.levels[at + 1].load)
         self._cross(at, load, load, parents, 0, sweeps.WAY_UP)
         return parents
 
-    def rough(self, x: Vector) -> Vector:
+    def rough(self, x: Floats) -> Floats:
         """Return what the parents cannot represent of x, all but: x less its mean over each."""
         weight, mean = self.hand_over(0, self.moving.astype(np.float64)), self.hand_over(0, x)
         np.divide(mean, weight, out=mean, where=weight > 0.1)
         mean[weight <= 0.1] = 0.0
         return np.asarray(x - self.follow(0, mean))
 
-    def _cycle(self, at: int, load: Vector, u: Vector) -> None:
+    def _cycle(self, at: int, load: Floats, u: Floats) -> None:
         if at == len(self.levels) - 1:
             u[:] = self._direct.solve(load)
             return
@@ -217,9 +215,9 @@ class Hierarchy:
     def _cross(
         self,
         at: int,
-        u: Vector,
-        load: Vector,
-        out: Vector,
+        u: Floats,
+        load: Floats,
+        out: Floats,
         count: int,
         way: int,
         share: float = 1.0,
@@ -244,12 +242,12 @@ class _Direct:
         self._number[self._there] = np.arange(len(self._there))
         self._solve = self._by_law(level) if level.stencil is None else self._by_stencil(level)
 
-    def solve(self, load: Vector) -> Vector:
+    def solve(self, load: Floats) -> Floats:
         x = np.zeros_like(load)
         x[self._there] = self._solve(load[self._there])
         return x
 
-    def _by_law(self, level: Level) -> Callable[[Vector], Vector]:
+    def _by_law(self, level: Level) -> Callable[[Floats], Floats]:
         law, inverse, _, box, _ = level.arrays
         rows, columns, values = [], [], []
         n, steps = box[sweeps.SIZE], np.array([0, box[2], 1])
@@ -268,12 +266,12 @@ class _Direct:
                 columns.append(column)
                 values.append(1.0 / inverse[here] if sign == 2 else value)
         places = np.concatenate(rows), np.concatenate(columns)
-        solve: Callable[[Vector], Vector] = factors_of(
+        solve: Callable[[Floats], Floats] = factors_of(
             compact(*places, np.concatenate(values), (len(self._there),) * 2)
         ).solve
         return solve
 
-    def _by_stencil(self, level: Level) -> Callable[[Vector], Vector]:
+    def _by_stencil(self, level: Level) -> Callable[[Floats], Floats]:
         assert level.stencil is not None
         data, _, _, box, like = level.arrays
         planes, rows, length = box[:3]
@@ -290,13 +288,11 @@ class _Direct:
         size = np.sqrt(matrix.diagonal())
         matrix /= np.outer(size, size)
         matrix[np.diag_indices_from(matrix)] += GUARD
-        inverse: Vector = np.linalg.inv(matrix) / np.outer(size, size)
+        inverse: Floats = np.linalg.inv(matrix) / np.outer(size, size)
         return lambda load: np.asarray(inverse @ load)
 
 
-def _box(
-    cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None
-) -> Integers:
+def _box(cells: tuple[int, ...], first: int, reach: int, stencil: Stencil | None = None) -> Ints:
     """Return the measures of a level's arrays; see `sweeps`."""
     d = len(cells)
     sizes = [2 * ((n + 9) // 2) for n in cells]
@@ -336,7 +332,7 @@ def _by_law(
     rim: NDArray[np.int32],
     moduli: Moduli,
     spring: FaceFields,
-    outside: NDArray[np.float64] | None = None,
+    outside: Floats | None = None,
     *,
     spread: bool = False,
 ) -> Level:
@@ -370,12 +366,12 @@ def _by_law(
     return Level(cells, arrays, None, np.empty(space), np.empty(space), outside)
 
 
-def _numbered(like: Sequence[NDArray[np.bool_]]) -> Integers:
+def _numbered(like: Sequence[Flags]) -> Ints:
     """Return a number for every row, the same if it is like the one before in all that is told."""
     return np.append(0, np.cumsum(~np.logical_and.reduce(like)))
 
 
-def _firsts(rows: Integers) -> Integers:
+def _firsts(rows: Ints) -> Ints:
     """Return the first row of every number."""
     return np.flatnonzero(np.diff(rows, prepend=-1))
 
@@ -389,12 +385,12 @@ def _spread(values: NDArray[Any], arrays: tuple[Any, ...]) -> NDArray[Any]:
     return spread.ravel()
 
 
-def _shape(box: Integers) -> tuple[int, ...]:
+def _shape(box: Ints) -> tuple[int, ...]:
     """Return the shape of a level's arrays of places."""
     return tuple(int(n) for n in box[:3] if n > 1)
 
 
-def _rows(whole: tuple[int, ...], described: tuple[int, ...], left_out: Sequence[int]) -> Integers:
+def _rows(whole: tuple[int, ...], described: tuple[int, ...], left_out: Sequence[int]) -> Ints:
     """Return for every row of places that which describes it."""
     rows, inner = np.zeros((), dtype=np.int64), FIRST + ALIKE // 2 - 1
     for every, some, fewer in zip(whole, described, left_out, strict=False):
@@ -425,7 +421,7 @@ def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
         spring = tuple(2.0 ** (d - 1) * v[..., _every_second(v.shape[-1])] for v in spring)
 
 
-def outside_of(problem: ElasticProblem) -> NDArray[np.float64]:
+def outside_of(problem: ElasticProblem) -> Floats:
     """Return for every side the weights of the first two faces, from which those beyond follow."""
     sides = range(2 * problem.dimension)
     ends = [problem.kinds[rim_layer(problem.dimension, side)].flat[0] for side in sides]
@@ -455,15 +451,13 @@ def _described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
     return values
 
 
-def _every_second(count: int) -> Integers:
+def _every_second(count: int) -> Ints:
     """Return the places of every second face along an axis, the rim's included."""
     # Along the normal the last face is one of them, across it the last two have one parent.
     return np.array([0, *range(1, count - 1, 2), count - 1])
 
 
-def _lay_moduli(
-    kinds: NDArray[np.int32], table: NDArray[np.float64], law: Vector, steps: Integers
-) -> None:
+def _lay_moduli(kinds: NDArray[np.int32], table: Floats, law: Floats, steps: Ints) -> None:
     """Write C₁₁, C₁₂ and the moduli of the edges: see `staggered.edge_modulus`."""
     first = int(steps.sum())
     law[:2, first:] = table[kinds[first:], :2].T
@@ -482,7 +476,7 @@ def _lay_moduli(
         np.divide(share, total, out=law[1 + a + b, first:], where=share > 0.0)
 
 
-def _lay_faces(code: NDArray[np.int8], law: Vector, steps: Integers, inverse: Vector) -> None:
+def _lay_faces(code: NDArray[np.int8], law: Floats, steps: Ints, inverse: Floats) -> None:
     """Write the inverse of every face's own stiffness; 0 where it cannot move."""
     # `code` of a place is 1 if there is body, 2 if what is there holds.
     first, n = int(steps.sum()), len(code)
@@ -499,7 +493,7 @@ def _lay_faces(code: NDArray[np.int8], law: Vector, steps: Integers, inverse: Ve
         np.divide(1.0, own, out=out, where=moves)
 
 
-def _go_on(g: Vector, coarse: Integers, outside: NDArray[np.float64], *, back: bool) -> None:
+def _go_on(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
     """Let the ghosts beyond a full box follow the faces inside; back, hand their loads in."""
     count = int(coarse[sweeps.COUNT])
     fields = g.reshape(count, *coarse[:3])
@@ -520,7 +514,7 @@ def _go_on(g: Vector, coarse: Integers, outside: NDArray[np.float64], *, back: b
                     ghost[...] = near * one + far * two
 
 
-def _table(moduli: Moduli) -> NDArray[np.float64]:
+def _table(moduli: Moduli) -> Floats:
     """Return what `_lay_moduli` wants to know of every kind of cell."""
     table = np.zeros((len(moduli.shear) - min(AIR, RIGID, ROLLER, FOUNDATION), 5))
     table[:, 2] = np.inf
@@ -532,7 +526,7 @@ def _table(moduli: Moduli) -> NDArray[np.float64]:
     return table
 
 
-def _lay_beds(rim: NDArray[np.int32], spring: FaceFields, stretch: NDArray[np.float64]) -> None:
+def _lay_beds(rim: NDArray[np.int32], spring: FaceFields, stretch: Floats) -> None:
     """Make every bed a ghost cell that can only be squeezed, and whose far face is held."""
     for side in range(2 * rim.ndim):
         axis, upper = divmod(side, 2)
@@ -562,7 +556,7 @@ def _parents(fine: Level, depth: int) -> Level:
     return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_OUTSIDE)
 
 
-def _rows_of_parents(fine: Level, box: Integers, sums: Sequence[Terms]) -> Integers:
+def _rows_of_parents(fine: Level, box: Ints, sums: Sequence[Terms]) -> Ints:
     """Return which parents' rows are like the one before, since all rows of children are."""
     # Rows that are not in use are like the first.
     children = fine.arrays[4].reshape(fine.arrays[3][:2])
@@ -585,7 +579,7 @@ def _rows_of_parents(fine: Level, box: Integers, sums: Sequence[Terms]) -> Integ
     return rows.ravel()
 
 
-def _flat(stencil: Stencil, box: Integers) -> Integers:
+def _flat(stencil: Stencil, box: Ints) -> Ints:
     """Return couplings as `sweeps` wants them: where the coefficient is, and the other face."""
     (_, rows, length), n = box[:3], box[sweeps.SIZE]
     table = stencil.couplings
@@ -594,7 +588,7 @@ def _flat(stencil: Stencil, box: Integers) -> Integers:
     return np.stack([row, table[:, 5] * length + table[:, 8], far], axis=1)
 
 
-def _made(box: Integers) -> Integers:
+def _made(box: Ints) -> Ints:
     """Return of what the finest level's entries are made."""
     # The columns are: the sign (see `stencils.finest_entries`), then for the two faces that have to
     # be free to move, and for the two moduli, the component or the modulus, in how many rows from

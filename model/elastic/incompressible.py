@@ -14,15 +14,14 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+
+from kaju.arrays import Floats
 
 from .hierarchy import Hierarchy
 from .krylov import Iteration, minimal_residuals
 from .moduli import Moduli
 from .problem import ElasticProblem
 from .staggered import Numbering, strain_matrix
-
-Vector = NDArray[np.float64]
 
 STIFF = 1.0
 """Materials with λ/μ above this get a pressure; the others stay as they are."""
@@ -63,7 +62,7 @@ class MixedForm:
         self._gather = sp.csr_array(self.divergence.T)
 
     def solve(
-        self, load: Vector, tolerance: float, guess: Vector | None = None, most: int = 300
+        self, load: Floats, tolerance: float, guess: Floats | None = None, most: int = 300
     ) -> Iteration:
         """Return the displacements; the history is that of displacements and pressures."""
         whole = np.concatenate([load, np.zeros(len(self._pressure))])
@@ -81,14 +80,14 @@ class MixedForm:
         run.solution = (start + run.solution)[: self._size].copy()
         return run
 
-    def _norm(self, r: Vector) -> float:
+    def _norm(self, r: Floats) -> float:
         return float(np.sqrt(r @ self._precondition(r)))
 
-    def _apply(self, x: Vector) -> Vector:
+    def _apply(self, x: Floats) -> Floats:
         u, p = x[: self._size], x[self._size :]
         force = self.block.apply(u) + self._gather @ p
         return np.concatenate([force, self.divergence @ u - self._compliance * p])
 
-    def _precondition(self, r: Vector) -> Vector:
+    def _precondition(self, r: Floats) -> Floats:
         u = self.block.precondition(r[: self._size])
         return np.concatenate([u, self._pressure * r[self._size :]])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, ResultError
 from kaju.model.scene.kinds import AIR
 
@@ -245,7 +245,7 @@ def _factor(result: ElasticResult, tip: _Tip, mode: _Mode, outer: float) -> floa
     return work((moved, stress), dual) / work(mode.fields(z, mode.exponent, shear, kolosov), dual)
 
 
-def _ahead(result: ElasticResult, tip: _Tip) -> NDArray[np.int64]:
+def _ahead(result: ElasticResult, tip: _Tip) -> Ints:
     """Return the cell in which the body lies ahead of a tip."""
     step = 0.5 * _turned(np.eye(2)[:1], tip.towards)
     return np.floor(tip.at / result.grid.lattice.cell_size + step).astype(np.int64)

@@ -10,11 +10,10 @@ from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.compiling import njit
 
-Floats = NDArray[np.float64]
 FEW = 50_000
 """The forces on so few boxes take no compiled loop."""
 

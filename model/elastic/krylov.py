@@ -6,22 +6,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.stopping import stopped
 
-Vector = NDArray[np.float64]
-Operator = Callable[[Vector], Vector]
+Operator = Callable[[Floats], Floats]
 
 
-def dot(a: Vector, b: Vector) -> float:
+def dot(a: Floats, b: Floats) -> float:
     """Return a·b, summed in the same order on any number of processors."""
     return float(np.einsum("i,i->", a, b))
 
 
 def best_of(
-    load: Vector, one: Vector, force: Vector, other: Vector, other_force: Vector
-) -> tuple[Vector, Vector]:
+    load: Floats, one: Floats, force: Floats, other: Floats, other_force: Floats
+) -> tuple[Floats, Floats]:
     """Return the combination of two displacements nearest to the solution, and its force."""
     # Nearest in the energy norm (Ritz 1909), for displacements of which the forces that hold them
     # are known. Either may be of any size.
@@ -38,7 +37,7 @@ def best_of(
 class Iteration:
     """How an iteration went."""
 
-    solution: Vector  # The last iterate
+    solution: Floats  # The last iterate
     residuals: list[float] = field(default_factory=list)
     """Norm of the residual, relative to the right-hand side, before every iteration."""
     errors: list[float] = field(default_factory=list)
@@ -46,7 +45,7 @@ class Iteration:
     converged: bool = False
     held_back: float = 0.0
     """Work that the residual at the start would do on the start."""
-    left: Vector = field(default_factory=lambda: np.zeros(0), repr=False)
+    left: Floats = field(default_factory=lambda: np.zeros(0), repr=False)
     """The residual, of conjugate gradients."""
 
     @property
@@ -72,11 +71,11 @@ class Iteration:
 def conjugate_gradients(
     apply: Operator,
     precondition: Operator,
-    load: Vector,
-    start: Vector | None,
+    load: Floats,
+    start: Floats | None,
     done: Callable[[Iteration], bool],
     most: int = 200,
-    energy: Callable[[Vector], float] | None = None,
+    energy: Callable[[Floats], float] | None = None,
 ) -> Iteration:
     """Solve a symmetric positive definite system (Hestenes & Stiefel 1952)."""
     # `done` sees the history after every step and decides. The error estimate is √(r·Br) for a
@@ -86,7 +85,7 @@ def conjugate_gradients(
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x, held_back=float(dot(x, r)), left=r)
-    p: Vector | None = None
+    p: Floats | None = None
     # Not BLAS: its threads would wait for each other for longer than these sums take.
     scaled = np.empty_like(load)
     square, previous = float(dot(r, r)), 1.0
@@ -123,11 +122,7 @@ def conjugate_gradients(
 
 
 def minimal_residuals(
-    apply: Operator,
-    precondition: Operator,
-    load: Vector,
-    tolerance: float,
-    most: int = 300,
+    apply: Operator, precondition: Operator, load: Floats, tolerance: float, most: int = 300
 ) -> Iteration:
     """Solve a symmetric indefinite system with a positive definite preconditioner."""
     # Preconditioned MINRES (Paige & Saunders 1975) in the form of Elman, Silvester & Wathen, Finite

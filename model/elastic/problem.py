@@ -21,13 +21,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.scene.kinds import RIGID, ROLLER
 from kaju.model.scene.selection import Uneven
 
 from .moduli import Moduli, moduli_of
 
-Floats = NDArray[np.float64]
 FaceFields = tuple[Floats, ...]
 """One array per axis: values on the faces normal to it."""
 
@@ -151,8 +151,8 @@ Side = tuple[str, float | Sequence[float]]
 class CellLoads(NamedTuple):
     """Forces and where they enter; see `kaju.model.scene` for the meaning of the columns."""
 
-    cells: NDArray[np.int64]
-    direction: NDArray[np.int64]
+    cells: Ints
+    direction: Ints
     force: Floats
     uneven: Uneven | None = None
 

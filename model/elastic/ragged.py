@@ -21,12 +21,12 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sl
 from scipy.sparse.csgraph import connected_components
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
-from .boxes import Boxes, Flags, Index, corner_ends
+from .boxes import Boxes, corner_ends
 from .crossed import balance_rows
-from .problem import Floats
 
 HOLD = 1e-6
 """Share of its stiffness that keeps a box of a group without a wall from floating."""
@@ -46,7 +46,7 @@ reach a wall."""
 class Ragged:
     """Boxes with tractions of their own."""
 
-    box: Index  # Which, in order; shape (n,)
+    box: Ints  # Which, in order; shape (n,)
     # By side and part of it, in the order of `corner_ends`: every component's mean, and its slopes
     # along the axes of the side, times the part's edge; shape (n, 2·d, 2^(d-1), d, d)
     traction: Floats
@@ -58,7 +58,7 @@ class Ragged:
         empty = np.zeros((0, 2 * d, 1 << (d - 1), d, d))
         return cls(np.zeros(0, dtype=np.int64), empty, np.zeros(0))
 
-    def at(self, box: Index) -> Index:
+    def at(self, box: Ints) -> Ints:
         """Return where boxes stand among these, -1 for those that do not."""
         if not len(self.box):
             return np.full(len(box), -1)
@@ -119,7 +119,7 @@ def _mode(side: int, component: int) -> int:
     return 1 + component - (component > side // 2)
 
 
-def _whole(boxes: Boxes, box: Index, dragged: Floats) -> Floats:
+def _whole(boxes: Boxes, box: Ints, dragged: Floats) -> Floats:
     """Return shear stresses on whole sides of boxes, shape (n, 2·d, d, d)."""
     d = boxes.dimension
     whole = np.zeros((len(box), 2 * d, d, d))
@@ -151,7 +151,7 @@ def _dragged(boxes: Boxes) -> Floats:
     return dragged
 
 
-def _taken(boxes: Boxes, normal: Floats, pressed: Floats, springs: Floats, box: Index) -> Ragged:
+def _taken(boxes: Boxes, normal: Floats, pressed: Floats, springs: Floats, box: Ints) -> Ragged:
     """Return the tractions that boxes have by their middles and corners, and by who is beside."""
     d, hanging = boxes.dimension, boxes.hanging
     dragged = _dragged(boxes)
@@ -216,7 +216,7 @@ def uneven_modes(boxes: Boxes, found: Ragged) -> Floats:
 
 
 def _through(
-    found: Ragged, whole: Floats, boxes: Boxes, side: int, component: int, at: Index
+    found: Ragged, whole: Floats, boxes: Boxes, side: int, component: int, at: Ints
 ) -> tuple[Floats, Floats]:
     """Return a shear stress at both ends of a side along its component: what the equations take."""
     # Where smaller boxes hang it is the mean on either half.
@@ -235,7 +235,7 @@ def _imbalance(boxes: Boxes, found: Ragged) -> Floats:
     return np.asarray(found_data(boxes, found) @ balance_rows(boxes.dimension, 2).T)
 
 
-def found_data(boxes: Boxes, found: Ragged, some: Index | slice = slice(None)) -> Floats:
+def found_data(boxes: Boxes, found: Ragged, some: Ints | slice = slice(None)) -> Floats:
     """Return the tractions on ragged boxes, and the forces within: data of `crossed.Form`."""
     box = found.box[some]
     traction = found.traction[some].reshape(len(box), -1)
@@ -245,9 +245,9 @@ def found_data(boxes: Boxes, found: Ragged, some: Index | slice = slice(None)) -
 class _Joint(NamedTuple):
     """Sides between ragged boxes: who has it, which side, and which part of it (-1: all)."""
 
-    box: Index
-    side: Index
-    part: Index
+    box: Ints
+    side: Ints
+    part: Ints
 
 
 @lru_cache(maxsize=2)
@@ -288,7 +288,7 @@ def _slips(d: int) -> Flags:
 
 def _pass_on(
     boxes: Boxes, found: Ragged, off: Floats, helps: Flags, small: float
-) -> tuple[Index, bool]:
+) -> tuple[Ints, bool]:
     """Let boxes pass on what they are left with, through the sides between them."""
     # Returns the groups of boxes that did so with each other, and whether the iteration came to its
     # end.
@@ -385,9 +385,9 @@ def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, 
     for bed in boxes.beds:
         bedding[bed.side, bed.box] = bed.stiffness * boxes.size[bed.box]
     own = np.flatnonzero(helps)
-    mine: list[Index] = []
+    mine: list[Ints] = []
 
-    def helper(box: Index) -> Index:
+    def helper(box: Ints) -> Ints:
         at = found.at(box)
         return np.where((at >= 0) & helps[at], at, -1)
 
@@ -416,5 +416,5 @@ def _joints(boxes: Boxes, found: Ragged, helps: Flags) -> tuple[_Joint, _Joint, 
     return first, _Joint(second, across, part), stiff, loose.astype(np.bool_)
 
 
-def _joint_rows(*columns: Index | int) -> Index:
+def _joint_rows(*columns: Ints | int) -> Ints:
     return np.stack(np.broadcast_arrays(*columns))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.kinds import FOUNDATION, INSIDE, RIGID, ROLLER
 
-from .problem import FIXED, ElasticProblem, FaceFields, Floats
+from .problem import FIXED, ElasticProblem, FaceFields
 from .staggered import internal_force
 
 
@@ -15,7 +15,7 @@ def reactions(
     problem: ElasticProblem,
     u: FaceFields,
     names: tuple[str, ...],
-    counted: tuple[NDArray[np.bool_], ...] | None = None,
+    counted: tuple[Flags, ...] | None = None,
 ) -> dict[str, Floats]:
     """Return the force (scaled) of every support on the body; of cells inside as "rigid"."""
     # `names` are those of the sides, lower before upper, axis by axis; `counted` the faces that
@@ -36,7 +36,7 @@ def reactions(
     return found
 
 
-def _owners(problem: ElasticProblem, axis: int, names: tuple[str, ...]) -> NDArray[np.int64]:
+def _owners(problem: ElasticProblem, axis: int, names: tuple[str, ...]) -> Ints:
     """Return for every face the side whose cells hold it; -1 if cells inside the array do."""
     kinds, nothing = problem.kinds, 2 * problem.dimension
     side = np.full(kinds.shape, -1, dtype=np.int64)

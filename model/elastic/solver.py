@@ -6,14 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from math import inf, log, sqrt
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.sparse.linalg import SuperLU
 
-from kaju.arrays import first_largest
+from kaju.arrays import Floats, Ints, first_largest
 from kaju.errors import SceneError
 from kaju.factors import factors_of
 from kaju.stopping import stopped
@@ -23,9 +21,6 @@ from .incompressible import MixedForm, without_pressure
 from .krylov import Iteration, conjugate_gradients, dot
 from .problem import ACTIVE, FIXED, ElasticProblem, FaceFields
 from .staggered import Numbering, internal_force, stiffness_matrix
-
-Vector = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 FEW = {2: 50_000, 3: 3_000}
 """So many cells are solved by factors, which need no compiled loop; a second or two at most."""
@@ -146,16 +141,6 @@ def followed(problem: ElasticProblem, start: FaceFields | None, tolerance: float
     return solution
 
 
-class Space(Protocol):
-    """What takes faces' values to vectors and back."""
-
-    def gather(self, fields: FaceFields) -> Vector:
-        """Return the values of the faces that can move."""
-
-    def scatter(self, vector: Vector, fields: FaceFields) -> None:
-        """Write the values of the faces that can move."""
-
-
 class System:
     """A problem's loads on the faces that are free to move.
 
@@ -164,7 +149,7 @@ class System:
     answer with it, by more the finer the grid.
     """
 
-    def __init__(self, problem: ElasticProblem, space: Space) -> None:
+    def __init__(self, problem: ElasticProblem, space: Hierarchy | Numbering) -> None:
         self.problem, self._space = problem, space
         self.load = space.gather(problem.force)  # External forces,
         self.right = self.load  # and these without what the given displacements take.
@@ -176,12 +161,12 @@ class System:
             self._given = sum(float(np.vdot(a, b)) for a, b in zip(pull, self._lead, strict=True))
             self.right = self.load - space.gather(pull)
 
-    def unknown(self, displacement: FaceFields) -> Vector:
+    def unknown(self, displacement: FaceFields) -> Floats:
         """Return the vector that `displacement` takes back."""
         found = self._space.gather(displacement)
         return found if self.right is self.load else found - self._space.gather(self._lead)
 
-    def displacement(self, unknown: Vector) -> FaceFields:
+    def displacement(self, unknown: Floats) -> FaceFields:
         """Return displacements of all faces, the given ones included."""
         if self.right is not self.load:
             unknown = unknown + self._space.gather(self._lead)
@@ -189,7 +174,7 @@ class System:
         self._space.scatter(unknown, fields)
         return fields
 
-    def unheld(self, left: Vector) -> float:
+    def unheld(self, left: Floats) -> float:
         """Return by how much supports and loads differ where forces are left, as a share of all."""
         most = float(np.abs(left.reshape(self.problem.dimension, -1).sum(axis=1)).max())
         return most / (self._loads or 1.0)
@@ -198,7 +183,7 @@ class System:
     def _loads(self) -> float:
         return float(np.abs(self.right).sum())
 
-    def energy(self, x: Vector) -> float:
+    def energy(self, x: Floats) -> float:
         """Return twice the stored energy of a solution x (or of what is nearly one)."""
         if self.right is self.load:
             return float(dot(x, self.load))
@@ -227,7 +212,7 @@ class System:
         )
 
 
-def lead(problem: ElasticProblem, moved: Vector, origin: Index, cells: Index) -> FaceFields:
+def lead(problem: ElasticProblem, moved: Floats, origin: Ints, cells: Ints) -> FaceFields:
     """Return displacements that fall linearly from those of moved sides to the sides opposite."""
     # Of a body of so many cells, or of a window whose first cell is `origin`; `moved` is the
     # displacement of the body's sides, shape (axis, end, component).
@@ -245,7 +230,7 @@ def lead(problem: ElasticProblem, moved: Vector, origin: Index, cells: Index) ->
     return tuple(fields)
 
 
-def _moved(problem: ElasticProblem) -> Vector:
+def _moved(problem: ElasticProblem) -> Floats:
     """Return by what the sides of a body are moved."""
     d = problem.dimension
     moved = np.zeros((d, 2, d))
@@ -262,7 +247,7 @@ def _moved(problem: ElasticProblem) -> Vector:
     return moved
 
 
-def _largest(values: Vector) -> float:
+def _largest(values: Floats) -> float:
     """Return the value of largest size: what a side is moved by where nothing else holds it."""
     return float(values.flat[first_largest(np.abs(values.ravel()))]) if values.size else 0.0
 
@@ -298,7 +283,7 @@ class Factors:
         guard = GUARD * felt.diagonal() + (felt.diagonal() <= 0.0)
         return prolong, factors_of(felt + sp.diags_array(guard))
 
-    def missed_by_coarse(self, system: System, x: Vector) -> float:
+    def missed_by_coarse(self, system: System, x: Floats) -> float:
         """Return the relative error of cells twice as large, by their energy."""
         if self.body.needs_mixed_form:
             return self._rough(x, system.energy(x))
@@ -308,7 +293,7 @@ class Factors:
         potential = 0.5 * float(dot(coarse, self.matrix @ coarse)) - work
         return missed(potential, -0.5 * float(dot(x, system.right)), system.energy(x))
 
-    def _rough(self, x: Vector, whole: float) -> float:
+    def _rough(self, x: Floats, whole: float) -> float:
         """Return the relative energy norm of x less its mean over cells twice as large."""
         # Nearly incompressible, these would lock; the pressure's part is left out.
         prolong = prolongation(self.numbering)
@@ -345,7 +330,7 @@ def held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
-def prolongation(numbering: Numbering, outside: Vector | None = None) -> sp.csr_array:
+def prolongation(numbering: Numbering, outside: Floats | None = None) -> sp.csr_array:
     """Return how free faces follow all faces of cells twice as large."""
     # Linear along the normal, and across it from the two nearest, ¾ to ¼. With weights for every
     # side, those beyond it follow from the two inside: see `hierarchy.outside_of`.
@@ -372,7 +357,7 @@ def _follow(count: int, normal: bool) -> sp.csr_array:
     return sp.csr_array(entries, shape=(count, (count + 1) // 2 + 1))
 
 
-def _go_on(count: int, lower: Vector, upper: Vector) -> sp.csr_array:
+def _go_on(count: int, lower: Floats, upper: Floats) -> sp.csr_array:
     """Return how places along a line follow from all but the first and the last."""
     inner = np.arange(1, count - 1)
     row = np.concatenate([inner, [0, 0, count - 1, count - 1]])
@@ -398,7 +383,7 @@ def _by_factors(problem: ElasticProblem) -> Solution | None:
     return solution
 
 
-def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Vector) -> Iteration:
+def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Floats) -> Iteration:
     """Solve by the factors of a matrix, with two steps of iterative refinement."""
     x = np.asarray(factor.solve(load))
     scale = float(np.sqrt(dot(load, load))) or 1.0
@@ -428,7 +413,7 @@ def factorise(matrix: sp.csr_array) -> SuperLU:
 
 
 def _judge_rounding(
-    system: System, solution: Solution, resisted: Vector, lost: float = 0.0
+    system: System, solution: Solution, resisted: Floats, lost: float = 0.0
 ) -> None:
     """Say, or refuse, where so many digits are lost that forces do not balance."""
     if not system.right.any():
@@ -442,7 +427,7 @@ def _judge_rounding(
     solution.notes += rounding_notes(lost)
 
 
-def lost_digits(stiffness_times_x: Vector, right: Vector) -> float:
+def lost_digits(stiffness_times_x: Floats, right: Floats) -> float:
     """Return about which share of the loads rounding leaves unbalanced."""
     # A face's force is the difference of far larger ones where the body hardly resists (a soft bed,
     # a hinge) or hardly shrinks (a pressure λ div u).
@@ -463,10 +448,6 @@ def rounding_notes(lost: float) -> list[str]:
     if lost > NOTEWORTHY:
         return [f"rounding leaves about {lost:.1g} of the loads unbalanced"]
     return []
-
-
-def _default_target(discretisation: float) -> float:
-    return min(max(ALGEBRAIC_SHARE * discretisation, 1e-12), LOOSEST)
 
 
 def _by_multigrid(
@@ -509,7 +490,7 @@ def _by_multigrid(
 def _iterate(
     system: System,
     hierarchy: Hierarchy,
-    start: Vector,
+    start: Floats,
     done: Callable[[Iteration], bool],
     most: int = 200,
 ) -> Iteration:
@@ -541,7 +522,7 @@ class _Watch:
             self.discretisation, self._estimate = self._estimate(run), None
         target = self._tolerance
         if target is None:
-            target = _default_target(self.discretisation)
+            target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
         stated = max(target, self.discretisation)
         if (run.errors[-1] <= target and _held(self._system, run, stated)) or run.at_rounding(1e-9):
             self.slow = False

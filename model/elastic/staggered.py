@@ -20,10 +20,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
 from .moduli import REENTRANT_WEIGHT, Moduli
-from .problem import ACTIVE, ElasticProblem, FaceFields, Floats
+from .problem import ACTIVE, ElasticProblem, FaceFields
 
 Pair = tuple[int, int]
 
@@ -240,7 +241,7 @@ def _law(problem: ElasticProblem, moduli: Moduli) -> sp.csr_array:
     return sp.csr_array(sp.block_diag([sp.block_array(blocks), shear], format="csr"))
 
 
-def _differences(columns: int, terms: list[tuple[NDArray[np.int64], float]]) -> sp.csr_array:
+def _differences(columns: int, terms: list[tuple[Ints, float]]) -> sp.csr_array:
     """Return a matrix with one row per entry of the terms, given as (columns, weight)."""
     count = len(terms[0][0])
     row = np.concatenate([np.flatnonzero(index >= 0) for index, _ in terms])
@@ -249,9 +250,7 @@ def _differences(columns: int, terms: list[tuple[NDArray[np.int64], float]]) -> 
     return compact(row, column, value, (count, columns))
 
 
-def compact(
-    row: NDArray[np.int64], column: NDArray[np.int64], value: Floats, shape: tuple[int, int]
-) -> sp.csr_array:
+def compact(row: Ints, column: Ints, value: Floats, shape: tuple[int, int]) -> sp.csr_array:
     """Return a sparse matrix with indices of half the size, where they suffice."""
     kind = np.int32 if max(len(value), *shape) < 2**31 else np.int64
     return sp.csr_array((value, (row.astype(kind), column.astype(kind))), shape=shape)

@@ -17,12 +17,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kaju.arrays import Floats, Ints
 
 Offset = tuple[int, int, int]
 Entry = tuple[int, int, Offset]
 """Two components and the way from the first's face to the second's."""
-Integers = NDArray[np.int64]
 
 NORMAL = {-1: 0.5, 0: 1.0, 1: 0.5}
 ACROSS = {-1: 0.25, 0: 0.75, 1: 0.75, 2: 0.25}
@@ -34,9 +34,9 @@ TOGETHER = 4
 class Terms(NamedTuple):
     """Sums of weighted rows: `place` (sum, row, entry, shift) and `weight` of every term."""
 
-    place: Integers  # Ordered by sums, `TOGETHER` to the group. Shape (terms, 4)
-    weight: NDArray[np.float64]  # Shape (terms,)
-    rows: Integers
+    place: Ints  # Ordered by sums, `TOGETHER` to the group. Shape (terms, 4)
+    weight: Floats  # Shape (terms,)
+    rows: Ints
     """The rows that terms name, by their distance along the first two axes. Shape (n, 2)."""
     sums: int  # Number of sums
 
@@ -45,13 +45,13 @@ class Stencil(NamedTuple):
     """The entries of one level and how they couple its faces."""
 
     entries: tuple[Entry, ...]
-    couplings: Integers
+    couplings: Ints
     """Component, other component, offset of the other, entry, offset of where it is stored: an
     entry serves its own row and, mirrored, the other one. A component's first is its own. Shape
     (couplings, 9)."""
-    starts: Integers  # First coupling of every component, and the end
-    own: Integers
-    next: Integers
+    starts: Ints  # First coupling of every component, and the end
+    own: Ints
+    next: Ints
     """Entries of a face with itself, and with its next in the row."""
 
 
@@ -74,7 +74,7 @@ def _opposite(offset: Offset) -> Offset:
 
 
 @lru_cache
-def finest_entries(dimension: int) -> tuple[tuple[Entry, ...], Integers]:
+def finest_entries(dimension: int) -> tuple[tuple[Entry, ...], Ints]:
     """Return the entries of the finest level, and what they are made of."""
     # An entry is sign · (modulus + modulus) / 2 or the whole sum; the columns are: sign (±1 for a
     # sum, 0 for one modulus taken negative, 2 for the diagonal), then twice a row of the law (0:
@@ -160,10 +160,7 @@ def _step(
         terms += [(*terms[0][:3], 0.0)] * (-len(terms) % TOGETHER)
         place += [(slot, number[row], source, shift) for row, source, shift, _ in terms]
         weights += [weight for *_, weight in terms]
-    return (
-        Terms(np.array(place), np.array(weights), np.array(rows), len(entries)),
-        entries,
-    )
+    return (Terms(np.array(place), np.array(weights), np.array(rows), len(entries)), entries)
 
 
 def _leads_back(way: Offset, axis: int) -> bool:

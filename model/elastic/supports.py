@@ -15,14 +15,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
 from kaju.model.scene.kinds import FOUNDATION, RIGID
 
 from .hierarchy import is_box
-from .problem import ACTIVE, FIXED, ElasticProblem, Floats
+from .problem import ACTIVE, FIXED, ElasticProblem
 from .staggered import axis_pairs, cut, edge_modulus
-
-Index = NDArray[np.int64]
 
 FREE = 1e-6
 """A motion that strains what holds a body by less (in cells, moved by a cell) is free."""
@@ -51,7 +50,7 @@ def check_supports(
             )
 
 
-def parts_of(body: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
     """Return the number of every cell's part of the body, from 1, and how many there are."""
     if body[(slice(1, -1),) * body.ndim].all():  # for which nothing needs to be imported
         return body.astype(np.int32), 1
@@ -89,12 +88,12 @@ def _free_motion(rows: Floats, dimension: int) -> str:
     return "turn" if free.any() else ""
 
 
-def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Index, Floats]:
+def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Floats]:
     """Return what is held: to which part it belongs, and how far every rigid motion strains it."""
     # These are held faces, springs, and edges that shear when faces round them stay.
     d = problem.dimension
     states = problem.face_states()
-    owners: list[Index] = []
+    owners: list[Ints] = []
     rows: list[Floats] = []
     bedded = bool(np.any(problem.kinds == FOUNDATION))
     for axis in range(d):
@@ -115,7 +114,7 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Index, Fl
     return np.concatenate(owners), np.concatenate(rows)
 
 
-def _motions(face: Index, axis: int, dimension: int) -> Floats:
+def _motions(face: Ints, axis: int, dimension: int) -> Floats:
     """Return how far every rigid motion about the array's corner moves faces (by index)."""
     place = face + np.where(np.arange(dimension) == axis, 0.0, 0.5)
     columns = [np.full(len(face), float(a == axis)) for a in range(dimension)]
@@ -129,7 +128,7 @@ def _gripped(
     parts: NDArray[np.int32],
     states: tuple[NDArray[np.int8], ...],
     pair: tuple[int, int],
-) -> tuple[Index, Floats]:
+) -> tuple[Ints, Floats]:
     """Return the edges that shear because held faces round them stay where they are."""
     d = problem.dimension
     near = np.zeros([n + (a in pair) for a, n in enumerate(problem.kinds.shape)], dtype=np.bool_)
@@ -181,7 +180,7 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
     return None
 
 
-def _pinned(state: NDArray[np.int8], axis: int) -> NDArray[np.bool_]:
+def _pinned(state: NDArray[np.int8], axis: int) -> Flags:
     d = state.ndim
     fixed = state != ACTIVE
     return np.asarray(

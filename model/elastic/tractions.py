@@ -11,9 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.selection import Uneven
 
 LARGEST = {2: 0.5, 3: 0.9}
@@ -66,7 +65,7 @@ class Portions(NamedTuple):
         rest[rest <= 1e-7 * np.sqrt(square)] = 0.0  # rounding
         return cls(box, side, total, moment, rest)
 
-    def some(self, chosen: Ints | NDArray[np.bool_]) -> Portions:
+    def some(self, chosen: Ints | Flags) -> Portions:
         """Return some of them."""
         return Portions(
             self.box[chosen],

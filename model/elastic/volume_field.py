@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .boxes import Index
+from kaju.arrays import Floats, Ints
+
 from .compatible import CompatibleField, sink
 from .crossed import inside_simplices, triangles
-from .problem import Floats
 
 LOCKING = 0.8
 """Bodies with a larger C₁₂/C₁₁ (a Poisson's ratio of 0.45 in plane strain) call for the field."""
@@ -140,7 +140,7 @@ class VolumeField:
         bent = np.einsum("nk,nk->n", data, self._bends(data))
         return np.asarray(0.5 * (self.boxes.law.lateral * grown**2 + bent))
 
-    def strain_at(self, box: Index, inside: Floats) -> Floats:
+    def strain_at(self, box: Ints, inside: Floats) -> Floats:
         """Return the strain tensors, shape (n, 2, 2), at a place in each of n boxes."""
         data = self._data(self.displacement, self._flux)
         for some, straight in self._groups:
@@ -283,7 +283,7 @@ def _slopes(slope: Floats, at: Floats) -> Floats:
     return np.concatenate([corner, np.stack(middle, axis=1)], axis=1)
 
 
-def _at_the_rim(number: dict[tuple[float, float], int]) -> tuple[Index, Floats]:
+def _at_the_rim(number: dict[tuple[float, float], int]) -> tuple[Ints, Floats]:
     """Return the unknowns at the rim of a box, and what they are by the data."""
     place = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)]
     place += [(0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)]

@@ -10,14 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.model.elastic.problem import ElasticProblem
 from kaju.model.elastic.staggered import axis_pairs, edge_modulus
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Boundary:
@@ -30,8 +27,8 @@ class Boundary:
     def __init__(
         self,
         problem: ElasticProblem,
-        cells: Integers,
-        column: Integers,
+        cells: Ints,
+        column: Ints,
         weight: Floats,
         columns: int,
     ) -> None:
@@ -41,7 +38,7 @@ class Boundary:
         self.cells = np.stack(np.unravel_index(distinct, shape), axis=1).astype(np.int64) - 1
         self.links = sp.csr_array((weight, (row, column)), shape=(len(distinct), columns))
 
-    def first(self, step: Integers) -> Integers:
+    def first(self, step: Ints) -> Ints:
         """Return the earliest step among each cell's columns; 0 where none has one."""
         never = np.iinfo(np.int64).max
         first = np.full(len(self.cells), never)
@@ -52,9 +49,7 @@ class Boundary:
 
 
 def supports(
-    problem: ElasticProblem,
-    fixed: tuple[Integers, Integers],
-    bedded: tuple[Integers, Integers],
+    problem: ElasticProblem, fixed: tuple[Ints, Ints], bedded: tuple[Ints, Ints]
 ) -> Boundary:
     """Return the cells that hold the body; columns are held faces, then bedded ones."""
     # A held face between two rigid cells is shared by them.
@@ -75,9 +70,7 @@ def supports(
     )
 
 
-def free_surfaces(
-    problem: ElasticProblem, faces: tuple[Integers, Integers], stiffness: Floats
-) -> Boundary:
+def free_surfaces(problem: ElasticProblem, faces: tuple[Ints, Ints], stiffness: Floats) -> Boundary:
     """Return the air beside the body; columns are faces, entries the shares given back."""
     # `faces` are axis and index of those that can move, with their (scaled) stiffness.
     axis, index = faces
@@ -91,11 +84,11 @@ def free_surfaces(
     )
 
 
-Missing = tuple[Integers, Integers, Floats]
+Missing = tuple[Ints, Ints, Floats]
 """Faces, the air cells beside them, and the stiffness that is missing there."""
 
 
-def _ahead(problem: ElasticProblem, axis: Integers, index: Integers) -> list[Missing]:
+def _ahead(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
     """Return the air ahead of faces: there C₁₁ of the cell behind is missing."""
     low = index.copy()
     low[np.arange(len(axis)), axis] -= 1
@@ -107,7 +100,7 @@ def _ahead(problem: ElasticProblem, axis: Integers, index: Integers) -> list[Mis
     return found
 
 
-def _beside(problem: ElasticProblem, axis: Integers, index: Integers) -> list[Missing]:
+def _beside(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
     """Return the air round the corners (edges) of faces, by which friction is lowered."""
     compliance = np.append(1.0 / problem.moduli.shear, 0.0)
     found = []

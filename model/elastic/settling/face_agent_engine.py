@@ -10,10 +10,11 @@ import numpy as np
 from kaju._mesa import Cell, FixedAgent, Network
 from kaju.agents.boundary_agent import FreeBoundaryAgent
 from kaju.agents.face_agent import FaceAgent, Link, Place, SupportAgent
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import AIR
 from kaju.stepping import Order, chosen
 
-from .push_state import Floats, Integers, PushState
+from .push_state import PushState
 from .table import PushTable
 
 if TYPE_CHECKING:
@@ -28,10 +29,7 @@ class AgentPushEngine:
     """
 
     def __init__(
-        self,
-        model: ElasticModel,
-        table: PushTable,
-        face_agent: type[FaceAgent] = FaceAgent,
+        self, model: ElasticModel, table: PushTable, face_agent: type[FaceAgent] = FaceAgent
     ) -> None:
         self.model, self.table = model, table
         self.holding, self.open_air = table.holding, table.open_air
@@ -55,7 +53,7 @@ class AgentPushEngine:
         self.air, self.supports = {}, {}
         self.post: list[tuple[int, float]] | None = None
 
-    def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
+    def push_together(self, level: int, acting: Ints, loads: Floats) -> None:
         """Let agents of a level take loads (N) at once, each its own."""
         state, ground = self.state, self.state.grounds[level]
         agents = [self.agent(level, number) for number in acting.tolist()]

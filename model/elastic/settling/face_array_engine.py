@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
 from kaju.compiling import njit
 
-from .push_state import Floats, Integers, PushState
+from .push_state import PushState
 from .table import PushTable
 
 
@@ -86,7 +87,7 @@ class ArrayPushEngine:
         """Put the loads on the body, before anybody has yielded."""
         self.state = PushState(self.table)
 
-    def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
+    def push_together(self, level: int, acting: Ints, loads: Floats) -> None:
         """Let agents of a level take loads (N) at once, each its own."""
         state, agents, ground = self.state, self.table.levels[level], self.state.grounds[level]
         ground.spawn_step[acting[ground.spawn_step[acting] == 0]] = state.generation + 1

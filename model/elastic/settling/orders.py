@@ -6,17 +6,22 @@ An order only says *who*; what an agent does when its turn comes is the agent's 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from .push_state import Floats, Integers, PushState
+from kaju.arrays import Floats
+
+from .push_state import PushState
 
 if TYPE_CHECKING:
     from kaju.agents.face_agent import FaceAgent
     from kaju.stepping import Order
 
     from .face_agent_engine import AgentPushEngine
+    from .face_array_engine import ArrayPushEngine
+
+    PushEngine: TypeAlias = AgentPushEngine | ArrayPushEngine
 
 MOST_WHO_CONFER = 500
 """Up to this many topmost parents settle their loads at once; more of them take turns."""
@@ -75,21 +80,6 @@ class Momentum:
         solution = np.linalg.lstsq(stiffness / np.outer(scale, scale), load / scale, rcond=1e-12)
         lengths: Floats = solution[0] / scale
         return lengths
-
-
-class PushEngine(Protocol):
-    """What an order needs: agents as objects or as arrays."""
-
-    state: PushState
-
-    def push_together(self, level: int, acting: Integers, loads: Floats) -> None:
-        """Let agents of a level take loads (N) at once, each its own."""
-
-    def push_in_turn(self, level: int, backward: bool) -> int:
-        """Let the agents of a level above the threshold act one after another."""
-
-    def push_largest(self, count: int) -> int:
-        """Let the agent with the largest load act, `count` times."""
 
 
 class Visit(NamedTuple):

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
+
+from kaju.arrays import Floats, Ints
 
 from .table import PushTable
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +27,7 @@ class LevelFaces:
     displacement: Floats
     """How far each face has moved (m); for parents, in their current visit. Shape (faces,)."""
     taken: Floats  # Sum of the sizes of the loads (N) that its agent has taken. Shape (faces,)
-    spawn_step: Integers  # Step in which its agent spawned, 0 while there is none. Shape (faces,)
+    spawn_step: Ints  # Step in which its agent spawned, 0 while there is none. Shape (faces,)
     weight: Floats  # By how much a load on the face counts against the threshold. Shape (faces,)
 
 

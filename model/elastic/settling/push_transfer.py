@@ -18,11 +18,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.model.elastic.problem import ABSENT, ACTIVE, FIXED
 from kaju.model.elastic.staggered import Numbering, compact
 
 States = NDArray[np.int8]
-Index = NDArray[np.int64]
 
 
 def coarsen(fine: Numbering) -> tuple[Numbering, sp.csr_array]:
@@ -74,7 +74,7 @@ def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> 
     child = place[axis].astype(np.int64) - 1
     parent = child // 2
 
-    def look(offset: Index) -> tuple[Index, NDArray[np.int8]]:
+    def look(offset: Ints) -> tuple[Ints, NDArray[np.int8]]:
         at = [*place]
         at[axis] = np.clip(parent + offset + 1, 0, coarse.shape[axis] - 1)
         return number[tuple(at)], coarse[tuple(at)]
@@ -93,8 +93,8 @@ def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> 
 
 
 def _across(
-    look: Callable[[Index], tuple[Index, States]], toward: Index, zero: Index
-) -> list[tuple[Index, NDArray[np.float64]]]:
+    look: Callable[[Ints], tuple[Ints, States]], toward: Ints, zero: Ints
+) -> list[tuple[Ints, Floats]]:
     """Return the three parents of a child across the normal and their weights."""
     own, _ = look(zero)
     near, near_state = look(toward)

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
+
 from .push_state import PushState
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 MOST_MOMENTS = 400
 MOST_BYTES = 32_000_000
 """All moments together take up to this much memory."""
@@ -37,12 +37,12 @@ class StepRecord(NamedTuple):
 class FaceAgents:
     """The face agents, ordered by level, spawn step and number."""
 
-    level: Integers
-    spawn_step: Integers
-    number: Integers
+    level: Ints
+    spawn_step: Ints
+    number: Ints
     """Level, 0 for the cells' own faces; step of spawning, from 1; number of the face. Shape
     (agents,)."""
-    axis: Integers
+    axis: Ints
     """Axis of the face's normal. Shape (agents,)."""
     position: Floats
     """Middle of the face (m). Shape (agents, dimension)."""
@@ -58,11 +58,11 @@ class FaceAgents:
 class BoundaryAgents:
     """The boundary agents: supports, then air; each ordered by spawn step and cell."""
 
-    cells: Integers
+    cells: Ints
     """Where they are. Shape (agents, dimension)."""
-    kind: Integers
+    kind: Ints
     """What they are, from `kaju.model.scene.kinds`. Shape (agents,)."""
-    spawn_step: Integers
+    spawn_step: Ints
     """Step in which a load first reached them. Shape (agents,)."""
     reaction: Floats
     """Force on the body (N); none from air. Shape (agents, dimension)."""
@@ -94,9 +94,9 @@ class PushLedger:
 class Moments:
     """How things stood after some of the steps, from before the first to the last."""
 
-    step: Integers
+    step: Ints
     """Steps taken; 0 is before the first. Shape (k,)."""
-    level: Integers
+    level: Ints
     """Level that the step visited. Shape (k,)."""
     energy: Floats
     """Energy of body and loads (J). Shape (k,)."""
@@ -132,7 +132,7 @@ class Recorder:
             self._kept = self._kept[::2]
             self._every *= 2
 
-    def moments(self, level: int, agents: Integers) -> Moments:
+    def moments(self, level: int, agents: Ints) -> Moments:
         """Return what was kept, and how things stand now, of the faces with agents."""
         # `level` was visited last; agents are counted through all levels.
         kept = self._kept

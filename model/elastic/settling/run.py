@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju import __version__
+from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 
     from .elastic_model import ElasticModel
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 ROUGH = 1e4
 """Contrast of moduli from which on the meter of the error left is not to be relied on."""
@@ -292,8 +291,7 @@ def _face_agents(model: ElasticModel) -> FaceAgents:
     for number, (level, ground) in enumerate(
         zip(model.table.levels, model.state.grounds, strict=True)
     ):
-        awake = np.flatnonzero(ground.spawn_step)
-        awake = awake[np.argsort(ground.spawn_step[awake], kind="stable")]
+        awake = _awake(ground.spawn_step)
         values = (
             np.full(len(awake), number),
             ground.spawn_step[awake],
@@ -321,7 +319,7 @@ def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
     returned: Floats = np.asarray(air.links @ state.grounds[0].taken)
     steps = holding.first(state.place_step), air.first(state.grounds[0].spawn_step)
     orders = [_awake(step) for step in steps]
-    cells: Integers = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
+    cells: Ints = np.concatenate([holding.cells[orders[0]], air.cells[orders[1]]])
     cells = cells + np.asarray(table.origin, dtype=np.int64)
     nothing = np.zeros((len(orders[1]), dimension))
     return BoundaryAgents(
@@ -333,7 +331,7 @@ def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
     )
 
 
-def _awake(step: Integers) -> Integers:
+def _awake(step: Ints) -> Ints:
     awake = np.flatnonzero(step)
     return awake[np.argsort(step[awake], kind="stable")]
 

@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import ElasticRule
+from kaju.arrays import Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic.grid import grid_of
 from kaju.model.elastic.problem import ABSENT, ACTIVE, FIXED
@@ -30,8 +31,6 @@ from .push_transfer import coarsen
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 FEWEST_FACES = 12
 """A level with at most this many faces has no parents."""
@@ -69,7 +68,7 @@ class PushLevel:
         return matrix
 
     @cached_property
-    def place(self) -> tuple[Integers, Integers]:
+    def place(self) -> tuple[Ints, Ints]:
         """Axis, shape (faces,), and index with the rim, shape (faces, dimension), of each face."""
         return face_indices(self.numbering.states, ACTIVE)
 
@@ -77,42 +76,20 @@ class PushLevel:
 class PushTable:
     """Who passes how much to whom: the elastic rule on a scene's faces.
 
-    Parameters
-    ----------
-    scene : Scene
-        A scene of squares or cubes whose rule is an `ElasticRule`.
-    stage : int, optional
-        Stage of loading; the last one by default.
-
-    Attributes
-    ----------
-    grid : Scene
-        The scene on the cells whose faces the agents stand on: its own, or, if a member is
-        only one cell wide and could not pass on any shear, cells half as large.
-    problem : ElasticProblem
-        The scaled arrays, cut to the box round the body.
-    origin : tuple of int
-        The grid's cell that is the arrays' first.
-    levels : tuple of PushLevel
-        The faces of the cells, then those of their parents, if the order has any.
-    unit : float
-        What one scaled stiffness is in N/m.
-    load : array, shape (places,)
-        What the loads and given displacements leave on every face and support (N).
-    given : array, shape (fixed faces,)
-        Displacement (m) of the faces that supports hold.
-    reference : float
-        k₀ (N/m): stiffness of a face inside the stiffest material.
-    threshold : float
-        γ (N).
-
-    Raises
-    ------
-    SceneError
-        If the cells are neither squares nor cubes, or the rule is another one.
-    SupportError
-        If a part of the body could move without straining.
+    `problem` are the scaled arrays, cut to the box round the body, and `origin` the cell of `grid`
+    that is their first; `unit` is what one scaled stiffness is in N/m.
     """
+
+    # The scene on the cells whose faces the agents stand on: its own, or, if a member is only one
+    # cell wide and could not pass on any shear, cells half as large
+    grid: Scene
+    # The faces of the cells, then those of their parents, if the order has any
+    levels: tuple[PushLevel, ...]
+    # What loads and given displacements leave on every face and support (N). Shape (places,)
+    load: Floats
+    given: Floats  # Displacement (m) of the faces that supports hold. Shape (fixed faces,)
+    reference: float  # k₀ (N/m): stiffness of a face inside the stiffest material
+    threshold: float  # γ (N)
 
     def __init__(self, scene: Scene, stage: int | None = None, order: str | None = None) -> None:
         scene_needed(scene)
@@ -203,7 +180,7 @@ class PushTable:
         return np.asarray(total * self.problem.scales.force, dtype=np.float64)
 
     @cached_property
-    def place_axes(self) -> Integers:
+    def place_axes(self) -> Ints:
         """Axis along which each support holds: held faces first, then bedded ones."""
         return np.concatenate([self.fixed_place[0], self.levels[0].place[0][self.bedded]])
 
@@ -252,7 +229,7 @@ def make_level(
     return PushLevel(numbering, stiffness, shares)
 
 
-def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Integers, Integers]:
+def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Ints, Ints]:
     """Return axis and index of the faces in a state, in the order of their numbers."""
     axes, indices = [], []
     for axis, state in enumerate(states):

@@ -8,14 +8,14 @@ from itertools import product
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
 from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import DISPLACED, RIGID
 
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .field import known_slopes, nearest_known, oriented, slope_weights
-from .leaves import Index
 
 NEAR = 1e-6
 """Points that are nearer to a face than this part of a cell lie on it."""
@@ -87,7 +87,7 @@ class AgentFields:
         return np.asarray(self.sides.reshape(len(self.sides), -1, 2).mean(axis=2))
 
 
-def displacement_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
+def displacement_at(fields: AgentFields, points: Floats, leaf: Ints) -> Floats:
     """Return displacements at points (units), shape (n, dimension)."""
     # Along its axis a displacement runs linearly between the leaf's two sides, across it by the
     # slopes at the edges that are nearest. On a wall it is the wall's. Where a point lies on
@@ -105,7 +105,7 @@ def displacement_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
     return _means(point, np.stack(columns, axis=1))
 
 
-def component(fields: AgentFields, leaf: Index, local: Floats, walls: Floats, axis: int) -> Floats:
+def component(fields: AgentFields, leaf: Ints, local: Floats, walls: Floats, axis: int) -> Floats:
     """Return u_axis in leaves at places in them, 0 to 1 along each axis."""
     grid, every = fields.balance.grid, np.arange(len(leaf))
     low, high = (fields.sides[leaf, 2 * axis + end] for end in (0, 1))
@@ -152,9 +152,7 @@ def corner_values(fields: AgentFields) -> Floats:
     return found
 
 
-def _slope(
-    fields: AgentFields, leaf: Index, axis: int, across: int, end: int, near: Index
-) -> Floats:
+def _slope(fields: AgentFields, leaf: Ints, axis: int, across: int, end: int, near: Ints) -> Floats:
     """Return ∂u_axis/∂across in leaves, at an end along `axis`, towards the near side."""
     # At a free surface ∂u_t/∂n follows from the shear strain, which is known there, and ∂u_n/∂t.
     # The agents below give another one, a little deeper: between them lies what holds from the
@@ -165,7 +163,7 @@ def _slope(
     own, other = fields.slopes[pair] if first else fields.slopes[pair][::-1]
     shear = grid.ground.moduli.shear[grid.leaves.kind[leaf]]
 
-    def at(edge: Index, some: Index | slice) -> Floats:
+    def at(edge: Ints, some: Ints | slice) -> Floats:
         weights = slope_weights(edges, gradients, edge, shear[some])
         return np.asarray(weights[0] * own[edge] + weights[1] * other[edge])
 
@@ -181,7 +179,7 @@ def _slope(
     return slope
 
 
-def stress_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
+def stress_at(fields: AgentFields, points: Floats, leaf: Ints) -> Floats:
     """Return stress tensors at points (units), shape (n, dimension, dimension)."""
     # Normal stresses run by the differences to neighbours of the same material, shear stresses
     # between the leaf's edges. Where a point lies on several leaves it is the mean over those of
@@ -204,7 +202,7 @@ def stress_at(fields: AgentFields, points: Floats, leaf: Index) -> Floats:
     return _means(point, tensor)
 
 
-def _along_slopes(grid: Composite, value: Floats, leaf: Index, local: Floats) -> Floats:
+def _along_slopes(grid: Composite, value: Floats, leaf: Ints, local: Floats) -> Floats:
     kind, h, total = grid.leaves.kind, grid.length, value[leaf].copy()
     for axis in range(grid.dimension):
         slope, count = np.zeros(len(leaf)), np.zeros(len(leaf))
@@ -218,7 +216,7 @@ def _along_slopes(grid: Composite, value: Floats, leaf: Index, local: Floats) ->
     return np.asarray(total)
 
 
-def touching(grid: Composite, points: Floats, leaf: Index) -> tuple[Index, Index]:
+def touching(grid: Composite, points: Floats, leaf: Ints) -> tuple[Ints, Ints]:
     """Return all leaves in or on which points (units) lie: pairs of point and leaf, in order."""
     # `leaf` is one of each point.
     reach = NEAR * grid.ground.cell
@@ -235,7 +233,7 @@ def touching(grid: Composite, points: Floats, leaf: Index) -> tuple[Index, Index
     return np.divmod(pairs, len(grid.leaves))
 
 
-def _means(point: Index, values: Floats) -> Floats:
+def _means(point: Ints, values: Floats) -> Floats:
     """Return the mean of the values of each point; the points are in order."""
     if not len(point):
         return values
@@ -245,7 +243,7 @@ def _means(point: Index, values: Floats) -> Floats:
     return np.asarray(total / count.reshape(-1, *(1 for _ in values.shape[1:])))
 
 
-def walls_beside(grid: Composite, leaf: Index) -> Floats:
+def walls_beside(grid: Composite, leaf: Ints) -> Floats:
     """Return how the rigid walls beside leaves move, by side and component; NaN without a wall."""
     d = grid.dimension
     given = np.full((len(leaf), 2 * d, d), np.nan)

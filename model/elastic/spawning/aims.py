@@ -6,12 +6,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from kaju.arrays import Flags, Floats
 from kaju.model.elastic.bracket import Bracket
 
 from .balance import Balance
-from .composite import Floats
 from .curvature import Indicator
-from .leaves import Flags
 from .nested import NestedMultigrid
 
 BULK = {2: 0.85, 3: 0.75}

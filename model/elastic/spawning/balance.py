@@ -8,15 +8,15 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.krylov import dot
 from kaju.model.elastic.problem import ACTIVE, FIXED
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import INSIDE
 
-from .composite import Composite, Floats
+from .composite import Composite
 from .ground import Ground
 from .leaf_loads import FaceLoads, face_loads
-from .leaves import Flags, Index
 from .rows import stiffness_of, sum_rows
 
 
@@ -92,7 +92,7 @@ class Balance:
         normal = cross * stretch.sum(axis=0) + (along - cross) * stretch
         return np.concatenate([normal.ravel(), shear * strain[n * d :]])
 
-    def stiffness(self, faces: Index | None = None) -> sp.csr_array:
+    def stiffness(self, faces: Ints | None = None) -> sp.csr_array:
         """Return the forces on faces by displacements of these faces: symmetric."""
         # `faces` are all of them unless some are given.
         faces = np.arange(self.grid.size) if faces is None else faces
@@ -101,7 +101,7 @@ class Balance:
         return sp.csr_array(matrix + sp.diags_array(bed)) if bed.any() else matrix
 
     @cached_property
-    def free(self) -> Index:
+    def free(self) -> Ints:
         """Faces that are free to move."""
         return np.flatnonzero(self.grid.state == ACTIVE)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.model.elastic.hierarchy import Hierarchy
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ElasticProblem
@@ -25,10 +26,7 @@ from . import block_kernels as kernels
 from .blocks import BlockBalance, BlockRows, Window
 from .forest import ACROSS, ways
 from .held import check_held
-from .leaves import Index
 from .pages import PLACES, Pages, rims
-
-Floats = NDArray[np.float64]
 
 STEPS = 4
 """Chebyshev steps within a block."""
@@ -43,8 +41,8 @@ class Root:
     def __init__(self, balance: BlockBalance) -> None:
         forest, ground = balance.forest, balance.forest.ground
         d, last = forest.dimension, int(forest.start[1])
-        block: Index = (forest.lower[:last] - forest.lower[:last].min(axis=0)) // forest.edge
-        kinds: Index = np.full(block.max(axis=0) + 3, AIR)
+        block: Ints = (forest.lower[:last] - forest.lower[:last].min(axis=0)) // forest.edge
+        kinds: Ints = np.full(block.max(axis=0) + 3, AIR)
         for way, step in enumerate(ways(d)):
             kinds[tuple((block + 1 + step).T)] = forest.kinds[:last, way]
         for axis in range(d):
@@ -60,9 +58,9 @@ class Root:
         self._scale = float(balance.scale[0])
         # Where every unknown place is in the hierarchy's vectors.
         at = np.argwhere(balance.pages.mask[balance.page[0, :last]] > 0)
-        number: Index = np.asarray(np.ravel_multi_index(tuple(at.T), balance.shape))
-        place: Index = np.stack(np.unravel_index(at[:, 2], (PLACES,) * d), axis=1)
-        cell: Index = block[at[:, 0]] * ACROSS + place
+        number: Ints = np.asarray(np.ravel_multi_index(tuple(at.T), balance.shape))
+        place: Ints = np.stack(np.unravel_index(at[:, 2], (PLACES,) * d), axis=1)
+        cell: Ints = block[at[:, 0]] * ACROSS + place
         fields = [np.zeros(shape) for shape in shapes]
         for axis in range(d):
             own = at[:, 1] == axis

@@ -10,6 +10,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bracket import Bracket
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import STIFF_PRESSURE
@@ -27,15 +28,13 @@ from .forest import ACROSS, Forest, evenly_loaded, first_forest
 from .generations import Generation, Spawning
 from .ground import Ground
 from .leaf_spawner import ROUGH, LeafSpawner
-from .leaves import Flags, Index, Leaves, morton
+from .leaves import Leaves, morton
 from .mirror import mirrors, symmetrise
 from .nested import WORST, relative_error
 from .previous import LEAST, WORTHWHILE
 from .retire import RETURN, share_of
 from .spawner import Spawner
 from .tree_boxes import bracket_of_agents
-
-Floats = NDArray[np.float64]
 
 LAST = 1e-9
 """The last generation's forces balance to this share of the loads."""
@@ -202,7 +201,7 @@ class BlockSpawning(Spawning):
         """Displacement of all its faces."""
         return self._window.displacement(self.u)
 
-    def near(self, agent: Index) -> tuple[AgentFields, Index]:
+    def near(self, agent: Ints) -> tuple[AgentFields, Ints]:
         """Return the fields of agents and of those about them, and which of these they are."""
         forest = self.blocks.forest
         block = forest.leaves[np.unique(agent // len(forest.corners))]

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import axis_pairs
 
@@ -22,24 +23,21 @@ from . import block_kernels as kernels
 from .balance import Balance
 from .composite import Composite
 from .forest import ACROSS, COARSE, REFINED, Forest, corners, ways
-from .leaves import Flags, Index
 from .pages import PLACES, Pages, surroundings
-
-Floats = NDArray[np.float64]
 
 
 class Layout(NamedTuple):
     """Where things lie in a block's places."""
 
-    stride: Index  # shape (dimension,)
+    stride: Ints  # shape (dimension,)
     # Ways, and for each the faces that a neighbour owns, and where they are there; then the same
     # for the last faces of neighbours at corners (`_ends`)
-    layer: tuple[Index, ...]
+    layer: tuple[Ints, ...]
     # For every child: fine faces, faces of the parent, and weights; then the faces that lie between
     # two such, and how far apart these are
-    ties: tuple[Index, Index, Index, Floats, Index]
+    ties: tuple[Ints, Ints, Ints, Floats, Ints]
     # For every child and axis: fine faces, and the parent's faces of which they are parts
-    halves: tuple[Index, Index, Index]
+    halves: tuple[Ints, Ints, Ints]
 
 
 @cache
@@ -66,7 +64,7 @@ def layout(dimension: int) -> Layout:
     return Layout(stride, layer + ends, ties, halves)
 
 
-def _ends(d: int, stride: Index, place: Index) -> tuple[Index, Index]:
+def _ends(d: int, stride: Ints, place: Ints) -> tuple[Ints, Ints]:
     """Return the last faces of neighbours at corners, which stand at the first of nothing."""
     # A row holds the way, the way to nothing, and where its places begin and end; a second array
     # the places, and where they are in the neighbour.
@@ -86,7 +84,7 @@ def _ends(d: int, stride: Index, place: Index) -> tuple[Index, Index]:
     return np.array(heads), np.stack([np.concatenate(into), np.concatenate(source)])
 
 
-def _ties(d: int, stride: Index) -> tuple[Index, Index, Index, Floats, Index]:
+def _ties(d: int, stride: Ints) -> tuple[Ints, Ints, Ints, Floats, Ints]:
     start, between = [0], []
     fine: list[int] = []
     source: list[int] = []
@@ -121,7 +119,7 @@ def _line(upper: int, along: bool) -> list[tuple[int, int, float]]:
     return found
 
 
-def _halves(d: int, stride: Index) -> tuple[Index, Index, Index]:
+def _halves(d: int, stride: Ints) -> tuple[Ints, Ints, Ints]:
     start = np.zeros((1 << d, d + 1), dtype=np.int64)
     fine: list[int] = []
     source: list[int] = []
@@ -148,9 +146,9 @@ def _halves(d: int, stride: Index) -> tuple[Index, Index, Index]:
 class BlockRows(NamedTuple):
     """Strains where agents of two sizes meet, level by level of the smaller ones."""
 
-    level: Index  # shape (levels + 1,): First row of every level
-    start: Index  # Compressed rows over all places of all blocks
-    column: Index
+    level: Ints  # shape (levels + 1,): First row of every level
+    start: Ints  # Compressed rows over all places of all blocks
+    column: Ints
     value: Floats
     modulus: Floats  # shape (rows,): Times volumes
 
@@ -161,7 +159,7 @@ class Window:
     `block` is the block of every agent, and `corner` which of `Forest.corners` it is.
     """
 
-    def __init__(self, forest: Forest, block: Index, chosen: Flags | None = None) -> None:
+    def __init__(self, forest: Forest, block: Ints, chosen: Flags | None = None) -> None:
         if chosen is None:
             chosen = np.ones((len(block), len(forest.corners)), dtype=np.bool_)
         cells = forest.cells(block).only(chosen.ravel())
@@ -187,7 +185,7 @@ class Window:
         return np.where(self.grid.state == ACTIVE, u.ravel()[self.place], self.grid.value)
 
     @cached_property
-    def place(self) -> Index:
+    def place(self) -> Ints:
         """Where the faces of the grid are among the places of all blocks; -1 for those held."""
         forest, grid, d = self._forest, self.grid, self._forest.dimension
         stride, step = layout(d).stride, 3 ** np.arange(d)
@@ -221,7 +219,7 @@ class BlockBalance:
         alone = forest.states(composite=False)
         kinds = np.concatenate([forest.kinds, forest.kinds])
         found = surroundings(kinds, np.concatenate([alone, self.states]), forest.ground.moduli)
-        self.page: Index = found.page.reshape(2, -1)
+        self.page: Ints = found.page.reshape(2, -1)
         self.pages: Pages = found.pages
         self.rows = self._rows()
 
@@ -230,7 +228,7 @@ class BlockBalance:
         return np.zeros(self.shape)
 
     @cached_property
-    def unknowns(self) -> Index:
+    def unknowns(self) -> Ints:
         """Places that are unknown."""
         mask = self.pages.mask[self.page[1]] > 0
         mask[~self.forest.leaf] = False
@@ -253,12 +251,12 @@ class BlockBalance:
         return self._entered[0]
 
     @property
-    def loaded(self) -> Index:
+    def loaded(self) -> Ints:
         """Blocks with external forces."""
         return self._entered[1]
 
     @cached_property
-    def _entered(self) -> tuple[Floats, Index]:
+    def _entered(self) -> tuple[Floats, Ints]:
         forest, total = self.forest, self.zeros()
         block = forest.leaves[forest.loaded]
         if not len(block):
@@ -310,7 +308,7 @@ class BlockBalance:
         found = kernels.curvature(u, forest.leaves, *around, squares, loads)
         return np.asarray(found)
 
-    def follow(self, old: Floats, rim: Index) -> Floats:
+    def follow(self, old: Floats, rim: Ints) -> Floats:
         """Return the displacement interpolated to this forest from what it has grown from."""
         # `old` is known everywhere; `rim` belongs to this forest.
         forest, u = self.forest, self.zeros()
@@ -368,7 +366,7 @@ def _reach(dimension: int) -> NDArray[np.float32]:
     return found.astype(np.float32)
 
 
-def _collected(forest: Forest, window: Window, edges: list[Index]) -> BlockRows:
+def _collected(forest: Forest, window: Window, edges: list[Ints]) -> BlockRows:
     """Return the strains of large agents and of some edges as rows over places."""
     grid, balance, d = window.grid, window.balance, forest.dimension
     n = len(grid.leaves)

@@ -33,7 +33,6 @@ from .solve_spawning import MOST_AGENTS, solve_spawning
 
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
 """An agent, spawned generation by generation, costs as much as so many equal cells."""
-TAKEN = "equal cells were taken"
 SPARE = 0.9
 """Cells are chosen for this share of the tolerance."""
 STRIDE = {2: 4, 3: 2}
@@ -45,11 +44,7 @@ ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
 least and the greatest."""
 DIVISIONS = sorted({1, *(1 << n for n in range(1, 15)), *(3 << n for n in range(14))})
 """How often a cell may be divided; even numbers suit multigrid."""
-MOST_CELLS: dict[Method, int] = {
-    "box": 40_000_000,
-    "matrices": 8_000_000,
-    "pressures": 1_000_000,
-}
+MOST_CELLS: dict[Method, int] = {"box": 40_000_000, "matrices": 8_000_000, "pressures": 1_000_000}
 """More equal cells do not fit in some 10 GB, and are not considered."""
 Method = Literal["box", "matrices", "pressures"]
 """Equal cells of full boxes, of other bodies, and with pressures of their own (rubber)."""
@@ -262,9 +257,12 @@ def solve_cheaply(
     while cells.fit and (cells.continues or cells.cells <= most):
         equal = cells.step()
         if equal is not None:
-            notes = [note for note in equal.found.notes if TAKEN not in note]
-            notes += cells_notes(equal, expected, tolerance)
-            return with_notes(equal, notes, tolerance, perf_counter() - start)
+            taken = (
+                f"{equal.agents:,} equal cells were taken for a tolerance of {tolerance:g}; of "
+                f"agents that spawn about {expected:,.0f} were expected"
+            )
+            said = [taken, *above_note(equal, tolerance)]
+            return with_notes(equal, said, tolerance, perf_counter() - start)
     note = agents_note(cells, tolerance)
     return solve_spawning(
         scene, tolerance, resolution, stage=stage, most_agents=most_agents, note=note
@@ -287,18 +285,16 @@ def solve_equal(
     start = perf_counter()
     if resolution is not None or tolerance < SMALLEST_TOLERANCE:
         result = solve(scene, tolerance, resolution, stage=stage, previous=previous)
-        notes = [*result.found.notes, *above_note(result, tolerance)]
-        return with_notes(result, notes, tolerance, perf_counter() - start)
+        said = above_note(result, tolerance)
+        return with_notes(result, said, tolerance, perf_counter() - start)
     cells = EqualCells(scene, tolerance, None, stage, previous, divides=True)
     while cells.fit:
-        result_or_none = cells.step()
-        if result_or_none is not None:
-            return with_notes(
-                result_or_none, list(result_or_none.found.notes), tolerance, perf_counter() - start
-            )
+        enough = cells.step()
+        if enough is not None:
+            return with_notes(enough, [], tolerance, perf_counter() - start)
     best = cells.last
     if best is not None and best.error_estimate <= tolerance:
-        return with_notes(best, list(best.found.notes), tolerance, perf_counter() - start)
+        return with_notes(best, [], tolerance, perf_counter() - start)
     raise ConvergenceError(
         f"solve: a tolerance of {tolerance:g} needs about {cells.cells:.2g} equal cells, more than "
         "fit, or cells that cannot be solved; take a larger tolerance, or strategy='spawning'. The "
@@ -319,22 +315,13 @@ def above_note(result: ElasticResult, tolerance: float) -> list[str]:
 
 
 def with_notes(
-    equal: ElasticResult, notes: list[str], tolerance: float, seconds: float
+    equal: ElasticResult, said: list[str], tolerance: float, seconds: float
 ) -> ElasticResult:
-    """Return an answer of equal cells with what was asked of it, and what is to be said."""
+    """Return an answer of equal cells with what was asked of it, and what else is to be said."""
     found = equal.found
     assert isinstance(found, CellAgents)
-    found = replace(found, solution=replace(found.solution, notes=notes))
+    found = replace(found, solution=replace(found.solution, notes=[*found.notes, *said]))
     return replace(equal, found=found, tolerance=tolerance, seconds=seconds)
-
-
-def cells_notes(equal: ElasticResult, expected: float, tolerance: float) -> list[str]:
-    """Say why equal cells were taken, and whether they do."""
-    return [
-        f"{equal.agents:,} {TAKEN} for a tolerance of {tolerance:g}; of agents that "
-        f"spawn about {expected:,.0f} were expected",
-        *above_note(equal, tolerance),
-    ]
 
 
 def agents_note(cells: EqualCells, tolerance: float) -> str:

@@ -15,32 +15,31 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.problem import ACTIVE, FIXED
 from kaju.model.elastic.staggered import Pair, axis_pairs
 from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
 
 from .edges import Edges, lay_edges
 from .ground import Ground
-from .leaves import Flags, Index, Leaves
-
-Floats = NDArray[np.float64]
+from .leaves import Leaves
 
 
 class Composite:
     """Faces, edges and strains of leaves; lengths in the scene's cells."""
 
     length: Floats  # Edge of each leaf. Shape (leaves,)
-    beside: Index  # A leaf on each side, -1 for none. Shape (leaves, 2·dimension)
+    beside: Ints  # A leaf on each side, -1 for none. Shape (leaves, 2·dimension)
     # The leaf's own face on each side, -1 where smaller ones take its place. Shape as `beside`
-    master: Index
+    master: Ints
     mean: sp.csr_array  # Displacement of the leaves' sides. Shape (leaves · 2·dimension, faces)
-    axis: Index  # Normal of every face. Shape (faces,)
+    axis: Ints  # Normal of every face. Shape (faces,)
     place: Floats  # Middle (units). Shape (faces, dimension)
     area: Floats
     state: NDArray[np.int8]  # ACTIVE or FIXED
     value: Floats  # The displacement given
     spring: Floats  # The foundation's stiffness
-    support: Index  # Side of the array that holds it (2·dimension: rigid cells inside; -1: none)
+    support: Ints  # Side of the array that holds it (2·dimension: rigid cells inside; -1: none)
     edges: dict[Pair, Edges]
 
     def __init__(self, ground: Ground, leaves: Leaves) -> None:
@@ -62,7 +61,7 @@ class Composite:
         return sp.csr_array(sp.vstack(blocks, format="csr")), start
 
     @property
-    def upper(self) -> Index:
+    def upper(self) -> Ints:
         """Whether a face is at the upper (1) or lower (0) side of its owner."""
         return np.asarray(self._side % 2)
 
@@ -118,14 +117,14 @@ class Composite:
         shape = (len(whole), len(self.owner))
         return sp.csr_array((weight, face.astype(np.int32), start.astype(np.int32)), shape=shape)
 
-    def _past(self, side: int) -> Index:
+    def _past(self, side: int) -> Ints:
         """Return the unit cell beyond the lower corner of a side of every leaf."""
         axis, upper = divmod(side, 2)
         point = self.leaves.lower.copy()
         point[:, axis] += self.leaves.size if upper else -1
         return point
 
-    def beyond(self, side: int, leaf: Index) -> Index:
+    def beyond(self, side: int, leaf: Ints) -> Ints:
         """Return unit cells beyond a side of leaves."""
         return self._past(side)[leaf]
 
@@ -148,7 +147,7 @@ class Composite:
             some = held | (kind == FOUNDATION)
             self.support[bare[some]] = np.where(outside[some], side, 2 * d)
 
-    def outside(self, point: Index, side: int) -> Flags:
+    def outside(self, point: Ints, side: int) -> Flags:
         """Tell which unit cells lie beyond a side of the array."""
         axis, upper = divmod(side, 2)
         end = self.ground.scene.lattice.shape[axis] * self.ground.cell

@@ -18,11 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
+
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .edges import Gradient
 from .field import known_slopes, oriented, slope_weights
-from .leaves import Index
 
 
 class Ahead(NamedTuple):
@@ -31,8 +32,8 @@ class Ahead(NamedTuple):
     Of the small neighbours on one side all count alike, each by its share of that side.
     """
 
-    leaf: Index
-    beyond: Index
+    leaf: Ints
+    beyond: Ints
     """A leaf, and its neighbour of the same size or larger. Shape (pairs,)."""
     distance: Floats  # Shape (pairs,)
     own: Floats
@@ -81,7 +82,7 @@ class CurvatureAcross(NamedTuple):
 
     axes: tuple[int, int]  # a and b
     gradients: tuple[Gradient, Gradient]  # ∂u_a/∂b and ∂u_b/∂a
-    edge: Index  # Shape (4, leaves)
+    edge: Ints  # Shape (4, leaves)
     weight: Floats  # Of either gradient at each edge. Shape (2, 4, leaves)
 
     @classmethod

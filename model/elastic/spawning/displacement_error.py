@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Flags, Floats
 from kaju.model.elastic.bracket import Bracket
 from kaju.model.elastic.krylov import Iteration, dot
 from kaju.model.elastic.problem import ACTIVE
@@ -30,9 +31,8 @@ from kaju.model.elastic.problem import ACTIVE
 from .agent_fields import AgentFields, displacement_at
 from .aims import SPARE, Aimed, State
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .curvature import Curvature, Indicator
-from .leaves import Flags
 from .nested import NestedMultigrid, settle
 
 FAR, LOCAL = 1.6, 1.1
@@ -65,12 +65,7 @@ class DisplacementError(NamedTuple):
         return float((self.far + self.local).max())
 
 
-def told_error(
-    balance: Balance,
-    u: Floats,
-    indicator: Indicator,
-    bracket: Bracket | str,
-) -> float:
+def told_error(balance: Balance, u: Floats, indicator: Indicator, bracket: Bracket | str) -> float:
     """Return a displacement error that the true one hardly exceeds."""
     # Where stiff parts all but touch, not even children see what lies between them: the bounds of
     # the energy do.

@@ -13,18 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.staggered import Pair, modulus_between
 from kaju.model.scene.kinds import AIR, DISPLACED
 
-from .leaves import Flags, Index, Leaves, morton
+from .leaves import Leaves, morton
 from .rows import sum_rows
 
 if TYPE_CHECKING:
     from .composite import Composite
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +34,7 @@ class Gradient:
     valid: Flags  # Whether there is a face, or a wall, on both sides. Shape (edges,)
     one_sided: Floats
     """1; 2 at a wall, where the face is only half the distance away. Shape (edges,)."""
-    wall: Index
+    wall: Ints
     """Side of the array on which the wall lies, 2·dimension inside, -1 without a wall. Shape
     (edges,)."""
     pull: Floats  # Derivative by the wall's displacement. Shape (edges,)
@@ -52,7 +50,7 @@ class Edges:
     gradients: tuple[Gradient, Gradient]  # ∂u_a/∂b and ∂u_b/∂a for the pair (a, b)
     modulus: Floats  # Shear modulus, zero at free surfaces. Shape (edges,)
     weight: Floats  # Volume that each edge stands for. Shape (edges,)
-    of_leaf: Index
+    of_leaf: Ints
     """Edge at the lower or upper end of a leaf along a and along b. Shape (leaves, 2, 2)."""
 
 
@@ -79,8 +77,8 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
 
 
 def _ends_of_leaves(
-    leaves: Leaves, beside: Index, a: int, b: int
-) -> tuple[Index, Index, Index, Index, Index]:
+    leaves: Leaves, beside: Ints, a: int, b: int
+) -> tuple[Ints, Ints, Ints, Ints, Ints]:
     """Lay the edges between axes a < b, each as long as the largest leaf round it."""
     # Returns where every edge begins, its length, the leaves round there, and round its second half
     # ((a-, b-), (a-, b+), (a+, b-), (a+, b+); -1 for none), and the edges at the ends of leaves
@@ -119,7 +117,7 @@ def _ends_of_leaves(
     return point, reach, around, far, number.reshape(n, 2, 2)
 
 
-def _look_round(leaves: Leaves, point: Index, a: int, b: int) -> Index:
+def _look_round(leaves: Leaves, point: Ints, a: int, b: int) -> Ints:
     """Return the leaves in the four quadrants round points."""
     found = []
     for first, second in product((-1, 0), repeat=2):
@@ -130,7 +128,7 @@ def _look_round(leaves: Leaves, point: Index, a: int, b: int) -> Index:
     return np.stack(found)
 
 
-def _kinds_around(grid: Composite, point: Index, pair: Pair, around: Index) -> Index:
+def _kinds_around(grid: Composite, point: Ints, pair: Pair, around: Ints) -> Ints:
     kinds = np.where(around >= 0, grid.leaves.kind[around], AIR)
     for row, ends in enumerate(product((-1, 0), repeat=2)):
         bare = np.flatnonzero(around[row] < 0)
@@ -144,10 +142,10 @@ def _gradient(
     grid: Composite,
     a: int,
     b: int,
-    point: Index,
-    quads: Index,
-    far: Index,
-    kinds: Index,
+    point: Ints,
+    quads: Ints,
+    far: Ints,
+    kinds: Ints,
     stiff: Flags,
 ) -> tuple[Gradient, Floats]:
     """Return ∂u_a/∂b and the distance between its two ends."""
@@ -165,7 +163,9 @@ def _gradient(
         sign = 2.0 * end - 1.0
         bare = np.flatnonzero(~present[end] & stiff & present[1 - end])
         pull[bare] = sign / span[bare]
-        outside = grid.outside(_toward(point[bare], b, end), 2 * b + end)
+        beyond = point[bare]
+        beyond[:, b] += end - 1
+        outside = grid.outside(beyond, 2 * b + end)
         wall[bare] = np.where(outside, 2 * b + end, 2 * grid.dimension)
         moved = outside & np.any(kinds[[end, 2 + end]][:, bare] == DISPLACED, axis=0)
         constant[bare[moved]] += pull[bare[moved]] * grid.ground.given(2 * b + end)[a]
@@ -180,8 +180,8 @@ def _gradient(
 
 
 def _sides_of_edges(
-    grid: Composite, quads: Index, far: Index, a: int
-) -> tuple[Index, Floats, Floats, Flags]:
+    grid: Composite, quads: Ints, far: Ints, a: int
+) -> tuple[Ints, Floats, Floats, Flags]:
     """Return what u_a is before and behind edges, along b."""
     # These are the sides of leaves whose displacements count and their weights, the distance
     # between both, and whether there is any: that of the smaller leaf, or of the middle of one that
@@ -207,13 +207,7 @@ def _sides_of_edges(
     return index, weight, offset, present
 
 
-def _toward(point: Index, axis: int, end: int) -> Index:
-    moved = point.copy()
-    moved[:, axis] += end - 1
-    return moved
-
-
-def _with_concave_corners(edges: Edges, around: Index, size: Index) -> Edges:
+def _with_concave_corners(edges: Edges, around: Ints, size: Ints) -> Edges:
     """Put right the edges where one leaf of four is larger."""
     # The middle of a large leaf stands in for its sides at the edges that hang on it. Where it is
     # met by small leaves on two adjacent sides, both sides do so, and a quarter of a small leaf's

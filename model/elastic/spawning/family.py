@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from .composite import Floats
+from kaju.arrays import Flags, Floats, Ints
+
 from .generations import Generation
-from .leaves import BITS, Flags, Index
+from .leaves import BITS
 
 NOBODY = -1
 """Parent of the first agents, and first child of those that have none."""
@@ -67,7 +68,7 @@ class Family:
     def __init__(self, dimension: int, metre: float) -> None:
         self.dimension, self.metre = dimension, metre
         self.rows = np.empty(0, dtype=_ROW)
-        self.working: Index = np.empty(0, dtype=np.int64)
+        self.working: Ints = np.empty(0, dtype=np.int64)
         self.step = -1
 
     @classmethod
@@ -93,16 +94,16 @@ class Family:
         return np.asarray(self.rows["size"] * self.metre)
 
     @property
-    def level(self) -> Index:
+    def level(self) -> Ints:
         """How often the largest of the first agents would be halved to give each agent."""
         size = self.rows["size"]
         return levels(size, size[self.rows["spawn_step"] == 0].max())
 
-    def corners(self, start: int = 0) -> Index:
+    def corners(self, start: int = 0) -> Ints:
         """Return the lower corners (units) of the rows from `start` onwards."""
         return corners(self.rows["code"][start:], self.dimension)
 
-    def grow(self, code: Index, size: Index) -> None:
+    def grow(self, code: Ints, size: Ints) -> None:
         """Go on to the agents of the next generation (units), in the order of their codes."""
         self.step += 1
         if self.step == 0:
@@ -124,7 +125,7 @@ class Family:
         self.rows["unbalanced_load"][self.working] = load
         self.rows["chosen"][self.working] = chosen
 
-    def standing(self, step: int) -> Index:
+    def standing(self, step: int) -> Ints:
         """Return the rows of the agents of a generation, along a space-filling curve."""
         spawned, retired = self.rows["spawn_step"], self.rows["retired_step"]
         there = np.flatnonzero((spawned <= step) & ((retired == WORKING) | (retired > step)))
@@ -135,7 +136,7 @@ class Family:
         first = int(self.rows["first_child"][row])
         return range(0) if first == NOBODY else range(first, first + (1 << self.dimension))
 
-    def _spawn(self, parents: Index) -> Index:
+    def _spawn(self, parents: Ints) -> Ints:
         """Let agents retire; return the rows of their children."""
         many, rows = 1 << self.dimension, self.rows
         half = rows["size"][parents] // 2
@@ -146,9 +147,7 @@ class Family:
         half, parents, cause = (np.repeat(values, many) for values in (half, parents, cause))
         return self._append(code.ravel(), half, parents, cause)
 
-    def _append(
-        self, code: Index, size: Index, parent: Index | int, cause: Floats | float
-    ) -> Index:
+    def _append(self, code: Ints, size: Ints, parent: Ints | int, cause: Floats | float) -> Ints:
         fresh = np.zeros(len(code), dtype=_ROW)
         fresh["code"], fresh["size"], fresh["parent"], fresh["cause"] = code, size, parent, cause
         fresh["first_child"], fresh["retired_step"] = NOBODY, WORKING
@@ -157,12 +156,12 @@ class Family:
         return np.arange(len(self.rows) - len(fresh), len(self.rows))
 
 
-def levels(size: Index, largest: int) -> Index:
+def levels(size: Ints, largest: int) -> Ints:
     """Return how often the largest edge would be halved to give each edge (units)."""
     return np.asarray(np.rint(np.log2(largest / size)), dtype=np.int64)
 
 
-def corners(code: Index, dimension: int) -> Index:
+def corners(code: Ints, dimension: int) -> Ints:
     """Return the points (units) that Morton codes stand for, shape (n, dimension)."""
     point = np.zeros((len(code), dimension), dtype=np.int64)
     for bit in range(BITS[dimension]):

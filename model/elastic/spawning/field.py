@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from .composite import Composite, Floats
+from kaju.arrays import Flags, Floats, Ints
+
+from .composite import Composite
 from .edges import Edges, Gradient
-from .leaves import Flags, Index
 from .rows import sum_rows
 
 
 def interpolation(
-    grid: Composite, points: Floats, leaf: Index, axis: int
+    grid: Composite, points: Floats, leaf: Ints, axis: int
 ) -> tuple[sp.csr_array, Floats]:
     """Return u_axis at points (units), each in or on a leaf, as ``matrix @ u + constant``."""
     # Along its axis the displacement runs linearly between the leaf's two sides, across it by the
@@ -46,7 +47,7 @@ def interpolation(
     return sum_rows(rows, np.stack(index, axis=1), np.stack(weight, axis=1)), constant
 
 
-def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Index]:
+def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Ints]:
     """Return ∂u_a/∂b and ∂u_b/∂a, and the edges of leaves by end along a, then b."""
     # (a, b) is the pair of the edges, or the pair reversed unless `first`.
     if first:
@@ -55,7 +56,7 @@ def oriented(edges: Edges, first: bool) -> tuple[tuple[Gradient, Gradient], Inde
 
 
 def slope_weights(
-    edges: Edges, gradients: tuple[Gradient, Gradient], edge: Index, shear: Floats
+    edges: Edges, gradients: tuple[Gradient, Gradient], edge: Ints, shear: Floats
 ) -> tuple[Floats, Floats]:
     """Return how a leaf's own ∂u_a/∂b at an edge follows from ∂u_a/∂b and ∂u_b/∂a there."""
     # Where the material changes along b the stress τ is common to both sides, and not the slope:
@@ -74,16 +75,14 @@ def slope_weights(
     return first, second
 
 
-def known_slopes(gradients: tuple[Gradient, Gradient], edge: Index) -> Flags:
+def known_slopes(gradients: tuple[Gradient, Gradient], edge: Ints) -> Flags:
     """Tell at which edges the leaves' slopes are known: not where the material changes twice."""
     own, other = gradients
     known = own.valid[edge] | other.valid[edge]
     return np.asarray(known & ~(own.jump[edge] & other.jump[edge]))
 
 
-def nearest_known(
-    gradients: tuple[Gradient, Gradient], table: Index, end: int, near: Index
-) -> Index:
+def nearest_known(gradients: tuple[Gradient, Gradient], table: Ints, end: int, near: Ints) -> Ints:
     """Return the nearest edge with a slope: at this end and on the near side, if it has one."""
     edge = table[np.arange(len(near)), end, near]
     lost = np.flatnonzero(~known_slopes(gradients, edge))

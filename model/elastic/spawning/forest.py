@@ -14,14 +14,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.scene.purity import MIXED
 
-from .ground import Ground
-from .leaves import Flags, Index, Leaves, morton
+from .ground import Ground, covering
+from .leaves import Leaves, morton
 
 ACROSS = 8
 """Agents along the edge of a block, B."""
@@ -32,21 +33,21 @@ REGULAR, COARSE, REFINED, NOTHING = 0, 1, 2, 3
 """What a block has beside it: one of its size, a larger one, smaller ones, or no body."""
 
 
-def ways(dimension: int) -> Index:
+def ways(dimension: int) -> Ints:
     """Return the steps to a block and its neighbours, x fastest; the block itself in the middle."""
     steps = product((-1, 0, 1), repeat=dimension)
     return np.array([step[::-1] for step in steps], dtype=np.int64)
 
 
 @cache
-def corners(dimension: int) -> Index:
+def corners(dimension: int) -> Ints:
     """Return places (0 … B - 1) of a block's agents in the order of their Morton codes."""
     grid = np.array(list(product(range(ACROSS), repeat=dimension)), dtype=np.int64)
     return grid[np.argsort(morton(grid), kind="stable")]
 
 
 @cache
-def _parent_table(dimension: int) -> tuple[Index, Index]:
+def _parent_table(dimension: int) -> tuple[Ints, Ints]:
     """Return for every child and way the parent's way and the child there: shape (2^d, 3^d)."""
     octant = np.arange(1 << dimension)[:, None, None] >> np.arange(dimension) & 1
     reach = octant + ways(dimension)
@@ -59,18 +60,18 @@ class Forest:
     """Blocks of all levels, level after level, the largest first."""
 
     ground: Ground
-    start: Index  # shape (levels + 1,): First block of every level
-    lower: Index  # shape (blocks, dimension): Lower corners (units)
-    parent: Index  # shape (blocks,)
-    child: Index  # shape (blocks, 2^d): -1 for leaves
-    beside: Index  # shape (blocks, 3^d): Blocks of the same level, by `ways`; -1 for none
-    kinds: Index  # shape (blocks, 3^d): Material or kind of what is there, whatever its size
+    start: Ints  # shape (levels + 1,): First block of every level
+    lower: Ints  # shape (blocks, dimension): Lower corners (units)
+    parent: Ints  # shape (blocks,)
+    child: Ints  # shape (blocks, 2^d): -1 for leaves
+    beside: Ints  # shape (blocks, 3^d): Blocks of the same level, by `ways`; -1 for none
+    kinds: Ints  # shape (blocks, 3^d): Material or kind of what is there, whatever its size
     # shape (blocks,): The same block in the forest that this one has grown from, -1 for new ones
-    origin: Index
-    step: Index  # shape (blocks,): Spawning step in which its agents came to be
+    origin: Ints
+    step: Ints  # shape (blocks,): Spawning step in which its agents came to be
     # shape (blocks,): 1 for children of blocks that were chosen, NaN for those that keep neighbours
     # alike
-    cause: NDArray[np.float64] = field(repr=False)
+    cause: Floats = field(repr=False)
     edge: int = 0
 
     @property
@@ -87,12 +88,12 @@ class Forest:
         return len(self.start) - 1
 
     @cached_property
-    def level(self) -> Index:
+    def level(self) -> Ints:
         """Level of every block."""
         return np.repeat(np.arange(self.depth), np.diff(self.start))
 
     @cached_property
-    def size(self) -> Index:
+    def size(self) -> Ints:
         """Edges (units) of the blocks' agents."""
         return (self.edge // ACROSS) >> self.level
 
@@ -102,13 +103,13 @@ class Forest:
         return np.asarray(self.child[:, 0] < 0)
 
     @cached_property
-    def leaves(self) -> Index:
+    def leaves(self) -> Ints:
         """Numbers of the leaf blocks, in the order of their Morton codes."""
         at = np.flatnonzero(self.leaf)
         return at[np.argsort(morton(self.lower[at]), kind="stable")]
 
     @property
-    def kind(self) -> Index:
+    def kind(self) -> Ints:
         """Material of every block."""
         return self.kinds[:, 3**self.dimension // 2]
 
@@ -125,7 +126,7 @@ class Forest:
         """Return the same blocks, as the first ones, on other ground of the same body."""
         return replace(self.as_first(), ground=ground, origin=np.arange(len(self)))
 
-    def states(self, composite: bool) -> Index:
+    def states(self, composite: bool) -> Ints:
         """Tell what every block has beside it, shape (blocks, 3^d)."""
         # On its own level a block does not look at children; as part of the `composite` it does.
         there = self.beside >= 0
@@ -168,13 +169,13 @@ class Forest:
         return replace(self, origin=origin)
 
     @cached_property
-    def _octant(self) -> Index:
+    def _octant(self) -> Ints:
         half = self.edge >> self.level
         bits = (self.lower // half[:, None]) & 1
         return np.asarray(bits @ 2 ** np.arange(self.dimension))
 
     @property
-    def octant(self) -> Index:
+    def octant(self) -> Ints:
         """Which child of its parent every block is; bit a for axis a."""
         return self._octant
 
@@ -235,14 +236,14 @@ class Forest:
         count = [len(one.parent) for one in levels]
         start = np.concatenate([[0], np.cumsum(count)])
         lower, parents, beside, kinds, origin, steps, cause = (
-            np.concatenate(column) for column in zip(*(one.columns for one in levels), strict=True)
+            np.concatenate(column) for column in zip(*levels, strict=True)
         )
         return Forest(
             self.ground, start, lower, parents, np.concatenate(children), beside, kinds,
             origin, steps, cause, self.edge,
         )  # fmt: skip
 
-    def cells(self, block: Index) -> Leaves:
+    def cells(self, block: Ints) -> Leaves:
         """Return the agents of blocks, in the order of their Morton codes if the blocks are."""
         size = np.repeat(self.size[block], len(self.corners))
         lower = (
@@ -269,7 +270,7 @@ class Forest:
         found[small] = np.isin(keys(lower[small] // cell), keys(loaded))
         return found
 
-    def with_neighbours(self, block: Index) -> Index:
+    def with_neighbours(self, block: Ints) -> Ints:
         """Return leaf blocks and all those that touch them, in order."""
         marked = np.zeros(len(self), dtype=np.bool_)
         marked[block] = True
@@ -287,26 +288,19 @@ class Forest:
         return order[marked[order]]
 
     @cached_property
-    def corners(self) -> Index:
+    def corners(self) -> Ints:
         """Places (0 … B - 1) of a block's agents in the order of their Morton codes."""
         return corners(self.dimension)
 
 
-@dataclass(frozen=True, eq=False)
-class _Level:
-    lower: Index
-    parent: Index
-    beside: Index
-    kinds: Index
-    origin: Index
-    step: Index
-    cause: NDArray[np.float64]
-
-    @property
-    def columns(self) -> tuple[NDArray[np.generic], ...]:
-        return (
-            self.lower, self.parent, self.beside, self.kinds, self.origin, self.step, self.cause,
-        )  # fmt: skip
+class _Level(NamedTuple):
+    lower: Ints
+    parent: Ints
+    beside: Ints
+    kinds: Ints
+    origin: Ints
+    step: Ints
+    cause: Floats
 
 
 def first_forest(ground: Ground) -> Forest | None:
@@ -316,7 +310,7 @@ def first_forest(ground: Ground) -> Forest | None:
     spans, d = upper - lower, ground.dimension
     exponent = int(np.log2(max(1, min(spans.max() // 2, spans.min()))))
     while True:
-        boxes = _boxes(lower, upper, exponent)
+        boxes = covering(lower, upper, exponent)
         kind = ground.kinds_of(boxes, exponent)
         beside = boxes[:, None] + (ways(d) << exponent)
         body = np.flatnonzero(kind != -1)
@@ -365,13 +359,7 @@ def _unevenly_loaded(forest: Forest) -> Flags:
     return marked
 
 
-def _boxes(lower: Index, upper: Index, exponent: int) -> Index:
-    first, last = lower >> exponent, -((-upper) >> exponent)
-    ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
-    return np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1) << exponent
-
-
-def _found(place: Index, asked: Index) -> Index:
+def _found(place: Ints, asked: Ints) -> Ints:
     """Return which of the places, in the order of their codes, each one asked for is; else -1."""
     code = morton(place)
     flat = asked.reshape(-1, place.shape[1])

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from kaju.agents.materials import suggestion
+from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic import fields as solid
 from kaju.model.elastic.problem import FIXED, Scales
@@ -15,11 +16,10 @@ from kaju.model.scene.kinds import INSIDE
 
 from .agent_fields import AgentFields, displacement_at, stress_at, touching
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .field import interpolation
 from .ground import Ground, LeafForces
 from .leaf_places import Parts, Site, Spots, site_of
-from .leaves import Flags
 from .quantities import Deflection, Quantity, Reaction, Stress, component_of, ways_of
 
 NEGLIGIBLE = 0.01

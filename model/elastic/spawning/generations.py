@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bracket import Bracket
 
 from .agent_fields import AgentFields
 from .aims import Aimed
 from .balance import Balance
-from .composite import Floats
 from .curvature import Indicator
 from .ground import Ground
-from .leaves import Flags, Index, Leaves
+from .leaves import Leaves
 
 
 class Generation(NamedTuple):
@@ -28,8 +28,8 @@ class Generation(NamedTuple):
     iterations: int
     aimed_error: float
     """Estimated error that the tolerance is about, relative."""
-    code: Index
-    size: Index
+    code: Ints
+    size: Ints
     """Morton code of the lower corner and edge (units) of every agent. Shape (agents,)."""
     load: Floats
     """Load that every agent left unbalanced. Shape (agents,)."""
@@ -83,7 +83,7 @@ class Spawning:
         """Strains, stresses and displacements of all agents."""
         return AgentFields(self.balance, self.displacement)
 
-    def near(self, agent: Index) -> tuple[AgentFields, Index]:
+    def near(self, agent: Ints) -> tuple[AgentFields, Ints]:
         """Return the fields of agents and of those about them, and which of these they are."""
         return self.fields, agent
 

@@ -18,11 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.model.elastic.boxes import Boxes, Loads
 from kaju.model.elastic.bracket import bracket_of
 
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .ground import Ground, LeafForces
 from .leaves import Leaves
 

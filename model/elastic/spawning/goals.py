@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic.boxes import Boxes
 from kaju.model.elastic.krylov import Iteration, dot
@@ -26,7 +27,6 @@ from kaju.model.elastic.krylov import Iteration, dot
 from .agent_fields import AgentFields
 from .aims import SPARE, Aim, Aimed, Answer, State
 from .balance import Balance
-from .composite import Floats
 from .curvature import Curvature
 from .displacement_error import DisplacementAim
 from .functionals import Value, functional_of

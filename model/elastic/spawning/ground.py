@@ -8,8 +8,8 @@ from math import ceil, log2
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.elastic.problem import Scales
@@ -19,9 +19,7 @@ from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.purity import MIXED
 from kaju.model.scene.selection import Uneven
 
-from .leaves import BITS, Flags, Index, Leaves
-
-Floats = NDArray[np.float64]
+from .leaves import BITS, Leaves
 
 ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
 """The first agents are at least this many along the body's longest and shortest side."""
@@ -37,8 +35,8 @@ class LeafForces(NamedTuple):
     Those that lie unevenly on their sides are told once more, with their moments.
     """
 
-    leaf: Index
-    direction: Index
+    leaf: Ints
+    direction: Ints
     force: Floats
     uneven: Portions | None = None
 
@@ -67,16 +65,16 @@ class Ground:
         self._collect_loads(stage)
         self._scale()
 
-    def kinds_at(self, points: Index) -> Index:
+    def kinds_at(self, points: Ints) -> Ints:
         """Return the kinds of unit cells, also outside the array."""
         return self._purity.kinds(points // self.cell, 0)
 
-    def kinds_of(self, boxes: Index, exponent: int) -> Index:
+    def kinds_of(self, boxes: Ints, exponent: int) -> Ints:
         """Return the kinds of boxes of 2^exponent of the scene's cells, or MIXED."""
         return self._purity.kinds(boxes, exponent)
 
     @property
-    def loaded(self) -> Index:
+    def loaded(self) -> Ints:
         """The scene's cells that take loads, shape (n, dimension)."""
         return self._cells
 
@@ -103,10 +101,7 @@ class Ground:
         spans = upper - lower
         widest = max(1.0, min(spans.max() / ACROSS_LONGEST, spans.min() / ACROSS_SHORTEST))
         exponent = int(log2(widest))
-        first, last = lower >> exponent, -((-upper) >> exponent)
-        ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
-        boxes = np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1)
-        leaves = self._pure(boxes << exponent, exponent)
+        leaves = self._pure(covering(lower, upper, exponent), exponent)
         leaves = self._until(leaves, self._beside_mixed)
         leaves = self._until(leaves, self.unevenly_loaded)
         return leaves.balanced(0)
@@ -115,7 +110,7 @@ class Ground:
         """Return leaves of up to twice the size, as far as body and supports let them be."""
         return self._until(leaves.merged(), self._beside_mixed).balanced(0)
 
-    def _pure(self, boxes: Index, exponent: int) -> Leaves:
+    def _pure(self, boxes: Ints, exponent: int) -> Leaves:
         """Split boxes of cells until each is of one kind; keep those of material."""
         lower, size, kind = [], [], []
         corners = np.array(list(product((0, 1), repeat=self.dimension)), dtype=np.int64)
@@ -235,7 +230,7 @@ class Ground:
         acts[odd] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
         return LeafForces(leaf[acts], way[acts], force[acts], uneven.some(acts[odd]))
 
-    def _keys(self, cells: Index, direction: Index) -> Index:
+    def _keys(self, cells: Ints, direction: Ints) -> Ints:
         return self.scene.lattice.key(cells) * (2 * self.dimension + 1) + direction + 1
 
     def _collect_loads(self, stage: int | None) -> None:
@@ -276,6 +271,13 @@ class Ground:
         self._strength = float(np.sqrt(square / max(len(part), 1)))
         ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
         self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)
+
+
+def covering(lower: Ints, upper: Ints, exponent: int) -> Ints:
+    """Return the boxes of 2^exponent cells, by their lower corners, that cover a box of cells."""
+    first, last = lower >> exponent, -((-upper) >> exponent)
+    ranges = [np.arange(a, b) for a, b in zip(first, last, strict=True)]
+    return np.stack([g.ravel() for g in np.meshgrid(*ranges, indexing="ij")], axis=1) << exponent
 
 
 def ground_of(scene: Scene, stage: int | None, resolution: int | None) -> Ground:

@@ -9,15 +9,16 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
 from kaju.model.elastic.problem import FIXED
 from kaju.model.scene.kinds import DISPLACED, RIGID
 
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .field import oriented
 from .ground import Ground
-from .leaves import Flags, Index, Leaves
+from .leaves import Leaves
 
 FREE = 1e-13
 """A motion that strains supports by less than this share of what another one does is free."""
@@ -63,7 +64,7 @@ def loose_part(balance: Balance) -> tuple[int, str] | None:
     return None
 
 
-def _products(rows: Floats, part: Index, count: int) -> Floats:
+def _products(rows: Floats, part: Ints, count: int) -> Floats:
     """Return the sums, part by part, of the products of all columns; shape (count, k, k)."""
     some = rows.any(axis=1)
     rows, part, k = rows[some], part[some], rows.shape[1]
@@ -73,7 +74,7 @@ def _products(rows: Floats, part: Index, count: int) -> Floats:
     return total
 
 
-def rigid_motions(grid: Composite, part: Index) -> Floats:
+def rigid_motions(grid: Composite, part: Ints) -> Floats:
     """Return the faces' displacements in every rigid motion, one column each."""
     # Every part turns about its own middle, by as much as moves its ends by about one.
     d = grid.dimension
@@ -92,7 +93,7 @@ def rigid_motions(grid: Composite, part: Index) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def _parts(grid: Composite) -> Index:
+def _parts(grid: Composite) -> Ints:
     """Return the part of the body that each leaf belongs to: leaves joined by faces."""
     leaf, side = np.nonzero(grid.beside >= 0)
     links = sp.coo_array(

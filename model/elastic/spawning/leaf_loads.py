@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import Pair
 from kaju.model.elastic.tractions import Portions
 from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
-from .composite import Composite, Floats
+from .composite import Composite
 from .field import oriented
-from .leaves import Flags, Index
 
 ROUNDING = 1e-9
 
@@ -64,13 +64,13 @@ class _Dragged(NamedTuple):
     axis: int  # axis, normal: Axis of the forces, and normal of the side
     normal: int
     upper: int  # Whether it is the upper one of the two sides
-    leaf: Index  # Shape (n,)
+    leaf: Ints  # Shape (n,)
     # Of the forces about the leaves' middles, positive from `normal` to `axis`; shape (n,)
     moment: Floats
     # outer, inner: Edges of the side, and of the opposite one, at the lower and upper end along
     # `axis`; shape (2, n)
-    outer: Index
-    inner: Index
+    outer: Ints
+    inner: Ints
 
     @property
     def opposite(self) -> int:
@@ -107,11 +107,11 @@ class _Entering:
                     force = force + gradient.matrix.T @ weight
         return FaceLoads(np.asarray(force), self._wall, self._shear)
 
-    def push(self, leaf: Index, side: Index | int, value: Floats) -> None:
+    def push(self, leaf: Ints, side: Ints | int, value: Floats) -> None:
         """Enter forces normal to sides of leaves."""
         np.add.at(self._share, leaf * 2 * self.grid.dimension + side, value)
 
-    def drag(self, axis: int, side: int, leaf: Index, value: Floats) -> None:
+    def drag(self, axis: int, side: int, leaf: Ints, value: Floats) -> None:
         """Enter forces along `axis` by the side `side`, which is normal to another axis."""
         # The faces that they drag lie half a leaf below the side: there is a moment with them.
         normal, upper = divmod(side, 2)
@@ -127,7 +127,7 @@ class _Entering:
         # Smooth walls take no shear either: all of it stays with the body.
         self._drag_surface(dragged.only(np.isin(kind, (AIR, ROLLER, FOUNDATION))))
 
-    def turn(self, side: int, leaf: Index, moment: Floats) -> None:
+    def turn(self, side: int, leaf: Ints, moment: Floats) -> None:
         """Enter the first moments, shape (n, d, d), of forces on a side of leaves."""
         normal, upper = divmod(side, 2)
         axes = [axis for axis in range(self.grid.dimension) if axis != normal]
@@ -142,7 +142,7 @@ class _Entering:
             for end in (0, 1):
                 self._make_up(self._dragged(first, second, end, leaf, twist))
 
-    def _dragged(self, axis: int, normal: int, upper: int, leaf: Index, moment: Floats) -> _Dragged:
+    def _dragged(self, axis: int, normal: int, upper: int, leaf: Ints, moment: Floats) -> _Dragged:
         table = oriented(self.grid.edges[_pair(axis, normal)], axis < normal)[1][leaf]
         ends = table[:, :, upper].T, table[:, :, 1 - upper].T
         return _Dragged(axis, normal, upper, leaf, moment, *ends)
@@ -195,7 +195,7 @@ class _Entering:
             self._lift(dragged, edge, np.where(lifts, 0.5 * moment, 0.0))
         return np.where(lifts | turns.any(axis=0), 0.0, moment)
 
-    def _lift(self, dragged: _Dragged, edge: Index, weight: Floats) -> None:
+    def _lift(self, dragged: _Dragged, edge: Ints, weight: Floats) -> None:
         """Enter moments by ∂u/∂n at edges of the opposite side, where a wall may lie beyond."""
         self._slope(dragged, edge, weight)
         side = dragged.opposite
@@ -203,37 +203,37 @@ class _Entering:
         pull = np.where(held, self._sums(dragged, edge, dragged.axis)[0] * weight, 0.0)
         self._into_wall(dragged.leaf, side, dragged.axis, -pull)
 
-    def _slope(self, dragged: _Dragged, edge: Index, weight: Floats) -> None:
+    def _slope(self, dragged: _Dragged, edge: Ints, weight: Floats) -> None:
         """Enter moments by ∂u/∂n of the displacement along the forces."""
         turn = self._turn[_pair(dragged.axis, dragged.normal)]
         np.add.at(turn[int(dragged.axis > dragged.normal)], edge, weight)
 
-    def _tilt(self, dragged: _Dragged, edge: Index, weight: Floats) -> None:
+    def _tilt(self, dragged: _Dragged, edge: Ints, weight: Floats) -> None:
         """Enter moments by ∂u_n/∂s along the surface."""
         turn = self._turn[_pair(dragged.axis, dragged.normal)]
         np.add.at(turn[int(dragged.axis < dragged.normal)], edge, weight)
 
-    def _rows(self, dragged: _Dragged, edge: Index, component: int) -> sp.csr_array:
+    def _rows(self, dragged: _Dragged, edge: Ints, component: int) -> sp.csr_array:
         """Return the gradient of one component at edges."""
         pair = _pair(dragged.axis, dragged.normal)
         return sp.csr_array(self.grid.edges[pair].gradients[pair.index(component)].matrix[edge])
 
-    def _sums(self, dragged: _Dragged, edge: Index, component: int) -> tuple[Floats, Floats]:
+    def _sums(self, dragged: _Dragged, edge: Ints, component: int) -> tuple[Floats, Floats]:
         """Return the sum of a gradient's weights, zero with faces on both sides, and their size."""
         rows = self._rows(dragged, edge, component)
         return np.asarray(rows.sum(axis=1)), np.asarray(abs(rows).sum(axis=1))
 
-    def _two_sided(self, dragged: _Dragged, edge: Index, component: int) -> Flags:
+    def _two_sided(self, dragged: _Dragged, edge: Ints, component: int) -> Flags:
         """Tell at which edges a component has faces on both sides."""
         sums, size = self._sums(dragged, edge, component)
         return np.asarray((size > 0) & (np.abs(sums) < ROUNDING * size))
 
-    def _free(self, dragged: _Dragged, edge: Index, component: int) -> Flags:
+    def _free(self, dragged: _Dragged, edge: Ints, component: int) -> Flags:
         """Tell at which edges a component has faces on both sides that are free to move."""
         held = abs(self._rows(dragged, edge, component)) @ (self.grid.state != ACTIVE)
         return np.asarray(self._two_sided(dragged, edge, component) & (held == 0))
 
-    def _kind_beyond(self, leaf: Index, side: int) -> Index:
+    def _kind_beyond(self, leaf: Ints, side: int) -> Ints:
         """Return what lies beyond a side of leaves."""
         beside = self.grid.beside[leaf, side]
         bare = beside < 0
@@ -241,7 +241,7 @@ class _Entering:
         kind[bare] = self.grid.ground.kinds_at(self.grid.beyond(side, leaf[bare]))
         return np.asarray(kind)
 
-    def _into_wall(self, leaf: Index, side: int, axis: int, value: Floats) -> None:
+    def _into_wall(self, leaf: Ints, side: int, axis: int, value: Floats) -> None:
         """Enter forces along an axis into what lies beyond a side of leaves."""
         outside = self.grid.outside(self.grid.beyond(side, leaf), side)
         wall = np.where(outside, side, 2 * self.grid.dimension)
@@ -252,5 +252,5 @@ def _pair(first: int, second: int) -> Pair:
     return min(first, second), max(first, second)
 
 
-def _holds(kind: Index) -> Flags:
+def _holds(kind: Ints) -> Flags:
     return np.isin(kind, (RIGID, DISPLACED))

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.agents.materials import suggestion
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import KajuError, ParameterError
 from kaju.model.scene.body_cells import body_cells
 from kaju.model.scene.regions import Region
 from kaju.model.scene.shapes import Box, Shape
 
-from .composite import Composite, Floats
+from .composite import Composite
 from .ground import Ground
-from .leaves import Flags, Index
 from .quantities import Place
 
 NEAR = 1e-6
@@ -33,7 +32,7 @@ class Spots(NamedTuple):
     """Points that stand for parts of a place."""
 
     points: Floats  # The middles of the parts (units). Shape (n, dimension)
-    leaf: Index  # A leaf in or on which each lies. Shape (n,)
+    leaf: Ints  # A leaf in or on which each lies. Shape (n,)
     weight: Floats  # Adds up to 1. Shape (n,)
     span: Floats  # How far each part reaches along every axis (units). Shape (n, dimension)
 
@@ -41,8 +40,8 @@ class Spots(NamedTuple):
 class Parts(NamedTuple):
     """Leaves of which a place is made up exactly, or sides of theirs."""
 
-    leaf: Index
-    side: Index
+    leaf: Ints
+    side: Ints
     """Side -1 is the whole leaf. Shape (n,)."""
     share: Floats  # Of the place; adds up to 1. Shape (n,)
     cut: Flags
@@ -50,24 +49,11 @@ class Parts(NamedTuple):
     (leaves,)."""
 
 
-class Site(Protocol):
-    """A place, asked grid by grid."""
-
-    def parts(self, grid: Composite) -> Parts | str:
-        """Return the leaves, or sides, that make it up; in words why none ever do."""
-
-    def spots(self, grid: Composite) -> Spots:
-        """Return the points that stand for the place."""
-
-    def coarse(self, grid: Composite) -> Flags:
-        """Tell which leaves are too large for the place to be seen."""
-
-
 class Points(NamedTuple):
     """A single point (units), in a cell (units)."""
 
     point: Floats
-    unit: Index
+    unit: Ints
 
     def spots(self, grid: Composite) -> Spots:
         """Return the point."""
@@ -197,6 +183,11 @@ class Plane(NamedTuple):
         return np.asarray(beside & (within | ((low[:, axis] == height) & bare)))
 
 
+Site = Points | Solid | Plane
+"""A place, asked grid by grid: the points that stand for it, the leaves or sides that make it up
+(in words why none ever do), and which leaves are too large for it to be seen."""
+
+
 def _on_edges(lower: Floats, upper: Floats, grid: Composite) -> tuple[Floats, Floats] | str:
     """Return the ends of a place where agents that are small enough end as well."""
     step = max(grid.ground.cell // PARTED, grid.ground.smallest)
@@ -210,15 +201,15 @@ def _on_edges(lower: Floats, upper: Floats, grid: Composite) -> tuple[Floats, Fl
     return ends
 
 
-def _made_up(leaf: Index, side: Index, share: Floats, cut: Flags) -> Parts:
+def _made_up(leaf: Ints, side: Ints, share: Floats, cut: Flags) -> Parts:
     return Parts(leaf, side, share / (share.sum() or 1.0), cut)
 
 
-def _weighted(points: Floats, leaf: Index, weight: Floats, span: Floats) -> Spots:
+def _weighted(points: Floats, leaf: Ints, weight: Floats, span: Floats) -> Spots:
     return Spots(points, leaf, weight / (weight.sum() or 1.0), span)
 
 
-def located(ground: Ground, points: NDArray[np.float64], cells: Index) -> tuple[Floats, Index]:
+def located(ground: Ground, points: Floats, cells: Ints) -> tuple[Floats, Ints]:
     """Return points (m) that lie in or on cells in units, and a unit cell of each."""
     first = cells * ground.cell
     place = np.clip(points / _metre(ground), first, first + ground.cell)

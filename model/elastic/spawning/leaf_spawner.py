@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from kaju.arrays import Flags
 from kaju.model.elastic.bracket import Bracket
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ACTIVE
@@ -16,7 +17,7 @@ from .curvature import Indicator, indicate
 from .generations import Generation, Spawning
 from .ground import Ground
 from .held import first_agents
-from .leaves import Flags, Leaves
+from .leaves import Leaves
 from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
 from .previous import Heirs, Standing
 from .spawner import Spawner

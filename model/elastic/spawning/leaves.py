@@ -12,10 +12,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-Index = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+from kaju.arrays import Flags, Floats, Ints
 
 BITS = {2: 30, 3: 20}
 """Binary digits of a coordinate in units; the code needs as many for every axis."""
@@ -32,7 +30,7 @@ _SPREAD = {
 """How digits move apart, step by step, until there is room for those of the other axes."""
 
 
-def morton(points: Index) -> Index:
+def morton(points: Ints) -> Ints:
     """Return the Morton codes of points (units, not negative), shape (n, dimension)."""
     found = np.zeros(len(points), dtype=np.int64)
     for axis in range(points.shape[1]):
@@ -48,19 +46,17 @@ def morton(points: Index) -> Index:
 class Leaves:
     """Agents of one body, in the order of their Morton codes."""
 
-    lower: Index  # Lower corners (units). Shape (n, dimension)
-    size: Index  # Edges (units), powers of two. Shape (n,)
-    kind: Index  # Material. Shape (n,)
-    step: Index  # Spawning step in which the agent came to be. Shape (n,)
-    cause: NDArray[np.float64]
+    lower: Ints  # Lower corners (units). Shape (n, dimension)
+    size: Ints  # Edges (units), powers of two. Shape (n,)
+    kind: Ints  # Material. Shape (n,)
+    step: Ints  # Spawning step in which the agent came to be. Shape (n,)
+    cause: Floats
     """Load (N) that its parent left unbalanced; 0 for those that were there from the start, NaN for
     those that spawned only to keep neighbours alike in size. Shape (n,)."""
-    code: Index  # Morton codes of the lower corners. Shape (n,)
+    code: Ints  # Morton codes of the lower corners. Shape (n,)
 
     @classmethod
-    def of(
-        cls, lower: Index, size: Index, kind: Index, step: Index, cause: NDArray[np.float64]
-    ) -> Leaves:
+    def of(cls, lower: Ints, size: Ints, kind: Ints, step: Ints, cause: Floats) -> Leaves:
         """Return leaves in order."""
         code = morton(lower)
         order = np.argsort(code, kind="stable")
@@ -74,7 +70,7 @@ class Leaves:
         """2 or 3."""
         return int(self.lower.shape[1])
 
-    def find(self, points: Index) -> Index:
+    def find(self, points: Ints) -> Ints:
         """Return the leaf that holds each unit cell, -1 where there is none."""
         within = np.all((points >= 0) & (points < 1 << BITS[self.dimension]), axis=1)
         at = np.searchsorted(self.code, morton(np.where(within[:, None], points, 0)), "right") - 1
@@ -83,7 +79,7 @@ class Leaves:
         held &= (points - self.lower[at] < self.size[at, None]).all(axis=1)
         return np.where(held, at, -1)
 
-    def split(self, chosen: Flags, step: int, cause: NDArray[np.float64]) -> Leaves:
+    def split(self, chosen: Flags, step: int, cause: Floats) -> Leaves:
         """Return the leaves with the chosen ones replaced by their children."""
         # `cause` gives, per leaf, what is noted with its children.
         d = self.dimension
@@ -105,7 +101,7 @@ class Leaves:
             self.code[parent] + np.where(new, child * size**d, 0),
         )
 
-    def families(self) -> Index:
+    def families(self) -> Ints:
         """Return the first children of all complete families of one kind; the rest follow them."""
         d, many = self.dimension, 1 << self.dimension
         # In the order of the codes a family stands together, its first child at its corner.
@@ -119,14 +115,14 @@ class Leaves:
             whole &= self.kind[first + child] == self.kind[first]
         return np.flatnonzero(whole)
 
-    def merged(self, start: Index | None = None) -> Leaves:
+    def merged(self, start: Ints | None = None) -> Leaves:
         """Return the leaves with families replaced by their parents: all, or some `start`."""
         start = self.families() if start is None else start
         size = self.size.copy()
         size[start] *= 2
         return replace(self, size=size).only(self.without_siblings(start))
 
-    def without_siblings(self, start: Index) -> Flags:
+    def without_siblings(self, start: Ints) -> Flags:
         """Tell apart from all others the children in families that follow the first."""
         stay = np.ones(len(self), dtype=np.bool_)
         for child in range(1, 1 << self.dimension):
@@ -137,7 +133,7 @@ class Leaves:
         """Return the leaves as if they had been there from the start."""
         return replace(self, step=np.zeros_like(self.step), cause=np.zeros_like(self.cause))
 
-    def only(self, chosen: Flags | Index) -> Leaves:
+    def only(self, chosen: Flags | Ints) -> Leaves:
         """Return some of the leaves."""
         return Leaves(
             self.lower[chosen],
@@ -148,7 +144,7 @@ class Leaves:
             self.code[chosen],
         )
 
-    def _too_large_beside(self, young: Index) -> tuple[Flags, Flags]:
+    def _too_large_beside(self, young: Ints) -> tuple[Flags, Flags]:
         """Return which leaves are too large for neighbours among the young, and which of these."""
         chosen, crowded = np.zeros(len(self), dtype=np.bool_), np.zeros(len(young), dtype=np.bool_)
         lower, size, kind = self.lower[young], self.size[young], self.kind[young]

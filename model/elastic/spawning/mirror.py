@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from kaju.arrays import Floats, Ints
+
 from . import block_kernels as kernels
-from .blocks import BlockBalance, Floats
+from .blocks import BlockBalance
 from .forest import ACROSS, Forest, ways
-from .leaves import Index, morton
+from .leaves import morton
 from .pages import PLACES
 
 ROUNDING = 1e-12
@@ -39,7 +41,7 @@ def mirrors(blocks: BlockBalance) -> tuple[int, ...]:
     return tuple(found)
 
 
-def partners(forest: Forest, axis: int) -> Index:
+def partners(forest: Forest, axis: int) -> Ints:
     """Return the images of the leaf blocks along an axis, -1 where there is none."""
     lower, size = forest.lower[forest.leaves], forest.size[forest.leaves] * ACROSS
     image = lower.copy()
@@ -62,7 +64,7 @@ def symmetrise(blocks: BlockBalance, u: Floats, axes: tuple[int, ...]) -> None:
         u[leaves] = mean * blocks.pages.mask[blocks.page[1, leaves]]
 
 
-def _image(blocks: BlockBalance, u: Floats, axis: int, partner: Index) -> Floats:
+def _image(blocks: BlockBalance, u: Floats, axis: int, partner: Ints) -> Floats:
     """Return the leaf blocks' image, shape (leaves, dimension, places)."""
     d = blocks.forest.dimension
     u = u.copy()

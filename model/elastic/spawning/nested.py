@@ -16,12 +16,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU
 
+from kaju.arrays import Floats
 from kaju.factors import factors_of
 from kaju.model.elastic.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.elastic.problem import STIFF_PRESSURE
 
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .field import prolongation
 from .ground import Ground
 

@@ -13,14 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.staggered import axis_pairs, modulus_between
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
 from .forest import ACROSS, COARSE, NOTHING, REFINED, REGULAR, ways
-from .leaves import Flags, Index
 
-Floats = NDArray[np.float64]
 PLACES = ACROSS + 2
 
 
@@ -41,21 +40,21 @@ class Pages(NamedTuple):
 class Surroundings:
     """Blocks by what they see around them."""
 
-    page: Index  # Page of every block. Shape (blocks,)
+    page: Ints  # Page of every block. Shape (blocks,)
     pages: Pages
 
 
-def surroundings(kinds: Index, states: Index, moduli: Moduli) -> Surroundings:
+def surroundings(kinds: Ints, states: Ints, moduli: Moduli) -> Surroundings:
     """Return the pages of blocks by the kinds and states of their neighbours (`forest`)."""
     seen = np.concatenate([kinds, states], axis=1)
-    lots: Index = np.random.default_rng(0).integers(1, 1 << 62, size=seen.shape[1:])
+    lots: Ints = np.random.default_rng(0).integers(1, 1 << 62, size=seen.shape[1:])
     _, first, page = np.unique((seen + 16) @ lots, return_index=True, return_inverse=True)
     if not np.array_equal(seen[first][page], seen):
         _, first, page = np.unique(seen, axis=0, return_index=True, return_inverse=True)
     return Surroundings(page.ravel(), _pages(kinds[first], states[first], moduli))
 
 
-def _pages(kinds: Index, states: Index, moduli: Moduli) -> Pages:
+def _pages(kinds: Ints, states: Ints, moduli: Moduli) -> Pages:
     d = int(np.rint(np.log(kinds.shape[1]) / np.log(3)))
     kind, state = _padded(kinds, d), _padded(states, d)
     counts = state == REGULAR
@@ -80,7 +79,7 @@ def _pages(kinds: Index, states: Index, moduli: Moduli) -> Pages:
     return Pages(*flat)
 
 
-def _padded(values: Index, d: int) -> Index:
+def _padded(values: Ints, d: int) -> Ints:
     """Lay what blocks have beside them over their places, shape (n, places, ..., places)."""
     step = np.ones(PLACES, dtype=np.int64)
     step[0], step[-1] = 0, 2
@@ -111,7 +110,7 @@ def _within(d: int, upper: tuple[int, ...]) -> Flags:
     return marked
 
 
-def _shear(kind: Index, state: Index, pair: tuple[int, int], shear: Floats) -> Floats:
+def _shear(kind: Ints, state: Ints, pair: tuple[int, int], shear: Floats) -> Floats:
     """Return the modulus of edges: none where agents of two sizes meet."""
     a, b = pair
     around = [(kind, state)]
@@ -124,7 +123,7 @@ def _shear(kind: Index, state: Index, pair: tuple[int, int], shear: Floats) -> F
     return np.where(irregular | ~_within(kind.ndim - 1, pair), 0.0, modulus)
 
 
-def _unknown(kind: Index, state: Index, axis: int) -> Flags:
+def _unknown(kind: Ints, state: Ints, axis: int) -> Flags:
     """Mark faces that are a block's own and free to move."""
     d = kind.ndim - 1
     before, state_before = _shifted(kind, axis, -1, -1), _shifted(state, axis, -1, NOTHING)
@@ -135,7 +134,7 @@ def _unknown(kind: Index, state: Index, axis: int) -> Flags:
     return np.asarray(own & ((kind >= 0) | (before >= 0)) & ~held)
 
 
-def rims(kinds: Index, states: Index) -> Index:
+def rims(kinds: Ints, states: Ints) -> Ints:
     """Tell how displacements go on beyond the sides of blocks, shape (blocks, 2·dimension)."""
     # 0: in another block; 1: linearly, beyond a free surface; 2: mirrored, beyond a wall.
     d = int(np.rint(np.log(kinds.shape[1]) / np.log(3)))

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic.krylov import dot
 from kaju.model.elastic.problem import ACTIVE
 
 from .aims import Aimed
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .field import interpolation
 from .generations import Spawning
 from .ground import Ground
@@ -68,9 +69,10 @@ class Heirs:
         # inside of what the first agents would be.
         old, ground = previous.balance, self.ground
         if of_same_body(old, ground):
-            balance = _loaded(previous, ground)
+            balance = old.loaded_by(ground)
+            balance.grid.leaves = balance.grid.leaves.as_first()
             start = previous.displacement * _unit(old.grid.ground, ground)
-            notes = _lasting(previous.notes)
+            notes = [note for note in previous.notes if note.endswith(HALVED)]
             return Standing(balance, NestedMultigrid(balance), _scaled(balance, start), notes)
         return self._stand(self._placed(old.grid.leaves), old, previous.displacement)
 
@@ -103,17 +105,6 @@ class Heirs:
         balance = Balance(Composite(self.ground, leaves))
         start = _scaled(balance, carried(old, u, balance.grid))
         return Standing(balance, NestedMultigrid(balance), start, list(self.first[1]))
-
-
-def _loaded(previous: Spawning, ground: Ground) -> Balance:
-    """Return the previous agents, as the first ones, under new loads."""
-    balance = previous.balance.loaded_by(ground)
-    balance.grid.leaves = balance.grid.leaves.as_first()
-    return balance
-
-
-def _lasting(notes: list[str]) -> list[str]:
-    return [note for note in notes if note.endswith(HALVED)]
 
 
 def of_same_body(old: Balance, ground: Ground) -> bool:

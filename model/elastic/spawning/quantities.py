@@ -14,8 +14,8 @@ from math import hypot, isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kaju.arrays import Floats
 from kaju.errors import ParameterError
 
 Place = tuple[float, ...] | dict[str, Any] | str
@@ -166,7 +166,7 @@ def quantity_from(values: Mapping[str, Any]) -> Quantity:
     return _KINDS[values["quantity"]](**rest)
 
 
-def ways_of(along: str | tuple[float, ...] | None, dimension: int) -> NDArray[np.float64]:
+def ways_of(along: str | tuple[float, ...] | None, dimension: int) -> Floats:
     """Return the directions that are asked for, shape (components, dimension)."""
     axes = list(AXES[:dimension])
     if along is None:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .composite import Floats
-from .leaves import Index, Leaves
+from kaju.arrays import Floats, Ints
+
+from .leaves import Leaves
 
 RETURN = 4.0
 """A parent leaves this many times what its children leave together: errors in the energy norm
@@ -56,13 +57,13 @@ def retired(leaves: Leaves, part: Floats, share: float) -> tuple[Leaves, Floats]
         leaves, part = _come_back(leaves, part, start[few], expected[few])
 
 
-def _expected(leaves: Leaves, part: Floats, start: Index) -> Floats:
+def _expected(leaves: Leaves, part: Floats, start: Ints) -> Floats:
     family = start[:, None] + np.arange(1 << leaves.dimension)
     return np.asarray(RETURN * part[family].sum(axis=1))
 
 
 def _come_back(
-    leaves: Leaves, part: Floats, start: Index, expected: Floats
+    leaves: Leaves, part: Floats, start: Ints, expected: Floats
 ) -> tuple[Leaves, Floats]:
     part = part.copy()
     part[start] = expected

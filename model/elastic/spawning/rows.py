@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from kaju.arrays import Floats
-
-from .leaves import Index
+from kaju.arrays import Floats, Ints
 
 
-def sum_rows(matrix: sp.csr_array, index: Index, weight: Floats) -> sp.csr_array:
+def sum_rows(matrix: sp.csr_array, index: Ints, weight: Floats) -> sp.csr_array:
     """Return a matrix of weighted sums of rows of another: `index`, shape (n, terms)."""
     # An index may be any number where its weight is zero.
     some = weight != 0.0
@@ -21,12 +19,7 @@ def sum_rows(matrix: sp.csr_array, index: Index, weight: Floats) -> sp.csr_array
 
 
 def stiffness_of(
-    strains: sp.csr_array,
-    face: Index,
-    along: Floats,
-    cross: Floats,
-    shear: Floats,
-    dimension: int,
+    strains: sp.csr_array, face: Ints, along: Floats, cross: Floats, shear: Floats, dimension: int
 ) -> sp.csr_array:
     """Return SᵀDS among some of the faces."""
     # S are the stretches of the leaves axis by axis, then the shear strains of the edges. D is

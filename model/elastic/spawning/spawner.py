@@ -8,16 +8,16 @@ from math import inf, isfinite
 
 import numpy as np
 
+from kaju.arrays import Flags, Floats
 from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
 from kaju.model.elastic.krylov import Iteration
 
 from .aims import BULK, Aim, Aimed, EnergyAim, choose_among, unproved
 from .balance import Balance
-from .composite import Floats
 from .curvature import Indicator
 from .generations import Generation, Spawning
 from .ground import Ground
-from .leaves import Flags, Leaves
+from .leaves import Leaves
 from .nested import NestedMultigrid
 
 MOST_GENERATIONS = 60

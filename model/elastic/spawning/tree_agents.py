@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError, ResultFileError
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.problem import Scales
@@ -20,13 +21,13 @@ from . import agent_fields as sampling
 from .agent_fields import AgentFields
 from .aims import Aimed, Answer
 from .balance import Balance
-from .composite import Composite, Floats
+from .composite import Composite
 from .curvature import indicate
 from .family import levels
 from .generations import Generation, Spawning
 from .ground import Ground, ground_of
 from .leaf_places import located
-from .leaves import Index, Leaves
+from .leaves import Leaves
 from .nested import relative_error
 from .tree_boxes import bracket_of_agents
 
@@ -135,11 +136,11 @@ class TreeAgents:
         return np.asarray(self.leaves.size * self.metre)
 
     @property
-    def material(self) -> Index:
+    def material(self) -> Ints:
         """Index of each agent's material."""
         return self.leaves.kind
 
-    def materials_of(self, moduli: Index) -> Index:
+    def materials_of(self, moduli: Ints) -> Ints:
         """Return the materials of agents, by the indices of their moduli: the same."""
         return moduli
 
@@ -167,12 +168,12 @@ class TreeAgents:
         return self.spawning.stress
 
     @property
-    def level(self) -> Index:
+    def level(self) -> Ints:
         """How often the largest of the first agents would be halved to give each agent."""
         return levels(self.leaves.size, self.spawning.generations[0].size.max())
 
     @property
-    def spawn_step(self) -> Index:
+    def spawn_step(self) -> Ints:
         """Step in which each agent spawned; 0 for the first."""
         return self.leaves.step
 
@@ -185,29 +186,29 @@ class TreeAgents:
         """Return the force of each support on the body."""
         return self.spawning.reactions()
 
-    def displacement_at(self, points: Floats, cells: Index) -> Floats:
+    def displacement_at(self, points: Floats, cells: Ints) -> Floats:
         """Return the displacement at points (m) in or on cells of the grid."""
         place, agent = self._located(points, cells)
         fields, agent = self.spawning.near(agent)
         return sampling.displacement_at(fields, place, agent)
 
-    def stress_at(self, points: Floats, cells: Index) -> Floats:
+    def stress_at(self, points: Floats, cells: Ints) -> Floats:
         """Return stress tensors at points (m) in or on cells of the grid."""
         place, agent = self._located(points, cells)
         fields, agent = self.spawning.near(agent)
         return sampling.stress_at(fields, place, agent)
 
-    def placed(self, points: Floats, cells: Index) -> tuple[Index, Floats]:
+    def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
         place, agent = self._located(points, cells)
         lower, size = self.leaves.lower[agent], self.leaves.size[agent, None]
         return agent, np.clip((place - lower) / size, 0.0, 1.0)
 
-    def material_at(self, points: Floats, cells: Index) -> Index:
+    def material_at(self, points: Floats, cells: Ints) -> Ints:
         """Return the material of the agents in or on which points lie."""
         return self.leaves.kind[self._located(points, cells)[1]]
 
-    def _located(self, points: Floats, cells: Index) -> tuple[Floats, Index]:
+    def _located(self, points: Floats, cells: Ints) -> tuple[Floats, Ints]:
         """Return points in units, and the agent that each lies in or on."""
         place, unit = located(self.ground, points, cells)
         return place, self.leaves.find(unit)

@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.boxes import (
     Bed,
     Boxes,
@@ -25,8 +26,8 @@ from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
 from .agent_fields import AgentFields, corner_values
 from .balance import Balance
-from .composite import Composite, Floats
-from .leaves import Flags, Index, morton
+from .composite import Composite
+from .leaves import morton
 
 
 def bracket_of_agents(balance: Balance, u: Floats, settled: bool = True) -> Bracket | str:
@@ -83,7 +84,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
     )
 
 
-def _kinds_beyond(grid: Composite, side: int) -> Index:
+def _kinds_beyond(grid: Composite, side: int) -> Ints:
     beside = grid.beside[:, side]
     kind = grid.leaves.kind[beside].astype(np.int64)
     bare = np.flatnonzero(beside < 0)
@@ -125,7 +126,7 @@ def _round_corners(grid: Composite) -> Flags:
     return found
 
 
-def _held(grid: Composite, beyond: Index) -> list[Held]:
+def _held(grid: Composite, beyond: Ints) -> list[Held]:
     found = []
     for side, kinds in enumerate(beyond):
         for kind in (ROLLER, RIGID, DISPLACED):
@@ -159,7 +160,7 @@ def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     # In halves of the smallest leaf: codes have no room for halves of the units themselves.
     half = int(leaves.size.min()).bit_length() - 1
 
-    def keys(leaf: Index, third: Index) -> Index:
+    def keys(leaf: Ints, third: Ints) -> Ints:
         points = 2 * leaves.lower[leaf] + third[:, None] * leaves.size[leaf, None]
         return morton((points >> half).reshape(-1, d)).reshape(len(third), len(leaf))
 
@@ -211,7 +212,7 @@ def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     )
 
 
-def _unlike_neighbours(grid: Composite) -> tuple[Index, Index]:
+def _unlike_neighbours(grid: Composite) -> tuple[Ints, Ints]:
     """Return the leaves round whose edges stand smaller ones, and those with larger ones."""
     size = grid.leaves.size
     large, small = (np.zeros(len(size), dtype=np.bool_) for _ in range(2))
@@ -227,7 +228,7 @@ def _unlike_neighbours(grid: Composite) -> tuple[Index, Index]:
 
 
 def _at_corners(
-    grid: Composite, fields: AgentFields, law: Moduli, corner: Index, count: int
+    grid: Composite, fields: AgentFields, law: Moduli, corner: Ints, count: int
 ) -> Floats:
     """Return displacements at nodes: what the leaves round them say, stiff ones counting more."""
     d = grid.dimension

@@ -191,9 +191,9 @@ def test_agents_that_do_not_see_a_hinge_go_on_until_they_do():
         materials={"a": LAWS["a"], "b": LAWS["b"] | {"youngs_modulus": 1e9}},
     )
     right = Deflection("right", "y")
-    few = solve(scene, tolerance=0.05, tolerance_at=right)
-    fine = solve(scene, tolerance=0.005, tolerance_at=right)
+    few = solve(scene, tolerance=0.1, tolerance_at=right)
+    fine = solve(scene, tolerance=0.01, tolerance_at=right)
     (goal,), (truth,) = few.goals, fine.goals
     assert abs(goal.value - truth.value) <= goal.error_bound
-    assert abs(goal.value / truth.value - 1.0) < 0.05
+    assert abs(goal.value / truth.value - 1.0) < 0.1
     assert few.tolerance_kept != "missed"

@@ -141,7 +141,7 @@ def test_pressed_springs_do_not_break():
 def test_a_cut_weakens_by_its_stress_intensity():
     """G from two lengths of a cut against the handbook's K²/E (Tada, finite width)."""
     width, youngs_modulus = 80.0, 2.0 / np.sqrt(3.0)
-    for half in (12, 16, 20):
+    for half in (12, 20):
         compliance = []
         for change in (-0.5, 0.5):
             network, _ = cut_network(81, 141, half + change + 0.01)
@@ -160,7 +160,7 @@ def test_a_cut_weakens_by_its_stress_intensity():
 def test_strength_falls_with_the_root_of_the_cut():
     """The tip lies 0.37 spacings before the last cut spring, and the width is finite."""
     scaled = []
-    for half in (6, 10, 14, 18):
+    for half in (6, 11, 18):
         network, true_half = cut_network(81, 141, half + 0.01)
         strength = kaju.FractureModel(network, scatter=0.0).run(1).strength
         scaled.append(strength * np.sqrt((true_half + 0.37) / np.cos(np.pi * true_half / 80.0)))

@@ -49,7 +49,7 @@ def at_stage(scene, stage):
     return model.result()
 
 
-@pytest.fixture(scope="module", params=[80, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[40, pytest.param(300, marks=pytest.mark.slow)])
 def pairs(node, request):
     scenes = random_scenes(request.param, seed=7)
     mine = node(RUN, [described(scene, stage) for scene, stage in scenes])

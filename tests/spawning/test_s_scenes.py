@@ -132,7 +132,7 @@ def check_same(scene, resolution, stage):
         np.testing.assert_allclose(agents.displacement, expected, atol=atol)
 
 
-@settings(max_examples=40, suppress_health_check=SOME_ARE_LOOSE)
+@settings(max_examples=20, suppress_health_check=SOME_ARE_LOOSE)
 @given(st.data())
 def test_scene_of_any_kind_is_solved_alike(tmp_path_factory, data):
     scene, resolution = data.draw(scenes(tmp_path_factory.mktemp("body")))

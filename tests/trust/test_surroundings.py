@@ -6,12 +6,11 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from textwrap import dedent
 
 import pytest
+from parsed_sources import parsed
 
-import kaju as package
 from kaju import LoadModel, PrescribedRule, Scene, load_result, solve
 
 LONG = "a b 🙂 'q' %s [é] " + "x" * 183
@@ -164,8 +163,8 @@ def test_threads_and_processes_may_compile_at_once(tmp_path):
 def test_nothing_that_users_hand_in_is_judged_by_an_assertion():
     """`python -O` drops them: they tell the type checker what is known, and no more."""
     known = {"(column >= 0).all()"}  # of our own numbering
-    for path in Path(package.__file__).parent.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for path, tree in parsed().items():
+        for node in ast.walk(tree):
             if isinstance(node, ast.Assert):
                 told = ast.unparse(node.test)
                 narrows = told.endswith(" is not None") or told.startswith("isinstance(")

@@ -39,14 +39,16 @@ class WholeLeaf(NamedTuple):
     """Forces on the sides by displacements of the sides."""
     inner: Floats
     """Displacements of the spokes by those of the sides."""
+    hanging: Floats
+    """Displacements of the spokes under the weight, where no side moves."""
 
 
-def whole_leaf(halved: tuple[bool, ...], compliance: Floats) -> WholeLeaf:
+def whole_leaf(halved: tuple[bool, ...], compliance: Floats, weight: Floats) -> WholeLeaf:
     """Return the table of a unit square with a middle on some of its sides."""
     ring = _ring((0.0, 0.0), 1.0, halved)
     n = len(ring)
     corners = np.array([[ring[k], ring[(k + 1) % n], (0.5, 0.5)] for k in range(n)])
-    triangles = SplitTriangles(corners, compliance)
+    triangles = SplitTriangles(corners, compliance, weight)
     four = np.arange(4)
     own = np.empty((n, 12), dtype=np.int64)
     for k in range(n):
@@ -59,7 +61,10 @@ def whole_leaf(halved: tuple[bool, ...], compliance: Floats) -> WholeLeaf:
         matrix[np.ix_(rows, rows)] += part
     sides, spokes = slice(0, 4 * n), slice(4 * n, 8 * n)
     inner = np.asarray(-np.linalg.solve(matrix[spokes, spokes], matrix[spokes, sides]), np.float64)
-    return WholeLeaf(triangles, own, matrix[sides, sides] + matrix[sides, spokes] @ inner, inner)
+    borne = np.bincount(own.ravel(), triangles.tractions(triangles.sagging).ravel(), 8 * n)
+    hanging = np.asarray(-np.linalg.solve(matrix[spokes, spokes], borne[spokes]), np.float64)
+    outer = matrix[sides, sides] + matrix[sides, spokes] @ inner
+    return WholeLeaf(triangles, own, outer, inner, hanging)
 
 
 def _ring(low: Point, size: float, halved: tuple[bool, ...]) -> list[Point]:
@@ -85,6 +90,8 @@ class BalancedPieces:
         Sides with a smaller leaf beside them.
     compliance : array, shape (3, 3)
         Strain (xx, yy, 2 xy) of a stress.
+    weight : array, shape (2,)
+        Force on a unit of area.
     """
 
     def __init__(
@@ -93,8 +100,9 @@ class BalancedPieces:
         pieces: list[list[Corners] | None],
         halved: Flags,
         compliance: Floats,
+        weight: Floats,
     ):
-        self.leaves, self.compliance = leaves, compliance
+        self.leaves, self.compliance, self.weight = leaves, compliance, weight
         self.low = leaves.lower()
         self.high = self.low + (leaves.size * leaves.unit)[:, None]
         self._triangulate(pieces, halved)
@@ -131,9 +139,9 @@ class BalancedPieces:
         sides = [side for ring in left_out for side in zip(ring, ring[1:] + ring[:1], strict=True)]
         self.flat_ends = np.array(sides, dtype=float).reshape(-1, 2, 2)
         self.flat = np.repeat(np.arange(len(left_out)), [len(ring) for ring in left_out])
-        self.cut = SplitTriangles(self.corners, self.compliance)
+        self.cut = SplitTriangles(self.corners, self.compliance, self.weight)
         self.whole = [
-            (whole_leaf(half, self.compliance), half, np.array(rows, dtype=np.int64))
+            (whole_leaf(half, self.compliance, self.weight), half, np.array(rows, dtype=np.int64))
             for half, rows in whole.items()
         ]
         self.area = np.zeros(len(leaves))
@@ -211,19 +219,20 @@ class BalancedPieces:
             shape=(count, count),
         )
         free = np.flatnonzero(~fixed)
-        own, asked = matrix[free][:, free], load[free]
+        own = matrix[free][:, free]
         scale = 1.0 / np.sqrt(own.diagonal())
         scaled = sp.csc_array(sp.diags_array(scale) @ own @ sp.diags_array(scale))
         factors = factors_of(scaled)
         moved = np.zeros(count)
-        left = load.copy()
-        for _ in range(4):  # what is left is that of the stress itself, to the last digit
-            moved[free] += scale * factors.solve(scale * left[free])
+        first = 0.0
+        for _ in range(5):  # what is left is that of the stress itself, to the last digit
             self._stress_of(moved)
-            left = load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
-            self.residual = float(np.abs(left[free]).max() / np.abs(asked).max())
+            left = (load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count))[free]
+            first = first or float(np.abs(left).max())
+            self.residual = float(np.abs(left).max()) / first
             if self.residual < 1e-11:
                 break
+            moved[free] += scale * factors.solve(scale * left)
         return float(self.energies().sum())
 
     def _check_held(self, blocks: list[tuple[Floats, Ints]], held: Flags, force: Floats) -> None:
@@ -250,7 +259,8 @@ class BalancedPieces:
             )
             if motions is not None and np.linalg.matrix_rank(motions, 1e-9) == 3:
                 continue
-            if motions is None and not force[of == part].any():
+            borne = force[of == part].any() or self.weight.any()
+            if motions is None and not borne:
                 self._idle[np.flatnonzero(np.repeat(label == part, 4))] = True
                 self.loose[self.leaf_of[of == part]] = True
                 continue
@@ -259,17 +269,19 @@ class BalancedPieces:
     def _stress_of(self, moved: Floats) -> None:
         """Take the stress that displacements of the sides stand for."""
         n = 3 * len(self.owner)
-        self.patterns = np.einsum(
-            "nmi,ni->nm", self.cut.answer, moved[self.dofs[:n]].reshape(-1, 12)
-        )
+        local = moved[self.dofs[:n]].reshape(-1, 12)
+        self.patterns = self.cut.sagging + np.einsum("nmi,ni->nm", self.cut.answer, local)
         moments = [self.cut.tractions(self.patterns).reshape(-1, 4)]
         self.whole_patterns = []
         for known, half, rows in self.whole:
             size = 4 + sum(half)
             outer = moved[self.dofs[n : n + size * len(rows)]].reshape(len(rows), -1)
             n += size * len(rows)
-            local = np.concatenate([outer, outer @ known.inner.T], axis=1)[:, known.own]
+            grown = ((self.leaves.size[rows] * self.leaves.unit) ** 2)[:, None]
+            spokes = outer @ known.inner.T + grown * known.hanging
+            local = np.concatenate([outer, spokes], axis=1)[:, known.own]
             patterns = np.einsum("tmi,nti->ntm", known.triangles.answer, local)
+            patterns += grown[:, :, None] * known.triangles.sagging
             self.whole_patterns.append(patterns)
             traction = np.einsum("tim,ntm->nti", known.triangles.moments[:, :4], patterns)
             moments.append(traction.reshape(-1, 4))

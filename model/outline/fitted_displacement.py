@@ -56,22 +56,24 @@ class FittedDisplacement:
         points = np.array([(x, y) for x in _GAUSS for y in _GAUSS])
         rows = strain_rows(points)
         whole = 0.25 * np.einsum("qai,ab,qbj->ij", rows, stiffness, rows)
-        self.area = leaves.size.astype(float) ** 2 * leaves.unit**2
+        full = leaves.size.astype(float) ** 2 * leaves.unit**2
+        self.shares = np.repeat(0.25 * full[:, None], 4, axis=1)
+        """Integrals of the four bilinear functions over what each leaf holds."""
         cut = np.array([k for k, held in enumerate(pieces) if held is not None], dtype=np.int64)
         self.elements = np.broadcast_to(whole, (len(leaves), 8, 8)).copy()
-        self.elements[cut] = 0.0
+        self.elements[cut] = self.shares[cut] = 0.0
         owner, corners = _fans(pieces)
         if len(owner):
             first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
             area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-            share = area / self.area[owner]
-            self.area[cut] = np.bincount(owner, area, len(leaves))[cut]
+            share = area / full[owner]
             for weights in (np.ones((3, 3)) + 3.0 * np.eye(3)) / 6.0:
-                rows = strain_rows(self.local(owner, np.einsum("k,nkd->nd", weights, corners)))
+                places = self.local(owner, np.einsum("k,nkd->nd", weights, corners))
+                np.add.at(self.shares, owner, area[:, None] / 3.0 * shapes_at(places))
+                rows = strain_rows(places)
                 local = np.einsum("n,nai,ab,nbj->nij", share / 3.0, rows, stiffness, rows)
                 np.add.at(self.elements, owner, local)
-        else:
-            self.area[cut] = 0.0
+        self.area = self.shares.sum(axis=1)
         self.displacement = np.zeros((self.nodes, 2))
 
     def _number_corners(self) -> None:
@@ -117,6 +119,11 @@ class FittedDisplacement:
         for k in range(4):
             np.add.at(out, self.corner[leaf, k], shares[:, k, None] * forces)
         return out
+
+    def weigh(self, weight: Floats) -> Floats:
+        """Return what a force on a unit of area does at the corners, shape (nodes, 2)."""
+        total = np.bincount(self.corner.ravel(), self.shares.ravel(), self.nodes)
+        return np.asarray(total[:, None] * weight)
 
     def settle(self, force: Floats, held: Flags) -> float:
         """Find the displacement under forces on the corners; return the lower bound of their work.

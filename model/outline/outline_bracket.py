@@ -76,7 +76,7 @@ def bracket(
     outer, inner = ([pieces[k][way] for k in kept] for way in (0, 1))
     fitted = FittedDisplacement(leaves, outer, problem.stiffness)
     compliance = np.asarray(np.linalg.inv(problem.stiffness), dtype=np.float64)
-    balanced = BalancedPieces(leaves, inner, fitted.halved, compliance)
+    balanced = BalancedPieces(leaves, inner, fitted.halved, compliance, problem.weight)
     try:
         force, held, loaded = problem.on_balanced(balanced)
         upper = balanced.settle(force, held)
@@ -98,7 +98,8 @@ def bracket(
 def _work(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:
     """Return the work of each leaf's tractions on the displacement: ∫ σ : ε(v) within it."""
     leaf, ends = balanced.leaf_of, balanced.ends
-    out = np.zeros(len(balanced.leaves))
+    moved = fitted.displacement[fitted.corner]
+    out = np.asarray(np.einsum("nk,nkd,d->n", fitted.shares, moved, balanced.weight))
     at = balanced.on_square
     moved = np.stack([fitted.at(leaf[at], ends[at, k]) for k in (0, 1)], axis=1)
     work = np.einsum("nkd,nkd->n", balanced.moments[at].reshape(-1, 2, 2), moved)

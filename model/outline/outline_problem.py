@@ -84,6 +84,8 @@ class OutlineProblem:
     """Total force on sides."""
     pressed_sides: dict[str, float] = field(default_factory=dict)
     outlines: tuple[LoadedOutline, ...] = ()
+    weight: Floats = field(default_factory=lambda: np.zeros(2))
+    """Force on a unit of area, shape (2,): proved within straight outlines."""
 
     @property
     def band(self) -> float:
@@ -120,6 +122,8 @@ class OutlineProblem:
         UnlikeError
             If the pieces miss a part of an outline that is pressed.
         """
+        if self.weight.any() and len(pieces.flat):
+            raise UnlikeError("a piece too flat has weight")
         ends = pieces.ends
         force, held = np.zeros((len(ends), 2, 2)), np.zeros((len(ends), 2), dtype=np.bool_)
         run = ends[:, 1] - ends[:, 0]
@@ -187,7 +191,7 @@ class OutlineProblem:
 
     def on_fitted(self, field: FittedDisplacement, loaded: list[tuple[Floats, Floats]]) -> Floats:
         """Return the forces on the corners of leaves, shape (nodes, 2)."""
-        out = np.zeros((field.nodes, 2))
+        out = field.weigh(self.weight)
         for ends, traction in loaded:
             run = ends[:, 1] - ends[:, 0]
             weight = 0.5 * np.hypot(run[:, 0], run[:, 1])[:, None] * traction

@@ -129,11 +129,18 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
             assert load.side is not None
             x, y = pulled.get(load.side, (0.0, 0.0))
             pulled[load.side] = (x + load.force[0] / unit, y + load.force[1] / unit)
-    if not scene.loads:
-        raise SceneError("loads: without a load there is no energy to bound; give one")
+    weight = np.zeros(2)
+    if scene.body.gravity is not None and any(scene.body.gravity):
+        density = scene.cell_materials[0].density
+        assert density is not None
+        weight = density * edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
+    if not scene.loads and not weight.any():
+        raise SceneError(
+            "loads: without a load or gravity there is no energy to bound; give one of them"
+        )
     stiffness = stiffness_of(scene)
-    problem = OutlineProblem(body, shape, stiffness, held, pulled, pressed_sides, tuple(outlines))
-    return problem, edge
+    loads = held, pulled, pressed_sides, tuple(outlines), weight
+    return OutlineProblem(body, shape, stiffness, *loads), edge
 
 
 def stiffness_of(scene: Scene) -> Floats:

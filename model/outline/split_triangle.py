@@ -2,7 +2,8 @@
 
 The composite triangle of Johnson and Mercier (1978): whatever linear tractions on its sides
 balance, there is one such stress. A linear map x = F x̂ takes the stress σ̂ of one triangle to
-F σ̂ Fᵀ / det F of another, so that one table serves all of them.
+F σ̂ Fᵀ / det F of another, so that one table serves all of them; its divergence becomes
+F div σ̂ / det F, so that two patterns more bear any weight.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ class BalancedPatterns(NamedTuple):
     """Of the triangle (0, 0), (1, 0), (0, 1)."""
 
     stress: Floats
-    """Stress (xx, yy, xy) at the corners of the parts, a column for each pattern. (3, 3, 3, m)."""
+    """Stress (xx, yy, xy) at the corners of the parts, a column for each pattern. (3, 3, 3, m).
+
+    The last two bear a weight, 1 along each axis.
+    """
     traction: Floats
     """Moments ∫ t N of the tractions at both ends of each side, shape (3, 2, 2, m)."""
     mass: Floats
@@ -51,6 +55,7 @@ def table() -> BalancedPatterns:
     _, singular, patterns = np.linalg.svd(np.array(rules))
     rank = int((singular > 1e-12).sum())
     stress = patterns[rank:].T.reshape(3, 3, 3, -1)
+    stress = np.concatenate([stress, _bearing(parts, np.eye(2))], axis=3)
     moments = []
     for part, (a, b) in enumerate(_SIDES):
         run = corners[b] - corners[a]
@@ -59,6 +64,13 @@ def table() -> BalancedPatterns:
     square = (np.ones((3, 3)) + np.eye(3)) / 12.0 / 6.0  # of a part, whose area is 1/6
     mass = np.einsum("kl,pkam,plbn->abmn", square, stress, stress)
     return BalancedPatterns(stress, np.array(moments), mass, stress.mean(axis=(0, 1)))
+
+
+def _bearing(parts: Floats, weights: Floats) -> Floats:
+    """Return linear stresses that bear weights (columns), their mean none. Shape (3, 3, 3, m)."""
+    away = parts - parts[:, 2:].mean(axis=(0, 1))
+    normal = -away[..., None] * weights
+    return np.concatenate([normal, np.zeros_like(normal[:, :, :1])], axis=2)
 
 
 def _traction(stress: Floats, normal: Floats) -> Floats:
@@ -86,15 +98,17 @@ class SplitTriangles:
         Counter-clockwise.
     compliance : array, shape (3, 3)
         Strain (xx, yy, 2 xy) of a stress, the same along all directions.
+    weight : array, shape (2,)
+        Force on a unit of area.
     """
 
-    def __init__(self, corners: Floats, compliance: Floats):
+    def __init__(self, corners: Floats, compliance: Floats, weight: Floats):
         known = table()
         f = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
         self.area = 0.5 * np.linalg.det(f)
         turned = _turned(f) / (2.0 * self.area[:, None, None])
-        weight = np.einsum("nai,ab,nbj->nij", turned, compliance, turned)
-        self.cost = np.einsum("n,nij,ijkl->nkl", 2.0 * self.area, weight, known.mass)
+        law = np.einsum("nai,ab,nbj->nij", turned, compliance, turned)
+        self.cost = np.einsum("n,nij,ijkl->nkl", 2.0 * self.area, law, known.mass)
         self.moments = np.einsum("nij,sejm->nseim", f, known.traction).reshape(
             len(f), 12, known.traction.shape[-1]
         )
@@ -102,8 +116,14 @@ class SplitTriangles:
         for k in np.flatnonzero(shape_of(f) < THIN):
             at = tuple(corners[k].ravel().tolist()), tuple(compliance.ravel().tolist())
             self.cost[k], self.moments[k], self.mean[k] = _thin(*at)
-        self.answer = np.linalg.solve(self.cost, self.moments.transpose(0, 2, 1))
+        borne = 2.0 * self.area[:, None, None] * np.linalg.solve(f, weight[:, None])
+        free = self.cost[:, :-2, :-2]
+        answer = np.linalg.solve(free, self.moments[:, :, :-2].transpose(0, 2, 1))
+        self.answer = np.pad(answer, ((0, 0), (0, 2), (0, 0)))
         self.matrix = self.moments @ self.answer
+        sagging = -np.linalg.solve(free, self.cost[:, :-2, -2:] @ borne)
+        self.sagging = np.concatenate([sagging, borne], axis=1)[:, :, 0]
+        """Patterns under the weight where no side moves."""
 
     def tractions(self, patterns: Floats) -> Floats:
         """Return the moments of the tractions at the ends of the sides, shape (n, 12)."""
@@ -143,7 +163,7 @@ def _thin(places: tuple[float, ...], law: tuple[float, ...]) -> tuple[Floats, Fl
     if np.linalg.det(u) < 0.0:
         u, v = u * [1.0, -1.0], v * [[1.0], [-1.0]]
     grades = np.array([1.0, (short / long) ** 2, short / long])
-    aligned = np.einsum("ij,pkjm->pkim", _turned(v[None])[0], table().stress)
+    aligned = np.einsum("ij,pkjm->pkim", _turned(v[None])[0], table().stress[..., :-2])
     half = np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 12.0)
     weights = np.array([1.0, 1.0, np.sqrt(2.0)])
     rows = np.einsum("lk,pkim,i->iplm", half.T, aligned, grades * weights)
@@ -153,6 +173,9 @@ def _thin(places: tuple[float, ...], law: tuple[float, ...]) -> tuple[Floats, Fl
     nodal = np.einsum("kl,iplm->pkim", np.linalg.inv(half.T), basis)
     nodal = np.einsum("ij,pkjm->pkim", _turned(u[None])[0], nodal)
     area = 0.5 * np.linalg.det(f)
+    middle = corners.mean(axis=0)
+    parts = np.array([[corners[a], corners[b], middle] for a, b in _SIDES])
+    nodal = np.concatenate([nodal, _bearing(parts, f / (2.0 * area))], axis=3)
     square = (np.ones((3, 3)) + np.eye(3)) / 12.0
     cost = area / 3.0 * np.einsum("pkim,kl,ij,pljn->mn", nodal, square, compliance, nodal)
     moments = []

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from kaju.agents.materials import suggestion
 from kaju.errors import SceneError
 
 from .contents import NOT_BODY
+from .curves import bent
+from .shapes import OutlinedShape
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -37,8 +39,6 @@ def check_outlines(scene: Scene) -> None:
             f"body.{scene.body.picture_key}: is a body of cells, which true outlines do not cut; "
             f"give cells and material, or {TAKES}"
         )
-    if scene.body.gravity is not None:
-        raise SceneError(f"body.gravity: is not proved with true outlines yet; {TAKES}")
     if scene.history is not None:
         raise SceneError(f"history: time goes with cells; {TAKES}")
     _check_regions(scene)
@@ -67,6 +67,13 @@ def _check_regions(scene: Scene) -> None:
             )
         if region.name is not None and region.name in names:
             raise SceneError(f"{where}.name: {region.name!r} is another region's name")
+        if scene.body.gravity is not None and any(scene.body.gravity):
+            shape = cast(OutlinedShape, region.shape_in(scene.lattice, where))
+            if any(bent(arcs).any() for arcs in shape.outline()):
+                raise SceneError(
+                    f"body.gravity: is proved within straight outlines only, and regions.{number} "
+                    f"bends; leave gravity out, or {TAKES}"
+                )
         names += [region.name] if region.name is not None else []
     if scene.body.material in _HOLDS:
         raise SceneError(

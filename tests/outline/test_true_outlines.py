@@ -195,12 +195,91 @@ def test_triangles_have_a_stress_for_all_tractions_in_balance_however_flat() -> 
     law = np.array([[1.0, -NU, 0.0], [-NU, 1.0, 0.0], [0.0, 0.0, 2 * (1 + NU)]])
     for height in (1.0, 0.09, 1e-4, 1e-7):
         corners = np.array([[[0.0, 0.0], [1.0, 0.0], [0.3, height]]])
-        triangles = SplitTriangles(corners, law)
-        moments = triangles.moments[0].reshape(3, 2, 2, -1)
+        triangles = SplitTriangles(corners, law, np.array([2.0, -3.0]))
+        patterns = triangles.moments[0, :, :-2]
+        moments = patterns.reshape(3, 2, 2, -1)
         assert moments.shape[-1] == 9  # twelve tractions, three conditions
         scale = np.abs(moments).max()
         assert np.abs(moments.sum(axis=(0, 1))).max() < 1e-14 / height * scale
-        assert np.linalg.matrix_rank(triangles.moments[0], 1e-13 * scale) == 9 or height < 1e-3
+        assert np.linalg.matrix_rank(patterns, 1e-13 * scale) == 9 or height < 1e-3
+        borne = triangles.tractions(triangles.sagging).reshape(3, 2, 2).sum(axis=(0, 1))
+        assert borne == pytest.approx([-height, 1.5 * height], abs=1e-14 * scale)
+
+
+def strip(gravity: list[float], height: float = 0.083, **scene: Any) -> kaju.Scene:
+    """Return a strip of no Poisson's ratio off the lines between agents, hung from its top."""
+    low = 0.1 - height
+    polygon = [[0.0, low], [0.0337, low], [0.0337, 0.1], [0.0, 0.1]]
+    region = {"polygon": polygon, "material": "cork", "outline": "true"}
+    body = {"size": [0.1, 0.1], "cells": [5, 5], "material": "air", "thickness": THICKNESS}
+    return kaju.Scene(
+        body=body | {"gravity": gravity, "regions": [region]},
+        materials={"cork": {"youngs_modulus": 1e6, "poissons_ratio": 0.0, "density": 200.0}},
+        **{"sides": {"left": "roller", "top": "roller"}} | scene,
+    )
+
+
+def test_a_strip_under_its_own_weight_has_the_energy_of_a_linear_stress() -> None:
+    truth = 0.5 * (200.0 * 9.81) ** 2 * 0.083**3 / 3.0 * 0.0337 * THICKNESS / 1e6
+    answer = kaju.solve(strip([0.0, -9.81]), tolerance=0.02)
+    lower, upper = answer.energy_bounds
+    assert lower < truth
+    assert upper == pytest.approx(truth * (1 + 1e-7), rel=1e-9)  # wider for rounding
+    assert answer.tolerance_kept == "proved"
+    at = np.array([[0.01, 0.03], [0.02, 0.09]])
+    depth = 0.1 - at[:, 1]
+    sunk = -200.0 * 9.81 * (0.083 * depth - 0.5 * depth**2) / 1e6
+    assert answer.displacement_at(at)[:, 1] == pytest.approx(sunk, rel=0.02)
+
+
+def dam(cells: int) -> tuple[float, float]:
+    """Return the bounds of a dam with a pressed gap, under its weight and a push aside."""
+    wall = {"polygon": [[0.07, 0], [0.93, 0], [0.31, 0.94], [0.17, 0.94]], "material": "rock"}
+    gap = {"polygon": [[0.3, 0.2], [0.5, 0.25], [0.35, 0.5]], "material": "air", "name": "gap"}
+    body = {"size": [1.0, 1.0], "cells": [cells, cells], "material": "air", "thickness": 1.0}
+    regions = [region | {"outline": "true"} for region in (wall, gap)]
+    rock = {"youngs_modulus": 30e9, "poissons_ratio": 0.2, "density": 2400.0}
+    scene = kaju.Scene(
+        body=body | {"gravity": [2.0, -9.81], "regions": regions},
+        materials={"rock": rock},
+        sides={"bottom": "rigid"},
+        loads=[{"outline": "gap", "pressure": 3e3}],
+    )
+    problem, _ = problem_of(scene)
+    leaves = SquareLeaves.first(problem.shape)
+    found = bracket(problem, leaves)
+    assert found.share.sum() == pytest.approx(found.upper - found.lower, rel=1e-9)
+    assert found.balanced.residual < 1e-9
+    return kaju.solve(scene, tolerance=0.1).energy_bounds
+
+
+def test_bounds_under_weight_hold_one_truth_on_all_grids() -> None:
+    bounds = np.array([dam(cells) for cells in (4, 5, 11)])
+    assert bounds[:, 0].max() < bounds[:, 1].min()
+    assert bounds[:, 1].min() < 1.04 * bounds[:, 0].max()
+
+
+def test_weight_is_that_of_cells_where_both_are_one_body() -> None:
+    # edges of regions lie on those of cells: a staircase without steps
+    scene = strip([1.0, -9.81], sides={"top": "rigid"})
+    box = {"box": [[0.0, 0.02], [0.04, 0.1]], "material": "cork"}
+    size = {"size": [0.1, 0.1], "cells": [10, 10], "material": "air", "thickness": THICKNESS}
+    true, cells = (
+        kaju.solve(
+            scene.replace(
+                body=size | {"gravity": [1.0, -9.81], "regions": [box | {"outline": outline}]}
+            ),
+            tolerance=0.1,
+        )
+        for outline in ("true", "cells")
+    )
+    assert true.energy_bounds[0] < cells.energy_bounds[1]
+    assert cells.energy_bounds[0] < true.energy_bounds[1]
+
+
+def test_what_hangs_on_nothing_has_no_weight_that_is_borne() -> None:
+    with pytest.raises(kaju.KajuError, match="could move"):
+        kaju.solve(strip([0.0, -9.81], sides={"bottom": "rigid"}), tolerance=0.2)
 
 
 def test_a_scene_with_true_outlines_survives_its_file_and_its_archive(tmp_path: Path) -> None:

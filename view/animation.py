@@ -14,7 +14,7 @@ from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
 from kaju.agents.materials import suggestion
-from kaju.errors import MissingExtraError, ParameterError, ResultFileError
+from kaju.errors import ParameterError, ResultFileError, needing
 from kaju.files import scratch_beside
 from kaju.model.results.result import Result
 from kaju.model.results.subjects import answer_of
@@ -223,13 +223,11 @@ def _ffmpeg(target: Path) -> str:
     found = shutil.which("ffmpeg")
     if found is not None:
         return found
-    try:
+    with needing(
+        f"{target}: MP4 needs the program ffmpeg: pip install 'kaju[film]', or install it "
+        "from your system's packages; or write a .gif or .webp"
+    ):
         import imageio_ffmpeg
-    except ImportError as error:
-        raise MissingExtraError(
-            f"{target}: MP4 needs the program ffmpeg: pip install 'kaju[film]', or install it "
-            "from your system's packages; or write a .gif or .webp"
-        ) from error
     program: str = imageio_ffmpeg.get_ffmpeg_exe()
     return program
 

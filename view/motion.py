@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from kaju import __version__
 from kaju.arrays import Floats, Ints
-from kaju.errors import MissingExtraError, ResultFileError
+from kaju.errors import ResultFileError, needing
 from kaju.files import scratch_beside
 from kaju.model.results.mesh import corner_order
 from kaju.model.results.result import BodyResult
@@ -359,10 +359,8 @@ def write_series(motion: Motion, path: Path, target: Path) -> None:
     `path`: where to write the list; `target`: what the list will be called; the folder has its name
     without the ending.
     """
-    try:
+    with needing(f"{target}: needs meshio: pip install 'kaju[vtk]'"):
         import meshio
-    except ImportError as error:
-        raise MissingExtraError(f"{target}: needs meshio: pip install 'kaju[vtk]'") from error
 
     flat = [(0, 0), (0, 3 - motion.points.shape[1])]
     points = np.pad(motion.points, flat)

@@ -21,7 +21,7 @@ from scipy.sparse import csc_array, csr_array, csr_matrix, diags_array
 from scipy.sparse.linalg import spsolve_triangular
 
 from kaju.arrays import Floats
-from kaju.errors import ConvergenceError, MissingExtraError, ParameterError
+from kaju.errors import ConvergenceError, ParameterError, needing
 from kaju.factors import factors_of, rigid_motions
 
 from .assembler import Assembler
@@ -49,14 +49,12 @@ class MultigridSolver:
     name = "conjugate gradients with algebraic multigrid"
 
     def __init__(self, assembler: Assembler, tolerance: float = 1e-9, patience: int = 60) -> None:
-        try:
+        with needing(
+            f"{len(assembler.free)} free coordinates are too many for sparse LU, and "
+            "algebraic multigrid needs pyamg: pip install 'kaju[amg]', or ask for "
+            "method='direct' and have memory for it"
+        ):
             self._pyamg = import_module("pyamg")
-        except ImportError as missing:
-            raise MissingExtraError(
-                f"{len(assembler.free)} free coordinates are too many for sparse LU, and "
-                "algebraic multigrid needs pyamg: pip install 'kaju[amg]', or ask for "
-                "method='direct' and have memory for it"
-            ) from missing
         self._modes = rigid_body_modes(assembler)
         self._block = _block_size(assembler)
         self._tolerance = tolerance

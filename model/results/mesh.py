@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
-from kaju.errors import MissingExtraError, ResultFileError
+from kaju.errors import ResultFileError, needing
 
 
 def corner_order(dimension: int) -> Floats:
@@ -96,10 +96,8 @@ def _write(
     values: Mapping[str, list[NDArray[Any]]],
 ) -> Path:
     """Write cells of some kinds, one block a kind."""
-    try:
+    with needing("to_vtk needs meshio: pip install 'kaju[vtk]'"):
         import meshio
-    except ImportError as error:
-        raise MissingExtraError("to_vtk needs meshio: pip install 'kaju[vtk]'") from error
 
     target = Path(path)
     if target.suffix not in (".vtu", ".vtk"):

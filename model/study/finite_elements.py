@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Floats
-from kaju.errors import MissingExtraError, ParameterError
+from kaju.errors import ParameterError, needing
 from kaju.factors import factors_of, rigid_motions
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.elastic.tractions import Portions
@@ -86,12 +86,8 @@ def finite_elements(
     >>> kaju.compare(kaju.solve(scene), elements).displacement.max_error < 1e-6
     True
     """
-    try:
+    with needing("finite_elements needs scikit-fem: pip install 'kaju[fem]'"):
         import skfem
-    except ImportError as error:
-        raise MissingExtraError(
-            "finite_elements needs scikit-fem: pip install 'kaju[fem]'"
-        ) from error
     solid = scene.lattice.dimension == 3
     shape = elements or ("boxes" if solid else "triangles")
     if shape not in ORDERS or (solid and shape == "triangles"):
@@ -409,12 +405,8 @@ def _solved(matrix: Any, right: Floats, motions: Floats) -> Floats:
 
 def multigrid(matrix: Any, right: Floats, motions: Floats, residual: float) -> Floats:
     """Solve by conjugate gradients with pyamg's smoothed aggregation, to a relative residual."""
-    try:
+    with needing("finite_elements needs pyamg for so many unknowns: pip install 'kaju[amg]'"):
         import pyamg
-    except ImportError as error:
-        raise MissingExtraError(
-            "finite_elements needs pyamg for so many unknowns: pip install 'kaju[amg]'"
-        ) from error
     hierarchy = pyamg.smoothed_aggregation_solver(matrix, B=motions)
     return np.asarray(hierarchy.solve(right, tol=residual, accel="cg", maxiter=2000))
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
-from kaju.errors import MissingExtraError, ParameterError
+from kaju.errors import ParameterError, needing
 
 Vary = Mapping[str, Any]
 Method = str | Sequence[Mapping[str, Any]]
@@ -141,12 +141,8 @@ def _sampled(vary: Vary, method: str, samples: int | None, seed: int) -> SweepPo
 
 def _unit_cube(dimension: int, method: str, samples: int, seed: int) -> Floats:
     if method == "saltelli":
-        try:
+        with needing("Saltelli's points need SALib: pip install 'kaju[sweep]'"):
             from SALib.sample import sobol
-        except ImportError as error:
-            raise MissingExtraError(
-                "Saltelli's points need SALib: pip install 'kaju[sweep]'"
-            ) from error
         cube = {"num_vars": dimension, "bounds": [[0.0, 1.0]] * dimension}
         cube["names"] = [str(number) for number in range(dimension)]
         unit = sobol.sample(cube, samples, calc_second_order=False, seed=seed)

@@ -18,7 +18,7 @@ from zlib import crc32
 import numpy as np
 
 from kaju.arrays import Ints
-from kaju.errors import MissingExtraError, ResultFileError
+from kaju.errors import ResultFileError, needing
 from kaju.files import is_there, scratch_beside
 
 from .sweep_job import ERROR, RUN, Row
@@ -90,13 +90,11 @@ def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
             _begin(database, about)
             yield SweepStore(database)
         return
-    try:
+    with needing(
+        "a sweep's folder needs pyarrow: pip install 'kaju[sweep]'; "
+        "without out= the table is returned all the same"
+    ):
         import pyarrow  # noqa: F401
-    except ImportError as error:
-        raise MissingExtraError(
-            "a sweep's folder needs pyarrow: pip install 'kaju[sweep]'; "
-            "without out= the table is returned all the same"
-        ) from error
     try:
         out.mkdir(parents=True, exist_ok=True)
         strangers = [path.name for path in out.iterdir()]

@@ -7,6 +7,8 @@ key, the rule it breaks, the value that was given, the place, and what to do abo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -84,6 +86,15 @@ class SingularPlaceError(ParameterError):
 
 class MissingExtraError(KajuError, ImportError):
     """An optional package is needed; the message says how to install it."""
+
+
+@contextmanager
+def needing(words: str) -> Iterator[None]:
+    """Say, if an import fails, what needs the package, and how it is installed."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(words) from error
 
 
 class WorkerError(KajuError, RuntimeError):

@@ -14,7 +14,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kaju.errors import KajuError, MissingExtraError
+from kaju.errors import KajuError, needing
 from kaju.mesa_model import SteppedModel
 from kaju.model.results.archive import Archive
 
@@ -101,13 +101,9 @@ def live(of: Watched, height: int = HEIGHT) -> AnyWidget:
 
 @cache
 def _widget() -> type[AnyWidget]:
-    try:
+    with needing("live: a widget needs anywidget: pip install 'kaju[notebook]'"):
         import anywidget
         import traitlets
-    except ImportError as error:
-        raise MissingExtraError(
-            "live: a widget needs anywidget: pip install 'kaju[notebook]'"
-        ) from error
 
     class LivePage(anywidget.AnyWidget):
         """One page, and the run behind it."""

@@ -16,7 +16,7 @@ import socket
 import webbrowser
 from typing import TYPE_CHECKING
 
-from kaju.errors import MissingExtraError, ParameterError
+from kaju.errors import ParameterError, needing
 from kaju.model.rheology.creep_model import CreepModel
 
 from .export import live_page, packed_page, page_html
@@ -39,6 +39,8 @@ LARGEST_MESSAGE = 8_000_000
 """Bytes of a message: a million cells as base64, and loads."""
 REFUSED, GONE, FULL = 1008, 1001, 1013
 """Codes with which websockets are closed: of another page, idle, too many."""
+
+_SERVER = "kaju watch needs a server: pip install 'kaju[watch]'"
 
 
 def watch(
@@ -78,10 +80,8 @@ def watch(
     ... )
     >>> watch(scene)  # doctest: +SKIP
     """
-    try:
+    with needing(_SERVER):
         import uvicorn
-    except ImportError as error:
-        raise _missing() from error
 
     token = secrets.token_urlsafe(16)
     app = watch_app(of, idle=idle, token=token)
@@ -108,14 +108,12 @@ def watch_app(of: Watched | CreepModel, idle: float = IDLE, token: str = "") -> 
         What addresses must carry as ``?token=…``; unless given, everybody who reaches the
         server may watch.
     """
-    try:
+    with needing(_SERVER):
         from starlette.applications import Starlette
         from starlette.middleware import Middleware
         from starlette.middleware.trustedhost import TrustedHostMiddleware
         from starlette.responses import HTMLResponse, PlainTextResponse
         from starlette.routing import Route, WebSocketRoute
-    except ImportError as error:
-        raise _missing() from error
 
     begin: Callable[[], Session] = Session
     if isinstance(of, CreepModel):  # its times are computed at once, and the page plays them
@@ -206,7 +204,3 @@ def _listen(port: int) -> socket.socket:
         reason = getattr(error, "strerror", None) or error
         raise ParameterError(f"port: {port} cannot be used ({reason}); take another") from error
     return listening
-
-
-def _missing() -> MissingExtraError:
-    return MissingExtraError("kaju watch needs a server: pip install 'kaju[watch]'")

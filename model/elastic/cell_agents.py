@@ -35,8 +35,8 @@ class CellAgents:
     """Agents of one size: arrays over the box around the body."""
 
     storage: ClassVar[Literal["cells"]] = "cells"
-    grid: Scene
-    """The scene on the cells that were solved."""
+    levels: ClassVar[int] = 1  # Sizes of agents
+    grid: Scene  # The scene on the cells that were solved
     stage: int | None
     problem: ElasticProblem
     """The scaled arrays that were solved."""
@@ -71,11 +71,6 @@ class CellAgents:
     def residuals(self) -> tuple[float, ...]:
         """Relative residual before every iteration."""
         return tuple(self.solution.residuals)
-
-    @property
-    def levels(self) -> int:
-        """Sizes of agents."""
-        return 1
 
     @property
     def method(self) -> str:
@@ -278,13 +273,10 @@ class CellAgents:
 
     @property
     def level(self) -> Ints:
-        """How often agents were halved: never."""
+        """How often agents were halved: never. In which step they spawned: all at first."""
         return np.zeros(self.count, dtype=np.int64)
 
-    @property
-    def spawn_step(self) -> Ints:
-        """When agents spawned: all at first."""
-        return np.zeros(self.count, dtype=np.int64)
+    spawn_step = level
 
     @property
     def cause(self) -> Floats:

@@ -47,9 +47,8 @@ def _edge_values(
     states = problem.face_states()
     field = np.where(states[axis] == ABSENT, np.nan, u[axis])
     values, wall = _between(field, across, _walls(problem, axis))
-    slope = _surface_shear_strain(problem, axis, across) - _difference(
-        np.where(states[across] == ABSENT, np.nan, u[across]), axis
-    )
+    before, after = _sides(np.where(states[across] == ABSENT, np.nan, u[across]), axis)
+    slope = _surface_shear_strain(problem, axis, across) - (after - before)
     low, high = _sides(field, across)
     surface = np.where(np.isnan(high), low + 0.5 * slope, high - 0.5 * slope)
     free = _sides(np.where(states[axis] == ACTIVE, 1.0, np.nan), across)
@@ -65,11 +64,6 @@ def _sides(field: Floats, axis: int) -> tuple[Floats, Floats]:
     padded = np.pad(field, width, constant_values=np.nan)
     low, high = (cut(field.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
     return padded[low], padded[high]
-
-
-def _difference(field: Floats, axis: int) -> Floats:
-    low, high = _sides(field, axis)
-    return np.asarray(high - low)
 
 
 def _surface_shear_strain(problem: ElasticProblem, axis: int, across: int) -> Floats | float:
@@ -115,12 +109,8 @@ def _between(field: Floats, axis: int, wall: Flags) -> tuple[Floats, Flags]:
 
 def cell_means(problem: ElasticProblem, u: FaceFields) -> Floats:
     """Return the displacement of the cells' middles (scaled); NaN outside of the body."""
-    d = problem.dimension
     solid = problem.kinds[problem.inner] >= 0
-    values = [
-        0.5 * (v[cut(d, a, slice(None, -1))] + v[cut(d, a, slice(1, None))])[problem.inner]
-        for a, v in enumerate(u)
-    ]
+    values = [_mean_along(v, a)[problem.inner] for a, v in enumerate(u)]
     return np.where(solid[..., None], np.stack(values, axis=-1), np.nan)
 
 
@@ -129,9 +119,7 @@ def stress_parts(problem: ElasticProblem, u: FaceFields) -> Strains:
     stress = stresses(problem, strains(u))
     edges = {}
     for pair, tau in stress.edges.items():
-        whole = tau + problem.surface_shear.get(pair, 0.0)
-        index = tuple(slice(1, -1) for _ in range(problem.dimension))
-        edges[pair] = np.asarray(whole)[index]
+        edges[pair] = np.asarray(tau + problem.surface_shear.get(pair, 0.0))[problem.inner]
     return Strains(tuple(s[problem.inner] for s in stress.cells), edges)
 
 

@@ -36,8 +36,7 @@ class Terms(NamedTuple):
 
     place: Ints  # Ordered by sums, `TOGETHER` to the group. Shape (terms, 4)
     weight: Floats  # Shape (terms,)
-    rows: Ints
-    """The rows that terms name, by their distance along the first two axes. Shape (n, 2)."""
+    rows: Ints  # The rows that terms name, by their distance along the first two axes. Shape (n, 2)
     sums: int  # Number of sums
 
 

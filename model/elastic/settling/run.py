@@ -157,7 +157,8 @@ class ElasticRun(BodyResult):
     def _archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         arrays, answer = self.result._archive()
         arrays = {f"answer.{name}": values for name, values in arrays.items()}
-        for name, table in _tables(self).items():
+        tables = ("agents", self.agents), ("boundary", self.boundary), ("moments", self.moments)
+        for name, table in tables:
             told = {field.name: getattr(table, field.name) for field in fields(table)}
             arrays |= {f"{name}.{key}": at for key, at in told.items() if at is not None}
         ledger = {name: np.asarray(value).tolist() for name, value in asdict(self.ledger).items()}
@@ -222,10 +223,6 @@ def curves_of(history: Sequence[StepRecord], known: int, threshold: float) -> li
         Curves("Error left", "step", "", step[told], {"meter": meter[told]}, "", True),
         Curves("Pushes", "step", "", step, {"pushes": pushes}, ""),
     ]
-
-
-def _tables(run: ElasticRun) -> dict[str, FaceAgents | BoundaryAgents | Moments]:
-    return {"agents": run.agents, "boundary": run.boundary, "moments": run.moments}
 
 
 def collect(model: ElasticModel) -> ElasticRun:

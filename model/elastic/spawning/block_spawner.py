@@ -148,13 +148,9 @@ class BlockSpawning(Spawning):
         here = np.all((inside >= 0) & (inside < ACROSS * forest.size[at, None]), axis=1)
         return int(np.count_nonzero(here & (forest.size[at] > before.size)))
 
-    @property
+    @cached_property
     def leaves(self) -> Leaves:
         """The agents."""
-        return self._cells
-
-    @cached_property
-    def _cells(self) -> Leaves:
         forest = self.blocks.forest
         cells, cause = forest.cells(forest.leaves), self._causes()
         return replace(cells, cause=cause.ravel())

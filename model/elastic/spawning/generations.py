@@ -41,24 +41,18 @@ class Generation(NamedTuple):
 class Spawning:
     """The agents and how they came to be; scaled."""
 
-    balance: Balance
-    """The last generation's grid."""
-    displacement: Floats
-    """Shape (faces,)."""
-    indicator: Indicator
-    """What each agent leaves unbalanced."""
+    balance: Balance  # The last generation's grid
+    displacement: Floats  # Shape (faces,)
+    indicator: Indicator  # What each agent leaves unbalanced
     energy: float
     error: float
     """Estimated error in the energy norm, relative."""
-    aimed: Aimed
-    """The error that the tolerance is about, and who contributes to it."""
+    aimed: Aimed  # The error that the tolerance is about, and who contributes to it
     generations: Sequence[Generation]
     residuals: list[float]
     """History of the last generation's iteration."""
-    levels: int
-    """Levels of the last multigrid cycle."""
-    reached: bool
-    """Whether the error is within the tolerance."""
+    levels: int  # Levels of the last multigrid cycle
+    reached: bool  # Whether the error is within the tolerance
     stopped: str
     """Why it ended, if it is not: "depth" (the smallest agents allowed), "agents", "iteration", or
     "blind" (bounds say that agents do not see their errors)."""

@@ -81,7 +81,8 @@ class LeafSpawner(Spawner):
         )  # fmt: skip
 
     def _stand(self, standing: Standing) -> None:
-        self.balance, self.hierarchy, self.displacement, self.notes = standing
+        self.balance, self.displacement, self.notes = standing
+        self.hierarchy = NestedMultigrid(self.balance)
 
     def _begin(self) -> list[Iteration]:
         """Let agents of a previous answer settle roughly, retire, and spawn at once."""
@@ -150,4 +151,4 @@ class LeafSpawner(Spawner):
 
 def _first(ground: Ground) -> Standing:
     balance, notes = first_agents(ground)
-    return Standing(balance, NestedMultigrid(balance), balance.grid.value.copy(), notes)
+    return Standing(balance, balance.grid.value.copy(), notes)

@@ -20,7 +20,6 @@ from .generations import Spawning
 from .ground import Ground
 from .held import HALVED, first_agents
 from .leaves import Leaves
-from .nested import NestedMultigrid
 from .retire import even_share, retired
 
 WORTHWHILE = 0.85
@@ -33,7 +32,6 @@ class Standing(NamedTuple):
     """Agents before they settle."""
 
     balance: Balance
-    hierarchy: NestedMultigrid
     displacement: Floats
     """Where they start from. Shape (faces,)."""
     notes: list[str]
@@ -73,7 +71,7 @@ class Heirs:
             balance.grid.leaves = balance.grid.leaves.as_first()
             start = previous.displacement * _unit(old.grid.ground, ground)
             notes = [note for note in previous.notes if note.endswith(HALVED)]
-            return Standing(balance, NestedMultigrid(balance), _scaled(balance, start), notes)
+            return Standing(balance, _scaled(balance, start), notes)
         return self._stand(self._placed(old.grid.leaves), old, previous.displacement)
 
     def regroup(self, balance: Balance, u: Floats, aimed: Aimed) -> Standing | None:
@@ -104,7 +102,7 @@ class Heirs:
     def _stand(self, leaves: Leaves, old: Balance, u: Floats) -> Standing:
         balance = Balance(Composite(self.ground, leaves))
         start = _scaled(balance, carried(old, u, balance.grid))
-        return Standing(balance, NestedMultigrid(balance), start, list(self.first[1]))
+        return Standing(balance, start, list(self.first[1]))
 
 
 def of_same_body(old: Balance, ground: Ground) -> bool:

@@ -44,8 +44,8 @@ class TreeAgents:
 
     storage: ClassVar[Literal["tree"]] = "tree"
     stiffness: ClassVar[None] = None
-    spawning: Spawning
-    """Agents, displacements and history."""
+    method: ClassVar[str] = "spawning"  # How the equations were solved
+    spawning: Spawning  # Agents, displacements and history
     stage: int | None
 
     @property
@@ -97,11 +97,6 @@ class TreeAgents:
     def levels(self) -> int:
         """Sizes of agents."""
         return len(np.unique(self.leaves.size))
-
-    @property
-    def method(self) -> str:
-        """How the equations were solved."""
-        return "spawning"
 
     @property
     def notes(self) -> list[str]:

@@ -276,6 +276,19 @@ def _crack(see: dict[str, Any]) -> str:
     return "".join([*left, *(_line(at[springs[k]], LOAD, 1.5) for k in sorted(broken))])
 
 
+def _hole(see: dict[str, Any]) -> str:
+    """Draw a quarter of the plate, agents cut by the hole, the most loaded ones the darkest."""
+    result = see["run"]("coarse")
+    agent, pieces = result.pieces()
+    colours = _colour(result.von_mises / result.von_mises.max())
+    scale, drawn = (HEIGHT - 12) / 0.1, []
+    for which, corners in zip(agent, pieces, strict=True):
+        at = np.array([0.5 * (WIDTH - 0.1 * scale), HEIGHT - 6]) + corners * [scale, -scale]
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in at)
+        drawn.append(f'<polygon points="{points}" fill="{colours[which]}" stroke="white"/>')
+    return "".join(drawn)
+
+
 PICTURES: dict[str, Callable[[dict[str, Any]], str]] = {
     "find-its-way": lambda see: _body(see["p"][0], 10),
     "walls-and-air": _bounces,
@@ -290,6 +303,7 @@ PICTURES: dict[str, Callable[[dict[str, Any]], str]] = {
     "a-noodle-remembers": _noodle,
     "bones-and-bridges": _bridge,
     "how-things-break": _crack,
+    "a-round-hole": _hole,
 }
 """How a lesson's picture is drawn."""
 TEMPLATE = (Path(__file__).parent / "lesson_index.html").read_text("utf-8")

@@ -428,6 +428,50 @@ def _cracks(run: Callable[..., Any]) -> dict[str, Any]:
     }
 
 
+def _round_hole(run: Callable[..., Any]) -> dict[str, Any]:
+    radius, width, pull = 0.01, 0.1, 1e7
+
+    def middle(page: str = "") -> NDArray[Any]:
+        return run(page).lower + 0.5 * run(page).size[:, None]
+
+    def far() -> float:
+        """Return the stress of the agent in the upper right corner, in megapascals."""
+        at = np.linalg.norm(middle() - width, axis=1).argmin()
+        return float(1e-6 * run().von_mises[at])
+
+    def peak(page: str = "") -> float:
+        """Return the largest equivalent stress, in megapascals."""
+        return float(1e-6 * run(page).von_mises.max())
+
+    def hoop(page: str = "") -> NDArray[Any]:
+        return run(page).outline_stress("hole")[1]
+
+    def at_the_top() -> bool:
+        at, stress = run().outline_stress("hole")
+        x, y = at[stress.argmax()]
+        return bool(x < 0.2 * radius and y > 0.95 * radius)
+
+    return {
+        "far": far,
+        "peak": peak,
+        "factor": lambda page="": float(hoop(page).max() / pull),
+        "formula": lambda across=1.0: 1.0 + 2.0 * across,
+        "share": lambda: radius / width,
+        "gap": lambda page="": (
+            100.0 * float(np.diff(run(page).energy_bounds)[0]) / run(page).strain_energy
+        ),
+        "agents": lambda page="": run(page).agents,
+        "pressed": lambda: float(1e-6 * hoop().min()),
+        "near": lambda: 100.0 * float((np.linalg.norm(middle(), axis=1) < 3.0 * radius).mean()),
+        "ground": lambda: 0.25 * np.pi * (9 - 1) * radius**2 / width**2,
+        "cells": lambda: run("steps").scene.lattice.shape[0],
+        "rising": lambda: bool(
+            (np.diff([peak(f"steps{n}") for n in ("-20", "", "-80", "-160")]) > 2.0).all()
+        ),
+        "at_the_top": at_the_top,
+    }
+
+
 def _two_answers(run: Callable[..., Any]) -> dict[str, Any]:
     @cache
     def answer(cells: int) -> Any:
@@ -466,5 +510,6 @@ RECORDED = {
     "two-wrong-answers": _two_answers,
     "bones-and-bridges": _bridges,
     "how-things-break": _cracks,
+    "a-round-hole": _round_hole,
 }
 """Words of the lessons that show recorded runs."""

@@ -122,6 +122,26 @@ def torn(half: float, scatter: float = 0.1) -> Callable[[], Result]:
     return run
 
 
+def holed(
+    across: float, along: float, cells: int = 0, tolerance: float = 0.005
+) -> Callable[[], Result]:
+    """Pull a quarter of a plate with an elliptical hole: as it is, or as steps of so many cells."""
+    hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
+    outline = "cells" if cells else "true"
+    scene = Scene(
+        body={
+            "size": [0.1, 0.1],
+            "cells": [cells or 10] * 2,
+            "thickness": 0.002,
+            "material": "steel",
+            "regions": [hole | {"name": "hole", "outline": outline}],
+        },
+        sides={"left": "roller", "bottom": "roller"},
+        loads=[{"side": "right", "force": [2000.0, 0.0]}],
+    )
+    return solved(scene) if cells else lambda: solve(scene, tolerance=tolerance)
+
+
 HOLE = plate().with_region(box=[[0.06, 0.06], [0.14, 0.12]])
 PAGES: dict[str, dict[str, Callable[[], Result]]] = {
     "agents-of-many-sizes": {
@@ -159,6 +179,12 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
         "whole": torn(0.0),
         "rough": torn(2.0, scatter=0.7),
     },
+    "a-round-hole": {
+        "": holed(0.01, 0.01),
+        "upright": holed(0.015, 0.005, tolerance=0.01),
+        "lying": holed(0.005, 0.015),
+        "steps": holed(0.01, 0.01, cells=40),
+    },
 }
 """What is shown, by lesson and page; the nameless page is the lesson's own."""
 EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
@@ -166,6 +192,10 @@ EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
         **{f"{n}": solved(broad(n)) for n in (10, 20, 40, 80)},
         **{f"corner-{n}": solved(corner(n)) for n in (16, 32, 64)},
         "bar": solved(bar()),
+    },
+    "a-round-hole": {
+        **{f"steps-{n}": holed(0.01, 0.01, cells=n) for n in (20, 80, 160)},
+        "coarse": holed(0.01, 0.01, tolerance=0.02),
     },
     "bones-and-bridges": {"60": bridge(volume=0.6), "15": bridge(volume=0.15)},
 }

@@ -35,6 +35,7 @@ ORDER = (
     "a-noodle-remembers",
     "bones-and-bridges",
     "how-things-break",
+    "a-round-hole",
 )
 """In which order they are offered."""
 HEADINGS = {

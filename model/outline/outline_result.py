@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 _SCENE = "scene."
 _EDGE = 1e-9
 """Of a shape's extent: points this near to the edge of a hole belong to the body."""
+_GAP = 0.2
+"""Share of an outline that lies beyond the array where no agent is along it."""
 _SLIVER = 0.1
 """What agents hold less of themselves says nothing of the hoop stress."""
 
@@ -393,5 +395,10 @@ def _hoop_stress(border: Floats, found: OutlineBracket, stress: Floats, edge: fl
     hoop = xx * tx**2 + yy * ty**2 + 2.0 * xy * tx * ty
     first = np.unique(of, return_index=True)[1]  # a mean would tear agents from the line's start
     order = np.argsort(along[first])
+    if len(order):  # a part beyond the array lies after the end, wherever the line starts
+        place = along[first][order]
+        whole = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
+        gaps = np.diff(place, append=place[0] + whole)
+        order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
     order = order[balanced.area[leaf[order]] > _SLIVER * full[order]]
     return np.column_stack([edge * middle[0], edge * middle[1], hoop])[order]

@@ -66,6 +66,19 @@ def test_an_outline_is_followed_without_a_leap(answer) -> None:
     assert abs(turn[-1] - turn[0]) < 2.0 * np.pi
 
 
+def test_a_quarter_of_an_outline_is_followed_from_end_to_end() -> None:
+    hole = HOLE | {"disk": {"centre": [0.0, 0.0], "radius": 0.031}, "outline": "true"}
+    scene = kaju.Scene(
+        body=PLATE | {"regions": [hole]},
+        sides={"left": "roller", "bottom": "roller"},
+        loads=[{"side": "right", "force": [1e4, 0.0]}],
+    )
+    at, hoop = kaju.solve(scene, tolerance=0.1).outline_stress("bore")
+    turn = np.arctan2(*at.T[::-1])
+    assert (np.diff(turn) * np.sign(turn[-1] - turn[0]) > 0.0).all()
+    assert hoop[turn.argmax()] > 0.0 > hoop[turn.argmin()]
+
+
 def test_cells_and_outlines_are_not_compared_point_by_point(answer, tmp_path) -> None:
     cells = kaju.solve(plate("cells"))
     for pair in ((answer, cells), (cells, answer), (answer, answer)):

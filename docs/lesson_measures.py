@@ -452,6 +452,7 @@ def _round_hole(run: Callable[..., Any]) -> dict[str, Any]:
         return bool(x < 0.2 * radius and y > 0.95 * radius)
 
     return {
+        "about": lambda value, wanted: abs(value / wanted - 1.0) < 0.05,
         "far": far,
         "peak": peak,
         "factor": lambda page="": float(hoop(page).max() / pull),
@@ -461,7 +462,7 @@ def _round_hole(run: Callable[..., Any]) -> dict[str, Any]:
             100.0 * float(np.diff(run(page).energy_bounds)[0]) / run(page).strain_energy
         ),
         "agents": lambda page="": run(page).agents,
-        "pressed": lambda: float(1e-6 * hoop().min()),
+        "pressed": lambda: float(hoop().min()),
         "near": lambda: 100.0 * float((np.linalg.norm(middle(), axis=1) < 3.0 * radius).mean()),
         "ground": lambda: 0.25 * np.pi * (9 - 1) * radius**2 / width**2,
         "cells": lambda: run("steps").scene.lattice.shape[0],

@@ -181,7 +181,7 @@ PAGES: dict[str, dict[str, Callable[[], Result]]] = {
     },
     "a-round-hole": {
         "": holed(0.01, 0.01),
-        "upright": holed(0.015, 0.005, tolerance=0.01),
+        "upright": holed(0.015, 0.005),
         "lying": holed(0.005, 0.015),
         "steps": holed(0.01, 0.01, cells=40),
     },

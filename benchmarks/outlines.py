@@ -4,6 +4,7 @@ Rows of four bodies: agents and time for gaps of 1 % and 0.2 % of the energy, wh
 between both bounds; peaks of the hoop stress at holes by tolerance. Run:
 
     python benchmarks/outlines.py                # gaps and peaks, half a minute
+    python benchmarks/outlines.py price          # processor time over all steps, by tolerance
     python benchmarks/outlines.py random 60      # bodies of random shapes, beside grid lines too:
                                                  # do bounds of four grids hold one truth?
     python benchmarks/outlines.py peer           # quadratic triangles with curved sides, by
@@ -17,6 +18,8 @@ import numpy as np
 
 from kaju import Scene, sampled_shape, solve
 from kaju.errors import ConvergenceError, KajuError
+from kaju.model.outline.balanced_pieces import BalancedPieces
+from kaju.model.outline.true_shapes import CutLeaves
 
 ROLLERS = {"left": "roller", "bottom": "roller"}
 LAME = np.pi / 2 * (0.7 + 1.3 * 4) / 3
@@ -97,6 +100,40 @@ def gaps():
                 f"{name:8s} {gap:8.3f} {upper / lower - 1:10.5f} {answer.agents:8d} "
                 f"{int(answer.cut.sum()):5d} {seconds:8.2f}   {lower:.5f} - {upper:.5f}  "
                 f"{truth:.5f} {'inside' if within else 'OUTSIDE'}",
+                flush=True,
+            )
+
+
+def price():
+    """Tell the processor time of whole runs, and what of it is cutting: by tolerance."""
+    cutting = []
+
+    def timed(owner, name):
+        known = getattr(owner, name)
+
+        def measured(*asked):
+            start = process_time()
+            try:
+                return known(*asked)
+            finally:
+                cutting.append(process_time() - start)
+
+        setattr(owner, name, measured)
+
+    timed(CutLeaves, "refined")
+    timed(BalancedPieces, "_triangulate")
+    solve(bodies()["hole"][0], tolerance=0.1)  # loads what it needs
+    for name, (body, _) in bodies().items():
+        for tolerance in (0.05, 0.02, 0.01):
+            cutting.clear()
+            start = process_time()
+            answer = solve(body, tolerance=tolerance)
+            seconds, cut = process_time() - start, int(answer.cut.sum())
+            print(
+                f"{name:8s} tolerance {tolerance:5.2f} agents {answer.agents:6d}, {cut:4d} cut, "
+                f"{seconds:6.2f} s: {1e3 * seconds / answer.agents:.2f} ms an agent, "
+                f"{1e3 * seconds / cut:.1f} ms a cut one, {1e3 * sum(cutting) / cut:.2f} ms of it "
+                "for pieces and triangles",
                 flush=True,
             )
 
@@ -252,6 +289,8 @@ def random_bodies(count):
 if __name__ == "__main__":
     if "peer" in sys.argv[1:]:
         peer()
+    elif "price" in sys.argv[1:]:
+        price()
     elif "random" in sys.argv[1:]:
         random_bodies(int(sys.argv[-1]))
     else:

@@ -88,6 +88,8 @@ class BalancedPieces:
         What of each leaf is taken; None for all of it.
     halved : array of bool, shape (n, 4)
         Sides with a smaller leaf beside them.
+    near : array of bool, shape (n,)
+        Leaves that are cut, or touch one that is.
     compliance : array, shape (3, 3)
         Strain (xx, yy, 2 xy) of a stress.
     weight : array, shape (2,)
@@ -99,36 +101,40 @@ class BalancedPieces:
         leaves: SquareLeaves,
         pieces: list[list[Corners] | None],
         halved: Flags,
+        near: Flags,
         compliance: Floats,
         weight: Floats,
     ):
         self.leaves, self.compliance, self.weight = leaves, compliance, weight
         self.low = leaves.lower()
         self.high = self.low + (leaves.size * leaves.unit)[:, None]
-        self._triangulate(pieces, halved)
+        self._triangulate(pieces, halved, near)
         self._join()
 
-    def _triangulate(self, pieces: list[list[Corners] | None], halved: Flags) -> None:
+    def _triangulate(self, pieces: list[list[Corners] | None], halved: Flags, near: Flags) -> None:
         leaves = self.leaves
-        squares = [
-            [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-            for x0, y0, x1, y1 in np.column_stack([self.low, self.high]).tolist()
-        ]
-        rings = [
-            [square] if held is None else _rings_of(tuple(map(tuple, held)), tuple(square))
-            for held, square in zip(pieces, squares, strict=True)
-        ]
+        whole: dict[tuple[bool, ...], list[int]] = {}
+        for half in np.unique(halved[~near], axis=0):
+            rows = np.flatnonzero(~near & (halved == half).all(axis=1))
+            whole[tuple(half.tolist())] = rows.tolist()
+        squares, rings = [], []
+        for leaf in np.flatnonzero(near).tolist():
+            held, size = pieces[leaf], float(leaves.size[leaf] * leaves.unit)
+            low = self.low[leaf, 0].item(), self.low[leaf, 1].item()
+            squares.append(_ring(low, size, (False,) * 4))
+            if held is None:
+                rings.append([_ring(low, size, tuple(halved[leaf].tolist()))])
+            else:
+                rings.append(_rings_of(tuple(map(tuple, held)), tuple(squares[-1])))
         lines = _points_on_sides(squares, rings)
         corners: list[tuple[Point, Point, Point]] = []
         owner: list[int] = []
         left_out: list[tuple[Point, ...]] = []
-        whole: dict[tuple[bool, ...], list[int]] = {}
-        for leaf, (held, square) in enumerate(zip(pieces, squares, strict=True)):
-            half = tuple(halved[leaf].tolist())
-            for ring in rings[leaf]:
+        for leaf, square, parts in zip(np.flatnonzero(near).tolist(), squares, rings, strict=True):
+            for ring in parts:
                 split = _with_points_beside(ring, square, lines)
-                if held is None and len(split) == 4 + sum(half):
-                    whole.setdefault(half, []).append(leaf)
+                if pieces[leaf] is None and len(split) == len(ring):
+                    whole.setdefault(tuple(halved[leaf].tolist()), []).append(leaf)
                     continue
                 made = _triangles_in(split, square[1][0] - square[0][0])
                 corners += made
@@ -355,8 +361,6 @@ def _points_on_sides(squares: list[Corners], rings: list[list[Corners]]) -> Line
             lines.setdefault((1, y), set()).add(x)
         (x0, y0), _, (x1, y1), _ = square
         for ring in held:
-            if ring is square:
-                continue
             for x, y in ring:
                 if x in (x0, x1):
                     lines[0, x].add(y)

@@ -76,14 +76,15 @@ def bracket(
     outer, inner = ([pieces[k][way] for k in kept] for way in (0, 1))
     fitted = FittedDisplacement(leaves, outer, problem.stiffness)
     compliance = np.asarray(np.linalg.inv(problem.stiffness), dtype=np.float64)
-    balanced = BalancedPieces(leaves, inner, fitted.halved, compliance, problem.weight)
+    cut = np.array([held is not None for held in inner])
+    near = np.asarray(np.isin(fitted.corner, fitted.corner[cut]).any(axis=1))
+    balanced = BalancedPieces(leaves, inner, fitted.halved, near, compliance, problem.weight)
     try:
         force, held, loaded = problem.on_balanced(balanced)
         upper = balanced.settle(force, held)
         if balanced.residual > SMALL_RESIDUAL:
             raise UnlikeError(f"forces balance to {balanced.residual:.1e} only")
     except (LooseError, UnlikeError) as error:
-        cut = np.array([held is not None for held in inner])
         raise NotYetError(kept[cut], error) from error
     places = fitted.place
     lower = fitted.settle(problem.on_fitted(fitted, loaded), problem.held_at(places))

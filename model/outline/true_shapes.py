@@ -277,9 +277,11 @@ class CutLeaves:
         return found
 
     def _asked(self, x: int, y: int, size: int, unit: float) -> tuple[Pieces, Pieces]:
-        parent = (x // (2 * size) * 2 * size, y // (2 * size) * 2 * size, 2 * size)
-        if self._known.get(parent) == (None, None):
-            return None, None
+        above = 2 * size
+        while above * unit <= 1.0:  # what lies in a leaf within the body does so too
+            if self._known.get((x // above * above, y // above * above, above)) == (None, None):
+                return None, None
+            above *= 2
         (x0, y0), (x1, y1) = (x * unit, y * unit), ((x + size) * unit, (y + size) * unit)
         square = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
         outer, inner = (self.body.pieces(square, way) for way in (True, False))

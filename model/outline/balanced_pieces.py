@@ -235,7 +235,7 @@ class BalancedPieces:
             self._stress_of(moved)
             left = (load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count))[free]
             first = first or float(np.abs(left).max())
-            self.residual = float(np.abs(left).max()) / first
+            self.residual = float(np.abs(left).max()) / (first or 1.0)
             if self.residual < 1e-11:
                 break
             moved[free] += scale * factors.solve(scale * left)

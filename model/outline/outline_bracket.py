@@ -22,6 +22,8 @@ FASTEST = 0.1
 """Share of the gap that one step may aim at."""
 MOST_HALVINGS = 3
 """Of a leaf in one step, which knows nothing of what the smaller ones will be like."""
+LEVELS = 100
+"""So many levels are tried, each 0.9 of the one before, above which leaves are halved."""
 AIM = 0.9
 """Share of the gap asked for that the last step aims at."""
 
@@ -82,7 +84,7 @@ def bracket(
     try:
         force, held, loaded = problem.on_balanced(balanced)
         upper = balanced.settle(force, held)
-        if balanced.residual > SMALL_RESIDUAL:
+        if not balanced.residual <= SMALL_RESIDUAL:
             raise UnlikeError(f"forces balance to {balanced.residual:.1e} only")
     except (LooseError, UnlikeError) as error:
         raise NotYetError(kept[cut], error) from error
@@ -161,13 +163,13 @@ def _halvings(share: Floats, wanted: float) -> Ints:
     There a leaf's fourths add a fourth of what it added: least leaves have what all add alike.
     """
     aim = max(AIM * wanted, FASTEST) * share.sum()
-    level = share.max()
-    while True:
+    halvings = np.zeros(len(share), dtype=np.int64)
+    for level in share.max() * 0.9 ** np.arange(LEVELS):
         often = np.ceil(np.log(np.maximum(share, 1e-300) / level) / np.log(16.0))
         halvings = np.maximum(often, 0.0).astype(np.int64)
         if (share / 4.0**halvings).sum() <= aim:
-            return np.asarray(np.minimum(halvings, MOST_HALVINGS))
-        level *= 0.9
+            break
+    return np.asarray(np.minimum(halvings, MOST_HALVINGS))
 
 
 def _flags(count: int, chosen: Ints) -> Flags:

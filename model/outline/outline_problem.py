@@ -86,6 +86,8 @@ class OutlineProblem:
     outlines: tuple[LoadedOutline, ...] = ()
     weight: Floats = field(default_factory=lambda: np.zeros(2))
     """Force on a unit of area, shape (2,): proved within straight outlines."""
+    strain: float = 1.0
+    """What loads of 1 stand for: stress over Young's modulus."""
 
     @property
     def band(self) -> float:

@@ -109,12 +109,12 @@ class OutlineResult(Result):
         seconds: float,
     ) -> OutlineResult:
         """Return the answer that bounds stand for, in units."""
-        modulus = scene.cell_materials[0].youngs_modulus
-        unit = 0.5 * modulus * scene.thickness * edge**2
+        level = problem.strain * scene.cell_materials[0].youngs_modulus
+        unit = 0.5 * level * scene.thickness * edge**2 * problem.strain
         low, high = found.bounds
         bounds = (float(low * unit), float(high * unit))
         leaves, balanced = found.leaves, found.balanced
-        stress = modulus * balanced.mean_stress()
+        stress = level * balanced.mean_stress()
         hoops = {
             region.name: _hoop_stress(true.shape.border(not true.solid), found, stress, edge)
             for region, true in zip(scene.body.regions, problem.body.regions, strict=True)
@@ -128,7 +128,7 @@ class OutlineResult(Result):
             leaves.x,
             leaves.y,
             leaves.size,
-            edge * found.fitted.displacement[found.fitted.corner],
+            edge * problem.strain * found.fitted.displacement[found.fitted.corner],
             stress,
             edge**2 * balanced.area,
             bounds,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import gcd
 from time import perf_counter
 from typing import cast
@@ -10,6 +11,7 @@ import numpy as np
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, SceneError, SupportError
+from kaju.model.elastic.problem import Scales
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.regions import Region
@@ -138,9 +140,21 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
         raise SceneError(
             "loads: without a load or gravity there is no energy to bound; give one of them"
         )
-    stiffness = stiffness_of(scene)
-    loads = held, pulled, pressed_sides, tuple(outlines), weight
-    return OutlineProblem(body, shape, stiffness, *loads), edge
+    acting = [*pulled.values(), *pressed_sides.values(), *(one.stress for one in outlines), weight]
+    strain = max(float(np.abs(one).max()) for one in acting)
+    Scales.of(modulus, strain * unit, edge, modulus * thickness)  # refuses what no number holds
+    problem = OutlineProblem(
+        body,
+        shape,
+        stiffness_of(scene),
+        held,
+        {side: (x / strain, y / strain) for side, (x, y) in pulled.items()},
+        {side: pressure / strain for side, pressure in pressed_sides.items()},
+        tuple(replace(one, stress=one.stress / strain) for one in outlines),
+        weight / strain,
+        strain,
+    )
+    return problem, edge
 
 
 def stiffness_of(scene: Scene) -> Floats:

@@ -112,8 +112,10 @@ def test_random_rings_lie_within_at_every_step(
             edge = 0.21 / cells
             inner = edge * (1.0 + 10.0 ** -rng.uniform(3, 8))
         seen.clear()
-        answer = kaju.solve(ring(inner, outer, cells=cells, corner=corner), tolerance=0.15)
-        truth = lame(inner, outer)[0] / (0.5 * E * THICKNESS * answer.first_edge**2)
+        scene = ring(inner, outer, cells=cells, corner=corner)
+        kaju.solve(scene, tolerance=0.15)
+        problem, edge = problem_of(scene)
+        truth = lame(inner, outer)[0] / (0.5 * E * THICKNESS * (problem.strain * edge) ** 2)
         assert len(seen) > 1
         for found in seen:
             assert found.lower <= truth * (1 + 1e-7)
@@ -413,6 +415,24 @@ def test_parts_that_hang_on_nothing_are_told() -> None:
     assert len(loose.notes) == 1
     assert loose.energy_bounds[0] < held.energy_bounds[1]
     assert held.energy_bounds[0] < loose.energy_bounds[1]
+
+
+@pytest.mark.parametrize("pull", [1e-100, 1e100])
+def test_the_size_of_the_load_decides_nothing(pull):
+    usual, other = (
+        kaju.solve(plate().replace(loads=[{"side": "right", "force": [force, 0.0]}]), tolerance=0.1)
+        for force in (1.0, pull)
+    )
+    assert other.agents == usual.agents
+    assert np.divide(other.energy_bounds, pull) / pull == pytest.approx(usual.energy_bounds)
+    assert other.von_mises / pull == pytest.approx(usual.von_mises)
+    assert other.corner_displacement / pull == pytest.approx(usual.corner_displacement)
+
+
+@pytest.mark.parametrize("pull", [1e-300, 1e300])
+def test_loads_that_no_number_holds_are_refused(pull):
+    with pytest.raises(kaju.KajuError, match="beyond the numbers"):
+        kaju.solve(plate().replace(loads=[{"side": "right", "force": [pull, 0.0]}]))
 
 
 def test_too_many_agents_keep_the_best() -> None:

@@ -57,12 +57,14 @@ def checked_stiffness(scene: Scene, stiffness: ArrayLike) -> Floats:
             f"stiffness: one number a cell is needed, an array of shape {shape} indexed from "
             f"left and bottom, got shape {field.shape}"
         )
-    wrong = (scene.rasterise() >= 0) & ~(np.isfinite(field) & (field > 0.0))
+    stiffest = max(material.youngs_modulus for material in scene.cell_materials)
+    with np.errstate(over="ignore"):
+        wrong = (scene.rasterise() >= 0) & ~(np.isfinite(field * stiffest) & (field > 0.0))
     if wrong.any():
         cell = tuple(np.argwhere(wrong)[0].tolist())
         raise ParameterError(
-            f"stiffness: must be finite and above 0 where there is material, got {field[cell]} at "
-            f"cell {cell}; take a small share of the material's own, such as 1e-6, for what is "
+            f"stiffness: must be above 0 where there is material, and finite, also times Young's "
+            f"modulus, got {field[cell]} at cell {cell}; take a small share of the material's own, such as 1e-6, for what is "
             "nearly air"
         )
     return field

@@ -129,9 +129,10 @@ def test_a_field_that_breaks_a_rule_is_named(wrong):
         kaju.solve(body(np.ones((8, 6), dtype=int)), stiffness=wrong)
 
 
-def test_the_cell_that_breaks_a_rule_is_named():
+@pytest.mark.parametrize("wrong", [0.0, 1e300])  # finite, but not times Young's modulus
+def test_the_cell_that_breaks_a_rule_is_named(wrong):
     stiffness = np.ones((8, 6))
-    stiffness[3, 2] = 0.0
+    stiffness[3, 2] = wrong
     with pytest.raises(ParameterError, match=r"cell \(3, 2\)"):
         kaju.solve(body(np.ones((8, 6), dtype=int)), stiffness=stiffness)
 

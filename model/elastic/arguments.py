@@ -64,7 +64,7 @@ def checked_stiffness(scene: Scene, stiffness: ArrayLike) -> Floats:
         cell = tuple(np.argwhere(wrong)[0].tolist())
         raise ParameterError(
             f"stiffness: must be above 0 where there is material, and finite, also times Young's "
-            f"modulus, got {field[cell]} at cell {cell}; take a small share of the material's own, such as 1e-6, for what is "
-            "nearly air"
+            f"modulus, got {field[cell]} at cell {cell}; take a small share of the material's own, "
+            "such as 1e-6, for what is nearly air"
         )
     return field

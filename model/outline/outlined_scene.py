@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, SceneError, SupportError
@@ -136,12 +137,18 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
         density = scene.cell_materials[0].density
         assert density is not None
         weight = density * edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
-    if not scene.loads and not weight.any():
+    acting: list[ArrayLike] = [
+        *pulled.values(),
+        *pressed_sides.values(),
+        *(one.stress for one in outlines),
+        weight,
+    ]
+    strain = max(float(np.abs(np.asarray(one)).max()) for one in acting)
+    if strain == 0.0:
         raise SceneError(
-            "loads: without a load or gravity there is no energy to bound; give one of them"
+            "loads: without a load or gravity, or with loads of sides that cancel, there is no "
+            "energy to bound; give one of them"
         )
-    acting = [*pulled.values(), *pressed_sides.values(), *(one.stress for one in outlines), weight]
-    strain = max(float(np.abs(one).max()) for one in acting)
     Scales.of(modulus, strain * unit, edge, modulus * thickness)  # refuses what no number holds
     problem = OutlineProblem(
         body,

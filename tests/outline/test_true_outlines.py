@@ -429,6 +429,12 @@ def test_the_size_of_the_load_decides_nothing(pull):
     assert other.corner_displacement / pull == pytest.approx(usual.corner_displacement)
 
 
+def test_loads_that_cancel_are_refused():
+    loads = [{"side": "right", "force": [force, 0.0]} for force in (1.0, -1.0)]
+    with pytest.raises(kaju.KajuError, match="cancel"):
+        kaju.solve(plate().replace(loads=loads))
+
+
 @pytest.mark.parametrize("pull", [1e-300, 1e300])
 def test_loads_that_no_number_holds_are_refused(pull):
     with pytest.raises(kaju.KajuError, match="beyond the numbers"):

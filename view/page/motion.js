@@ -14,7 +14,7 @@ export class MotionPage extends Page {
     Object.assign(this, { dimension, corners, at, along, units: colours, outcome, visits, alone, outlines, points, parts, held, born, gone });
     this.count = parts.length / corners;
     this.fields = Object.fromEntries(Object.keys(colours).map((name) => [name, this.framesOf(columns[`value ${name}`], this.count)]));
-    this.moved = moved && this.framesOf(moved, moved.length / at.length);
+    this.moved = moved && this.framesOf(moved, moved.length / (along === "share" ? 1 : at.length));
     this.each = moved ? dimension * points.length / this.moved[0].length : 0;   // numbers in points to one displacement
     this.look.colour = Object.keys(colours)[0] ?? "";
     this.curveList = curves;
@@ -23,7 +23,11 @@ export class MotionPage extends Page {
     this.frame();
     this.forces = forces.map(({ place, force }) => ({ cell: place.map((p, a) => (p - this.low[a]) / this.unit - 0.5), force }));
   }
-  framesOf(column, size) { return Array.from({ length: column.length / size }, (_, f) => column.subarray(f * size, (f + 1) * size)); }
+  /** An answer at rest is told once: its frames are shares of it. */
+  framesOf(column, size) {
+    if (this.along === "share") return this.at.map((share) => column.map((x) => share * x));
+    return Array.from({ length: column.length / size }, (_, f) => column.subarray(f * size, (f + 1) * size));
+  }
   /** A box round everything, in whose hundredths points are drawn. */
   frame() {
     const { dimension: d, points, parts } = this, low = Array(d).fill(Infinity), high = Array(d).fill(-Infinity);

@@ -54,7 +54,8 @@ class Pictures:
     parts : array of int, shape (parts, corners)
         2 corners: a spring; 4: a square or a face's diamond; 8: a cube; else a polygon.
     at, along : array, shape (frames,), and str
-        What each frame stands at, and what that is: "s", "step", "generation", "stage".
+        What each frame stands at, and what that is: "s", "step", "generation", "stage"; "share"
+        of an answer at rest, whose `moved` and `values` are told once, for the whole load.
     moved : array, shape (frames, n or parts, dimension), optional
         Displacements (m) of points, or of whole parts.
     values : mapping of str to (unit, array)
@@ -285,22 +286,17 @@ def _moving(
     along: str,
     curves: Sequence[Curves],
     forces: Sequence[tuple[list[float], list[float]]],
-    steps: int = 0,
+    shares: int = 0,
     held: NDArray[np.integer] | None = None,
 ) -> Pictures:
-    """Tell of points that move; `steps`: shares of the last frame, for an answer at rest."""
+    """Tell of points that move; `shares`: of an answer at rest, how many are shown."""
     units = {"tension": "N", "von_mises": "Pa", "load_taken": "N", "level": "", **_UNITS}
-    frames = [moving.frames[k] for k in _chosen(len(moving.frames))]
-    moved = np.array([frame.moved for frame in frames])
+    frames = [moving.frames[k] for k in ([-1] if shares else _chosen(len(moving.frames)))]
     values = {
         name: (units.get(name, ""), np.array([frame.values[name] for frame in frames]))
         for name in frames[-1].values
     }
-    at = np.array([frame.time for frame in frames])
-    if steps:
-        at = np.linspace(0.0, 1.0, steps)
-        moved = at[:, None, None] * moved[-1]
-        values = {name: (u, at[:, None] * v[-1]) for name, (u, v) in values.items()}
+    at = np.linspace(0.0, 1.0, shares) if shares else np.array([frame.time for frame in frames])
     none = np.empty(0, dtype=np.int64)
     return Pictures(
         points=moving.points,
@@ -308,7 +304,7 @@ def _moving(
         at=at,
         along=along,
         values=values,
-        moved=moved,
+        moved=np.array([frame.moved for frame in frames]),
         curves=curves,
         forces=forces,
         held=none if held is None else held,

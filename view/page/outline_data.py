@@ -57,7 +57,6 @@ class DrawnOutlines(NamedTuple):
 
 def cut_agents(result: OutlineResult) -> Pictures:
     """Agents as whole squares that the outlines cut, by shares of the load."""
-    at = np.linspace(0.0, 1.0, 21)
     low = np.stack([result.x, result.y], axis=1)[:, None]
     corners = low + result.width[:, None, None] * corner_order(2).astype(np.int64)
     _, first, node = np.unique(
@@ -75,10 +74,10 @@ def cut_agents(result: OutlineResult) -> Pictures:
     return Pictures(
         points=points,
         parts=node.reshape(-1, 4),
-        at=at,
+        at=np.linspace(0.0, 1.0, 21),
         along="share",
-        values={"von_mises": ("Pa", at[:, None] * result.von_mises)},
-        moved=at[:, None, None] * moved,
+        values={"von_mises": ("Pa", result.von_mises[None])},
+        moved=moved[None],
         curves=curves,
         forces=[arrow for load in result.scene.loads for arrow in _arrows_of(result, load)],
         words=f"{result.agents} agents, error at most {100.0 * result.error_bound:.2g} %",

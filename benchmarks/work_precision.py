@@ -3,7 +3,7 @@
 python benchmarks/work_precision.py [--quick] [--resume] [--problem=plate] [--publish] [FOLDER]
 
 --quick takes some minutes. --resume keeps the rows that the folder has and measures the others.
---publish makes it the record in docs (table, page, picture) that README and docs/comparison.md
+--publish makes it the record in docs (table, picture) that README and docs/work-precision.md
 quote; a test compares them.
 
 The peers need scikit-fem (the mesh of quadratic elements), pyamg (extra amg) and pypardiso; what is
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from peers.measure import Measurement, in_a_fresh_process, jobs
 from peers.problems import PROBLEMS
-from peers.report import draw, environment, markdown, publish, read_csv, write_csv
+from peers.report import draw, environment, measured_on, publish, ratios, read_csv, write_csv
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
@@ -58,7 +58,8 @@ def run(
             write_csv(table, found)
             tell(_line(found[-1]))
     conditions = environment()
-    (folder / "work_precision.md").write_text(markdown(found, conditions), encoding="utf-8")
+    told = f"{ratios(found)}\n\n{measured_on(conditions)}\n"
+    (folder / "work_precision.md").write_text(told, encoding="utf-8")
     (folder / "environment.json").write_text(json.dumps(conditions, indent=2) + "\n", "utf-8")
     draw(found, folder / "work_precision.png")
     return found

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -11,8 +13,7 @@ from kaju.__main__ import app
 PATH = Path(__file__).with_name("commands.md")
 HEAD = """# Command line
 
-`kaju COMMAND --help` says the same. Results go into a folder of their own; `--json` prints the
-summary for other programs and nothing else, `--quiet` prints nothing.
+`kaju COMMAND --help` says the same. Results go into a folder of their own.
 
 ## In this order
 
@@ -41,21 +42,37 @@ A scene is a TOML file; [scenes](scenes.md) lists all that it can say.
 def commands() -> str:
     """Return the page."""
     group = typer.main.get_command(app)
-    lines = [HEAD]
-    for name, command in sorted(group.commands.items()):
-        if command.hidden:
-            continue
+    listed = {name: c for name, c in sorted(group.commands.items()) if not c.hidden}
+    rows = {name: dict(map(_row, filter(_shown, c.params))) for name, c in listed.items()}
+    times = Counter(row for mine in rows.values() for row in mine.items())
+    shared = [row for row, count in times.most_common() if count > 2]
+    lines = [HEAD, "## Options of many commands\n", *_table(shared)]
+    for name, command in listed.items():
         arguments = [p for p in command.params if p.param_type_name == "argument"]
         usage = " ".join((p.metavar or p.name).upper() for p in arguments)
         lines += [f"## kaju {name}\n", f"```\nkaju {name} {usage}".rstrip() + "\n```\n"]
         lines += [(command.help or "").split("\n\n")[0].replace("\n", " ").strip() + "\n"]
-        rows = [
-            f"| `{'`, `'.join([*p.opts, *p.secondary_opts])}` | {_plain(p.help)} |"
-            for p in command.params
-            if p.param_type_name == "option" and not p.hidden and "--help" not in p.opts
-        ]
-        lines += ["| option | meaning |\n|---|---|", *rows, ""] if rows else []
+        lines += _table([row for row in rows[name].items() if row not in shared])
+        also = [row[0].split(",")[0] for row in rows[name].items() if row in shared]
+        lines += [f"Also {', '.join(also)}.\n"] if also else []
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _shown(parameter: Any) -> bool:
+    return (
+        parameter.param_type_name == "option"
+        and not parameter.hidden
+        and "--help" not in parameter.opts
+    )
+
+
+def _row(option: Any) -> tuple[str, str]:
+    return f"`{'`, `'.join([*option.opts, *option.secondary_opts])}`", _plain(option.help)
+
+
+def _table(rows: list[tuple[str, str]]) -> list[str]:
+    cells = [f"| {option} | {meaning} |" for option, meaning in rows]
+    return ["| option | meaning |\n|---|---|", *cells, ""] if rows else []
 
 
 def _plain(text: str | None) -> str:

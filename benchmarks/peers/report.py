@@ -1,7 +1,8 @@
-"""What the benchmark found, for people: table, picture, ratios at equal error, the machine."""
+"""What the benchmark found, for people: picture, times at equal error, the machine."""
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import re
@@ -24,7 +25,8 @@ from .problems import PROBLEMS
 
 PACKAGES = ("kaju", "numpy", "scipy", "numba", "mesa", "scikit-fem", "pyamg", "pypardiso")
 
-HEADER = "| method | cells | time (s) | memory (MB) | largest error | r.m.s. error |"
+TARGETS = (1e-2, 1e-3, 2e-4)
+"""Largest errors at which times are compared."""
 
 
 def environment() -> dict[str, str]:
@@ -68,15 +70,6 @@ def read_csv(path: Path) -> list[Measurement]:
     return [Measurement(**{str(name): value for name, value in row.items()}) for row in rows]
 
 
-PAGE = """# Work and precision: all rows
-
-Time, memory beyond the imports, and error of every run behind the picture in
-[comparison](comparison.md), as `make bench` writes them. What is measured is said there, and on
-which machine at the end. The same rows as a table: `work_precision.csv`.
-
-"""
-
-
 PEERS = {
     "superlu": "bilinear elements with SuperLU",
     "pardiso": "with PARDISO",
@@ -84,28 +77,28 @@ PEERS = {
     "quadratic": "adaptive quadratic triangles",
 }
 QUOTED = (
-    ("README.md", r"On that plate, with the load spread.*?\n\n"),
-    ("docs/comparison.md", r"- \*\*Steel plate.*?\n\n"),
+    ("README.md", r"On that plate, with the load spread.*?(?=\n\n)"),
+    ("docs/work-precision.md", r"\| body \| largest error.*?(?=\n\n)"),
 )
 """Where the record is quoted, and what stands there."""
+MACHINE = ("docs/work-precision.md", r"Measured on: .*?(?=\n\n)")
 
 
 def publish(folder: Path, root: Path) -> None:
     """Make what a folder holds the record, and let the documents quote it."""
     docs, found = root / "docs", read_csv(folder / "work_precision.csv")
-    (docs / "work-precision.md").write_text(
-        PAGE + (folder / "work_precision.md").read_text(encoding="utf-8"), encoding="utf-8"
-    )
+    conditions = json.loads((folder / "environment.json").read_text("utf-8"))
     copyfile(folder / "work_precision.csv", docs / "work_precision.csv")
     copyfile(folder / "work_precision.png", docs / "pictures" / "work_precision.png")
-    for (name, pattern), said in zip(QUOTED, quotations(found), strict=True):
+    said = [*quotations(found), measured_on(conditions)]
+    for (name, pattern), words in zip([*QUOTED, MACHINE], said, strict=True):
         text = (root / name).read_text(encoding="utf-8")
-        text = re.sub(pattern, lambda _, said=said: f"{said}\n\n", text, count=1, flags=re.DOTALL)
+        text = re.sub(pattern, lambda _, words=words: words, text, count=1, flags=re.DOTALL)
         (root / name).write_text(text, encoding="utf-8")
 
 
 def quotations(found: Sequence[Measurement]) -> tuple[str, str]:
-    """Return what README and docs/comparison.md say of the measurements."""
+    """Return what README and docs/work-precision.md say of the measurements."""
     plate = [measurement for measurement in found if measurement.problem == "plate"]
     target = 2e-4
     ours = cost_at(target, _of(plate, "multigrid"))
@@ -114,62 +107,37 @@ def quotations(found: Sequence[Measurement]) -> tuple[str, str]:
     readme = (
         "On that plate, with the load spread over 20 mm, at a largest error of 2e-4, `solve` took "
         f"{1e3 * (ours or 0.0):.0f} ms; {', '.join(told)} "
-        "([how it was measured](docs/comparison.md))."
+        "([how it was measured](docs/work-precision.md))."
     )
-    bullets = [
-        f"- **{problem.title[0].upper()}{problem.title[1:]}.** {' '.join(ratios(mine))}"
-        for name, problem in PROBLEMS.items()
-        if (mine := [measurement for measurement in found if measurement.problem == name])
+    return fill(readme, 100, break_on_hyphens=False), ratios(found)
+
+
+def measured_on(conditions: dict[str, str]) -> str:
+    """Name the machine and the versions."""
+    told = "; ".join(f"{name} {value}" for name, value in conditions.items())
+    return fill(f"Measured on: {told}.", 100, break_on_hyphens=False)
+
+
+def ratios(found: Sequence[Measurement]) -> str:
+    """Return the table of how much longer others take than `kaju.solve` for the same error."""
+    others = [name for name in METHODS if name != "multigrid"]
+    rows = []
+    for problem in PROBLEMS:
+        mine = [measurement for measurement in found if measurement.problem == problem]
+        for target in TARGETS:
+            if ours := cost_at(target, _of(mine, "multigrid")):
+                theirs = {name: cost_at(target, _of(mine, name)) for name in others}
+                rows.append((f"| {problem} | {target:g} | {ours:.3g} |", ours, theirs))
+    reached = [name for name in others if any(theirs[name] for _, _, theirs in rows)]
+    titles = " | ".join(METHODS[name].title for name in reached)
+    lines = [
+        f"| body | largest error | kaju.solve (s) | {titles} |",
+        "|---" * (3 + len(reached)) + "|",
     ]
-    return fill(readme, 100, break_on_hyphens=False), "\n".join(bullets)
-
-
-def markdown(found: Sequence[Measurement], conditions: dict[str, str]) -> str:
-    """Return tables of all problems, ratios at equal error, and the conditions."""
-    parts = []
-    for name, problem in PROBLEMS.items():
-        mine = [measurement for measurement in found if measurement.problem == name]
-        if mine:
-            rows = [HEADER, "|---|---|---|---|---|---|", *map(_row, mine)]
-            parts.append("\n".join([f"## {problem.title}", "", *rows, "", *ratios(mine)]))
-    told = "\n".join(f"- {name}: {value}" for name, value in conditions.items())
-    parts.append(
-        "Times are the processor's, medians of three runs (of one, if it takes over 10 s), warm: "
-        "imports and compilation excluded; mesh or cells, assembly, set-up and solution included, "
-        "of adaptive elements all meshes on the way. Every job had a process of its own with one "
-        "thread; memory is its peak above what was in use before. Errors are taken in the middles "
-        "of the picture's cells, as shares of the largest true "
-        f"displacement.\n\n{told}"
-    )
-    return "\n\n".join(parts) + "\n"
-
-
-def _row(measurement: Measurement) -> str:
-    title = METHODS[measurement.method].title
-    if measurement.seconds is None:
-        return f"| {title} | {measurement.cells} | {measurement.failure} | | | |"
-    return (
-        f"| {title} | {measurement.cells} | {measurement.seconds:.3g} | {measurement.memory:.0f} "
-        f"| {measurement.max_error:.1e} | {measurement.l2_error:.1e} |"
-    )
-
-
-def ratios(found: Sequence[Measurement]) -> list[str]:
-    """Say how much longer each method takes than `kaju.solve` for the same error."""
-    lines = []
-    for target in (1e-2, 1e-3, 2e-4):
-        ours = cost_at(target, _of(found, "multigrid"))
-        told = []
-        for name, method in METHODS.items():
-            theirs = cost_at(target, _of(found, name))
-            if name != "multigrid" and ours and theirs:
-                told.append(f"{method.title} {theirs / ours:.3g} times as long")
-        if ours and told:
-            lines.append(
-                f"For a largest error of {target:g}, `kaju.solve` takes {ours:.3g} s; "
-                f"{', '.join(told)}."
-            )
-    return lines
+    for row, ours, theirs in rows:
+        times = [f"{spent / ours:.3g} ×" if (spent := theirs[name]) else "" for name in reached]
+        lines.append(f"{row} {' | '.join(times)} |")
+    return "\n".join(lines)
 
 
 def _of(found: Iterable[Measurement], method: str) -> list[Measurement]:

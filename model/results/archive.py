@@ -34,12 +34,7 @@ QUICK = 1
 """How hard archives are packed: the usual 6 takes three times as long for 2 % less."""
 
 Kind = Literal["f", "s", "i", "b"]
-_NAMES = {
-    "f": "floating-point numbers of 64 bits",
-    "s": "floating-point numbers of 32 bits",
-    "i": "whole numbers of 64 bits",
-    "b": "true or false",
-}
+_NAMES = {"f": "float64", "s": "float32", "i": "int64", "b": "bool"}
 _TYPES = {"f": ("f8",), "s": ("f4",), "i": ("i8", "u8"), "b": ("b1",)}
 
 

@@ -45,6 +45,8 @@ REASONS = {
 """Why trials are refused, and how that is told."""
 TOO_SMALL = 3
 """So many times an estimate the true error has to be to be counted."""
+OFTEN = 6
+"""So many reasons are told in the document."""
 TABLE = re.compile(r"(<!-- all trials -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -95,9 +97,9 @@ def table_of(record: dict[str, Any]) -> str:
             for name, row in record["engines"].items()
         ),
         "",
-        "| refused because | trials |",
-        "|---|---|",
-        *(f"| {reason} | {count} |" for reason, count in record["refused"].items()),
+        "Refused most often: "
+        + "; ".join(f"{reason} ({n})" for reason, n in list(record["refused"].items())[:OFTEN])
+        + " (all reasons: `stress.json`).",
     ]
     if known:
         told = f"The truth is known of {known} answers; {proven} of these prove bounds, and "

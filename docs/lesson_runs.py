@@ -195,7 +195,7 @@ EVIDENCE: dict[str, dict[str, Callable[[], Any]]] = {
     },
     "a-round-hole": {
         **{f"steps-{n}": holed(0.01, 0.01, cells=n) for n in (20, 80, 160)},
-        "coarse": holed(0.01, 0.01, tolerance=0.02),
+        "coarse": holed(0.01, 0.01, tolerance=0.1),
     },
     "bones-and-bridges": {"60": bridge(volume=0.6), "15": bridge(volume=0.15)},
 }

@@ -158,6 +158,12 @@ class FittedDisplacement:
         moved = self.displacement[self.corner].reshape(-1, 8)
         return np.asarray(np.einsum("ni,nij,nj->n", moved, self.elements, moved))
 
+    def strain_at(self, leaf: Ints, points: Floats) -> Floats:
+        """Return the strain (xx, yy, 2 xy) at points of leaves, shape (n, 3)."""
+        moved = self.displacement[self.corner[leaf]].reshape(-1, 8)
+        strain = np.einsum("nai,ni->na", strain_rows(self.local(leaf, points)), moved)
+        return np.asarray(strain / (self.leaves.size[leaf] * self.leaves.unit)[:, None])
+
     def at(self, leaf: Ints, points: Floats) -> Floats:
         """Return the displacement at points of leaves, shape (n, 2)."""
         shares = shapes_at(self.local(leaf, points))

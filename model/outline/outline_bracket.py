@@ -10,18 +10,25 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ConvergenceError
 
+from .arc_triangles import ArcFrames
 from .balanced_pieces import SMALL_RESIDUAL, BalancedPieces, LooseError
 from .fitted_displacement import FittedDisplacement
 from .outline_problem import OutlineProblem, UnlikeError
 from .square_leaves import SquareLeaves
-from .true_shapes import CutLeaves
+from .true_shapes import CutLeaves, TrueBody
 
 ROUNDING = 1e-7
 """Share by which the bounds are set wider, for coordinates and forces are rounded."""
-FASTEST = 0.1
+FASTEST = 0.2
 """Share of the gap that one step may aim at."""
-MOST_HALVINGS = 3
+MOST_HALVINGS = 2
 """Of a leaf in one step, which knows nothing of what the smaller ones will be like."""
+TURN = 0.6
+"""Angle by which a stressed outline may turn in a leaf, over the root of the tolerance."""
+STRESSED = 0.5
+"""Share of the largest stress along an outline above which it is stressed."""
+SLIVER = 0.1
+"""What leaves hold less of themselves says nothing of the stress along an outline."""
 LEVELS = 100
 """So many levels are tried, each 0.9 of the one before, above which leaves are halved."""
 AIM = 0.9
@@ -51,6 +58,27 @@ class OutlineBracket:
     def error(self) -> float:
         """`error_between` the bounds."""
         return error_between(self.bounds)
+
+    def coarse(self, body: TrueBody, tolerance: float) -> Ints:
+        """Return how often to halve leaves in which a stressed outline turns by too much.
+
+        The energy does not see a small hole's peak. What turns by little in all, such as a kink
+        rounded off, has none: of those that turn by more there are few.
+        """
+        stress = np.sqrt(self.balanced.mean_stress() ** 2 @ [1.0, 1.0, 2.0])
+        filled = self.balanced.area > SLIVER * (self.leaves.size * self.leaves.unit) ** 2
+        halvings = np.zeros(len(self.leaves), dtype=np.int64)
+        for region in body.regions:
+            frames = ArcFrames(region.shape.arcs)
+            turn = np.zeros(len(self.leaves))
+            for points, share in ((frames.start, 0.25), (frames.tip, 0.5), (frames.end, 0.25)):
+                leaf = self.leaves.at(points)
+                turn += np.bincount(leaf + 1, share * np.abs(frames.turn), len(turn) + 1)[1:]
+            bent = turn > TURN * tolerance**0.5
+            stressed = stress > STRESSED * stress[filled & (turn > 0.0)].max(initial=0.0)
+            often = np.ceil(np.log2(turn[bent & stressed] / (TURN * tolerance**0.5)))
+            halvings[bent & stressed] = np.maximum(halvings[bent & stressed], often)
+        return np.minimum(halvings, MOST_HALVINGS)
 
 
 def error_between(bounds: tuple[float, float]) -> float:
@@ -144,17 +172,22 @@ def spawn(
             leaves = leaves.split(_flags(len(leaves), not_yet.cut))
             continue
         tell(found)
-        if found.error <= tolerance:
-            return found
+        kept = found.error <= tolerance
         halvings = np.zeros(len(leaves), dtype=np.int64)
-        halvings[found.kept] = _halvings(found.share, (tolerance / found.error) ** 2)
-        leaves = leaves.split(halvings)
-        if len(leaves) > most:
+        halvings[found.kept] = found.coarse(problem.body, tolerance)
+        if not kept:
+            shared = _halvings(found.share, (tolerance / found.error) ** 2)
+            halvings[found.kept] = np.maximum(halvings[found.kept], shared)
+        finer = leaves.split(np.minimum(halvings, np.log2(leaves.size).astype(np.int64)))
+        if kept and (len(finer) == len(leaves) or len(finer) > most):
+            return found
+        if len(finer) == len(leaves) or len(finer) > most:
             raise ConvergenceError(
-                f"tolerance: {tolerance:g} takes more than {most:,} agents (most_agents); the "
-                f"error bound is {found.error:.3g} so far",
+                f"tolerance: {tolerance:g} takes more than {most:,} agents (most_agents), or "
+                f"smaller ones than there are; the error bound is {found.error:.3g} so far",
                 best=found,
             )
+        leaves = finer
 
 
 def _halvings(share: Floats, wanted: float) -> Ints:

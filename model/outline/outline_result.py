@@ -22,7 +22,7 @@ from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.shapes import Shape
 
 from .fitted_displacement import shapes_at, strain_rows
-from .outline_bracket import OutlineBracket, error_between
+from .outline_bracket import SLIVER, OutlineBracket, error_between
 from .outline_problem import ON_BORDER, OutlineProblem, place_on
 from .square_leaves import SquareLeaves
 
@@ -34,8 +34,8 @@ _EDGE = 1e-9
 """Of a shape's extent: points this near to the edge of a hole belong to the body."""
 _GAP = 0.2
 """Share of an outline that lies beyond the array where no agent is along it."""
-_SLIVER = 0.1
-"""What agents hold less of themselves says nothing of the hoop stress."""
+_APART = 0.02
+"""Share of a peak by which both fields may differ there without a note."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,11 +115,14 @@ class OutlineResult(Result):
         bounds = (float(low * unit), float(high * unit))
         leaves, balanced = found.leaves, found.balanced
         stress = level * balanced.mean_stress()
-        hoops = {
-            region.name: _hoop_stress(true.shape.border(not true.solid), found, stress, edge)
-            for region, true in zip(scene.body.regions, problem.body.regions, strict=True)
-            if region.name is not None
-        }
+        stiffness = level * problem.stiffness
+        hoops, notes = {}, []
+        for region, true in zip(scene.body.regions, problem.body.regions, strict=True):
+            if region.name is not None:
+                border = true.shape.border(not true.solid)
+                along = _hoop_stress(border, found, stress, stiffness, edge)
+                hoops[region.name] = along[:, :3]
+                notes += _peak_note(region.name, *along[:, 2:].T)
         return cls(
             scene,
             seconds,
@@ -133,7 +136,7 @@ class OutlineResult(Result):
             edge**2 * balanced.area,
             bounds,
             hoops,
-            _notes(int(balanced.loose.sum())),
+            (*_loose_note(int(balanced.loose.sum())), *notes),
         )
 
     @property
@@ -237,8 +240,8 @@ class OutlineResult(Result):
     def outline_stress(self, name: str) -> tuple[Floats, Floats]:
         """Return positions (m) along a named outline, and the hoop stress (Pa) there.
 
-        Means over what each agent holds: within about 2 % of a peak from 15 to 20 agents a radius
-        on. Nothing is proved of them.
+        Means over what each agent holds, of which nothing is proved. `notes` tell by how much
+        another estimate of the largest differs.
 
         Raises
         ------
@@ -360,11 +363,25 @@ class OutlineResult(Result):
         )
 
 
-def _notes(loose: int) -> tuple[str, ...]:
+def _loose_note(loose: int) -> list[str]:
     if not loose:
-        return ()
+        return []
     told = f"parts of the body in {loose} agents hang on nothing and bear nothing"
-    return (f"{told}; if a support was meant, give it",)
+    return [f"{told}; if a support was meant, give it"]
+
+
+def _peak_note(name: str, balanced: Floats, moved: Floats) -> list[str]:
+    """Return what is uncertain of the largest hoop stress, by how far two fields differ there."""
+    if not len(balanced):
+        return []
+    at = np.abs(balanced).argmax()
+    peak, other = balanced[at], moved[at]
+    if abs(other - peak) <= _APART * abs(peak):
+        return []
+    return [
+        f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa in balance, as a mean over an "
+        f"agent, and {other:.4g} Pa by the displacement on the outline; nothing is proved of either"
+    ]
 
 
 def _within(shape: Shape, points: Floats) -> Flags:
@@ -377,8 +394,13 @@ def _within(shape: Shape, points: Floats) -> Flags:
     return inside
 
 
-def _hoop_stress(border: Floats, found: OutlineBracket, stress: Floats, edge: float) -> Floats:
-    """Return x, y (m) and the hoop stress of the agents along an outline, in order along it."""
+def _hoop_stress(
+    border: Floats, found: OutlineBracket, stress: Floats, stiffness: Floats, edge: float
+) -> Floats:
+    """Return x, y (m) and the hoop stress of the agents along an outline, in order along it.
+
+    The last column is the hoop stress of the displacement, on the outline itself.
+    """
     balanced = found.balanced
     rows = np.flatnonzero(balanced.alone)
     near, along = place_on(balanced.ends[rows].mean(axis=1), border)
@@ -388,11 +410,13 @@ def _hoop_stress(border: Floats, found: OutlineBracket, stress: Floats, edge: fl
     leaf, of = np.unique(balanced.leaf_of[rows], return_inverse=True)
     full = (found.leaves.size[leaf] * found.leaves.unit) ** 2
     total = np.bincount(of, length, len(leaf))
-    middle = [np.bincount(of, length * c, len(leaf)) / total for c in balanced.ends[rows].mean(1).T]
-    sums = np.stack([np.bincount(of, c, len(leaf)) for c in run.T])
-    tx, ty = sums / np.hypot(*sums)
-    xx, yy, xy = stress[leaf].T
-    hoop = xx * tx**2 + yy * ty**2 + 2.0 * xy * tx * ty
+    sums = [np.bincount(of, length * c, len(leaf)) for c in balanced.ends[rows].mean(axis=1).T]
+    middle = np.stack(sums, axis=1) / total[:, None]
+    tx, ty = np.stack([np.bincount(of, c, len(leaf)) for c in run.T])
+    along_outline = np.stack([tx**2, ty**2, 2.0 * tx * ty], axis=1) / (tx**2 + ty**2)[:, None]
+    hoop = (stress[leaf] * along_outline).sum(axis=1)
+    moved = found.fitted.strain_at(leaf, middle) @ stiffness
+    other = (moved * along_outline).sum(axis=1)
     first = np.unique(of, return_index=True)[1]  # a mean would tear agents from the line's start
     order = np.argsort(along[first])
     if len(order):  # a part beyond the array lies after the end, wherever the line starts
@@ -400,5 +424,5 @@ def _hoop_stress(border: Floats, found: OutlineBracket, stress: Floats, edge: fl
         whole = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
         gaps = np.diff(place, append=place[0] + whole)
         order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
-    order = order[balanced.area[leaf[order]] > _SLIVER * full[order]]
-    return np.column_stack([edge * middle[0], edge * middle[1], hoop])[order]
+    order = order[balanced.area[leaf[order]] > SLIVER * full[order]]
+    return np.column_stack([edge * middle, hoop, other])[order]

@@ -155,6 +155,36 @@ def test_displacement_stress_and_hoop_stress_of_a_ring() -> None:
         answer.displacement_at(np.array([[0.05, 0.05]]))
 
 
+@pytest.mark.parametrize(("across", "along"), [(1.0, 1.0), (1.0, 1.0 / 3.0)])
+def test_peaks_at_small_holes_are_met_or_said_to_be_uncertain(across: float, along: float) -> None:
+    hole = {"ellipse": {"centre": [0.0, 0.0], "radii": [along, across]}, "material": "air"}
+    wide = kaju.Scene(
+        body={
+            "size": [20.0, 20.0],
+            "cells": [8, 8],
+            "material": "steel",
+            "regions": [hole | {"outline": "true", "name": "hole"}],
+        },
+        materials={"steel": STEEL},
+        sides={"left": "roller", "bottom": "roller"},
+        loads=[{"side": "right", "pressure": -1.0}],
+    )
+    peak = 1.0 + 2.0 * across / along
+    fine = kaju.solve(wide, tolerance=0.01)
+    assert fine.outline_stress("hole")[1].max() == pytest.approx(peak, rel=0.02)
+    assert fine.agents < 300
+    assert not fine.notes
+    coarse = kaju.solve(wide, tolerance=0.05, most_agents=100)  # enough for the energy alone
+    assert coarse.tolerance_kept == "proved"
+    assert "'hole'" in "".join(coarse.notes)
+
+
+def test_holes_smaller_than_any_agent_end() -> None:
+    answer = kaju.solve(plate(1e-7), tolerance=0.1)
+    assert answer.tolerance_kept == "proved"
+    assert answer.agents < 400
+
+
 def test_polygons_are_exact_whatever_their_corners() -> None:
     # a bar along the middle: the outline lies beside the lines between agents
     bar = [[0.0, 0.031], [0.1, 0.031], [0.1, 0.062], [0.05, 0.062], [0.0, 0.062]]

@@ -124,19 +124,25 @@ def _body(seen: Any, rows: int | None = None) -> str:
     return "".join(drawn + [square(stage.cells[i], colours[i]) for i in there])
 
 
-def _curve(points: Any, colour: str, dash: str = "") -> str:
-    """Draw a curve over axes, scaled into the picture by its own ends and zero."""
-    x, y = (np.asarray(column, dtype=float) for column in zip(*points, strict=True))
-    return _line(_scaled(x, y, x.max(), y.max()), colour, 2.0, dash) + _axes()
+def _curves(x: Any, *drawn: tuple[Any, str, str]) -> str:
+    """Draw curves (values, colour, dashes) over axes, scaled into the picture from zero on."""
+    high = max(np.max(values) for values, _, _ in drawn)
+    across = 40 + (WIDTH - 80) * np.asarray(x) / np.max(x)
+    lines = []
+    for values, colour, dash in drawn:
+        up = HEIGHT - 14 - (HEIGHT - 30) * np.asarray(values) / high
+        lines.append(_line(np.stack([across, up], axis=1), colour, 2.5, dash))
+    axes = _line([(40, 10), (40, HEIGHT - 14), (WIDTH - 36, HEIGHT - 14)], "#4d5661", 1.0)
+    return "".join(lines) + axes
 
 
-def _scaled(x: Any, y: Any, far: float, high: float) -> list[tuple[float, float]]:
-    across, up = 40 + (WIDTH - 80) * x / far, HEIGHT - 14 - (HEIGHT - 30) * y / high
-    return list(zip(across, up, strict=True))
-
-
-def _axes() -> str:
-    return _line([(40, 10), (40, HEIGHT - 14), (WIDTH - 36, HEIGHT - 14)], "#4d5661", 1.0)
+def _fitted(place: Any, margin: tuple[float, float]) -> Any:
+    """Return places (m, upwards) in the middle of the picture, as large as the margins let."""
+    place = place - place.min(axis=0)
+    size = place.max(axis=0)
+    scale = ((WIDTH, HEIGHT) - 2.0 * np.array(margin)) / size
+    at = place * scale.min()
+    return at * [1.0, -1.0] + [0.5 * (WIDTH - at[:, 0].max()), HEIGHT - margin[1]]
 
 
 def _bounces(see: dict[str, Any]) -> str:
@@ -157,11 +163,7 @@ def _growth(see: dict[str, Any]) -> str:
     """Draw the load on its way at the usual numbers and just below the limit."""
     generations = np.arange(0, 21)
     grows, ends = (see["p"][n].radius() ** generations for n in (1, 0))
-    high = grows.max()
-    lines = (
-        _line(_scaled(generations, y, 20, high), c, 2.5) for y, c in ((grows, LOAD), (ends, RULE))
-    )
-    return "".join(lines) + _axes()
+    return _curves(generations, (grows, LOAD, ""), (ends, RULE, ""))
 
 
 def _cuts(see: dict[str, Any]) -> str:
@@ -182,9 +184,7 @@ def _widths(see: dict[str, Any]) -> str:
     rule, elastic = (
         [see[k](int(row)) for row in rows] for k in ("half_width", "elastic_half_width")
     )
-    high = max(elastic)
-    first = _line(_scaled(rows, np.array(rule), 25, high), RULE, 2.5)
-    return first + _line(_scaled(rows, np.array(elastic), 25, high), ELASTIC, 2.5, "5 4") + _axes()
+    return _curves(rows, (rule, RULE, ""), (elastic, ELASTIC, "5 4"))
 
 
 def _numbers(see: dict[str, Any]) -> str:
@@ -192,10 +192,7 @@ def _numbers(see: dict[str, Any]) -> str:
     rows = np.arange(10)
     chosen, fitted = ([p.moved(5, 9 - int(r)) for r in rows] for p in see["p"][:2])
     elastic = [see["elastic_moved"](5, 9 - int(r)) for r in rows]
-    high = max(fitted)
-    drawn = ((chosen, RULE, ""), (fitted, LOAD, ""), (elastic, ELASTIC, "5 4"))
-    lines = (_line(_scaled(rows, np.array(y), 9, high), c, 2.5, d) for y, c, d in drawn)
-    return "".join(lines) + _axes()
+    return _curves(rows, (chosen, RULE, ""), (fitted, LOAD, ""), (elastic, ELASTIC, "5 4"))
 
 
 def _sizes(see: dict[str, Any]) -> str:
@@ -234,12 +231,7 @@ def _bounds(see: dict[str, Any]) -> str:
 def _lattice(see: dict[str, Any]) -> str:
     """Draw the bent lattice: what is pressed, and what is pulled."""
     result = see["run"]("0.2-N")
-    place = result.positions()
-    low, high = place.min(axis=0), place.max(axis=0)
-    scale = min((WIDTH - 40) / (high - low)[0], (HEIGHT - 16) / (high - low)[1])
-    at = (place - low) * scale
-    at[:, 0] += 0.5 * (WIDTH - (high - low)[0] * scale)
-    at[:, 1] = HEIGHT - 8 - at[:, 1]
+    at = _fitted(result.positions(), (20, 8))
     pulled = result.tension[-1] > 0.0
     return "".join(
         _line(at[ends], LOAD if pull else RULE, 1.5)
@@ -249,7 +241,8 @@ def _lattice(see: dict[str, Any]) -> str:
 
 def _noodle(see: dict[str, Any]) -> str:
     """Draw the dent over time."""
-    return _curve([(t, see["dent"](float(t))) for t in np.linspace(0.0, 27.0, 109)], RULE)
+    times = np.linspace(0.0, 27.0, 109)
+    return _curves(times, ([see["dent"](float(t)) for t in times], RULE, ""))
 
 
 def _bridge(see: dict[str, Any]) -> str:
@@ -267,10 +260,7 @@ def _bridge(see: dict[str, Any]) -> str:
 def _crack(see: dict[str, Any]) -> str:
     """Draw the net that has parted: what is left, and what broke."""
     result = see["run"]("long")
-    place = result.network.positions
-    scale = (HEIGHT - 8) / place[:, 1].max()
-    at = np.stack([place[:, 0] * scale, HEIGHT - 4 - place[:, 1] * scale], axis=1)
-    at[:, 0] += 0.5 * (WIDTH - at[:, 0].max())
+    at = _fitted(result.network.positions, (4, 4))
     springs, broken = result.network.springs, set(result.broken.tolist())
     left = [_line(at[ends], RULE, 0.5) for k, ends in enumerate(springs) if k not in broken]
     return "".join([*left, *(_line(at[springs[k]], LOAD, 1.5) for k in sorted(broken))])

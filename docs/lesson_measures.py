@@ -153,9 +153,7 @@ class Seen:
 
     def tip(self) -> int:
         """Return which way the loaded cell moves: 1 up, -1 down."""
-        top = self.scene.applied().cells[:1]
-        moved = self.run.displacement_at(self.scene.lattice.centres(top))[0, 1]
-        return int(np.sign(moved))
+        return int(np.sign(self.tip_moves()))
 
     def tip_moves(self) -> float:
         """Return displacement of the loaded cell (nm), upwards."""

@@ -61,11 +61,13 @@ class Column(NamedTuple):
     def told(self) -> str:
         """Return the same in words."""
         words = [f"({', '.join(self.shape.split())}) {_NAMES[self.kind]}"]
-        words += [f"from {self.low:g}"] if self.low is not None else []
         if self.high is not None:
-            upper = f"to {self.high}" if self.kind == "f" else f"below {self.high}"
-            words += [upper if isinstance(self.high, str) else f"to {self.high:g}"]
-        words += ["" if self.finite else "or NaN", "if there is one" if self.optional else ""]
+            below = isinstance(self.high, str) and self.kind != "f"
+            upper = self.high if isinstance(self.high, str) else f"{self.high:g}"
+            words += [f"in [{self.low:g}, {upper}{')' if below else ']'}"]
+        elif self.low is not None:
+            words += [f"≥ {self.low:g}"]
+        words += ["" if self.finite else "or NaN", "optional" if self.optional else ""]
         words += [self.order]
         return " ".join(word for word in words if word)
 

@@ -173,10 +173,7 @@ class FaceAgent(FixedAgent):
 class SupportAgent(BoundaryAgent):
     """Ground, a wall or an elastic bed: it keeps what it is handed, and pushes back as much.
 
-    Attributes
-    ----------
-    kind : int
-        What the cell is, from `kaju.model.scene.kinds`.
+    `kind` is what the cell is, from `kaju.model.scene.kinds`.
     """
 
     def __init__(

@@ -26,26 +26,12 @@ class Birth(NamedTuple):
 class SpawningAgent(Agent):
     """One of the agents of a `SpawningModel`.
 
-    It retires when it spawns children, which then do its work, but it stays their parent.
-
-    Attributes
-    ----------
-    row : int
-        Its number in the order of spawning, from 0: the row of the model's `family`.
-    parent : SpawningAgent or None
-        The agent that spawned it; None for the first ones.
-    level : int
-        How often the largest of the first agents would be halved to give it.
-    lower : tuple of float
-        Lower corner (m).
-    size : float
-        Edge (m).
-    material : Material
-    spawn_step : int
-        Step in which it spawned; 0 for the first agents.
-    cause : float
-        Load (N) its parent left unbalanced, for which it spawned; 0 for the first agents,
-        NaN for those that keep neighbours alike in size.
+    It retires when it spawns children, which then do its work, but it stays their parent. `row`:
+    its number in the order of spawning, from 0, which is its row of the model's `family`; `parent`:
+    who spawned it, None for the first ones; `level`: how often the largest of the first agents
+    would be halved to give it; `lower`, `size`: lower corner and edge (m); `spawn_step`: 0 for the
+    first agents; `cause`: the load (N) its parent left unbalanced, for which it spawned: 0 for the
+    first agents, NaN for those that keep neighbours alike in size.
     """
 
     def __init__(self, model: Any, birth: Birth) -> None:

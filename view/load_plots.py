@@ -93,13 +93,8 @@ def draw_loads(
 ) -> bool:
     """Draw loads, as `loads_taken` returns them, as arrows out of the cells' middles.
 
-    They are coloured by load and sense; `plain` ones, as films need them, are larger and
-    coloured by sense alone.
-
-    Returns
-    -------
-    bool
-        Whether loads were left out because they point across the section.
+    They are coloured by load and sense; `plain` ones, as films need them, are larger and coloured
+    by sense alone. Returns whether loads were left out because they point across the section.
     """
     tiles, loads = section.gather(stage.cells, loads, "sum")
     normals = section.in_plane(section.scene.lattice.normals)

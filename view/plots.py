@@ -176,19 +176,9 @@ def plot(subject: Any, what: str | None = None, ax: Axes | None = None, **option
 
 
 def plot_all(result: Result, directory: str | Path) -> list[Path]:
-    """Write the usual pictures of a result as PNG files, each named after what it shows.
+    """Write the usual pictures of a result into a folder, as PNG files named after what they show.
 
-    Parameters
-    ----------
-    result : Result
-        A result.
-    directory : path
-        Where to write; it must exist.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order in which they are best looked at.
+    Returns the files in the order in which they are best looked at. The folder must exist.
     """
     folder = Path(directory)
     if not folder.is_dir():

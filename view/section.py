@@ -241,24 +241,12 @@ def section_of(
 ) -> Section:
     """Choose what to show: the given cells with a margin, or the whole body.
 
-    Parameters
-    ----------
-    scene : Scene
-        The body.
-    cells : array of int, shape (n, dimension), optional
-        What the picture is about; the whole body unless given. Of a three-dimensional body
-        the layer that holds most of them is shown unless `cut` is given.
-    cut : dict of one axis to a place (m), optional
-        Shows the layer of a three-dimensional body there, such as ``{"y": 0.05}``.
-    crop : bool, optional
-        Whether to leave out the body far from the cells; unless given, bodies of more than
-        `whole_up_to` cells across are cropped.
-    most_across : int
-        Where more cells than this lie side by side, tiles are blocks of cells.
-    whole_up_to : int
-        Bodies of up to this many cells across are shown as a whole.
-    caveats : tuple of str
-        What is approximate of the answer, in a few words each.
+    `cells`, shape (n, dimension): what the picture is about; of a three-dimensional body the layer
+    that holds most of them is shown unless `cut` is given; `cut`: the layer at a place (m), such as
+    ``{"y": 0.05}``; `crop`: whether to leave out the body far from the cells; unless given, bodies
+    of more than `whole_up_to` cells across are cropped; `most_across`: where more cells than this
+    lie side by side, tiles are blocks of cells; `caveats`: what is approximate of the answer, in a
+    few words each.
     """
     if cells is None:
         cells, crop = np.empty((0, scene.lattice.dimension), dtype=np.int64), False

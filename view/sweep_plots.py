@@ -23,19 +23,9 @@ MOST_LEVELS = 12
 
 
 def plot_effects(table: pandas.DataFrame, measure: str) -> Figure:
-    """Draw a measure against each varied quantity: every run, and the means.
+    """Draw a measure against each varied quantity: every run, and the means, in a common scale.
 
-    Parameters
-    ----------
-    table : DataFrame
-        What `kaju.sweep` returned.
-    measure : str
-        A column of numbers.
-
-    Returns
-    -------
-    matplotlib Figure
-        One panel per quantity, with a common scale.
+    `table`: what `kaju.sweep` returned; `measure`: a column of numbers.
     """
     keys, good = _varied(table), _worked(table, measure)
     figure = new_figure((max(4.6, 2.9 * len(keys)), 3.6))
@@ -64,22 +54,9 @@ def plot_sweep_map(
 ) -> Figure:
     """Draw a measure over two of the varied quantities; failed runs are crosses.
 
-    Of `spectral_radius` it is the map of stability: the line is where it is 1.
-
-    Parameters
-    ----------
-    table : DataFrame
-        What `kaju.sweep` returned.
-    measure : str
-        A column of numbers.
-    x, y : str, optional
-        The quantities; the first two unless given.
-    ax : matplotlib Axes, optional
-        Where to draw; a new figure unless given.
-
-    Returns
-    -------
-    matplotlib Figure
+    Of `spectral_radius` it is the map of stability: the line is where it is 1. `table`: what
+    `kaju.sweep` returned; `measure`: a column of numbers; `x`, `y`: the quantities, the first two
+    unless given.
     """
     keys = _varied(table)
     x, y = x or keys[0], y or next((key for key in keys if key != (x or keys[0])), "")

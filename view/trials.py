@@ -70,19 +70,7 @@ def _errors(ax: Axes, outcomes: Sequence[Outcome]) -> None:
 
 
 def plot_stability(maps: Sequence[StabilityMap], path: str | Path) -> Path:
-    """Draw which coefficients are stable, the certificate's line and what happened.
-
-    Parameters
-    ----------
-    maps : sequence of StabilityMap
-        Drawn two in a row.
-    path : path
-        The picture's file.
-
-    Returns
-    -------
-    Path
-    """
+    """Draw which coefficients are stable, the certificate's line, and what happened."""
     rows = -(-len(maps) // 2)
     figure = new_figure((7.0, 3.6 * rows))
     for place, one in enumerate(maps, start=1):

@@ -30,36 +30,16 @@ body that hardly resists lose the digits by which its parts could be told apart.
 class WeakeningBody:
     """A body under its whole load (a load factor of 1), of parts that break.
 
-    Parameters
-    ----------
-    strain : (r, f) csr_array
-        B, elongation of the rows by displacement of the free coordinates.
-    stiffness : (r,) floats
-        k, energy of a row over half the square of its elongation.
-    given : (r,) floats
-        Elongation by what supports are moved by.
-    force : (f,) floats
-        Of the load, such that F·u is its work (J).
-    most : int
-        Weakened rows from which on there are new factors.
-    order : str
-        Order of elimination, as `scipy.sparse.linalg.splu` names it.
+    `strain`, shape (r, f): B, elongation of the rows by displacement of the free coordinates;
+    `stiffness`, shape (r,): k, energy of a row over half the square of its elongation; `given`,
+    shape (r,): elongation by what supports are moved by; `force`, shape (f,): of the load, such
+    that F·u is its work (J); `most`: weakened rows from which on there are new factors; `order`: of
+    elimination, as `scipy.sparse.linalg.splu` names it. A body that does not resist, at first or
+    once a part is broken, raises `GivesWayError`.
 
-    Attributes
-    ----------
-    elongation : (r,) floats
-        Of the rows.
-    yielded : float
-        F·u: work that the final forces would do on the displacements (J).
-    pull, shift : float
-        Size of the load: Σ |F| (N), or how far supports are moved at most (m).
-    broken : list of int
-        Parts that broke, in their order.
-
-    Raises
-    ------
-    GivesWayError
-        If the body does not resist, at first or once a part is broken.
+    It knows `elongation`, shape (r,); `yielded`: F·u, the work (J) that the final forces would do
+    on the displacements; `pull`, `shift`: size of the load, Σ |F| (N), or how far supports are
+    moved at most (m); `broken`: the parts that broke, in their order.
     """
 
     precise: ClassVar[float]

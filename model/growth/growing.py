@@ -84,28 +84,11 @@ class Neighbours:
 class GrowingBody:
     """The cells of a scene, how stiff they are, and what they feel under its loads.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of squares or cubes, loaded by forces alone.
-    stage : int or None
-        Stage of loading; None is the last.
-
-    Attributes
-    ----------
-    body : array of bool
-        Which cells of the box around the body are of material.
-    compliance : float
-        F·u: work of the final forces on the displacements (J).
-    energy : (n,) floats
-        Stored in every cell (J), with its share of the edges round it.
-    iterations : int
-        Of the last solution.
-
-    Raises
-    ------
-    SceneError
-        If the loads are no forces, or depend on what has grown, or cells are too large.
+    `scene`: of squares or cubes, loaded by forces alone that do not depend on what has grown;
+    `stage`: of loading, None is the last. It knows `body`: which cells of the box around the body
+    are of material; `compliance`: F·u, the work (J) of the final forces on the displacements;
+    `energy`, shape (n,): what is stored in every cell (J), with its share of the edges round it;
+    `iterations` of the last solution.
     """
 
     def __init__(self, scene: Scene, stage: int | None) -> None:

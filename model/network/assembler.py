@@ -205,18 +205,10 @@ def _pairs(ends: Ints, nodes: int) -> tuple[Ints, Ints, Ints]:
 
 
 class Assembler:
-    """Sums springs up to what the nodes feel.
+    """Sums springs up to what the nodes feel; of the network, forces and stiffness are not used.
 
-    Parameters
-    ----------
-    network : SpringNetwork
-        Its positions, springs and supports are used; its forces and stiffness are not.
-
-    Attributes
-    ----------
-    free : (f,) ints
-        The coordinates that answer to forces, in the order of the rows of the tangent, as
-        indices into ``positions.ravel()``. The order keeps the tangent's factors sparse.
+    `free`, shape (f,): the coordinates that answer to forces, in the order of the rows of the
+    tangent, as indices into ``positions.ravel()``. The order keeps the tangent's factors sparse.
     """
 
     def __init__(self, network: SpringNetwork) -> None:

@@ -104,32 +104,13 @@ def find_balance(
 ) -> NetworkBalance:
     """Correct a displacement until the springs carry the force.
 
-    Parameters
-    ----------
-    assembler, solver
-        Of the network.
-    law : callable
-        What the springs answer to their elongations.
-    displacement : (n, dimension) floats
-        Where to start (m), near the answer and on its side of any instability.
-    force : (n, dimension) floats
-        External force (N).
-    given : (n, dimension) floats, optional
-        Displacement that the held coordinates shall reach (m); None: where they are.
-    force_scale : float
-        Force (N) to compare the residual with, if larger than those met here; useful when
-        a network is unloaded to nothing.
-    tolerance : float
-        Largest unbalanced force, as a share of the largest force.
-    limit : int
-        Number of corrections after which to give up.
-
-    Raises
-    ------
-    GivesWayError
-        If a tangent on the way is singular or indefinite.
-    ConvergenceError
-        If the limit is reached.
+    `law`: what the springs answer to their elongations; `displacement`: where to start (m), near
+    the answer and on its side of any instability; `force`: external (N); `given`: displacement (m)
+    that the held coordinates shall reach, None: where they are; `force_scale`: force (N) to compare
+    the residual with, if larger than those met here, for a network that is unloaded to nothing;
+    `tolerance`: largest unbalanced force as a share of the largest force; `limit`: corrections
+    after which it gives up by a `ConvergenceError`. A tangent on the way that is singular or
+    indefinite raises `GivesWayError`.
     """
     jump = np.zeros_like(displacement)
     if given is not None:

@@ -28,24 +28,12 @@ _MOST_CELLS = 20_000_000
 
 
 def hexagon_body(scene: Scene) -> SpringNetwork:
-    """Return the spring network of a hexagon-celled body.
+    """Return the spring network of a hexagon-celled body; its stages are the scene's.
 
-    Two cells of different material meet over half a spring of each. Before a rigid or a
-    displaced cell stands a held node in the middle of the face, at the end of half a spring.
-    A roller holds the cells before it across its side. Nodes are named by their cells, held
-    ones by the cell and the direction of the face.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its lattice must be of hexagons. Its stages become the network's.
-
-    Raises
-    ------
-    SceneError
-        If the cells are no hexagons, there are too many, or a side is a foundation.
-    SupportError
-        If a part of the body is held by nothing.
+    Two cells of different material meet over half a spring of each. Before a rigid or a displaced
+    cell stands a held node in the middle of the face, at the end of half a spring. A roller holds
+    the cells before it across its side. Nodes are named by their cells, held ones by the cell and
+    the direction of the face.
     """
     if scene.lattice.kind != "hexagon":
         raise SceneError(

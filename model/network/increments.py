@@ -55,25 +55,11 @@ class NetworkRecord(NamedTuple):
 class IncrementalLoading:
     """A network on its way along its load path; `step` takes one increment.
 
-    Parameters
-    ----------
-    network : SpringNetwork
-        What is loaded.
-    increments : int
-        Number of increments in every stage.
-    scheme : {"newton", "euler"}
-        With or without corrections.
-    method : {"auto", "direct", "multigrid"}
-        How the linear systems are solved; "auto" goes by size.
-    tolerance : float
-        Largest unbalanced force of the Newton scheme, as a share of the largest force.
-
-    Raises
-    ------
-    ParameterError
-        If a number or a name is outside its rule.
-    MechanismError, BucklingError
-        If the network gives way, at once or in a step; `result` holds what was computed.
+    `increments`: their number in every stage; `scheme`: "newton" or "euler", with or without
+    corrections; `method`: "auto", "direct" or "multigrid", how the linear systems are solved;
+    `tolerance`: largest unbalanced force of the Newton scheme as a share of the largest force. A
+    network that gives way, at once or in a step, raises `MechanismError` or `BucklingError`;
+    `result` holds what was computed.
     """
 
     def __init__(

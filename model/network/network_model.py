@@ -31,14 +31,8 @@ _AGENTS_UP_TO = 10_000
 class NodeAgent(FixedAgent):
     """A node of the network, sitting in its cell of Mesa's network space.
 
-    Attributes
-    ----------
-    node : int
-        Number of the node in the arrays.
-    position : (dimension,) floats
-        Where it is now (m).
-    springs : list of (spring, neighbour)
-        Numbers of its springs, and of the nodes at their other ends.
+    `node`: its number in the arrays; `position`, shape (dimension,): where it is now (m);
+    `springs`: numbers of its springs, and of the nodes at their other ends.
     """
 
     def __init__(self, model: NetworkModel, node: int, springs: list[tuple[int, int]]) -> None:

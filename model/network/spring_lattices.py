@@ -1,7 +1,10 @@
 """Regular and random networks, held and pressed, ready to load.
 
 Positions are in m, stiffnesses in N/m, forces in N; the defaults of 1 make a model whose
-forces are shares of stiffness times spacing. Every spring starts at its rest length.
+forces are shares of stiffness times spacing. `spacing` is the distance between neighbours,
+`stiffness` K of every spring, `force` the total one from above; the same `seed` gives the same
+network. Every spring starts at its rest length. Too few nodes, or a number outside its rule, raise
+`ParameterError`.
 """
 
 from __future__ import annotations
@@ -29,29 +32,11 @@ def triangular(
 ) -> SpringNetwork:
     """Return the triangular lattice pressed between two points.
 
-    Rows of `width` and `width - 1` nodes in turn, joined along and across. The ends of the
-    long rows stick out on both sides and are held; a force presses on the middle of the top
-    row from above, and as strongly on the middle of the bottom row from below. Where a row
-    has two middle nodes they share the force. A node is named by its row, counted from the
-    bottom, and its place in it.
-
-    Parameters
-    ----------
-    width : int
-        Nodes in a long row, at least 2; 3 rows of width 3 have 3 + 2 + 3 nodes.
-    rows : int, optional
-        Number of rows, at least 2; None: as many as `width`.
-    spacing : float
-        Distance between neighbours (m).
-    stiffness : float
-        K of every spring (N/m).
-    force : float
-        Force from above, and from below (N).
-
-    Raises
-    ------
-    ParameterError
-        If there are too few nodes or a number is outside its rule.
+    Rows of `width` and `width - 1` nodes in turn, joined along and across: 3 `rows` of width 3, as
+    many unless given, have 3 + 2 + 3 nodes. The ends of the long rows stick out on both sides and
+    are held; a force presses on the middle of the top row from above, and as strongly on the middle
+    of the bottom row from below. Where a row has two middle nodes they share the force. A node is
+    named by its row, counted from the bottom, and its place in it.
     """
     rows = width if rows is None else rows
     at_least(width, 2, "width")
@@ -91,28 +76,10 @@ def jittered(
     """Return a triangular lattice whose inner nodes were moved by chance, joined anew.
 
     It has no rows along which cracks would rather run. Springs are the edges of a Delaunay
-    triangulation, as stiff as bars of one cross-section. It stands on its bottom row and is pressed
-    from above.
-
-    Parameters
-    ----------
-    width, rows
-        As of `triangular`.
-    jitter : float
-        Largest shift along x and y, as a share of the spacing; from 0 to below 0.5.
-    seed : int
-        Start of the random numbers; the same seed gives the same network.
-    spacing : float
-        Distance between neighbours before they were moved (m).
-    stiffness : float
-        K of a spring as long as the spacing (N/m); K falls with the length.
-    force : float
-        Total force on the top row (N).
-
-    Raises
-    ------
-    ParameterError
-        If there are too few nodes or a number is outside its rule.
+    triangulation, as stiff as bars of one cross-section: `stiffness` is that of a spring as long as
+    the `spacing`, and falls with the length. It stands on its bottom row and is pressed from above.
+    `width`, `rows`: as of `triangular`; `jitter`: largest shift along x and y, as a share of the
+    spacing, from 0 to below 0.5.
     """
     rows = width if rows is None else rows
     at_least(width, 2, "width")
@@ -135,19 +102,7 @@ def jittered(
 
 
 def cut(network: SpringNetwork, start: ArrayLike, end: ArrayLike) -> SpringNetwork:
-    """Return a plane network without the springs that cross a straight line.
-
-    Parameters
-    ----------
-    network : SpringNetwork
-    start, end : (2,) floats
-        Where the line begins and ends (m).
-
-    Raises
-    ------
-    ParameterError
-        If the network is in space.
-    """
+    """Return a plane network without the springs that cross the line from `start` to `end` (m)."""
     if network.dimension != 2:
         raise ParameterError("network: only plane networks can be cut along a line")
     tips = np.asarray(start, dtype=np.float64), np.asarray(end, dtype=np.float64)
@@ -174,18 +129,8 @@ def pulled(
 ) -> SpringNetwork:
     """Return a plane network that is pulled up by its top, and stands on rollers below.
 
-    Parameters
-    ----------
-    network : SpringNetwork
-    force : float
-        Total force (N), as a constant stress along the highest nodes.
-    displacement : float, optional
-        How far these are moved up (m) instead.
-
-    Raises
-    ------
-    ParameterError
-        If the network is in space.
+    `force`: in total (N), as a constant stress along the highest nodes; `displacement`: how far
+    these are moved up (m) instead.
     """
     if network.dimension != 2:
         raise ParameterError("network: only plane networks are pulled by their top")
@@ -218,24 +163,9 @@ def square_braced(
 ) -> SpringNetwork:
     """Return squares with both diagonals, standing on their bottom row, pressed from above.
 
-    Parameters
-    ----------
-    columns, rows : int
-        Number of nodes along x and y, at least 2. A node is named by column and row.
-    spacing : float
-        Side of a square (m).
-    stiffness : float
-        K of the sides (N/m).
-    brace_stiffness : float, optional
-        K of the diagonals (N/m); None: half of `stiffness`, for which the network is as stiff
-        in all directions.
-    force : float
-        Total force on the top row (N), spread evenly along it.
-
-    Raises
-    ------
-    ParameterError
-        If there are too few nodes or a number is outside its rule.
+    `columns`, `rows`: nodes along x and y, at least 2; a node is named by column and row.
+    `brace_stiffness`: K of the diagonals (N/m), unless given half of `stiffness`, for which the
+    network is as stiff in all directions.
     """
     at_least(columns, 2, "columns")
     at_least(rows, 2, "rows")
@@ -270,25 +200,9 @@ def face_centred(
 ) -> SpringNetwork:
     """Return a block of face-centred cubes, standing on its bottom, pressed from above.
 
-    Nodes at the corners and face centres of cubes, each joined to its nearest neighbours
-    (12 of them inside the block).
-
-    Parameters
-    ----------
-    columns, depth, rows : int
-        Number of cubes along x, y and z, at least 1. A node is named by its coordinates in
-        half edges.
-    edge : float
-        Edge of a cube (m).
-    stiffness : float
-        K of every spring (N/m).
-    force : float
-        Total force on the top layer (N), shared evenly by its nodes.
-
-    Raises
-    ------
-    ParameterError
-        If there are too few cubes or a number is outside its rule.
+    Nodes at the corners and face centres of cubes of an `edge` (m), each joined to its nearest
+    neighbours (12 of them inside the block). `columns`, `depth`, `rows`: cubes along x, y and z, at
+    least 1; a node is named by its coordinates in half edges.
     """
     for value, name in ((columns, "columns"), (depth, "depth"), (rows, "rows")):
         at_least(value, 1, name)
@@ -386,30 +300,10 @@ def random_geometric(
 ) -> SpringNetwork:
     """Return points thrown into a box of edge 1 m, joined where they lie close.
 
-    Points closer than `radius` are joined, and so are the neighbours of a Delaunay
-    triangulation, without which chance would leave loose points. The lowest tenth of the
-    points is held, and the force is shared by the highest tenth.
-
-    Parameters
-    ----------
-    nodes : int
-        Number of points, at least 20.
-    dimension : int
-        2 or 3.
-    seed : int
-        Start of the random numbers; the same seed gives the same network.
-    radius : float, optional
-        Distance (m) up to which points are joined; None: so that an inner point has about 10
-        others within it.
-    stiffness : float
-        K of every spring (N/m).
-    force : float
-        Total force from above (N).
-
-    Raises
-    ------
-    ParameterError
-        If a number is outside its rule.
+    Points, at least 20, closer than `radius` (m) are joined; unless given, an inner point has about
+    10 others within it. So are the neighbours of a Delaunay triangulation, without which chance
+    would leave loose points. The lowest tenth of the points is held, and the force is shared by the
+    highest tenth.
     """
     at_least(nodes, 20, "nodes")
     if dimension not in (2, 3):

@@ -65,18 +65,9 @@ def write_polygons(
 ) -> Path:
     """Write polygons in the plane to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    polygons : sequence of array, shape (corners, 2)
-        Their corners (m).
-    apart : float
-        The distance of corners that differ (m).
-    values : mapping of str to array
-        What is known of each.
-    moved : array, shape (corners of all, 2)
-        Displacements (m) of the corners, polygon by polygon.
+    `polygons`, shape (corners, 2) each: their corners (m); `apart`: the distance of corners that
+    differ (m); `values`: what is known of each; `moved`, shape (corners of all, 2): displacements
+    (m) of the corners, polygon by polygon.
     """
     corners = np.concatenate(polygons)
     first, point = same_points(corners, apart)

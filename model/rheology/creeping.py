@@ -167,16 +167,7 @@ JUMPS_SAID_FROM = 0.01
 class TimeTask:
     """What creeps, under which history, and how time is stepped: see `creep`.
 
-    Attributes
-    ----------
-    system : System
-        What is marched.
-    history : History
-        What drives it.
-    asked : (k,) floats
-        Times at which the result is wanted (s).
-    first : CreepState
-        Where it starts.
+    `system` is marched by `history` from `first`, and wanted at the times `asked` (s).
     """
 
     def __init__(

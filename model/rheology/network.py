@@ -43,16 +43,9 @@ from .march import Fields, Push
 class HeavyAssembler(Assembler):
     """Sums up springs and, over one implicit step, the inertia of the nodes.
 
-    Inertia pulls every node to where it would get without forces, as a spring of stiffness
-    M/h² in every direction. `geometry` is always asked before `internal_force`, so it notes
-    where the nodes are.
-
-    Attributes
-    ----------
-    mass : (n, 1) floats
-        Mass of the nodes (kg).
-    pull : (n, dimension) floats
-        M/h² (N/m).
+    Inertia pulls every node to where it would get without forces, as a spring of stiffness M/h² in
+    every direction. `geometry` is always asked before `internal_force`, so it notes where the nodes
+    are. `mass`, shape (n, 1): of the nodes (kg); `pull`, shape (n, dimension): M/h² (N/m).
     """
 
     def __init__(self, network: SpringNetwork, mass: ArrayLike) -> None:

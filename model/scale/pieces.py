@@ -125,17 +125,7 @@ class PiecedResult(BodyResult):
     """Linear elasticity of a scene, known piece by piece.
 
     During a run on several processes each knows its own piece; a stored result knows all of them
-    and reads a piece when it is asked for something there.
-
-    Attributes
-    ----------
-    scene : Scene
-        What was asked.
-    stage : int or None
-    pieces : sequence of Piece
-    figures : dict
-        The summary.
-    seconds : float
+    and reads a piece when it is asked for something there. `figures` is the summary.
     """
 
     kind: ClassVar[str] = "elasticity in pieces"

@@ -80,21 +80,11 @@ def solve_petsc(
 ) -> ElasticResult | PiecedResult:
     """Solve a scene as linear elasticity on PETSc.
 
-    Parameters
-    ----------
-    scene : Scene
-        Of squares or cubes. Bodies that regions describe are never held as a whole by anybody.
-    tolerance : float, optional
-        Relative error, in the energy norm, to which the equations are solved; 1e-11.
-    resolution : int, optional
-        Cells per cell of the scene along every axis; 1, or 2 where a member is one cell wide.
-    stage : int, optional
-        Stage of loading; by default the last.
-
-    Returns
-    -------
-    ElasticResult or PiecedResult
-        The second on more processes than one; each has its own piece.
+    `scene`: of squares or cubes; bodies that regions describe are never held as a whole by anybody;
+    `tolerance`: relative error, in the energy norm, to which the equations are solved, 1e-11 unless
+    given; `resolution`: cells per cell of the scene along every axis, 1 unless given, or 2 where a
+    member is one cell wide; `stage`: the last unless given. On more processes than one each has its
+    own piece of the answer.
     """
     comm = communicator()
     began = perf_counter()

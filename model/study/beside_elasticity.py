@@ -81,11 +81,8 @@ class BesideElasticity:
     def rows(self, depths: Sequence[float] | None = None) -> list[StraightWay]:
         """Return ways across the load at some depths (m) below it.
 
-        Parameters
-        ----------
-        depths : sequence of float, optional
-            Unless given the middle of the first row of cells, and those nearest to a quarter
-            and to half of the way down.
+        Unless given at the middle of the first row of cells, and those nearest to a quarter and to
+        half of the way down.
         """
         place, into, far = self._load
         length, edge = abs(far - self._surface), self.scene.lattice.cell_size
@@ -189,22 +186,11 @@ def beside_elasticity(
 ) -> BesideElasticity:
     """Set a scene's rule beside elasticity.
 
-    A prescribed rule is run as it is, with coefficients fitted to the answer of elasticity,
-    and beside it agents of the elastic rule. An elastic rule is run as it is.
-
-    Parameters
-    ----------
-    scene : Scene
-        Of squares or cubes.
-    resolution : int, optional
-        The believed answer has so many cells for each of the scene's along every axis; by
-        default as many as give 160 (in space 48) across the body, up to 8.
-    evaluations : int
-        Runs of the fit, about; 0 leaves it out.
-
-    Returns
-    -------
-    BesideElasticity
+    A prescribed rule is run as it is, with coefficients fitted to the answer of elasticity, and
+    beside it agents of the elastic rule. An elastic rule is run as it is. `scene`: of squares or
+    cubes; `resolution`: the believed answer has so many cells for each of the scene's along every
+    axis; by default as many as give 160 (in space 48) across the body, up to 8; `evaluations`: runs
+    of the fit, about; 0 leaves it out.
     """
     began = perf_counter()
     scene = scene.in_one_step()

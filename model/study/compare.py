@@ -273,13 +273,9 @@ class Comparison:
     def along(self, start: Sequence[float], end: Sequence[float], count: int = 101) -> Profile:
         """Return both answers along a line from `start` to `end` (m).
 
-        At `count` places, those outside of the body left out. A `Reference` speaks for
-        itself at those of its own points that lie on the line.
-
-        Raises
-        ------
-        ResultError
-            If no point of the line can be compared.
+        At `count` places, those outside of the body left out. A `Reference` speaks for itself at
+        those of its own points that lie on the line; where there is none, a `ResultError` is
+        raised.
         """
         first, way, length = line_of(start, end, self.points.shape[1], "along")
         if isinstance(self.reference, Reference):

@@ -123,18 +123,7 @@ def write_table(table: pandas.DataFrame, out: Path) -> None:
 
 
 def load_sweep(folder: str | Path) -> pandas.DataFrame:
-    """Return the rows that a sweep has written so far, whether it has ended or not.
-
-    Parameters
-    ----------
-    folder : path
-        What `out` of the sweep was.
-
-    Returns
-    -------
-    DataFrame
-        As `sweep` returns it.
-    """
+    """Return the rows, as `sweep` does, that it has written to `out` so far, ended or not."""
     place = Path(folder)
     if not is_there(place / STORE):
         raise ResultFileError(f"{place}: is no folder of a sweep: it has no {STORE}")

@@ -156,12 +156,10 @@ def _grows(transfer: Transfer, lower: float, upper: float) -> str:
 
 
 def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
-    """Assemble T over all cells of the body: unknowns are cell times state of a load.
+    """Assemble T, shape (cells · states, cells · states), over all cells of the body.
 
-    Returns
-    -------
-    csr_array, shape (cells * states, cells * states)
-        Column: a load taken; row: a load that it sends, after boundaries gave it back.
+    Column: a load taken, by cell and state; row: a load that it sends, after boundaries gave it
+    back.
     """
     from scipy.sparse import coo_array
 

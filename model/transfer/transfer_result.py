@@ -424,15 +424,12 @@ def _columns(record: Stage | TakenHistory) -> dict[str, NDArray[Any]]:
 
 
 def load_path(scene: Scene, stage: Stage) -> networkx.DiGraph:
-    """Return the graph of all loads handed over.
+    """Return the `networkx.DiGraph` of all loads handed over.
 
-    Returns
-    -------
-    networkx.DiGraph
-        Nodes are cells (tuples of int) with the attributes ``kind`` ("material", "free",
-        "rigid" or "roller"), ``material``, ``spawn_step`` and ``pos`` (m). An edge leads from
-        the cell that passed loads on to the one that took them; its ``weight`` is their sum
-        (N). A boundary hands all it gets back over an edge of the same weight.
+    Nodes are cells (tuples of int) with the attributes ``kind`` ("material", "free", "rigid" or
+    "roller"), ``material``, ``spawn_step`` and ``pos`` (m). An edge leads from the cell that passed
+    loads on to the one that took them; its ``weight`` is their sum (N). A boundary hands all it
+    gets back over an edge of the same weight.
     """
     import networkx
 

@@ -40,13 +40,7 @@ if TYPE_CHECKING:
 
 
 def solve_on_processes(scene: Scene, folder: Path, console: Console, **how: Any) -> bool:
-    """Solve a scene and write it in pieces, if there are several processes.
-
-    Returns
-    -------
-    bool
-        False, with nothing done, if this process is alone.
-    """
+    """Solve a scene and write it in pieces; False, with nothing done, if this process is alone."""
     from kaju.model.scale.pieces import PiecedResult
     from kaju.model.scale.solve_petsc import communicator, solve_petsc, together
 

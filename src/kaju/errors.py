@@ -54,12 +54,8 @@ class StabilityError(KajuError, ArithmeticError):
 class ConvergenceError(KajuError, RuntimeError):
     """An iteration ended before it reached its tolerance.
 
-    Attributes
-    ----------
-    residuals : tuple of float
-        Relative residual before every iteration.
-    best : object or None
-        The result as far as it came.
+    `residuals`: the relative one before every iteration; `best`: the result as far as it came, or
+    None.
     """
 
     def __init__(self, message: str, residuals: tuple[float, ...] = (), best: object = None):
@@ -104,12 +100,8 @@ class WorkerError(KajuError, RuntimeError):
 class TangentError(KajuError, ArithmeticError):
     """Some nodes of a spring network give way: no unique small answer to a small load.
 
-    Attributes
-    ----------
-    nodes : tuple
-        Names of the nodes that move most when the network gives way, largest first.
-    result : object or None
-        What was computed up to the last state that still held.
+    `nodes`: names of those that move most when the network gives way, largest first; `result`: what
+    was computed up to the last state that still held, or None.
     """
 
     def __init__(self, message: str, nodes: tuple[object, ...] = (), result: object = None):

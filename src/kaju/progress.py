@@ -16,15 +16,8 @@ _one_of_many = ContextVar("_one_of_many", default=False)
 def progress_line(shown: bool | None = None) -> Iterator[Callable[[str], None]]:
     """Show what a run is doing on one line of the terminal, once it takes over two seconds.
 
-    Parameters
-    ----------
-    shown : bool, optional
-        None shows the line only if the standard error stream is a terminal.
-
-    Yields
-    ------
-    callable
-        Takes the text of the line.
+    Yields a function that takes the text. `shown`: None shows the line only if the standard error
+    stream is a terminal.
     """
     began = monotonic()
     status = None

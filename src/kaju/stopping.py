@@ -26,13 +26,7 @@ _asked: bool | None = None
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C has ended a computation.
-
-    Attributes
-    ----------
-    best : object
-        The result as far as it came, marked as such.
-    """
+    """Ctrl-C has ended a computation; `best` is the result as far as it came, marked as such."""
 
     def __init__(self, best: object) -> None:
         super().__init__(f"{NOTE}; it is this error's `best`")

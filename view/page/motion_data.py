@@ -97,13 +97,7 @@ class Pictures:
 
 
 def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:
-    """Return the header and the columns of a page that replays a result.
-
-    Raises
-    ------
-    ParameterError
-        If there is nothing to see in it.
-    """
+    """Return the header and the columns of a page that replays a result."""
     page = KINDS[result.kind].page
     if page is None:
         raise ParameterError(
@@ -445,14 +439,10 @@ def diamonds(middle: Floats, h: float) -> tuple[Floats, NDArray[np.integer]]:
 class MovingFaces:
     """Displacements of the faces' middles in all directions.
 
-    A face moves along its normal; across it goes with the mean of the faces round it.
-
-    Parameters
-    ----------
-    axis, index : array of int, shapes (faces,) and (faces, dimension)
-        Which faces move: the axis of the normal, and the place in that axis' array.
-    fields : sequence of array
-        Displacement (m) of all faces, one array for each axis, with a rim; NaN where there is none.
+    A face moves along its normal; across it goes with the mean of the faces round it. `axis`, shape
+    (faces,), and `index`, shape (faces, dimension): which faces move, by the axis of the normal and
+    the place in that axis' array; `fields`: displacement (m) of all faces, one array for each axis,
+    with a rim; NaN where there is none.
     """
 
     def __init__(self, axis: Ints, index: Ints, fields: Sequence[Floats]) -> None:

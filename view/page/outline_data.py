@@ -170,13 +170,7 @@ def _arrows_of(result: OutlineResult, load: LoadTable) -> list[tuple[list[float]
 
 
 def on_cells(scene: Scene) -> Scene:
-    """Return a scene whose true outlines are steps of its cells.
-
-    Raises
-    ------
-    SceneError
-        If an outline is loaded: steps have none.
-    """
+    """Return a scene whose true outlines are steps of its cells; a loaded outline is refused."""
     for number, load in enumerate(scene.loads):
         if load.outline is not None:
             raise SceneError(

@@ -13,17 +13,6 @@ Sense = Literal["push", "pull"]
 class Load(NamedTuple):
     """A load that reaches an agent.
 
-    Attributes
-    ----------
-    direction : int
-        Where its force points: the index of a face normal of the lattice.
-    magnitude : float
-        Its size (N), always positive.
-    copies : float
-        How many equal loads arrived together.
-    sense : {"push", "pull"}
-        Whether it travels along its force or against it. Only a rule with `sense` knows pulls.
-
     Examples
     --------
     >>> import kaju
@@ -32,9 +21,13 @@ class Load(NamedTuple):
     """
 
     direction: int
+    """Where its force points: the index of a face normal of the lattice."""
     magnitude: float
+    """Its size (N), always positive."""
     copies: float = 1.0
+    """How many equal loads arrived together."""
     sense: Sense = "push"
+    """Whether it travels along its force or against it. Only a rule with `sense` knows pulls."""
 
     @property
     def total(self) -> float:
@@ -100,20 +93,6 @@ class Way(NamedTuple):
 class Shares:
     """What becomes of a load of 1 N that an agent takes.
 
-    Attributes
-    ----------
-    own : float
-        Share that deforms the agent itself.
-    forward, backward : float
-        Share handed to the neighbour ahead, and to the one behind.
-    friction : float
-        Share handed to each neighbour beside, along the load's own direction.
-    poisson : float
-        Share pressed into each neighbour beside, outwards, by the blocked expansion. Below 0,
-        which only a rule that knows pulls allows, a push pulls these neighbours inwards.
-    widening : float
-        How much the agent widens freely when it is shortened by 1: βν.
-
     Examples
     --------
     >>> from kaju import Shares
@@ -123,11 +102,18 @@ class Shares:
     """
 
     own: float
+    """Share that deforms the agent itself."""
     forward: float
+    """Share handed to the neighbour ahead."""
     backward: float
+    """Share handed to the neighbour behind."""
     friction: float
+    """Share handed to each neighbour beside, along the load's own direction."""
     poisson: float
+    """Share pressed into each neighbour beside, outwards, by the blocked expansion. Below 0, which
+    only a rule that knows pulls allows, a push pulls these neighbours inwards."""
     widening: float = 0.0
+    """How much the agent widens freely when it is shortened by 1: βν."""
 
     def emissions(
         self, direction: int, sense: Sense, way: Way, opposite: Sequence[int]

@@ -39,24 +39,16 @@ tolerance of 1e-4 forces differ by 0.1 %."""
 
 @dataclass(frozen=True)
 class Noodle:
-    """A noodle's material.
-
-    Attributes
-    ----------
-    name : str
-        What it is called in the pictures.
-    youngs_modulus : float
-        E (Pa).
-    retardation_time : float
-        D_f/K_f (s): how long it takes to give.
-    flow_time : float
-        D_d/K_f (s): after this time it has flowed as far as it has given.
-    """
+    """A noodle's material."""
 
     name: str
+    """What it is called in the pictures."""
     youngs_modulus: float
+    """E (Pa)."""
     retardation_time: float
+    """D_f/K_f (s): how long it takes to give."""
     flow_time: float
+    """D_d/K_f (s): after this time it has flowed as far as it has given."""
 
     def spring(self) -> ThreeElement:
         """Return the spring between two nodes.
@@ -80,60 +72,42 @@ SOFT = Noodle("soft (wheat and starch)", 3.9e4, 0.30, 12.0)
 
 @dataclass(frozen=True)
 class Meal:
-    """What the teeth do: one slow bite, and then chewing.
-
-    Attributes
-    ----------
-    closing : float
-        Part of the height by which the teeth close.
-    press, hold, rest : float
-        How long the first bite takes, is held, and the noodle is left alone after it (s).
-    chews : int
-        Number of bites that follow.
-    period : float
-        How long each of them takes (s): as long to close as to open, free in between.
-    """
+    """What the teeth do: one slow bite, and then chewing."""
 
     closing: float = 0.25
+    """Part of the height by which the teeth close."""
     press: float = 0.3
     hold: float = 3.0
     rest: float = 4.0
+    """How long the first bite takes, is held, and the noodle is left alone after it (s)."""
     chews: int = 3
+    """Number of bites that follow."""
     period: float = 0.6
+    """How long each of them takes (s): as long to close as to open, free in between."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bite:
-    """What was seen while a noodle was eaten.
-
-    Attributes
-    ----------
-    network : SpringNetwork
-        The strip, at rest.
-    times : (k,) floats
-        Moments (s).
-    force : (k,) floats
-        Force between the teeth (N), positive when they press.
-    displacement : (k, n, 2) floats
-        Displacement of the nodes (m).
-    work, stored, dissipated, numerical : (k,) floats
-        Work of the teeth; what of it the springs can give back, what became heat, and what the
-        time stepping itself made of it (J). ``work = stored + dissipated + numerical``.
-    released, rested : int
-        Index of the first moment at which the noodle was left alone after the first bite, and
-        of the last.
-    """
+    """What was seen while a noodle was eaten."""
 
     network: SpringNetwork
+    """The strip, at rest."""
     times: Floats
+    """Moments (s). Shape (k,)."""
     force: Floats
+    """Force between the teeth (N), positive when they press. Shape (k,)."""
     displacement: Floats
+    """Displacement of the nodes (m). Shape (k, n, 2)."""
     work: Floats
     stored: Floats
     dissipated: Floats
     numerical: Floats
+    """Work of the teeth; what of it the springs can give back, what became heat, and what the time
+    stepping itself made of it (J). ``work = stored + dissipated + numerical``. Shape (k,)."""
     released: int
     rested: int
+    """Index of the first moment at which the noodle was left alone after the first bite, and of the
+    last."""
 
     @property
     def dent(self) -> Floats:

@@ -42,33 +42,6 @@ _RECORD = 1e-9
 class FractureResult(Result):
     """Which springs of a network, or cells of a body, broke, in which order, and at which loads.
 
-    Attributes
-    ----------
-    subject : SpringNetwork or Scene
-        What was loaded.
-    strengths : (m,) floats
-        Of the springs, or of the cells of material row by row, in the unit of the measure.
-    measure : {"force", "stress", "strain", "energy"}
-        What is exceeded where one breaks: N, Pa, a share, or J.
-    broken : (b,) ints
-        Numbers of the springs or cells that broke, in their order.
-    load_factor : (b,) floats
-        Share of the load at which each broke.
-    displacement : (b,) floats
-        How far the load had moved along itself then (m): Σ F·u / Σ |F| of forces; of given
-        displacements the largest.
-    force : (b,) floats
-        The load then (N): Σ |F|; of given displacements the force that moves them so.
-    stored : (b,) floats
-        Energy in the body right after each break (J).
-    released, work : (b,) floats
-        Energy released by all breaks, and work of the load, until then (J). Where a body
-        parts, what it held is released.
-    outcome : str
-        Why nothing more broke; "" if nobody asked.
-    seconds : float
-        Time that the computation took (s).
-
     Examples
     --------
     >>> import kaju
@@ -84,17 +57,32 @@ class FractureResult(Result):
 
     kind: ClassVar[str] = "fracture"
     subject: SpringNetwork | Scene
+    """What was loaded."""
     strengths: Floats
+    """Of the springs, or of the cells of material row by row, in the unit of the measure. Shape
+    (m,)."""
     measure: Measure
+    """What is exceeded where one breaks: N, Pa, a share, or J."""
     broken: Ints
+    """Numbers of the springs or cells that broke, in their order. Shape (b,)."""
     load_factor: Floats
+    """Share of the load at which each broke. Shape (b,)."""
     displacement: Floats
+    """How far the load had moved along itself then (m): Σ F·u / Σ |F| of forces; of given
+    displacements the largest. Shape (b,)."""
     force: Floats
+    """The load then (N): Σ |F|; of given displacements the force that moves them so. Shape (b,)."""
     stored: Floats
+    """Energy in the body right after each break (J). Shape (b,)."""
     released: Floats
+    """Energy released by all breaks until then (J). A body that parts releases what it held. Shape
+    (b,)."""
     work: Floats
+    """Work of the load until then (J). Shape (b,)."""
     outcome: str
+    """Why nothing more broke; "" if nobody asked."""
     seconds: float
+    """Time that the computation took (s)."""
 
     @property
     def network(self) -> SpringNetwork:

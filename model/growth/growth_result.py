@@ -30,34 +30,6 @@ COLUMNS = ("compliance", "volume", "change", "iterations")
 class GrowthResult(BodyResult):
     """What has grown, and what it felt step by step.
 
-    Attributes
-    ----------
-    scene : Scene
-        What was asked.
-    stage : int or None
-        Stage of loading; None is the last.
-    rule : str
-        Name of the rule; "own" of one of your own.
-    cells, stiffness_of_cells : (n,) floats
-        Density from 0 to 1, and stiffness as a share of its material's, of each cell of material,
-        row by row.
-    designs : (steps + 1, n) floats
-        Densities at first and after every step, in single precision; none if they were not kept.
-    compliances, volumes, changes : (steps + 1,) floats
-        Work of the forces F·u (J), mean density, and largest change of a density.
-    iterations : (steps + 1,) ints
-        That the equations took.
-    volume : float
-        Share of the body's volume that was asked for.
-    holds_volume : bool
-        Whether the rule keeps it.
-    filter_radius : float
-        In cells.
-    outcome : str
-        Why growth ended; "" if nobody asked.
-    seconds : float
-        Time that the computation took (s).
-
     Examples
     --------
     >>> import kaju
@@ -77,20 +49,36 @@ class GrowthResult(BodyResult):
 
     kind: ClassVar[str] = "growth"
     scene: Scene
+    """What was asked."""
     stage: int | None
+    """Stage of loading; None is the last."""
     rule: str
+    """Name of the rule; "own" of one of your own."""
     cells: Floats
+    """Density from 0 to 1 of each cell of material, row by row. Shape (n,)."""
     stiffness_of_cells: Floats
+    """Stiffness of each as a share of its material's. Shape (n,)."""
     designs: NDArray[np.float32]
+    """Densities at first and after every step, in single precision; none if they were not kept.
+    Shape (steps + 1, n)."""
     compliances: Floats
+    """Work of the forces F·u (J). Shape (steps + 1,)."""
     volumes: Floats
+    """Mean density. Shape (steps + 1,)."""
     changes: Floats
+    """Largest change of a density. Shape (steps + 1,)."""
     iterations: Ints
+    """That the equations took. Shape (steps + 1,)."""
     volume: float
+    """Share of the body's volume that was asked for."""
     holds_volume: bool
+    """Whether the rule keeps it."""
     filter_radius: float
+    """In cells."""
     outcome: str
+    """Why growth ended; "" if nobody asked."""
     seconds: float
+    """Time that the computation took (s)."""
 
     @property
     def name(self) -> str:

@@ -74,27 +74,6 @@ class NetworkResult(Result):
     Record 0 is the network before any load, record k the end of increment k. Where a record
     can be chosen, the default -1 is the last.
 
-    Attributes
-    ----------
-    network : SpringNetwork
-        What was loaded.
-    stage : (r,) floats
-        Point of the load path of every record: 1 is the end of the first stage.
-    displacement : (r, n, dimension) floats
-        Displacement of the nodes (m).
-    tension : (r, m) floats
-        Force in the springs (N), positive when they pull.
-    residual : (r,) floats
-        Largest unbalanced force as a share of the largest force.
-    corrections : (r,) ints
-        Number of linear systems solved for every record.
-    scheme : {"newton", "euler"}
-        With or without corrections.
-    method : str
-        How the linear systems were solved.
-    seconds : float
-        Time taken (s).
-
     Examples
     --------
     >>> from kaju import solve
@@ -106,14 +85,23 @@ class NetworkResult(Result):
 
     kind: ClassVar[str] = "spring network"
     network: SpringNetwork
+    """What was loaded."""
     stage: Floats
+    """Point of the load path of every record: 1 is the end of the first stage. Shape (r,)."""
     displacement: Floats
+    """Displacement of the nodes (m). Shape (r, n, dimension)."""
     tension: Floats
+    """Force in the springs (N), positive when they pull. Shape (r, m)."""
     residual: Floats
+    """Largest unbalanced force as a share of the largest force. Shape (r,)."""
     corrections: Ints
+    """Number of linear systems solved for every record. Shape (r,)."""
     scheme: Scheme
+    """With or without corrections."""
     method: str
+    """How the linear systems were solved."""
     seconds: float
+    """Time taken (s)."""
 
     @property
     def increments(self) -> int:

@@ -134,20 +134,9 @@ def creep(  # type: ignore[misc]
     >>> print(f"{result.displacement[-1]:.2f}")
     0.90
     """
-    task = TimeTask(
-        subject,
-        history,
-        duration,
-        step=step,
-        tolerance=tolerance,
-        times=times,
-        scheme=scheme,
-        rheology=rheology,
-        drive=drive,
-        mass=mass,
-        resume=resume,
-        most_steps=most_steps,
-    )
+    options: dict[str, Any] = {"rheology": rheology, "drive": drive, "mass": mass, "resume": resume}
+    options |= {"step": step, "tolerance": tolerance, "most_steps": most_steps}
+    task = TimeTask(subject, history, duration, times=times, scheme=scheme, **options)
 
     def run() -> AnyCourse:
         log, state = Log(), task.first

@@ -56,17 +56,6 @@ class Lattice(ABC):
         Length of a cell along each of its axes (m): of squares, cubes and hexagons the distance
         of opposite faces, of triangles their height.
 
-    Attributes
-    ----------
-    kind : str
-        What a cell is called, in the singular.
-    forms : int
-        How many forms cells have.
-    dimension : int
-        2; only cubes have 3.
-    boxes : bool
-        Whether cells are squares or cubes, which have smaller ones in them and a staggered grid.
-
     Examples
     --------
     >>> import numpy as np
@@ -82,9 +71,13 @@ class Lattice(ABC):
     cell_size: float
 
     kind: ClassVar[str] = ""
+    """What a cell is called, in the singular."""
     forms: ClassVar[int] = 1
+    """How many forms cells have."""
     dimension: ClassVar[int] = 2
+    """2; only cubes have 3."""
     boxes: ClassVar[bool] = False
+    """Whether cells are squares or cubes, which have smaller ones in them and a staggered grid."""
 
     def __post_init__(self) -> None:
         if len(self.shape) != self.dimension:

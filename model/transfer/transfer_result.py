@@ -82,19 +82,6 @@ class TransferResult(BodyResult):
     Strain, stress, displacement and the agents themselves are those of the last stage of
     loading; `at_stage` gives the same result as of an earlier one.
 
-    Attributes
-    ----------
-    scene : Scene
-        What was asked.
-    stages : tuple of Stage
-        The agents of every stage of loading.
-    certificate : Certificate
-        What was known about the stability before the run.
-    seconds : float
-        Time that the run took (s).
-    parameters : dict
-        Values of the parameters that agents of one's own declare, by name.
-
     Examples
     --------
     >>> from kaju import LoadModel, Scene
@@ -111,10 +98,15 @@ class TransferResult(BodyResult):
     kind: ClassVar[str] = "load transfer"
     name: ClassVar[str] = "prescribed rule"
     scene: Scene
+    """What was asked."""
     stages: tuple[Stage, ...]
+    """The agents of every stage of loading."""
     certificate: Certificate
+    """What was known about the stability before the run."""
     seconds: float
+    """Time that the run took (s)."""
     parameters: Mapping[str, float] = field(default_factory=dict)
+    """Values of the parameters that agents of one's own declare, by name."""
 
     @property
     def pictures(self) -> tuple[str, ...]:

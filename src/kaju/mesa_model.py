@@ -15,8 +15,6 @@ from copy import deepcopy
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from numpy.typing import NDArray
-
 from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
@@ -33,69 +31,11 @@ Draws = tuple[dict[str, Any], tuple[int, tuple[int, ...], float | None]]
 """States of a model's two generators of random numbers, before anything was drawn."""
 
 
-def _save(
-    model: SteppedModel,
-    path: str | Path,
-    subject: tuple[dict[str, NDArray[Any]], dict[str, Any]],
-    options: Mapping[str, Any],
-    own: Mapping[str, Any],
-) -> Path:
-    """Write a checkpoint: the subject taken apart, plain options, and what must be given again."""
-    arrays, about = subject
-    drawn, state = model.first_draws
-    text = {
-        "model": type(model).__name__,
-        "subject": about,
-        "options": dict(options),
-        "own": {name: _named(value) for name, value in own.items() if value is not None},
-        "rng": [drawn, state],
-        "steps": model.steps,
-        "figures": model.figures(),
-    }
-    packed = {_SUBJECT + name: array for name, array in arrays.items()}
-    return write_archive(path, "checkpoint", packed, text)
-
-
 def _named(value: Any) -> str:
     """Return what tells a reader which class or object was used."""
     if isinstance(value, Mapping):
         return ", ".join(f"{key}: {_named(part)}" for key, part in sorted(value.items()))
     return str(getattr(value, "__name__", None) or type(value).__name__)
-
-
-def _load(kind: type[SteppedModel], path: str | Path, own: Mapping[str, Any]) -> Any:
-    """Return the model of a checkpoint; see `SteppedModel.load_checkpoint`."""
-    target = Path(path)
-    if not target.exists() and target.suffix != ".npz":
-        target = target.with_name(target.name + ".npz")
-    archive = open_archive(target, "checkpoint")
-    with reading(target):
-        model_name = archive.value("model", str)
-        if model_name != kind.__name__:
-            raise ResultFileError(
-                f"{target}: holds a {model_name}; load it with {model_name}.load_checkpoint"
-            )
-        described = archive.value("subject", dict[str, Any])
-        parts = Archive(target, archive.part(_SUBJECT), described)
-        subject = kind.checkpoint_subject(parts)
-        wanted = archive.value("own", dict[str, str])
-        steps, figures = archive.value("steps", int), archive.about["figures"]
-    _check_own(target, wanted, own)
-    # What goes wrong with classes of one's own is not the file's fault.
-    with nullcontext() if own else reading(target):
-        model = kind(subject, **archive.value("options", dict[str, Any]), **own)
-        model.first_draws = archive.value("rng", Draws)
-        model.reset()
-        while model.running and model.steps < steps:
-            model.step()
-    again = json.loads(json.dumps(model.figures()))
-    if model.steps != steps or repr(again) != repr(figures):
-        raise ResultFileError(
-            f"{target}: its {steps} steps led elsewhere this time ({again} instead of {figures}); "
-            "agents were changed by hand between steps, draw random numbers that are not the "
-            "model's, or are other classes now"
-        )
-    return model
 
 
 def _check_own(target: Path, wanted: dict[str, str], given: Mapping[str, Any]) -> None:
@@ -272,7 +212,19 @@ class SteppedModel(Model):
         ResultFileError
             If the file cannot be written.
         """
-        return _save(self, path, self.checkpoint_parts(), *self.checkpoint_options())
+        arrays, about = self.checkpoint_parts()
+        options, own = self.checkpoint_options()
+        text = {
+            "model": type(self).__name__,
+            "subject": about,
+            "options": options,
+            "own": {name: _named(value) for name, value in own.items() if value is not None},
+            "rng": list(self.first_draws),
+            "steps": self.steps,
+            "figures": self.figures(),
+        }
+        packed = {_SUBJECT + name: array for name, array in arrays.items()}
+        return write_archive(path, "checkpoint", packed, text)
 
     @classmethod
     def load_checkpoint(cls, path: str | Path, **own: Any) -> Self:
@@ -292,7 +244,36 @@ class SteppedModel(Model):
         ParameterError
             If something of your own is missing or another.
         """
-        model: Self = _load(cls, path, own)
+        target = Path(path)
+        if not target.exists() and target.suffix != ".npz":
+            target = target.with_name(target.name + ".npz")
+        archive = open_archive(target, "checkpoint")
+        with reading(target):
+            model_name = archive.value("model", str)
+            if model_name != cls.__name__:
+                raise ResultFileError(
+                    f"{target}: holds a {model_name}; load it with {model_name}.load_checkpoint"
+                )
+            described = archive.value("subject", dict[str, Any])
+            parts = Archive(target, archive.part(_SUBJECT), described)
+            subject = cls.checkpoint_subject(parts)
+            wanted = archive.value("own", dict[str, str])
+            steps, figures = archive.value("steps", int), archive.about["figures"]
+        _check_own(target, wanted, own)
+        # What goes wrong with classes of one's own is not the file's fault.
+        with nullcontext() if own else reading(target):
+            model = cls(subject, **archive.value("options", dict[str, Any]), **own)
+            model.first_draws = archive.value("rng", Draws)
+            model.reset()
+            while model.running and model.steps < steps:
+                model.step()
+        again = json.loads(json.dumps(model.figures()))
+        if model.steps != steps or repr(again) != repr(figures):
+            raise ResultFileError(
+                f"{target}: its {steps} steps led elsewhere this time ({again} instead of "
+                f"{figures}); agents were changed by hand between steps, draw random numbers that "
+                "are not the model's, or are other classes now"
+            )
         return model
 
     def _run(

@@ -45,55 +45,40 @@ MOST_FRAMES = 120
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """Parts at points, and what becomes of them.
-
-    Attributes
-    ----------
-    points : array, shape (n, dimension)
-        Places at rest (m).
-    parts : array of int, shape (parts, corners)
-        2 corners: a spring; 4: a square or a face's diamond; 8: a cube; else a polygon.
-    at, along : array, shape (frames,), and str
-        What each frame stands at, and what that is: "s", "step", "generation", "stage"; "share"
-        of an answer at rest, whose `moved` and `values` are told once, for the whole load.
-    moved : array, shape (frames, n or parts, dimension), optional
-        Displacements (m) of points, or of whole parts.
-    values : mapping of str to (unit, array)
-        What parts can be coloured by: one number each, or one each a frame.
-    born, gone : arrays of int, shape (parts,), optional
-        From when on a part is there, and from when on it is no more; in the units of `at`.
-    curves : sequence of Curves
-        What is drawn beside it.
-    held : array of int
-        Points that something holds.
-    forces : list of (place, force)
-        Loads (m, N).
-    visits : sequence of int
-        Which level acted before each frame, where parents stand for blocks of cells.
-    words : str
-        How the run ended.
-    alone : bool
-        Whether every frame is magnified by itself: what hardly holds any more moves far.
-    outlines : list of dict
-        What cuts the parts, first the box, then regions by their curves: "solid", and "lines",
-        the number of points of each. These are the last points: one, and three a cubic curve.
-    """
+    """Parts at points, and what becomes of them."""
 
     points: Floats
+    """Places at rest (m). Shape (n, dimension)."""
     parts: NDArray[np.integer]
+    """2 corners: a spring; 4: a square or a face's diamond; 8: a cube; else a polygon. Shape
+    (parts, corners)."""
     at: Sequence[float] | Floats
     along: str
+    """What each frame stands at, and what that is: "s", "step", "generation", "stage"; "share" of an
+    answer at rest, whose `moved` and `values` are told once, for the whole load."""
     values: dict[str, tuple[str, NDArray[np.floating]]]
+    """What parts can be coloured by: one number each, or one each a frame."""
     moved: NDArray[np.floating] | None = None
+    """Displacements (m) of points, or of whole parts. Shape (frames, n or parts, dimension)."""
     born: NDArray[np.integer] | None = None
     gone: NDArray[np.integer] | None = None
+    """From when on a part is there, and from when on it is no more; in the units of `at`. Shape
+    (parts,)."""
     curves: Sequence[Curves] = ()
+    """What is drawn beside it."""
     held: NDArray[np.integer] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    """Points that something holds."""
     forces: Sequence[tuple[list[float], list[float]]] = ()
+    """Loads (m, N)."""
     visits: Sequence[int] = ()
+    """Which level acted before each frame, where parents stand for blocks of cells."""
     words: str = ""
+    """How the run ended."""
     alone: bool = False
+    """Whether every frame is magnified by itself: what hardly holds any more moves far."""
     outlines: Sequence[dict[str, Any]] = ()
+    """What cuts the parts, first the box, then regions by their curves: "solid", and "lines", the
+    number of points of each. These are the last points: one, and three a cubic curve."""
 
 
 def motion_data(result: Result) -> tuple[dict[str, Any], Columns]:

@@ -12,16 +12,12 @@ Times are by the clock: medians where several are taken, the number after ± the
 import shutil
 import sys
 import tempfile
-import threading
-import time
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from statistics import median
 
 import numpy as np
-import uvicorn
 from playwright.sync_api import sync_playwright
-from websockets.sync.client import connect
 
 from kaju import (
     ElasticModel,
@@ -34,11 +30,10 @@ from kaju import (
     export_page,
 )
 from kaju.model.network import triangular
-from kaju.view.page.packing import unpack
-from kaju.view.page.server import watch_app
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+sys.path.extend(str(Path(__file__).parents[1] / part) for part in ("docs", "tests/support"))
 
+from live_pages import BrowserPage, asked, serving, session
 from make_pages import make
 
 LONG = {"kind": "prescribed", "alpha": [0.5, 0.6, 0.12], "threshold": 1e-5, "accumulate": True}
@@ -91,41 +86,17 @@ WATCH_INPUT = """globalThis.events = [], new PerformanceObserver((list) => event
 """From the key to the next picture that is painted, as the browser itself measures it."""
 
 
-class Tab:
-    """One page in the browser."""
+WINDOW = {"width": 1280, "height": 720}
 
-    def __init__(self, browser, address, offline=True):
-        self.context = browser.new_context(viewport={"width": 1280, "height": 720}, offline=offline)
-        self.tab = self.context.new_page()
-        self.heard, self.asked = [], []
-        self.tab.on("console", lambda message: self.heard.append(message.text))
-        self.tab.on("pageerror", lambda error: self.heard.append(str(error)))
-        self.tab.on("request", lambda request: self.asked.append(request.url))
-        self.tab.goto(address)
-        self.until("page?.drawn > 0")
 
-    def __call__(self, expression):
-        """Return the value of an expression in which `page` is the page."""
-        return self.tab.evaluate(
-            "(async () => { const page = document.getElementById('kaju').page; "
-            f"return {expression}; }})()"
-        )
-
-    def until(self, expression, seconds=60):
-        """Wait until an expression holds."""
-        end = time.monotonic() + seconds
-        while not self(expression):
-            assert time.monotonic() < end, expression
-            time.sleep(0.005)
-
-    def frame_times(self, count, act):
-        """Do something `count` times, each when the last is painted; return milliseconds."""
-        return self(
-            "await (async () => { const spent = []; const painted = () => new Promise((done) => "
-            "requestAnimationFrame(() => setTimeout(done))); "
-            f"for (let i = 0; i < {count}; i++) {{ const began = performance.now(); {act}; "
-            "await painted(); spent.push(performance.now() - began); } return spent; })()"
-        )
+def frame_times(page, count, act):
+    """Do something `count` times, each when the last is painted; return milliseconds."""
+    return page.js(
+        "await (async () => { const spent = []; const painted = () => new Promise((done) => "
+        "requestAnimationFrame(() => setTimeout(done))); "
+        f"for (let i = 0; i < {count}; i++) {{ const began = performance.now(); {act}; "
+        "await painted(); spent.push(performance.now() - began); } return spent; })()"
+    )
 
 
 class Bench:
@@ -141,11 +112,12 @@ class Bench:
         path = self.folder / f"{name}.html"
         if not path.exists():
             export_page(of(), path)
-        tab = Tab(self.browser, path.as_uri())
+        page = BrowserPage(self.browser, path.as_uri(), viewport=WINDOW, offline=True)
+        page.until("page?.drawn > 0")
         try:
-            yield tab
+            yield page
         finally:
-            tab.context.close()
+            page.context.close()
 
     # ---------------------------------------------------------------- one request, no message
 
@@ -157,7 +129,7 @@ class Bench:
                 page.tab.keyboard.press("End")
                 page.tab.keyboard.press("ArrowLeft")
                 page.tab.wait_for_timeout(200)
-                rows.append((len(page.asked) - 1, len(page.heard)))
+                rows.append((len(page.requests) - 1, len(page.messages)))
             large = max(large, (self.folder / f"{name}.html").stat().st_size)
         more, said = np.sum(rows, axis=0)
         yield f"{len(rows)} kinds of pages: requests but for itself", more, "0"
@@ -189,25 +161,25 @@ class Bench:
             for _ in range(7):
                 with self.opened(lambda n=cells: awake(n), f"awake {cells}") as page:
                     page.until(FIRST)
-                    times.append(page(FIRST) / 1e3)
+                    times.append(page.js(FIRST) / 1e3)
             yield f"first picture, {cells}²", f"{median(times):.2f} s", f"{first} s"
             with self.opened(lambda n=cells: awake(n), f"awake {cells}") as page:
                 page.until("page.over")
-                assert page("page.run.agents") == cells**2
+                assert page.js("page.run.agents") == cells**2
                 for word, deformed in (("flat", "false"), ("deformed", "true")):
-                    page(
+                    page.js(
                         f"(page.look.deformed = {deformed}, page.look.speed = 60, "
                         "page.seek(page.run.generation >> 1))"
                     )
-                    frames = page(
+                    frames = page.js(
                         "await (async () => { page.toggle(true); const from = page.drawn, "
                         "began = performance.now(); await new Promise((d) => setTimeout(d, 3000)); "
                         "page.toggle(false); "
                         "return (page.drawn - from) / (performance.now() - began) * 1000; })()"
                     )
                     yield f"frames a second, {cells}², {word}", f"{frames:.0f}", f"{least}"
-                page("page.seek(page.run.generation >> 1)")
-                back = page.frame_times(20, "page.seek(page.g - 1)")
+                page.js("page.seek(page.run.generation >> 1)")
+                back = frame_times(page, 20, "page.seek(page.g - 1)")
                 yield f"one step back, {cells}²", told(back), "32 ms"
 
     # -------------------------------------------------------------------------- certificate
@@ -217,15 +189,15 @@ class Bench:
         for name, scene in (("one material", plate(200, LONG)), ("two", two_materials(200))):
             with self.opened(lambda scene=scene: scene, f"certificate {name}") as page:
                 page.until("page.run.generation > 20")
-                page(f"({WATCH_INPUT}, 0)")
+                page.js(f"({WATCH_INPUT}, 0)")
                 page.tab.get_by_role("slider", name="α₂ passed ahead").focus()
                 spent = []
                 for _ in range(7):
-                    page("(events.length = 0)")
+                    page.js("(events.length = 0)")
                     page.tab.keyboard.press("End")
                     page.tab.wait_for_timeout(400)
-                    assert page("page.parts.verdict.classList.contains('bad')")
-                    spent.append(max([16, *page("events")]))
+                    assert page.js("page.parts.verdict.classList.contains('bad')")
+                    spent.append(max([16, *page.js("events")]))
                     page.tab.keyboard.press("Home")
                     page.tab.wait_for_timeout(400)
                 yield f"certificate red after the slider, 200², {name}", told(spent), "60 ms"
@@ -239,7 +211,7 @@ class Bench:
             seconds, waits = [], []
             for _ in range(5):
                 seconds.append(
-                    page(
+                    page.js(
                         "await (async () => { page.setMode('body'); page.elastic.answer = null; "
                         "await new Promise((d) => setTimeout(d, 300)); globalThis.gap = 0; "
                         "globalThis.last = performance.now(); "
@@ -250,7 +222,7 @@ class Bench:
                         "clearInterval(beat); return (performance.now() - began) / 1000; })()"
                     )
                 )
-                waits.append(page("gap"))
+                waits.append(page.js("gap"))
             yield "elastic answer in the page, 200²", f"{median(seconds):.2f} s", "1 s"
             yield "longest time without an answer to input meanwhile", told(waits), "100 ms"
 
@@ -265,17 +237,17 @@ class Bench:
             with serving(scene) as port, ExitStack() as stack:
                 others = [stack.enter_context(session(port)) for _ in range(9)]
                 for other in others[: 9 if name == "rule" else 2]:
-                    ask(other, '{"type": "hello"}')
-                    ask(other, '{"type": "step", "generations": 20}')
-                assert "error" in ask(others[0], "no message")
-                page = Tab(self.browser, f"http://127.0.0.1:{port}/", offline=False)
+                    asked(other, '{"type": "hello"}')
+                    asked(other, '{"type": "step", "generations": 20}')
+                assert "error" in asked(others[0], "no message")[0]
+                page = BrowserPage(self.browser, f"http://127.0.0.1:{port}/", viewport=WINDOW)
                 page.until("page.g === 1", 120)
-                page("page.seek(20)")
+                page.js("page.seek(20)")
                 page.until("page.g === 20", 120)
                 spent = []
                 for _ in range(20):
                     spent.append(
-                        page(
+                        page.js(
                             "await (async () => { const began = performance.now(), g = page.g + 1; "
                             "page.root.querySelectorAll('footer button')[3].click(); "
                             "while (page.g < g || page.pending) await new Promise((d) => "
@@ -288,36 +260,6 @@ class Bench:
                     "100 ms",
                 )
                 page.context.close()
-
-
-@contextmanager
-def serving(of):
-    """Serve pages on a free port."""
-    serving = uvicorn.Server(
-        uvicorn.Config(watch_app(of), host="127.0.0.1", port=0, log_level="error")
-    )
-    thread = threading.Thread(target=serving.run)
-    thread.start()
-    while not serving.started:
-        time.sleep(0.01)
-    try:
-        yield serving.servers[0].sockets[0].getsockname()[1]
-    finally:
-        serving.should_exit = True
-        thread.join()
-
-
-def session(port):
-    """Return the websocket of a session."""
-    return connect(
-        f"ws://127.0.0.1:{port}/session", origin=f"http://127.0.0.1:{port}", max_size=None
-    )
-
-
-def ask(websocket, message):
-    """Return the header of an answer."""
-    websocket.send(message)
-    return unpack(websocket.recv(timeout=60))[0]
 
 
 def told(milliseconds):

@@ -3,10 +3,10 @@
 import json
 import shutil
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
+from live_pages import BrowserPage
 
 import kaju.view.page
 
@@ -52,48 +52,24 @@ def chromium():
         browser.close()
 
 
-class Opened:
-    """A page in the browser, with what it asked for and said."""
+class Opened(BrowserPage):
+    """An exported page, in a window of some size."""
 
     def __init__(
         self, browser, path, width=1280, height=720, dark=False, language="en-GB", touch=False
     ):
-        scheme = "dark" if dark else "light"
-        self.context = browser.new_context(
+        super().__init__(
+            browser,
+            path.as_uri(),
             viewport={"width": width, "height": height},
-            color_scheme=scheme,
+            color_scheme="dark" if dark else "light",
             locale=language,
             offline=True,
             accept_downloads=True,
             has_touch=touch,
             is_mobile=touch,
         )
-        self.context.set_default_timeout(120_000)
-        self.tab = self.context.new_page()
-        self.requests, self.messages = [], []
-        self.tab.on("request", lambda request: self._note(request.url))
-        self.tab.on("console", lambda message: self.messages.append(message.text))
-        self.tab.on("pageerror", lambda error: self.messages.append(str(error)))
-        self.tab.goto(path.as_uri())
         self.until("page?.drawn > 0")
-
-    def _note(self, url):
-        if not url.startswith("blob:"):  # a worker of the page's own text
-            self.requests.append(url)
-
-    def js(self, expression):
-        """The value of an expression in which `page` is the page."""
-        return self.tab.evaluate(
-            "(async () => { const page = document.getElementById('kaju').page; "
-            f"return {expression}; }})()"
-        )
-
-    def until(self, expression, seconds=120):
-        """Wait until an expression holds; the page's policy lets no string be polled in it."""
-        end = time.monotonic() + seconds
-        while not self.js(expression):
-            assert time.monotonic() < end, f"not in {seconds} s: {expression}"
-            time.sleep(0.02)
 
     def at(self, cell):
         """Where a cell's middle is in the window."""

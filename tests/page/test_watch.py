@@ -4,10 +4,8 @@ import base64
 import json
 import re
 import signal
-import socket
 import subprocess
 import sys
-import threading
 import time
 import zlib
 from contextlib import contextmanager
@@ -19,10 +17,9 @@ from urllib.request import Request, urlopen
 
 import numpy as np
 import pytest
-import uvicorn
+from live_pages import BrowserPage, asked, serving, session
 from page_scenes import random_scenes
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 import kaju
 from kaju import ElasticModel, FaceAgent, LoadModel, MaterialAgent, PrescribedRule, Scene
@@ -32,7 +29,6 @@ from kaju.view.page.live import LiveRun, scene_from, sessions_of
 from kaju.view.page.packing import unpack
 from kaju.view.page.scene_data import scene_data
 
-HERE = "http://127.0.0.1"
 PLATE = {
     "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
     "sides": {"bottom": "rigid"},
@@ -293,20 +289,8 @@ def test_elastic_agents_of_ones_own_are_watched():
 # ------------------------------------------------------------------------------- the server
 
 
-@contextmanager
 def running(of=None, **options):
-    """A real server on a free port; yields the port."""
-    app = server.watch_app(of or plate(), **options)
-    serving = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error"))
-    thread = threading.Thread(target=serving.run)
-    thread.start()
-    while not serving.started:
-        time.sleep(0.01)
-    try:
-        yield serving.servers[0].sockets[0].getsockname()[1]
-    finally:
-        serving.should_exit = True
-        thread.join()
+    return serving(of or plate(), **options)
 
 
 @pytest.fixture(scope="module")
@@ -322,19 +306,6 @@ def get(port, path, **headers):
     text = answer.read().decode()
     connection.close()
     return answer, text
-
-
-def session(port, name="127.0.0.1", origin=True, query=""):
-    """A websocket of a page of the server; of another page, or by another name, if wanted."""
-    own = f"http://{name}:{port}" if origin is True else origin
-    uri = f"ws://{name}:{port}/session{query}"
-    here = socket.create_connection(("127.0.0.1", port))
-    return connect(uri, sock=here, origin=own, max_size=None, close_timeout=10)
-
-
-def asked(websocket, message):
-    websocket.send(message if isinstance(message, str) else json.dumps(message))
-    return unpack(websocket.recv(timeout=120))
 
 
 def test_the_page_may_talk_to_its_server_only(port):
@@ -518,41 +489,18 @@ def test_the_command_serves_until_it_is_interrupted():
     assert started.returncode == 0
 
 
-class Watched:
-    """A live page in the browser."""
-
-    def __init__(self, chromium, port):
-        self.tab = chromium.new_context().new_page()
-        self.messages = []
-        self.tab.on("console", lambda message: self.messages.append(message.text))
-        self.tab.on("pageerror", lambda error: self.messages.append(str(error)))
-        self.tab.goto(f"{HERE}:{port}/")
-
-    def __call__(self, expression):
-        return self.tab.evaluate(
-            "(() => { const page = document.getElementById('kaju').page; "
-            f"return page && ({expression}); }})()"
-        )
-
-    def until(self, expression, seconds=120):
-        end = time.monotonic() + seconds
-        while not self(expression):
-            assert time.monotonic() < end, (expression, self("page.parts.verdict.textContent"))
-            self.tab.wait_for_timeout(20)
-
-
 @pytest.fixture
 def watched(chromium):
     """Open the page of a server: watched(port)."""
     pages = []
 
     def watch(port):
-        pages.append(Watched(chromium, port))
+        pages.append(BrowserPage(chromium, f"http://127.0.0.1:{port}/"))
         return pages[-1]
 
     yield watch
     for page in pages:
-        page.tab.context.close()
+        page.context.close()
 
 
 def test_a_browser_steps_plays_and_changes_what_python_computes(watched):
@@ -564,13 +512,13 @@ def test_a_browser_steps_plays_and_changes_what_python_computes(watched):
         page.tab.get_by_role("button", name="Play").click()
         page.until("page.run.atRest && page.g === 8")
         last = LoadModel(plate()).run().last
-        assert page("page.run.agents") == len(last.cells)
-        assert page("page.sums.taken.sum.reduce((a, b) => a + b)") == pytest.approx(
+        assert page.js("page.run.agents") == len(last.cells)
+        assert page.js("page.sums.taken.sum.reduce((a, b) => a + b)") == pytest.approx(
             last.ledger.taken, rel=1e-6
         )
-        page("page.change(() => { page.scene.rule.threshold = 0.001; })")
+        page.js("page.change(() => { page.scene.rule.threshold = 0.001; })")
         page.until("page.run.atRest && page.run.agents === 85")
-        assert "11 generations" in page("page.parts.verdict.textContent")
+        assert "11 generations" in page.js("page.parts.verdict.textContent")
         assert page.messages == []
 
 
@@ -579,17 +527,17 @@ def test_a_browser_tells_during_the_run_what_own_agents_did(watched):
     with running(LoadModel(scene, material_agent=Tired)) as port:
         page = watched(port)
         page.until("page.g === 1")
-        page("page.seek(2)")
+        page.js("page.seek(2)")
         page.until("page.g === 2")
         model = LoadModel(scene, material_agent=Tired)
         model.run(until=lambda model: model.generation == 2)
         key, last = plate().lattice.key(np.array([[10, 19]]))[0], model.result().last
-        story = page(f"page.storyOf({key})")
+        story = page.js(f"page.storyOf({key})")
         assert story["passed"] == pytest.approx(last.passed[0].tolist(), rel=1e-6)
         assert story["kept"] == pytest.approx(abs(last.kept[0]).sum(), rel=1e-6)
         total = "page.sums.passed.sum.reduce((a, b) => a + b)"
-        assert page(total) == pytest.approx(last.passed.sum(), rel=1e-6)
-        assert page(f"(page.seek(1), {total})") == pytest.approx(last.passed[0].sum(), rel=1e-6)
+        assert page.js(total) == pytest.approx(last.passed.sum(), rel=1e-6)
+        assert page.js(f"(page.seek(1), {total})") == pytest.approx(last.passed[0].sum(), rel=1e-6)
         page.tab.keyboard.press("End")
         page.until("page.parts.verdict.textContent.includes('I am tired')")
 
@@ -644,7 +592,7 @@ def test_a_slider_of_a_parameter_runs_the_agents_anew(watched):
         last = LoadModel(scene, material_agent=Wearing, wear=0.5).run().last
         page.until(f"page.run.atRest && page.run.agents === {len(last.cells)}")
         total = "(page.seek(Infinity), page.sums.taken.sum.reduce((a, b) => a + b))"
-        assert page(total) == pytest.approx(last.ledger.taken, rel=1e-6)
+        assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-6)
         page.tab.get_by_role("button", name="Undo").click()
         first = LoadModel(scene, material_agent=Wearing).run().last
         page.until(f"page.run.atRest && page.run.agents === {len(first.cells)}")
@@ -659,27 +607,27 @@ def test_a_browser_steps_elastic_agents_and_goes_back(watched):
             page.tab.keyboard.press("ArrowRight")
             page.until(f"page.g === {g}")
         page.until("page.drawn > 3")
-        seen = page("(page.draw(), page.canvas.toDataURL())")
+        seen = page.js("(page.draw(), page.canvas.toDataURL())")
         page.tab.keyboard.press("ArrowLeft")
-        assert page("page.at[page.g]") == 3
-        assert page("(page.draw(), page.canvas.toDataURL())") != seen
+        assert page.js("page.at[page.g]") == 3
+        assert page.js("(page.draw(), page.canvas.toDataURL())") != seen
         page.tab.keyboard.press("End")
         page.until("page.run.atRest && page.g === page.run.generation")
         model = ElasticModel(elastic())
         run = model.run()
-        assert page("page.at.at(-1)") == model.generation
+        assert page.js("page.at.at(-1)") == model.generation
         number = run.agents.number[0]
         box = page.tab.locator("canvas").first.bounding_box()
-        x, y = page(f"page.view.point(page.middle({number}))")
+        x, y = page.js(f"page.view.point(page.middle({number}))")
         page.tab.mouse.click(box["x"] + x, box["y"] + y)
-        page("page.draw()")
+        page.js("page.draw()")
         told = page.tab.locator(".story data").evaluate_all("l => l.map(d => Number(d.value))")
         left, taken, _, born = told
         assert (left, taken) == pytest.approx(
             (abs(run.agents.left[0]), run.agents.taken[0]), rel=1e-5
         )
         assert born == run.agents.spawn_step[0]
-        assert page("page.parts.verdict.textContent") == run.outcome
+        assert page.js("page.parts.verdict.textContent") == run.outcome
         assert page.messages == []
 
 
@@ -687,9 +635,9 @@ def test_frames_that_are_too_many_are_thinned_and_steps_double(watched):
     with running(elastic("largest first")) as port:
         page = watched(port)
         page.until("page.g === 1")
-        page("(page.channel.most = 30 * page.count * 4, page.seek(Infinity))")
+        page.js("(page.channel.most = 30 * page.count * 4, page.seek(Infinity))")
         page.until("page.at.at(-1) > 200 && page.channel.every > 1")
-        steps = page("page.at")
+        steps = page.js("page.at")
         assert len(steps) <= 100
         assert steps == sorted(steps)
         assert steps[0] == 0
@@ -706,7 +654,7 @@ def test_python_answers_with_elasticity_for_cubes(watched):
         page.until("page.elastic.answer || page.elastic.why", 120)
         solved = kaju.solve(scene.replace(rule=kaju.ElasticRule()), strategy="uniform")
         key = scene.lattice.key(np.array([[1, 2, 3]]))[0]
-        at = page(f"page.elastic.answer.displacement.map((u) => u[{key}])")
+        at = page.js(f"page.elastic.answer.displacement.map((u) => u[{key}])")
         assert at == pytest.approx(solved.cells().displacement[1, 2, 3], rel=1e-9)
-        assert "on average they differ by" in page("(page.draw(), page.parts.cards.innerText)")
+        assert "on average they differ by" in page.js("(page.draw(), page.parts.cards.innerText)")
         assert page.messages == []

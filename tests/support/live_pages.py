@@ -1,0 +1,75 @@
+"""Pages in a browser, and a server of them: what tests and benchmarks of pages need."""
+
+import json
+import socket
+import threading
+import time
+from contextlib import contextmanager
+
+import uvicorn
+from websockets.sync.client import connect
+
+from kaju.view.page import server
+from kaju.view.page.packing import unpack
+
+
+class BrowserPage:
+    """A page in the browser, with what it asked for and said."""
+
+    def __init__(self, browser, address, **context):
+        self.context = browser.new_context(**context)
+        self.context.set_default_timeout(120_000)
+        self.tab = self.context.new_page()
+        self.requests, self.messages = [], []
+        self.tab.on("request", lambda request: self._note(request.url))
+        self.tab.on("console", lambda message: self.messages.append(message.text))
+        self.tab.on("pageerror", lambda error: self.messages.append(str(error)))
+        self.tab.goto(address)
+
+    def _note(self, url):
+        if not url.startswith("blob:"):  # a worker of the page's own text
+            self.requests.append(url)
+
+    def js(self, expression):
+        """The value of an expression in which `page` is the page."""
+        return self.tab.evaluate(
+            "(async () => { const page = document.getElementById('kaju').page; "
+            f"return page && ({expression}); }})()"
+        )
+
+    def until(self, expression, seconds=120):
+        """Wait until an expression holds; the page's policy lets no string be polled in it."""
+        end = time.monotonic() + seconds
+        while not self.js(expression):
+            assert time.monotonic() < end, f"not in {seconds} s: {expression}"
+            self.tab.wait_for_timeout(10)
+
+
+@contextmanager
+def serving(of, **options):
+    """A real server on a free port; yields the port."""
+    app = server.watch_app(of, **options)
+    serving = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error"))
+    thread = threading.Thread(target=serving.run)
+    thread.start()
+    while not serving.started:
+        time.sleep(0.01)
+    try:
+        yield serving.servers[0].sockets[0].getsockname()[1]
+    finally:
+        serving.should_exit = True
+        thread.join()
+
+
+def session(port, name="127.0.0.1", origin=True, query=""):
+    """A websocket of a page of the server; of another page, or by another name, if wanted."""
+    own = f"http://{name}:{port}" if origin is True else origin
+    uri = f"ws://{name}:{port}/session{query}"
+    here = socket.create_connection(("127.0.0.1", port))
+    return connect(uri, sock=here, origin=own, max_size=None, close_timeout=10)
+
+
+def asked(websocket, message):
+    """What a server answers: a header, and columns."""
+    websocket.send(message if isinstance(message, str) else json.dumps(message))
+    return unpack(websocket.recv(timeout=120))

@@ -4,6 +4,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 from kaju import Scene, finite_elements, solve
 from kaju.model.elastic import bracket, cell_boxes
@@ -280,11 +281,7 @@ def test_a_box_that_keeps_its_volume_strains_evenly_where_its_sides_do():
 
 
 def test_shares_of_boxes_add_up_to_what_lies_between_the_bounds():
-    plate = Scene(
-        body={"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [4, 7], "side": "top", "force": [0.0, -2.0]}],
-    )
+    plate = pressed([8, 8], [4, 7], side="top", size=[0.08, 0.08])
     bounds = solve(plate).found.bracket
     # The energies differ by half the squared distance.
     assert 0.5 * bounds.shares.sum() == pytest.approx(bounds.upper - bounds.lower, rel=0.05)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plates import plate as pressed
 
 import kaju
 from kaju.errors import ParameterError, SupportError
@@ -129,11 +130,7 @@ def test_any_chain_of_moves_ends_where_a_fresh_solve_does(moves):
 
 
 def test_three_dimensions():
-    block = Scene(
-        body={"size": [0.1, 0.1, 0.1], "cells": [10, 10, 10], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [3, 4, 9], "force": [0.0, 0.0, -1.0]}],
-    )
+    block = pressed([10, 10, 10], [3, 4, 9], [0.0, 0.0, -1.0], size=[0.1, 0.1, 0.1])
     moved = block.replace(loads=[{"cell": [6, 4, 9], "force": [0.2, 0.0, -1.0]}])
     again = solve(moved, tolerance=1e-10, previous=solve(block, tolerance=1e-10))
     assert_like(again, solve(moved, tolerance=1e-10))

@@ -4,6 +4,7 @@ import numpy as np
 import scipy.sparse as sp
 from hypothesis import reject
 from hypothesis import strategies as st
+from plates import plate as pressed
 from scipy.sparse.linalg import spsolve
 
 from kaju.agents.rules import ElasticRule
@@ -66,11 +67,8 @@ def ragged(plane="stress", **rule):
 
 def block(cells=(4, 3, 5), **rule):
     """A block of cubes on rigid ground, pressed on obliquely."""
-    return Scene(
-        body={"cell_size": 0.01, "cells": list(cells), "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [1, 1, cells[2] - 1], "side": "top", "force": [0.5, 0.2, -2.0]}],
-        rule=ElasticRule(**rule),
+    return pressed(
+        list(cells), [1, 1, cells[2] - 1], [0.5, 0.2, -2.0], side="top", rule=ElasticRule(**rule)
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from plates import plate as pressed
 from strategies import scenes
 
 from kaju import LoadModel, MaterialAgent, Scene, stability
@@ -120,11 +121,8 @@ def test_cells_whose_numbers_no_integer_holds_are_named_anew(accumulate):
     rule = {"threshold": 0.02, "accumulate": accumulate, "alpha": [0.5, 0.4, 0.15]}
 
     def corner(cells):
-        scene = Scene(
-            body={"cell_size": 0.01, "cells": cells, "material": "steel"},
-            sides={"bottom": "rigid", "left": "rigid"},
-            loads=[{"cell": [2, 1], "force": [0.5, -2.0]}],
-            rule=rule,
+        scene = pressed(
+            cells, [2, 1], [0.5, -2.0], sides={"bottom": "rigid", "left": "rigid"}, rule=rule
         )
         return LoadModel(scene, engine="arrays").run().last
 

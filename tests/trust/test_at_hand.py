@@ -1,6 +1,7 @@
 """Verbs take a model, a scene or a path where the answer is at hand, and say what they need."""
 
 import pytest
+from plates import plate as pressed
 from typer.testing import CliRunner
 
 import kaju
@@ -11,11 +12,7 @@ from kaju.model.network.spring_lattices import triangular
 
 
 def block():
-    return Scene(
-        body={"cell_size": 0.01, "cells": [4, 3], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [1, 2], "force": [0.0, -2.0]}],
-    )
+    return pressed([4, 3], [1, 2])
 
 
 @pytest.fixture

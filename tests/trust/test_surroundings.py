@@ -10,8 +10,9 @@ from textwrap import dedent
 
 import pytest
 from parsed_sources import parsed
+from plates import plate as pressed
 
-from kaju import LoadModel, PrescribedRule, Scene, load_result, solve
+from kaju import LoadModel, PrescribedRule, load_result, solve
 
 LONG = "a b 🙂 'q' %s [é] " + "x" * 183
 """A name of 200 characters."""
@@ -55,12 +56,7 @@ COMMANDS = {
 
 
 def small(force):
-    return Scene(
-        body={"cell_size": 0.01, "cells": [6, 6], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [3, 5], "force": [0.1 * force, -force]}],
-        rule=PrescribedRule(threshold=0.2),
-    )
+    return pressed([6, 6], [3, 5], [0.1 * force, -force], rule=PrescribedRule(threshold=0.2))
 
 
 def given(force, folder=None):

@@ -10,8 +10,9 @@ from time import process_time
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
-from kaju import LoadModel, Scene, load_result
+from kaju import LoadModel, load_result
 from kaju.errors import ResultFileError
 from kaju.model.results.archive import write_archive
 from kaju.output import Folder
@@ -20,13 +21,7 @@ EVENTS = ("open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "
 
 
 def run(force):
-    return LoadModel(
-        Scene(
-            body={"size": [0.04, 0.04], "cells": [4, 4], "material": "steel"},
-            sides={"bottom": "rigid"},
-            loads=[{"cell": [1, 3], "force": [0.0, force]}],
-        )
-    ).run()
+    return LoadModel(pressed([4, 4], [1, 3], [0.0, force], size=[0.04, 0.04])).run()
 
 
 @pytest.fixture(scope="module")

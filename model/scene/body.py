@@ -7,11 +7,11 @@ from math import isclose, prod
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, PlainSerializer, PlainValidator, model_validator
+from pydantic import PlainSerializer, PlainValidator, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Count, Described, Flag, Length, Number, Text
+from .described import Count, Described, Flag, Length, Number, Text, optional
 from .lattice import Lattice
 from .lattices import BUILT_IN, check_lattice, lattice_named
 from .regions import Region
@@ -58,40 +58,31 @@ LatticeName = Annotated[
 class Body(Described):
     """The cells of a body and what fills them."""
 
-    size: tuple[Length, ...] | None = Field(
-        default=None, description="the edges of the body (m), such as [0.2, 0.1]"
+    size: tuple[Length, ...] | None = optional("the edges of the body (m), such as [0.2, 0.1]")
+    """Of the array of cells; with `cells` or a picture."""
+    cells: tuple[Count, ...] | None = optional(
+        "the number of cells along each axis, such as [20, 10]"
     )
-    """Edges of the array of cells (m); with `cells` or a picture."""
-    cells: tuple[Count, ...] | None = Field(
-        default=None, description="the number of cells along each axis, such as [20, 10]"
-    )
-    """Number of cells along x, y (and z). Three numbers make cubes."""
-    cell_size: Length | None = Field(
-        default=None, description="the edge of a cell (m), such as 0.01"
-    )
-    """Distance of two opposite faces of a cell (m); instead of `size`."""
-    drawing: Text | None = Field(default=None, description="the body, one letter a cell")
-    """The body as text, one letter a cell, the top row first. The scene's legend says what the
-    letters (colours, codes) of a drawing (image, array) mean."""
-    image: Text | None = Field(default=None, description="the path of an image, such as 'body.png'")
-    """Path of an image, one pixel a cell."""
-    array: Codes | None = Field(default=None, description="the path of an .npy file, or an array")
-    """Whole numbers, one a cell, indexed [x, y] or [x, y, z] from left, front and bottom; or the
-    path of the ``.npy`` file that holds them."""
-    thickness: Length | None = Field(
-        default=None, description="the body's thickness across the plane (m)"
-    )
-    """Of a two-dimensional body, across the plane (m); 1 m unless given."""
+    """Three numbers make cubes."""
+    cell_size: Length | None = optional("the edge of a cell (m), such as 0.01")
+    """Distance of two opposite faces; instead of `size`."""
+    drawing: Text | None = optional("the body, one letter a cell")
+    """The top row first. The scene's legend says what the letters (colours, codes) of a drawing
+    (image, array) mean."""
+    image: Text | None = optional("the path of an image, such as 'body.png'")
+    """One pixel a cell."""
+    array: Codes | None = optional("the path of an .npy file, or an array")
+    """Whole numbers, one a cell, indexed [x, y] or [x, y, z] from left, front and bottom."""
+    thickness: Length | None = optional("the body's thickness across the plane (m)")
+    """1 m unless given."""
     plane: Literal["stress", "strain"] | None = None
     """Two-dimensional state; "stress" unless given."""
     lattice: LatticeName = None
     """Form of the cells: one of these, or a class of your own."""
-    material: Text | None = Field(default=None, description="the name of what fills the body")
-    """What fills the array, under the regions: a material's name, "air", "rigid" or "roller"."""
-    gravity: tuple[Number, ...] | None = Field(
-        default=None, description="an acceleration (m/s²), such as [0.0, -9.81]"
-    )
-    """Acceleration (m/s²) that pulls every cell."""
+    material: Text | None = optional("the name of what fills the body")
+    """Under the regions: a material's name, "air", "rigid" or "roller"."""
+    gravity: tuple[Number, ...] | None = optional("an acceleration (m/s²), such as [0.0, -9.81]")
+    """It pulls every cell."""
     regions: tuple[Region, ...] = ()
     """What is different in parts of the array; later ones cover earlier ones."""
     allow_floating: Flag = False

@@ -100,6 +100,11 @@ class Described(_Told):
         return {key: _plain(value) for key, value in values.items()}
 
 
+def optional(meaning: str) -> Any:
+    """Return the default of a key that may be left out; errors tell its meaning."""
+    return Field(default=None, description=meaning)
+
+
 def one_given(described: Described, names: tuple[str, ...], told: str) -> str:
     """Return which one of some keys is given; `told` begins what is said of none or several."""
     given = [name for name in names if getattr(described, name) is not None]

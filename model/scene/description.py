@@ -18,7 +18,7 @@ from kaju.model.rheology.load_history import History
 
 from .body import Body
 from .contents import NOT_BODY
-from .described import Count, Described, Flag, Number, Text, one_given
+from .described import Count, Described, Flag, Number, Text, one_given, optional
 from .loads import LoadTable
 from .shared_materials import shared_materials
 from .sides import SideCondition
@@ -35,12 +35,12 @@ class RheologyTable(Described):
 class MaterialTable(Described):
     """``[materials.NAME]``: numbers as in `Material`, or a material of the library with some."""
 
-    base: Text | None = Field(default=None, description="the name of a material of the library")
-    youngs_modulus: Number | None = Field(default=None, description="E (Pa)")
-    poissons_ratio: Number | None = Field(default=None, description="ν")
-    density: Number | None = Field(default=None, description="mass per volume (kg/m³)")
-    source: Text | None = Field(default=None, description="where the numbers come from")
-    rheology: RheologyTable | None = Field(default=None, description="how it gives in time")
+    base: Text | None = optional("the name of a material of the library")
+    youngs_modulus: Number | None = optional("E (Pa)")
+    poissons_ratio: Number | None = optional("ν")
+    density: Number | None = optional("mass per volume (kg/m³)")
+    source: Text | None = optional("where the numbers come from")
+    rheology: RheologyTable | None = optional("how it gives in time")
 
     def build(self) -> Material:
         """Return the material; whoever keeps it by name gives it that name."""
@@ -81,12 +81,12 @@ class HistoryStep(Described):
     ``{cycles = 3, period = 0.6}``.
     """
 
-    ramp: Number | None = Field(default=None, description="the factor to go to")
-    hold: Number | None = Field(default=None, description="how long the factor is kept (s)")
-    release: Number | None = Field(default=None, description="the time to go back to 0 in (s)")
-    cycles: Count | None = Field(default=None, description="how often it rises and falls")
-    duration: Number | None = Field(default=None, description="how long a ramp takes (s)")
-    period: Number | None = Field(default=None, description="how long a cycle takes (s)")
+    ramp: Number | None = optional("the factor to go to")
+    hold: Number | None = optional("how long the factor is kept (s)")
+    release: Number | None = optional("the time to go back to 0 in (s)")
+    cycles: Count | None = optional("how often it rises and falls")
+    duration: Number | None = optional("how long a ramp takes (s)")
+    period: Number | None = optional("how long a cycle takes (s)")
     high: Number = Field(default=1.0, description="the factor at the top of a cycle")
     low: Number = Field(default=0.0, description="the factor at the bottom of a cycle")
 
@@ -115,14 +115,10 @@ class HistoryStep(Described):
 class HistoryTable(Described):
     """``[history]``: ``times`` and ``factors`` of its corners, or ``steps``."""
 
-    times: tuple[Number, ...] | None = Field(
-        default=None, description="the times of the corners (s), the first 0"
-    )
-    factors: tuple[Number, ...] | None = Field(
-        default=None, description="the factor at each corner"
-    )
-    steps: tuple[HistoryStep, ...] | None = Field(
-        default=None, description="a list such as [{ramp = 1.0, duration = 0.2}, {hold = 5.0}]"
+    times: tuple[Number, ...] | None = optional("the times of the corners (s), the first 0")
+    factors: tuple[Number, ...] | None = optional("the factor at each corner")
+    steps: tuple[HistoryStep, ...] | None = optional(
+        "a list such as [{ramp = 1.0, duration = 0.2}, {hold = 5.0}]"
     )
 
     def build(self) -> History:
@@ -156,9 +152,7 @@ Rule = PrescribedRule | ElasticRule
 class CoefficientsTable(Described):
     """``[rule.materials.NAME]``: coefficients of one material."""
 
-    alpha: tuple[Number, ...] | None = Field(
-        default=None, description="the shares kept, passed ahead and passed beside"
-    )
+    alpha: tuple[Number, ...] | None = optional("the shares kept, passed ahead and passed beside")
     beta: Number = Field(
         default=Coefficients.beta, description="the free part of the Poisson expansion"
     )
@@ -194,12 +188,12 @@ class ElasticTable(Described):
     """``[rule]`` with the shares that follow from the materials."""
 
     kind: Literal["elastic"] = "elastic"
-    threshold: Number | None = Field(
-        default=None, description="γ, up to which loads rest (N); left out: from the tolerance"
+    threshold: Number | None = optional(
+        "γ, up to which loads rest (N); left out: from the tolerance"
     )
     order: Text = Field(default=ElasticRule.order, description="who acts when")
-    share: Number | None = Field(
-        default=None, description="the share by which all yield in a wave; left out: a stable one"
+    share: Number | None = optional(
+        "the share by which all yield in a wave; left out: a stable one"
     )
     tolerance: Number = Field(
         default=ElasticRule.tolerance, description="the error in energy aimed at, as a share"

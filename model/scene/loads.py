@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from kaju.errors import ParameterError, SceneError
 
-from .described import Coordinate, Count, Described, Index, Number, Text, one_given
+from .described import Coordinate, Count, Described, Index, Number, Text, one_given, optional
 from .regions import ONE_SHAPE, RingTable, Round
 from .shapes import Ball, Polygon, Ring, Shape
 
@@ -26,20 +26,17 @@ class LoadRegion(Described):
     as the edge of a hole; a force takes the cells inside.
     """
 
-    box: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = Field(
-        default=None,
-        description="the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]",
+    box: tuple[tuple[Coordinate, ...], tuple[Coordinate, ...]] | None = optional(
+        "the lower and the upper corner (m), such as [[0.0, 0.2], [0.1, 0.2]]"
     )
-    """Lower and upper corner (m)."""
     disk: Round | None = None
     ball: Round | None = None
     """Centre and radius (m), in two and in three dimensions."""
     ring: RingTable | None = None
     """Centre and both radii (m), in two dimensions."""
     polygon: tuple[tuple[Coordinate, ...], ...] | None = Field(
-        default=None, min_length=3, description="the corners (m), three or more"
+        default=None, min_length=3, description="the corners (m), three or more, in the plane"
     )
-    """Corners (m), in two dimensions."""
 
     @model_validator(mode="after")
     def _one_shape(self) -> LoadRegion:
@@ -93,49 +90,35 @@ class LoadTable(Described):
     `force`, `pressure` and `couple`.
     """
 
-    cell: tuple[Index, ...] | None = Field(
-        default=None, description="a cell, such as [10, 19], counted from 0 at left and bottom"
+    cell: tuple[Index, ...] | None = optional(
+        "a cell, such as [10, 19], counted from 0 at left and bottom (and front)"
     )
-    """The cell pressed on, counted from 0 at left and bottom (and front)."""
-    point: tuple[Coordinate, ...] | None = Field(
-        default=None, description="a point (m), such as [0.1, 0.2]"
-    )
-    """A point in or on the body (m). Between cells, these share the force."""
+    point: tuple[Coordinate, ...] | None = optional("a point (m), such as [0.1, 0.2]")
+    """In or on the body. Between cells, these share the force."""
     region: LoadRegion | None = None
     """A box of surface or of cells."""
-    outline: Text | None = Field(
-        default=None, description="the name of a region with a true outline, such as 'bore'"
-    )
-    """The name of a region whose outline is true: a pressure acts all along it, a force where the
-    outline faces it, even across its direction."""
-    side: Text | None = Field(default=None, description="a side's name, such as 'top'")
+    outline: Text | None = optional("the name of a region with a true outline, such as 'bore'")
+    """A pressure acts all along it, a force where the outline faces it, even across its
+    direction."""
+    side: Text | None = optional("a side's name, such as 'top'")
     """With `cell` or `point`: the side of the cell by which the force enters; unless given it is
     the one that faces the force most. Alone: every face of the body on that side of the array."""
-    force: tuple[Number, ...] | None = Field(
-        default=None, description="the total force (N), such as [0.0, -2.0]"
+    force: tuple[Number, ...] | None = optional("the total force (N), such as [0.0, -2.0]")
+    """Spread evenly."""
+    pressure: Number | None = optional("a pressure against the surface (Pa), such as 1e5")
+    pressure_slope: tuple[Number, ...] | None = optional(
+        "the growth of the pressure along each axis (Pa/m)"
     )
-    """Total force (N), spread evenly."""
-    pressure: Number | None = Field(
-        default=None, description="a pressure against the surface (Pa), such as 1e5"
+    """From `pressure` at the origin on. Where it falls below 0 it pulls. Elasticity takes it as it
+    is; where agents pass loads on it is that in the middle of each face."""
+    couple: Number | tuple[Number, ...] | None = optional(
+        "a moment (N m): a number, in three dimensions three"
     )
-    """Pressure (Pa) against the outward normal of each face."""
-    pressure_slope: tuple[Number, ...] | None = Field(
-        default=None, description="the growth of the pressure along each axis (Pa/m)"
-    )
-    """By how much the pressure grows along each axis (Pa/m), from `pressure` at the origin on.
-    Where it falls below 0 it pulls. Elasticity takes it as it is; where agents pass loads on it is
-    that in the middle of each face."""
-    couple: Number | tuple[Number, ...] | None = Field(
-        default=None, description="a moment (N m): a number, in three dimensions three"
-    )
-    """Moment (N m), counter-clockwise in the plane, without any force: shares that turn round the
-    middle of a side or a region, the larger the farther from it."""
-    steps: Count = Field(
-        default=1, le=MOST_STEPS, description="the number of equal steps of loading"
-    )
-    """The load is applied in this many equal steps."""
-    sense: Literal["push", "pull"] | None = Field(
-        default=None, description="whether the force travels along ('push') or against itself"
+    """Counter-clockwise in the plane, without any force: shares that turn round the middle of a
+    side or a region, the larger the farther from it."""
+    steps: Count = Field(default=1, le=MOST_STEPS, description="the number of equal steps")
+    sense: Literal["push", "pull"] | None = optional(
+        "whether the force travels along ('push') or against itself"
     )
     """For a prescribed rule with `sense`; unless given a force pulls where it points out of the
     body over its own side."""

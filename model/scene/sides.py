@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from kaju.agents.materials import suggestion
 
 from . import kinds
-from .described import Described, Index, Number, Positive
+from .described import Described, Index, Number, Positive, optional
 
 _KINDS = {
     "free": kinds.AIR,
@@ -47,20 +47,15 @@ class SideCondition(Described):
     kind: Literal["free", "rigid", "roller", "foundation", "displaced"] = Field(
         default="free", description="a word for what lies beyond the side"
     )
-    """What lies beyond."""
-    stiffness: Positive | None = Field(
-        default=None, description="the pressure per displacement of an elastic bed (N/m³)"
+    stiffness: Positive | None = optional("the pressure per displacement of an elastic bed (N/m³)")
+    displacement: tuple[Number, ...] | None = optional(
+        "what the side is moved by (m), one number per axis"
     )
-    """Pressure per displacement of a foundation (N/m³)."""
-    displacement: tuple[Number, ...] | None = Field(
-        default=None, description="what the side is moved by (m), one number per axis"
-    )
-    """Displacement (m) that a displaced side imposes."""
     free_axes: tuple[Index, ...] = Field(
         default=(), description="the axes along which a moved side lets the body slide"
     )
-    """Axes along which it imposes none, as a roller: all of the side's own. A scene writes "free"
-    in place of their numbers, ``{displacement = ["free", -1e-4]}``."""
+    """As a roller does: all of the side's own. A scene writes "free" in place of their numbers,
+    ``{displacement = ["free", -1e-4]}``."""
 
     @model_validator(mode="before")
     @classmethod

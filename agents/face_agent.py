@@ -171,10 +171,7 @@ class FaceAgent(FixedAgent):
 
 
 class SupportAgent(BoundaryAgent):
-    """Ground, a wall or an elastic bed: it keeps what it is handed, and pushes back as much.
-
-    `kind` is what the cell is, from `kaju.model.scene.kinds`.
-    """
+    """Ground, a wall or an elastic bed: it keeps what it is handed, and pushes back as much."""
 
     def __init__(
         self,

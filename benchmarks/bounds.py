@@ -262,11 +262,7 @@ def write() -> None:
 
 
 def stress_errors(scene: Scene, truth: ElementField, tolerance: float) -> tuple[int, Floats]:
-    """Return agents, and true errors in the energy norm, relative.
-
-    Of `stress`, a tensor an agent; of `stress_at`, which runs from agent to agent; and of the mean
-    field, which is half the distance of the two stresses. At 4 x 4 points of Gauss in every agent.
-    """
+    """Return agents, and true relative errors in energy: `stress`, `stress_at`, the mean field."""
     result = solve(scene, strategy="spawning", tolerance=tolerance)
     place, weight = np.polynomial.legendre.leggauss(4)
     square = np.zeros(2)

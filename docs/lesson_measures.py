@@ -27,10 +27,7 @@ DOWN = 2
 
 
 class Seen:
-    """A scene, run by its rule and solved by elasticity, as far as somebody looks.
-
-    `scene`: a plane body of square cells, loaded from above.
-    """
+    """A plane scene of squares under a load from above, run and solved as far as somebody looks."""
 
     def __init__(self, scene: kaju.Scene) -> None:
         self.scene = scene

@@ -40,10 +40,7 @@ WEIGHTS_ACROSS = 3
 
 
 class Arrows(NamedTuple):
-    """Where forces act (m), and how large they are (N), each of shape (n, dimension).
-
-    `pulls` tells which start where they act; all others end there.
-    """
+    """Where forces start (`pulls`) or end (m), and how large they are (N), shape (n, dimension)."""
 
     place: Floats
     force: Floats
@@ -112,10 +109,7 @@ def told(applied: AppliedLoads) -> list[str]:
 def draw_forces(
     ax: Axes, section: Section, stage: int | None = None, share: float = 1.0
 ) -> list[str]:
-    """Draw the applied forces of a section; return notes that say how much they are.
-
-    `share` shortens all arrows, for forces that have not grown to the full yet.
-    """
+    """Draw the applied forces of a section, shortened to a share; return notes on their sum."""
     applied = section.scene.applied(stage)
     rows = np.flatnonzero(section.holds(applied.cells))
     arrows = force_arrows(section.scene, applied, rows)
@@ -147,10 +141,7 @@ _TRUE_UP_TO = 30.0  # longer bodies than this are not drawn to scale
 
 
 def draw_body(ax: Axes, section: Section, *, filled: bool = True) -> list[Artist]:
-    """Draw body and supports; return what explains them in a legend.
-
-    `filled`: False leaves the material out (for pictures that draw it deformed).
-    """
+    """Draw body (unless drawn deformed elsewhere) and supports; return what a legend explains."""
     tiles, kind = section.ground
     entries: list[Artist] = []
     across = int((section.upper - section.lower).max()) // section.block

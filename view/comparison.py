@@ -71,10 +71,7 @@ def plot_profiles(
     per: float | None = None,
     symbol: str = "",
 ) -> Figure:
-    """Draw a component along lines, one panel a line, beside a reference that is called `believed`.
-
-    Values are drawn as shares of `per`, if that is given; `symbol` labels the axis.
-    """
+    """Draw a component along lines, a panel each, as it is or as shares of `per`."""
     check_count(comparisons)
     figure = new_figure((4.1 * len(lines) + 0.5, 3.9))
     for ax, line in zip(figure.subplots(1, len(lines), squeeze=False)[0], lines, strict=True):
@@ -138,10 +135,10 @@ def stress_symbol(axis: str) -> str:
 def plot_stress_ratio(
     comparisons: Comparisons, line: Line, axes: str, pressure: float, *, believed: str = "reference"
 ) -> Figure:
-    """Draw stress along a line as a share of a pressure (Pa), and over that of the reference.
+    """Draw stress along a line over a pressure (Pa), and over the reference's.
 
-    `axes` is the axis along which it presses, and with another one after it the stress across is
-    drawn over that along, too.
+    `axes`: the one along which it presses; with another, stress across is drawn over that along,
+    too.
     """
     check_count(comparisons)
     component, symbol = axes[0] * 2, stress_symbol(axes[0])
@@ -255,10 +252,7 @@ def plot_maps(
     symbol: str = "",
     cut: Mapping[str, float] | None = None,
 ) -> Figure:
-    """Draw a component over the cells, every answer in the same colours.
-
-    Stresses are shown on a scale that is logarithmic above a hundredth of the largest.
-    """
+    """Draw a component over the cells in the same colours; stresses partly on a log scale."""
     check_count(comparisons)
     first = next(iter(comparisons.values()))
     fields = {name: pair_of(c, quantity, component).values for name, c in comparisons.items()}
@@ -296,11 +290,7 @@ def plot_shapes(
     name: str = "reference",
     magnification: float | None = None,
 ) -> Figure:
-    """Draw the deformed lines between the cells of a plane body, over those of the reference.
-
-    `believed`, called `name`, knows the displacement of the cells' corners; one magnification
-    serves all panels.
-    """
+    """Draw the deformed cells of a plane body over those of the reference, all magnified alike."""
     first = next(iter(answers.values()))
     section = section_of(first.scene, None, None, False)
     tiles, kinds = section.ground

@@ -61,10 +61,7 @@ class Joined(NamedTuple):
 
 
 def join(corners: Floats, apart: Floats) -> Joined:
-    """Join cells, corners of shape (n, corners, dimension), where they touch.
-
-    Corners that are farther from each other than a share of `apart` are two; see `CORNERS`.
-    """
+    """Join cells, corners of shape (n, corners, dimension), where they touch; see `CORNERS`."""
     flat = corners.reshape(-1, corners.shape[2])
     first, number = same_points(flat, apart / CORNERS)
     middles = np.repeat(corners.mean(axis=1), corners.shape[1], axis=0)

@@ -55,10 +55,7 @@ def plot_crack(
     magnification: float | None = None,
     cut: Mapping[str, float] | None = None,
 ) -> Axes:
-    """Draw what is left after so many breaks, coloured by what it bears, and what broke.
-
-    Springs are drawn deformed; cells at rest, those of a body of cubes in a plane.
-    """
+    """Draw what is left after breaks by what it bears: springs deformed, cells at rest."""
     count = result.standing if breaks is None else breaks
     if isinstance(result.subject, Scene):
         if magnification is not None:

@@ -75,11 +75,7 @@ class Layer(Section):
 def layer_of(
     result: ElasticResult, cut: Mapping[str, float] | None = None, crop: bool | None = None
 ) -> Layer:
-    """Choose what to show: the whole body, or the surroundings of its smallest agents.
-
-    `cut`: the plane through a three-dimensional body to show, such as ``{"y": 0.05}``; by default
-    through small agents; `crop`: unless given, only where many agents could not be seen otherwise.
-    """
+    """Show a plane (of itself one through small agents), cropped where they are hard to see."""
     scene = result.grid
     axis, place = _plane(result, cut)
     within = {} if axis is None else {"xyz"[axis]: place}
@@ -157,10 +153,7 @@ def squares_of(layer: Layer, tiles: Tiles) -> DrawnSquares:
 
 
 def together(tiles: Tiles, finest: float) -> tuple[Tiles, Ints]:
-    """Draw tiles smaller than `finest` together: the value farthest from 0 stands for all.
-
-    Returns `drawn`; `row`: The tile that each value is of.
-    """
+    """Draw tiles smaller than `finest` together, by the value farthest from 0, and tell whose."""
     lower, size, value = tiles
     everybody = np.arange(len(size))
     step = float(size.min(initial=finest))

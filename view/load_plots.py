@@ -50,10 +50,7 @@ CLOSE_UP = 12
 
 
 def loads_taken(stage: Stage, generation: int | None) -> Floats:
-    """Return the loads taken (N) in one generation, or in all, shape (agents, states).
-
-    States are the directions of pushes; where there are pulls, these follow.
-    """
+    """Return loads taken (N) in a generation, or all: (agents, states), pulls after pushes."""
     count = stage.taken.shape[1]
     if generation is None:
         states = np.hstack([stage.taken - stage.pulled, stage.pulled])

@@ -182,12 +182,7 @@ _FACES = np.array(
 def write_glb(
     motion: Motion, path: Path, *, fps: float, hold: float, magnification: float | None = None
 ) -> None:
-    """Write a motion as binary glTF.
-
-    `fps`: frames per second; `hold`: for how long the last frame stays (s); `magnification`: how
-    many times larger than true the displacements are; a round number that makes them visible unless
-    given. The file's `extras` state it.
-    """
+    """Write a motion as binary glTF, its last frame held (s), its magnification in the `extras`."""
     check_magnification(magnification)
     surface = _surface(motion)
     used, corners = np.unique(surface, return_inverse=True)
@@ -353,12 +348,7 @@ _VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}
 
 
 def write_series(motion: Motion, path: Path, target: Path) -> None:
-    """Write a motion as one ``.vtu`` file a frame, in a folder, and the ``.pvd`` that lists them.
-
-    `motion`: what moves; displacements are written as they are (m), to be magnified by the reader;
-    `path`: where to write the list; `target`: what the list will be called; the folder has its name
-    without the ending.
-    """
+    """Write true displacements (m) as a ``.vtu`` file a frame, and the ``.pvd`` that lists them."""
     with needing(f"{target}: needs meshio: pip install 'kaju[vtk]'"):
         import meshio
 

@@ -49,11 +49,7 @@ _MOST_NODES = 2000  # above this, nodes are not drawn one by one
 
 
 class Stand:
-    """Axes prepared for the states of one network: frame, colours and magnification.
-
-    `colour`: what the springs' colours mean; `magnification`: how many times larger than true
-    displacements are drawn.
-    """
+    """Axes prepared for the states of one network: frame, colours and magnification."""
 
     def __init__(
         self, result: NetworkResult, ax: Axes | None, colour: Colour, magnification: float | None

@@ -82,10 +82,7 @@ def graded_ticks(cells: int, singular: Sequence[int], parts: int, elsewhere: int
 
 
 def _stiffness(moduli: Moduli, basis: Any) -> Any:
-    """Return the stiffness from the nine products of first derivatives; components alternate.
-
-    Far quicker than a vector-valued form.
-    """
+    """Return the stiffness from products of first derivatives, far quicker than a vector's form."""
     import skfem
     from scipy.sparse import block_array
 

@@ -112,10 +112,7 @@ def prescribed(problem: Problem, division: int) -> Callable[[], Answer]:
 
 
 def fitted(problem: Problem, division: int) -> Callable[[], Answer]:
-    """Let agents pass load on by coefficients fitted to the truth on the picture's own cells.
-
-    The search for them is not timed.
-    """
+    """Let agents pass load on by coefficients fitted to the truth; the search is not timed."""
     scene, end = problem.scene(1, "prescribed"), FIT_EVALUATIONS
     fit = kaju.fit_rule(scene, problem.truth(), points=problem.points, evaluations=end)
     return lambda: _transferred(

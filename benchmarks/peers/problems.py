@@ -71,10 +71,7 @@ class Problem:
 
     @property
     def points(self) -> Floats:
-        """Middles of the picture's cells (m), where answers are compared with the truth.
-
-        All of them are half a cell away from the corners where no grid converges quickly.
-        """
+        """Middles of the picture's cells (m): off corners, where no grid converges quickly."""
         return np.asarray(self.edge * (np.argwhere(self.picture) + 0.5))
 
     def scene(self, division: int, kind: Literal["elastic", "prescribed"] = "elastic") -> Scene:
@@ -118,10 +115,7 @@ class Problem:
         return 2.0 * shear * ratio / (1.0 - 2.0 * ratio), shear
 
     def pressed(self, middles: Floats, size: float) -> Flags:
-        """Tell which cells or facets lie below the load, by their middles (m).
-
-        `size`: height of what lies there (m): its top is half of that above the middle.
-        """
+        """Tell which cells of a `size`, or facets (0), lie below the load, by their middles (m)."""
         lower, upper = np.array(self.patch)
         near = 1e-9 * self.edge
         across = (middles[:, :-1] > lower[:-1] - near) & (middles[:, :-1] < upper[:-1] + near)
@@ -137,10 +131,7 @@ class Problem:
         return Reference.load(Path(__file__).with_name(f"truth_{self.name}.npz"))
 
     def error(self, displacement: Floats) -> tuple[float, float]:
-        """Return the largest and the root mean square error of displacements at `points` (m).
-
-        Both are shares of the largest true displacement.
-        """
+        """Return the largest and the r.m.s. error of displacements, as shares of the largest."""
         truth = self.truth().displacement_at(self.points)
         size = np.linalg.norm(truth, axis=1).max()
         away = np.linalg.norm(displacement - truth, axis=1) / size

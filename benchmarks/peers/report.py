@@ -145,10 +145,7 @@ def _of(found: Iterable[Measurement], method: str) -> list[Measurement]:
 
 
 def cost_at(target: float, found: Sequence[Measurement]) -> float | None:
-    """Return the cost at an error, on straight lines between measurements, both axes log.
-
-    None if the error is outside of what was measured; nothing is extrapolated.
-    """
+    """Return the cost at an error, between measurements on log axes; None beyond them."""
     pairs = sorted((float(m.max_error or 0.0), float(m.seconds or 0.0)) for m in found)
     error, spent = np.array([p for p in pairs if min(p) > 0.0]).reshape(-1, 2).T
     if not len(error) or not error[0] <= target <= error[-1]:

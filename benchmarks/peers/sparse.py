@@ -13,11 +13,7 @@ RESIDUAL = 1e-6
 
 
 def solved(matrix: Any, right: Floats, places: Floats, solver: Solver) -> Floats:
-    """Solve a symmetric positive definite system.
-
-    `matrix`: the components of a node follow one another; `places`, shape (nodes, dimension): where
-    the nodes are (m), from which pyamg is told the rigid motions.
-    """
+    """Solve a positive definite system; the nodes' places (m) tell pyamg rigid motions."""
     if solver == "pardiso":
         return by_pardiso(matrix, right)
     if solver == "superlu":

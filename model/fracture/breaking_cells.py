@@ -42,11 +42,7 @@ _ROUNDING = 1e-9
 
 
 class BreakingCells(WeakeningBody):
-    """The cells of a body that are left, under the whole load (a load factor of 1).
-
-    `scene`: of squares or cubes; `strengths`: of the cells of material, row by row; `measure`: what
-    is exceeded where they break: "stress", "strain" or "energy".
-    """
+    """The cells of a body that are left, under the whole load (a load factor of 1)."""
 
     precise = 1e-13
     parted = 1e-6

@@ -25,12 +25,7 @@ BREAKS_CORRECTED = 64
 
 
 class BreakingNetwork(WeakeningBody):
-    """The springs of a network that are left, under the whole load (a load factor of 1).
-
-    `network`: what is loaded: in one stage, with springs that are free of force at first;
-    `strengths`: of its springs; `measure`: what is exceeded where they break: "force", "strain" or
-    "energy".
-    """
+    """The springs of a network that are left, under the whole load (a load factor of 1)."""
 
     precise = 1e-4
     parted = 1e-9

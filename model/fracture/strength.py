@@ -23,12 +23,9 @@ def drawn_strengths(
     weibull: float | None,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return the strengths of springs or cells, shape (count,).
+    """Return the strengths of springs or cells, shape (count,), with their mean or Weibull scale.
 
-    `count`: number of springs or cells; `strength`: mean of them, or of a Weibull distribution the
-    scale; above 0; `scatter`: they are spread evenly over (1 ± scatter) times the mean; from 0 to
-    below 1; `weibull`: modulus of a Weibull distribution, in the place of the even spread; above 0;
-    `rng`: draws them.
+    They are spread evenly over (1 ± scatter) times the mean, unless a Weibull modulus is given.
     """
     scale = np.asarray(strength, dtype=np.float64)
     if scale.shape not in ((), (count,)):

@@ -86,10 +86,7 @@ class WeakeningBody:
 
     @abstractmethod
     def break_part(self, place: int) -> tuple[int, float]:
-        """Break the part that a place among the shares stands for.
-
-        Returns its number, and the energy (J) that this released under the load.
-        """
+        """Break the part at a place among the shares; return its number, and the energy (J) freed."""
 
     @abstractmethod
     def place_of(self, part: int) -> int:

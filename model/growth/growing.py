@@ -28,11 +28,7 @@ from kaju.model.scene import Scene
 
 
 class Neighbours:
-    """Weighted means over cells of a body, which know nothing beyond its surface.
-
-    `body`: which cells of a box are of the body; `weights`: of a cell's surroundings, the same
-    along opposite ways.
-    """
+    """Weighted means over cells of a body, which know nothing beyond its surface."""
 
     def __init__(self, body: Flags, weights: Floats) -> None:
         self.body, self._weights = body, weights

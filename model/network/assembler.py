@@ -58,10 +58,7 @@ def spring_geometry(network: SpringNetwork, displacement: Floats) -> Geometry:
 
 
 def nodal_forces(network: SpringNetwork, pull: Floats) -> Floats:
-    """Add forces (m, dimension) on the springs' first nodes, and their opposites on the second.
-
-    Shape (n, dimension).
-    """
+    """Add forces on the springs' first nodes, and their opposites on the second."""
     first, second = network.springs.T
     nodes = len(network.positions)
     columns = [
@@ -228,20 +225,13 @@ class Assembler:
         return spring_forces(self.network, geometry, tension)
 
     def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
-        """Return how the free nodes resist small displacements (N/m), shape (f, f).
-
-        `geometry`: state of the springs; `tension`: force in every spring (N), positive when it
-        pulls; `stiffness`: growth of the tension with the length (N/m).
-        """
+        """Return how the free nodes resist small displacements (N/m), shape (f, f)."""
         return self._pattern.fill(self.network, self._blocks(geometry, tension, stiffness))
 
     def force_change(
         self, geometry: Geometry, tension: Floats, stiffness: Floats, displacement: Floats
     ) -> Floats:
-        """Return by how much the springs' force on the nodes changes with a small displacement.
-
-        The same as minus the tangent times the displacement, but for held nodes too.
-        """
+        """Return how the springs' force changes with a small displacement, on held nodes too."""
         moved = along_springs(self.network, displacement)
         blocks = self._blocks(geometry, tension, stiffness)
         return nodal_forces(self.network, -np.einsum("iab,ib->ia", blocks, moved))

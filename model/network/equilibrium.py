@@ -26,12 +26,7 @@ _NAMED = 8
 def tangent_error(
     assembler: Assembler, geometry: Geometry, stiffness: Floats, direction: Floats, stage: float
 ) -> TangentError:
-    """Return the error that describes what gives way.
-
-    `assembler`: of the network at hand; `geometry`, `stiffness`: state of the springs and their
-    stiffness (N/m); `direction`: direction of the free coordinates that meets no resistance;
-    `stage`: point of the load path, for the message.
-    """
+    """Return the error that names the nodes of a direction that meets no resistance at a stage."""
     network = assembler.network
     mode = assembler.expand(direction)
     moved = np.linalg.norm(mode, axis=1)
@@ -166,11 +161,7 @@ def weakness_of(
     tension: Floats,
     stiffness: Floats,
 ) -> GivesWayError | None:
-    """Return what gives way in a state of the network, None if nothing does.
-
-    Factors tell by themselves; an iteration finds out while it answers a load that has a part
-    of everything.
-    """
+    """Return what gives way in a state of the network, None if nothing does."""
     probe = np.random.default_rng(0).standard_normal(len(assembler.free))
     try:
         solve_tangent(assembler, solver, geometry, tension, stiffness, probe)

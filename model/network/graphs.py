@@ -71,10 +71,7 @@ def graph_from_network(
     node_fields: Mapping[str, Floats] | None = None,
     spring_fields: Mapping[str, Floats] | None = None,
 ) -> nx.Graph:
-    """Return the graph of a network, with further fields as attributes.
-
-    Vectors become tuples, numbers become floats. Springs side by side give a MultiGraph.
-    """
+    """Return a network's graph: vectors as tuples, and a MultiGraph if springs lie side by side."""
     pairs = np.sort(network.springs, axis=1)
     several = len(np.unique(pairs, axis=0)) < len(pairs)
     graph = nx.MultiGraph() if several else nx.Graph()

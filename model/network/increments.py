@@ -100,11 +100,7 @@ class IncrementalLoading:
         return self.steps >= self.increments * self.network.stages
 
     def step(self) -> None:
-        """Take one increment of the load.
-
-        Raises `MechanismError` or `BucklingError` if the network gives way, and
-        `ConvergenceError` if the increment is too large to follow the springs.
-        """
+        """Take one increment of the load, unless the network gives way or it is too large."""
         last = self.records[-1]
         goal = (self.steps + 1) / self.increments
         take = self._newton_step if self.scheme == "newton" else self._euler_step
@@ -270,11 +266,9 @@ class IncrementalLoading:
 def load_in_increments(
     network: SpringNetwork, increments: int = 20, *, method: Method = "auto"
 ) -> NetworkResult:
-    """Load a network by forward Euler: one linear system for every increment.
+    """Load a network by forward Euler: one linear system, and an error in proportion, an increment.
 
-    The error falls in proportion to the size of the increments; `solve` has none of it. Only
-    the states that a step starts from are checked for stability, not the last one.
-    Arguments and errors are those of `IncrementalLoading` and its `step`.
+    Only the states that a step starts from are checked for stability, not the last one.
     """
     return IncrementalLoading(network, increments, scheme="euler", method=method).run()
 

@@ -28,10 +28,7 @@ from .assembler import Assembler
 
 
 class GivesWayError(ArithmeticError):
-    """The tangent has a direction that meets no resistance, or less than none.
-
-    Internal to the network's engines, which turn it into a `TangentError` that names nodes.
-    """
+    """The tangent has a direction without resistance; `TangentError` then names its nodes."""
 
     def __init__(self, direction: Floats) -> None:
         super().__init__("the tangent is not positive definite")
@@ -39,12 +36,7 @@ class GivesWayError(ArithmeticError):
 
 
 class MultigridSolver:
-    """Solves with the last tangent, and reuses the coarse levels while they serve.
-
-    `assembler`: gives the places of the free coordinates, hence the rigid body modes; `tolerance`:
-    residual at which to stop, as a share of the load; `patience`: number of iterations after which
-    the coarse levels are built anew.
-    """
+    """Solves with the last tangent; coarse levels serve until `patience` iterations are not enough."""
 
     name = "conjugate gradients with algebraic multigrid"
 
@@ -135,10 +127,7 @@ class MultigridSolver:
 
 
 def rigid_body_modes(assembler: Assembler) -> Floats:
-    """Return the motions that stretch no spring, at the free coordinates.
-
-    Shape (f, 3) in the plane, (f, 6) in space: shifts along the axes, then turns.
-    """
+    """Return shifts, then turns, at the free coordinates: shape (f, 3), in space (f, 6)."""
     positions = assembler.network.positions - assembler.network.positions.mean(axis=0)
     positions /= np.abs(positions).max() or 1.0
     node, axis = np.divmod(assembler.free, assembler.network.dimension)

@@ -29,11 +29,7 @@ _AGENTS_UP_TO = 10_000
 
 
 class NodeAgent(FixedAgent):
-    """A node of the network, sitting in its cell of Mesa's network space.
-
-    `node`: its number in the arrays; `position`, shape (dimension,): where it is now (m);
-    `springs`: numbers of its springs, and of the nodes at their other ends.
-    """
+    """A node in its cell of Mesa's space: where it is now (m), its springs and their other ends."""
 
     def __init__(self, model: NetworkModel, node: int, springs: list[tuple[int, int]]) -> None:
         super().__init__(model)

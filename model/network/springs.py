@@ -182,10 +182,7 @@ Springs = NDArray[np.int64]
 
 
 def spring_lengths_and_directions(positions: Floats, springs: Springs) -> tuple[Floats, Floats]:
-    """Return length (m,) in m and unit direction (m, dimension) of every spring.
-
-    The direction points from the spring's second node to its first.
-    """
+    """Return length (m) and unit direction, from its second node to its first, of every spring."""
     ends = positions[springs[:, 0]] - positions[springs[:, 1]]
     lengths = np.sqrt(np.einsum("ij,ij->i", ends, ends))
     return lengths, ends / lengths[:, None]

@@ -90,12 +90,7 @@ class Archive:
         high: float | NDArray[Any] | None = None,
         finite: bool = True,
     ) -> NDArray[Any]:
-        """Return an array that is what it must be.
-
-        `kind`: as `Column` says; `shape`: None stands for any length along an axis, or for any
-        shape; `low`, `high`: the smallest and the largest value allowed; `high` also one for each
-        column; `finite`: whether floating-point numbers must be finite.
-        """
+        """Return an array of a kind, shape (None: any) and range; `high` may differ by column."""
         if name not in self.arrays:
             raise ResultFileError(f"{self.path}: the array {name!r} is missing")
         found = self.arrays[name]
@@ -121,11 +116,7 @@ class Archive:
     def columns(
         self, table: Mapping[str, Column], sizes: Mapping[str, Any], prefix: str = ""
     ) -> dict[str, NDArray[Any]]:
-        """Return the arrays of a table, every one looked at.
-
-        `sizes`: sizes that are known; the others are those of the first array that names them;
-        `prefix`: what the arrays' names begin with in the file.
-        """
+        """Return the arrays of a table; the first that names an unknown size gives it."""
         known, found = dict(sizes), {}
         for name, column in table.items():
             if column.optional and prefix + name not in self.arrays:
@@ -201,12 +192,7 @@ def plain_of(told: object) -> dict[str, Any]:
 def write_archive(
     path: str | Path, kind: str, arrays: dict[str, NDArray[Any]], text: dict[str, Any]
 ) -> Path:
-    """Write arrays and plain values to one ``.npz`` file, whole or not at all.
-
-    `path`: the file; the ending ``.npz`` is added if it is missing; `kind`: label of the result,
-    which `read_archive` checks; `arrays`: numbers; no objects, so that reading needs no pickle;
-    `text`: anything that JSON can hold.
-    """
+    """Write arrays, and what JSON can hold, to an ``.npz`` file of a kind, whole or not at all."""
     target = Path(path)
     if target.suffix != ".npz":
         target = target.with_name(target.name + ".npz")

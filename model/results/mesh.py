@@ -23,11 +23,7 @@ def corner_order(dimension: int) -> Floats:
 
 
 def same_points(points: Floats, apart: float | Floats) -> tuple[Ints, Ints]:
-    """Return which points to keep of those that are the same, and which of these each is.
-
-    `points`, shape (n, dimension): where they are (m); `apart`, shape (dimension,): the distance of
-    points that differ (m), or a part of it.
-    """
+    """Return which points (m) to keep of those less than `apart` apart, and which each is."""
     place = np.rint(points / apart).astype(np.int64)
     place -= place.min(axis=0)
     key = np.ravel_multi_index(tuple(place.T), tuple(place.max(axis=0) + 1))

@@ -154,10 +154,7 @@ JUMPS_SAID_FROM = 0.01
 
 
 class TimeTask:
-    """What creeps, under which history, and how time is stepped: see `creep`.
-
-    `system` is marched by `history` from `first`, and wanted at the times `asked` (s).
-    """
+    """What creeps, under which history, from where, and when (s) it is looked at: see `creep`."""
 
     def __init__(
         self,

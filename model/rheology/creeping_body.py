@@ -40,12 +40,9 @@ from .march import Fields, Push
 class Elements:
     """Any number of three-element materials that do not feel each other.
 
-    Its state is the stretches of both parts, the force in each element, and the velocity of
-    its end (which stays 0 without mass).
-
-    `laws`: the elements, arrays of shape (n,); `share`: force (N) or, if `stretched`, elongation
-    (m) of each at a factor of 1; `stretched`: whether the elongations are given rather than the
-    forces; `mass`: mass at the loaded end of each (kg).
+    Its state is the stretches of both parts, the force in each element, and the velocity of its end
+    (which stays 0 without mass). `share` is the force (N) of each at a factor of 1, or, if
+    `stretched`, its elongation (m).
     """
 
     def __init__(

@@ -290,10 +290,7 @@ class ThreeElement:
 
 
 def _rate(stiffness: float, damping: float) -> float:
-    """Return K/D (1/s), above 0.
-
-    Where it would leave the range of floats it is 0, or so fast that no time is too short.
-    """
+    """Return K/D (1/s) within the range of floats: above 0, or 0 where nothing happens."""
     rate = stiffness / damping
     return min(rate, 1e250) if rate >= 1e-250 else 0.0
 

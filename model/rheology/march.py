@@ -127,10 +127,7 @@ class Pace:
 def stops(
     system: Creeping, method: Scheme, drive: Drive, state: CreepState, asked: Floats, pace: Pace
 ) -> Iterator[CreepState]:
-    """March over the corners of the drive; yield the state at each of the times `asked`.
-
-    A run that is stopped yields where it is.
-    """
+    """March over the drive's corners; yield the state at each time `asked`, and where it stops."""
     corners = np.union1d(drive.forces.times, drive.displacements.times)
     nodes = np.union1d(asked, corners)
     nodes = nodes[(nodes > state.time) & (nodes <= asked[-1])]
@@ -159,12 +156,7 @@ def stops(
 def take_step(
     system: Creeping, method: Scheme, fields: Fields, step: float, factors: Floats
 ) -> tuple[Fields, Floats]:
-    """Return the state after one step, and its work, dissipation and the scheme's own part.
-
-    `system`, `method`, `fields`, `step`: what creeps, how time is stepped, where the step begins,
-    how long it lasts (s); `factors`: factors of forces and displacements just after its beginning
-    and at its end.
-    """
+    """Return the state after a step (s), and its work, dissipation and the scheme's own part."""
     booked = np.zeros(3)
     for end, weight in zip(method.ends, method.weights, strict=True):
         force, displacement = factors[:, 0] + end * (factors[:, 1] - factors[:, 0])

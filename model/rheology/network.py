@@ -173,10 +173,7 @@ class CreepingNetwork:
         return (rate.q, rate.d, (found - tension) / substep, speed, acceleration), energy
 
     def _balance(self, state: Stretch, displacement: Floats, push: Push) -> tuple[Floats, Floats]:
-        """Return displacement and tensions at the end of an implicit step.
-
-        Where Newton's method does not get there at once, it is led there in shares.
-        """
+        """Return displacement and tensions at the end of an implicit step, in shares if need be."""
         stiffness, rest = as_spring(self.laws, push.substep, state)
         shift = self.network.prestretch - rest
 

@@ -126,11 +126,9 @@ def scheme(name: str) -> Scheme:
 
 
 def as_spring(law: Law, step: float, state: Stretch) -> tuple[Floats, Floats]:
-    """Return the elastic spring that stands for an element during one implicit step.
+    """Return stiffness and rest of the spring that an element is over an implicit step (s).
 
-    `law`: the elements; `step`: length of the implicit step (s), above 0; `state`: where the step
-    begins. Returns `stiffness`, `rest`: At its end the force is ``stiffness * (elongation -
-    rest)``. `stiffness` is 1/(C h) with C = 1/D_d + 1/(K_f h + D_f).
+    Its stiffness is 1/(C h) with C = 1/D_d + 1/(K_f h + D_f).
     """
     voigt = law.K_f + law.D_f / step
     stiffness = voigt / (1.0 + voigt * (step / law.D_d))
@@ -181,11 +179,7 @@ def stage_energy(
 
 
 def march(law: Law, history: History, times: Floats, method: Scheme, driven_by: str) -> Floats:
-    """Step one element along a history; return the displacement, or the force, at `times`.
-
-    `law`, `history`, `times`, `method`: the element; what drives it; rising times (s); the scheme;
-    `driven_by`: what the history gives. The other one is returned.
-    """
+    """Step one element along a history; return the displacement, or the force, at `times` (s)."""
     nodes = np.union1d(times, [c for c in history.times if c < times[-1]])
     nodes = np.union1d(nodes, [0.0])
     starts, ends = history.after(nodes[:-1]), history.at(nodes[1:])

@@ -73,10 +73,7 @@ class PetscLevel:
 
 
 def levels_of(shape: tuple[int, ...], comm: Any) -> list[PetscLevel]:
-    """Return the levels of a body's hierarchy, the finest first.
-
-    `shape`: cells along each axis, without the rim.
-    """
+    """Return the levels of the hierarchy of a body of so many cells, the finest first."""
     size = comm.getSize()
     parts = _processes(shape, size)
     if any(n < (HALO * p if p > 1 else 1) for n, p in zip(shape, parts, strict=True)):
@@ -252,10 +249,7 @@ class PiecedBody:
 
 
 def body_of(scene: Scene, stage: int | None) -> PiecedBody:
-    """Return the body of a scene, with units in which nothing has been chosen yet.
-
-    `scene`: of squares or cubes.
-    """
+    """Return the body of a scene of squares or cubes, with no units chosen yet."""
     lower, upper = (np.asarray(corner, dtype=np.int64) for corner in scene.bounds())
     shape = tuple(int(n) for n in upper - lower)
     weightless = scene

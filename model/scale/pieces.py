@@ -164,11 +164,7 @@ class PiecedResult(BodyResult):
         figures: dict[str, Any],
         comm: Any,
     ) -> Self:
-        """Return the answer of which this process has one piece; all processes take part.
-
-        `scene`, `grid`, `stage`: as the result's own; `borne`: what the supports bear in this piece
-        (N); `figures`: what all processes know of the whole.
-        """
+        """Return the answer of which this process has a piece; `borne` is what supports bear (N)."""
         reaction: dict[str, Floats] = {}
         for part in comm.allgather(borne):
             for name, force in part.items():
@@ -269,10 +265,7 @@ class PiecedResult(BodyResult):
         return pandas.concat(frames, ignore_index=True)
 
     def save(self, path: str | Path) -> Path:
-        """Write the result to a folder, every process its own piece; all take part.
-
-        `path`: a new folder.
-        """
+        """Write the result to a new folder, every process its own piece; all take part."""
         from .solve_petsc import together
 
         target, comm = Path(path), self._comm

@@ -382,10 +382,7 @@ def _matrix(parts: list[PetscRows], place: Index, like: Any, columns: Any = None
 
 
 def interpolation(fine: PetscLevel, coarse: PetscLevel, moves: Any = None) -> Any:
-    """Return the matrix from the coarse faces to the fine ones.
-
-    `moves`: 1 at fine faces that move, 0 at the others, whose rows vanish.
-    """
+    """Return the matrix from the coarse faces to those fine ones that move."""
     like, columns = fine.dm.createGlobalVec(), coarse.dm.createGlobalVec()
     first, _ = like.getOwnershipRange()
     d = len(fine.shape)
@@ -428,10 +425,7 @@ def _across(face: Index) -> list[tuple[Index, Floats]]:
 
 
 class PetscHierarchy:
-    """Matrices of all levels, the finest first, and solvers that start on any of them.
-
-    `matrix`: of the finest level; `moves`: 1 at the finest faces that move.
-    """
+    """Matrices of all levels, the finest first, and solvers that start on any of them."""
 
     def __init__(self, levels: list[PetscLevel], matrix: Any, moves: Any) -> None:
         from petsc4py import PETSc
@@ -452,9 +446,8 @@ class PetscHierarchy:
     def solver(self, start: int, tolerance: float, most: int) -> Any:
         """Return conjugate gradients, preconditioned by V-cycles from a level downwards.
 
-        `start`: the level that is solved; `tolerance`: of the residual in the norm that the
-        preconditioner gives: nearly the error in the energy norm, relative to the solution; `most`:
-        iterations at most.
+        `tolerance` is of the residual in the preconditioner's norm: nearly the relative error in
+        energy.
         """
         from petsc4py import PETSc
 

@@ -152,10 +152,7 @@ def from_image(path: str, legend: Mapping[str, str], nearest: bool = False) -> P
 
 
 def _nearest(pixels: NDArray[np.uint8], code_of: Mapping[str, int]) -> NDArray[np.int16]:
-    """Return the codes of the colours nearest to some pixels, shape (n, 4), in red, green, blue.
-
-    A pixel that lets more than half of the light through is "transparent", if that is known.
-    """
+    """Return the codes of the colours nearest to pixels; what is mostly clear is "transparent"."""
     names = [name for name in code_of if name != "transparent"]
     if not names:
         raise SceneError("legend: explains no colour, so none is the nearest")

@@ -11,10 +11,7 @@ _TOLD = re.compile(r"^(\s*)([\w -]+(?:\.[\w -]+)*): ")
 
 
 def with_lines(text: str, told: str, changed: Iterable[str] = ()) -> str:
-    """Return an error's lines, each with the line of the text that its key path stands in.
-
-    Keys that were `changed` after the text was read have no line.
-    """
+    """Return an error's lines, each with the text's line of its key path, unless that changed."""
     places = dict(_places(text))
     for path in changed:
         places.pop(path, None)

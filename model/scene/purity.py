@@ -33,11 +33,7 @@ class Purity:
             self._pyramid = _pyramid(filling.base)
 
     def kinds(self, lower: Cells, exponent: int) -> Kinds:
-        """Return the kind that fills each box, or MIXED.
-
-        `lower`, shape (n, dimension): lower cells of the boxes, multiples of 2^exponent;
-        `exponent`: the boxes have 2^exponent cells along every axis.
-        """
+        """Return the kind that fills each box of 2^exponent cells a side from `lower`, or MIXED."""
         shape = np.asarray(self._filling.lattice.shape)
         upper = lower + (1 << exponent)
         inside = np.all((lower >= 0) & (upper <= shape), axis=1)

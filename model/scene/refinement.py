@@ -23,11 +23,7 @@ _HELD = (kinds.RIGID, kinds.DISPLACED)
 
 
 def refined_body(body: Body, lattice: Lattice, picture: Picture | None, k: int) -> Body:
-    """Return a body with k cells along each edge of a former cell.
-
-    Pictures repeat their cells; regions are asked again at the finer cells' centres, so
-    that round shapes become rounder.
-    """
+    """Return a body with k cells along each edge of a former cell, regions asked anew."""
     if isinstance(k, bool) or not isinstance(k, (int, np.integer)) or k < 1:
         raise ParameterError(f"k: must be a whole number from 1 upwards, got {k!r}")
     if not lattice.boxes:

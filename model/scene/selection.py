@@ -143,10 +143,7 @@ def faces_on_side(filling: Filling, side: str, where: str) -> Selection:
 
 
 def faces_on_plane(filling: Filling, corners: Corners, axis: int, where: str) -> Selection:
-    """Return the body's surface in a box without thickness along `axis`.
-
-    A face that the box covers in part takes part of the load.
-    """
+    """Return the surface in a box without thickness; faces covered in part take a part."""
     lattice = filling.lattice
     if not lattice.boxes:
         raise SceneError(
@@ -216,10 +213,7 @@ def cells_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
 
 
 def faces_in_shape(filling: Filling, shape: Shape, where: str) -> Selection:
-    """Return the body's free faces whose middles lie in a shape, such as the edge of a hole.
-
-    Faces that anything supports are left out.
-    """
+    """Return the body's free, unheld faces whose middles lie in a shape, as round a hole."""
     lattice = filling.lattice
     lower, upper = filling.cells_of(shape)
     box = (np.maximum(lower - 1, 0), np.minimum(upper + 1, np.asarray(lattice.shape)))

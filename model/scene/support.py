@@ -22,10 +22,7 @@ _REMEDY = (
 
 
 def check_body(filling: Filling, allow_floating: bool) -> None:
-    """Refuse a body that is not there, and one that would float away.
-
-    Bodies of more cells than `MOST_EXAMINED` are not examined for loose parts.
-    """
+    """Refuse a body that is not there or floats; parts are sought up to `MOST_EXAMINED` cells."""
     if filling.uniform or filling.lattice.size > MOST_EXAMINED:
         _check_samples(filling, allow_floating)
     else:

@@ -89,11 +89,10 @@ def _moved(part: Any, folder: Path) -> Any:
 
 
 def overridden(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scene's table with some values replaced.
+    """Return a new scene's table with values replaced by key path, list items by their index.
 
-    `table`: a scene's table; it is not changed; `changes`: new values by key path, list items by
-    their index. A text is read as TOML writes values; what TOML does not understand stays a text. A
-    new ``rule.kind`` starts a new rule, since each kind has keys of its own.
+    A text is read as TOML writes values, else it stays a text. A new ``rule.kind`` starts a new
+    rule.
     """
     for path in changes:
         if "." not in path:

@@ -40,10 +40,7 @@ ELASTIC_TOLERANCE = 1e-6
 
 
 class StraightWay(NamedTuple):
-    """A straight way through the body: its two ends (m), and its depth below the load (m).
-
-    The depth of the way down from the load is None.
-    """
+    """A straight way: its ends (m), and its depth below the load (m), None of the way down."""
 
     start: tuple[float, ...]
     end: tuple[float, ...]

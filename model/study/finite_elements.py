@@ -380,11 +380,9 @@ def solve_on(
     solve: Callable[[Any, Floats, Floats], Floats] | None = None,
     matrix: Any = None,
 ) -> ElementField:
-    """Solve a scene on the elements of a basis.
+    """Solve a scene on the elements of a vector-valued basis on a mesh in cells.
 
-    `basis`: vector-valued, on a mesh in cells; `kinds`: what is where; see `surroundings`; `solve`:
-    from a matrix, the forces and the rigid motions of its unknowns to the unknowns; `matrix`: the
-    stiffness of all unknowns; `stiffness` unless given.
+    `solve`: from a matrix, the forces and the rigid motions of its unknowns to the unknowns.
     """
     moduli = element_moduli(scene, basis.mesh, kinds)
     matrix = stiffness(scene, basis, moduli) if matrix is None else matrix

@@ -152,11 +152,7 @@ class Fit:
 
 
 def elastic_reference(scene: Scene, resolution: int | None = None) -> BodyResult:
-    """Return the answer of elasticity to a scene, on cells fine enough to be believed.
-
-    `resolution`: cells for each of the scene's along every axis; by default as many as give 160 (in
-    space 48) across the body, up to 8.
-    """
+    """Return the answer of elasticity, on cells fine enough to be believed unless told."""
     if resolution is None:
         across = CELLS_ACROSS[scene.lattice.dimension]
         resolution = min(8, max(1, across // max(scene.lattice.shape)))

@@ -86,10 +86,7 @@ def seed_of(seed: int, number: int) -> int:
 
 
 def by_its_kind(subject: Any, rng: int | None = None) -> Any:
-    """Let agents run a scene with a prescribed rule, and models run; solve other scenes, networks.
-
-    Anything else, such as a number that a function of the point returned, is itself the answer.
-    """
+    """Run models and prescribed scenes, solve other scenes and networks; all else is an answer."""
     if isinstance(subject, Scene) and subject.rule.kind == "prescribed":
         from kaju.model.transfer.load_model import LoadModel
 

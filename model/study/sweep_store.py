@@ -32,10 +32,7 @@ PATIENCE = 10.0
 
 
 class SweepStore:
-    """The rows of one sweep.
-
-    `database`: of a store that `store_of` has begun, or that some sweep has left.
-    """
+    """The rows of one sweep."""
 
     def __init__(self, database: sqlite3.Connection) -> None:
         self._database = database
@@ -80,11 +77,7 @@ class SweepStore:
 
 @contextmanager
 def store_of(out: Path | None, about: dict[str, Any]) -> Iterator[SweepStore]:
-    """Yield a store for the rows of one sweep, which no other sweep writes to meanwhile.
-
-    `out`: a new or empty folder, or the one in which the same sweep was begun; None: in memory;
-    `about`: what the sweep is; its "identity" tells it from others.
-    """
+    """Yield a store for a sweep alone: in memory, or in a folder that is new or its own."""
     if out is None:
         with closing(sqlite3.connect(":memory:", isolation_level=None)) as database:
             _begin(database, about)

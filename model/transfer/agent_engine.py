@@ -79,10 +79,7 @@ def boundary_classes(own: Mapping[str, type[BoundaryAgent]]) -> dict[int, type[B
 
 
 class AgentEngine:
-    """One stage of load transfer at a time, with one object per agent.
-
-    `boundary_agents`: class of the boundary agents, by kind.
-    """
+    """One stage of load transfer at a time, with one object per agent."""
 
     def __init__(
         self,

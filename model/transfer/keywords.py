@@ -83,11 +83,7 @@ def _changed(rule: Rule, numbers: dict[str, Any]) -> Rule:
 
 
 def _check_class(name: str, agent: object, base: type, start: tuple[str, ...]) -> None:
-    """Refuse what is no class of agents, or one that a model cannot make.
-
-    `name`: what the class was given as; `agent`, `base`: the class, and the one that it must come
-    from; `start`: what a model makes an agent of.
-    """
+    """Refuse what is no class of agents, or one that a model cannot make of its `start`."""
     if not (isinstance(agent, type) and issubclass(agent, base)):
         raise ParameterError(
             f"{name}: a subclass of {base.__name__} is needed, got {agent!r:.80}; write "

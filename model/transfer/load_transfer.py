@@ -35,11 +35,7 @@ MOST_IMBALANCE = 1e-9
 
 
 class LoadTransfer:
-    """Load transfer on arrays; `LoadModel` is the same as a Mesa model, with agents as objects.
-
-    `scene`: body, supports, loads and a prescribed rule; `allow_unstable`, `max_generations`,
-    `rule`: as of `LoadModel`.
-    """
+    """Load transfer on arrays; `LoadModel` is the same as a Mesa model, with agents as objects."""
 
     engine: Any
     running: bool
@@ -189,11 +185,7 @@ class LoadTransfer:
         return self.engine.stage(self._factor, self._told).outcome if self._is_over else ""
 
     def since(self, generation: int, agents: int = 0) -> News:
-        """Return what has happened in the current stage after a generation.
-
-        `generation`: 0 for all of it; `agents`: how many agents are known already; those that
-        spawned later are told.
-        """
+        """Return what has happened in the stage after a generation, and agents beyond so many."""
         news: News = self.engine.since(generation, agents)
         return news
 
@@ -204,11 +196,9 @@ class LoadTransfer:
         return totals
 
     def run(self, until: Until | None = None, progress: bool | None = None) -> TransferResult:
-        """Step until the last stage is at rest, and return the result.
+        """Step to the end, so many times, or until a question is answered yes; return the result.
 
-        `until`: a function of the model; the run pauses as soon as it is true, and can go on. A
-        whole number: so many steps, or fewer if the last stage is at rest before; `progress`: show
-        a progress line; None: on a terminal, when the run takes over two seconds.
+        `progress`: show a progress line; None: on a terminal, when the run takes over two seconds.
         """
         if isinstance(until, bool):  # until 0.1 this came first
             warn("run: progress is a keyword, run(progress=...)", DeprecationWarning, stacklevel=2)

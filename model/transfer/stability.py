@@ -156,11 +156,7 @@ def _grows(transfer: Transfer, lower: float, upper: float) -> str:
 
 
 def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
-    """Assemble T, shape (cells · states, cells · states), over all cells of the body.
-
-    Column: a load taken, by cell and state; row: a load that it sends, after boundaries gave it
-    back.
-    """
+    """Assemble T over all cells and states: of a load taken (column), what it sends (row)."""
     from scipy.sparse import coo_array
 
     lattice = scene.lattice
@@ -192,14 +188,10 @@ def transfer_operator(scene: Scene, transfer: Transfer) -> csr_array:
 def bound_spectral_radius(
     operator: csr_array, iterations: int = 2000, tolerance: float = 1e-9
 ) -> tuple[float, float]:
-    """Bound the spectral radius of a matrix without negative entries.
+    """Bound the spectral radius of a matrix without negative entries, if possible to `tolerance`.
 
-    For every positive x the radius of A lies between the smallest and the largest of
-    (Aᵀx)ᵢ/xᵢ (Collatz, Wielandt). Adding half of the identity keeps the iteration from
-    swinging between loads that run to and fro.
-
-    Returns `lower`, `upper`: Rigorous bounds, closer than `tolerance` if the iteration got that
-    far.
+    For every positive x the radius of A lies between the smallest and the largest of (Aᵀx)ᵢ/xᵢ
+    (Collatz, Wielandt). Adding half of the identity keeps loads from swinging to and fro.
     """
     transposed = operator.T.tocsr()
     x: Floats = np.ones(operator.shape[0])

@@ -22,12 +22,10 @@ BOUNDARY_NAMES = {AIR: "free", RIGID: "rigid", ROLLER: "roller"}
 
 
 class Transfer:
-    """Who passes how much to whom: the prescribed rule on a scene's lattice.
+    """Who passes how much to whom: the prescribed rule, or another, on a scene's lattice.
 
-    Loads are numbered by *state*: the direction of the force for pushes, and the same plus
-    the number of directions for pulls, which only a rule with a sense has.
-
-    `scene`: a scene whose rule is a `PrescribedRule`; `rule`: another rule, instead of the scene's.
+    Loads are numbered by *state*: the direction of the force for pushes, and the same plus the
+    number of directions for pulls, which only a rule with a sense has.
     """
 
     def __init__(self, scene: Scene, rule: ShareRule | None = None) -> None:
@@ -70,10 +68,7 @@ class Transfer:
 
     @cached_property
     def tables(self) -> tuple[Ints, Ints, Floats]:
-        """Arm, state and share of every emission, each (materials, forms, states, most).
-
-        Rows with fewer emissions are filled up with shares of 0.
-        """
+        """Arm, state and share of every emission, each (materials, forms, states, most); else 0."""
         forms = self.lattice.forms
         cells = [(shares, form) for shares in self.shares for form in range(forms)]
         rows = [
@@ -194,11 +189,7 @@ def pulls(scene: Scene, applied: AppliedLoads, row: Ints, direction: Ints) -> Fl
 
 
 def split_force(lattice: Lattice, force: Floats) -> tuple[Ints, Ints, Floats]:
-    """Split forces into loads along the directions of the lattice; see `Lattice.split`.
-
-    `force`, shape (n, dimension): forces (N). Returns `row`, `direction`, `magnitude`: Which force,
-    which direction, and the load along it (N), all above 0.
-    """
+    """Return row, direction and size (N, above 0) of the loads of forces; see `Lattice.split`."""
     magnitude = lattice.split(force)
     row, direction = np.nonzero(magnitude)
     return row, direction, magnitude[row, direction]

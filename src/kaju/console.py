@@ -38,11 +38,7 @@ WORDS = {"spectral_radius": "growth_if_added_up", "seconds": "time_taken"}
 
 @dataclass(frozen=True)
 class Console:
-    """Where the command prints.
-
-    `as_json`: print the key figures as one JSON object, and nothing else; `quiet`: print nothing
-    but errors.
-    """
+    """Where the command prints: all, the key figures as one JSON object, or nothing but errors."""
 
     as_json: bool = False
     quiet: bool = False

@@ -14,10 +14,7 @@ from kaju.errors import OutOfMemoryError
 
 
 def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
-    """Return the factors of a symmetric matrix on the diagonal's own pivots.
-
-    `order`: order of elimination, as `scipy.sparse.linalg.splu` names it.
-    """
+    """Return factors of a symmetric matrix on the diagonal's own pivots, in `splu`'s order."""
     how: dict[str, Any] = {"permc_spec": order, "diag_pivot_thresh": 0.0}
     columns = sp.csc_array(matrix)
     try:
@@ -33,11 +30,7 @@ def factors_of(matrix: sp.sparray, order: str = "MMD_AT_PLUS_A") -> SuperLU:
 
 
 def rigid_motions(places: Floats, axis: Ints) -> Floats:
-    """Return what displacements are in rigid motions, a column each: shifts first, then turns.
-
-    `places`, shape (n, dimension): where the displacements are; `axis`, shape (n,): along which
-    axis each is.
-    """
+    """Return what displacements along an axis each are in rigid motions: shifts, then turns."""
     d = places.shape[1]
     shifts = np.eye(d)[axis]
     turns = [

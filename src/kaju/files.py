@@ -80,11 +80,7 @@ def scratch_beside(target: Path, error: type[KajuError]) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
-    """Yield a hidden folder beside a folder to be; it goes when the block ends.
-
-    `target`: the folder to be; the folders above it are made; `error`: what to raise if nothing can
-    be written there.
-    """
+    """Yield a hidden folder beside a folder to be; it goes when the block ends."""
     with _named(target, error):
         target.parent.mkdir(parents=True, exist_ok=True)
         with _claimed(target.parent, folder=True) as scratch:
@@ -92,11 +88,7 @@ def scratch_folder(target: Path, error: type[KajuError]) -> Iterator[Path]:
 
 
 def take_place(scratch: Path, target: Path, *, replace: bool) -> None:
-    """Give a whole folder its name, in one step.
-
-    `scratch`: the folder; with `replace` it has what stood at the target afterwards; `target`: its
-    name: of nothing, or of an empty folder; of anything with `replace`.
-    """
+    """Give a whole folder its name in one step; with `replace` it then has what stood there."""
     for path in scratch.rglob("*"):
         _to_disk(path)
     _to_disk(scratch)
@@ -188,10 +180,7 @@ def _remove(path: Path) -> None:
 
 
 def _to_disk(path: Path) -> None:
-    """Wait until a file, or a folder's entries, are on the disk.
-
-    A name must not outlive a crash that its content does not.
-    """
+    """Wait until a file, or a folder's entries, are on the disk: no name outlives its content."""
     if os.name == "nt" and path.is_dir():
         return  # folders cannot be opened there
     handle = os.open(path, os.O_RDONLY)

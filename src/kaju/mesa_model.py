@@ -165,11 +165,7 @@ class SteppedModel(Model):
         raise NotImplementedError
 
     def again(self, scene: Any, **changed: Any) -> Self:
-        """Return a new model of another scene with the same kind of agents.
-
-        It runs loads that grow, too, until they threaten to overflow. `changed` are parameters of
-        the agents that it is given other values of.
-        """
+        """Return a model of another scene with the same agents; it runs loads that grow, too."""
         options, own = self.checkpoint_options()
         options |= {name: value for name, value in own.items() if value is not None}
         if "allow_unstable" in options:
@@ -297,11 +293,7 @@ class _Figure:
 
 
 def agent_model(scene: Scene, **options: Any) -> LoadModel | ElasticModel:
-    """Return the Mesa model of a scene: `LoadModel` or `ElasticModel`, by the scene's rule.
-
-    `scene`: its ``rule.kind`` decides; `**options`: handed to the model, such as
-    ``engine="arrays"``.
-    """
+    """Return the Mesa model of a scene, `LoadModel` or `ElasticModel`, by the kind of its rule."""
     if scene.rule.kind == "elastic":
         from kaju.model.elastic.settling.elastic_model import ElasticModel
 

@@ -23,11 +23,7 @@ OURS = ("summary.json", "result.npz", *PICTURES)
 
 
 class Folder:
-    """A place for results.
-
-    `path`: the folder; it is made when the results are there; `force`: replace the results of an
-    earlier run. Other files in the folder are left alone.
-    """
+    """A place for results, made or replaced (`force`) when these are there; other files stay."""
 
     def __init__(self, path: Path, force: bool = False) -> None:
         self.path = path

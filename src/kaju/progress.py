@@ -14,11 +14,7 @@ _one_of_many = ContextVar("_one_of_many", default=False)
 
 @contextmanager
 def progress_line(shown: bool | None = None) -> Iterator[Callable[[str], None]]:
-    """Show what a run is doing on one line of the terminal, once it takes over two seconds.
-
-    Yields a function that takes the text. `shown`: None shows the line only if the standard error
-    stream is a terminal.
-    """
+    """Yield what shows a line on the terminal after two seconds; None: only if it is a terminal."""
     began = monotonic()
     status = None
 

@@ -46,11 +46,7 @@ def chosen(order: Order[A], waiting: list[A]) -> list[A]:
 
 
 def takes_objects(engine: str, agent: type, usual: type, small: bool) -> bool:
-    """Tell whether agents are to be objects.
-
-    `engine`: what was asked for; `agent`, `usual`: class of the agents, and the one that arrays
-    know; `small`: whether "auto" can afford objects.
-    """
+    """Tell whether agents are to be objects: asked for, of one's own class, or few ("auto")."""
     own_class = agent is not usual
     if engine not in ("auto", "agents", "arrays"):
         raise ParameterError(f"engine: 'auto', 'agents' or 'arrays', got {engine!r}")
@@ -68,10 +64,7 @@ def step_to_end(
     result: Callable[[], Answer],
     after: Callable[[], None] | None = None,
 ) -> Answer:
-    """Step until the end, or until a question is answered with yes; return what there is.
-
-    A whole number is a number of steps. `after` is called after every step.
-    """
+    """Step until the end, so many times, or until a yes, `after` each; return what there is."""
     whole = isinstance(until, Integral) and not isinstance(until, bool) and until > 0
     if not (until is None or callable(until) or whole):
         raise ParameterError(

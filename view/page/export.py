@@ -310,10 +310,7 @@ _MOST_GROWN = 2700
 
 
 def _growth(result: GrowthResult) -> dict[str, Any] | None:
-    """Return how the page lets a body grow again itself; None if it cannot, or another would grow.
-
-    A result does not know all numbers of its rule, and need not: what counts is what has grown.
-    """
+    """Return how the page grows a body again: None unless its numbers lead to what has grown."""
     from kaju.model.growth.growth_model import AT_REST, GrowthModel
 
     scene, rests = result.scene, result.outcome == AT_REST

@@ -60,10 +60,7 @@ class Session:
     """One page and the model behind it: messages in, packed answers out."""
 
     def answer(self, message: str | dict[str, Any]) -> bytes:
-        """Return the packed answer to a message (JSON, or read already).
-
-        It says what has happened, and what went wrong.
-        """
+        """Return the packed answer to a JSON message: what has happened, and what went wrong."""
         header: dict[str, Any] = {}
         columns: Columns = {}
         try:
@@ -83,11 +80,7 @@ class Session:
 
 
 class LiveRun(Session):
-    """A model of the prescribed rule that a page steps, and exchanges when its scene was changed.
-
-    `scene`: with a prescribed rule; `model_of`: returns a model of a scene, with agents of your own
-    if you like, and with the values of their parameters that it is given by name.
-    """
+    """A model of the prescribed rule that a page steps, exchanged when its scene was changed."""
 
     def __init__(self, scene: Scene, model_of: ModelOf = usual_model) -> None:
         self.scene = scene
@@ -204,11 +197,7 @@ class LiveRun(Session):
 def scene_from(
     data: Mapping[str, Any], cells: NDArray[np.int16], stage: int | None = None
 ) -> Scene:
-    """Return the scene that `scene_data` has described, as a page may have changed it.
-
-    `data`, `cells`: as `scene_data` returns them; `stage`: take the loads of this stage, applied in
-    one step.
-    """
+    """Return the scene that a page was told and has changed, with a stage's loads at once."""
     lattice = _table(data, "lattice")
     kind, shape = lattice.get("kind"), _list(lattice, "shape")
     sizes = all(isinstance(n, int) and n > 0 for n in shape)
@@ -348,10 +337,7 @@ MOST_STEPS = 4096
 
 
 class LiveFaces(Session):
-    """A model of the elastic rule that a page steps.
-
-    `begin`: returns the model; it is called when the model is first needed.
-    """
+    """A model of the elastic rule that a page steps, begun when it is first needed."""
 
     def __init__(self, begin: Callable[[], ElasticModel]) -> None:
         self._begin = begin

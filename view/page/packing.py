@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 
 
 def pack(header: Mapping[str, Any], columns: Mapping[str, NDArray[Any]], level: int = 9) -> bytes:
-    """Write a header and columns as one deflated block.
+    """Write a JSON header, and columns of integers or floats, as one block deflated to a level.
 
     Bytes of one significance stand together, for deflate then finds far more to leave out.
-
-    `header`: anything that JSON can say; `columns` (name, type, count) is added; `columns`: arrays
-    of 8 to 32-bit integers or of floats; `level`: 0 (as it is), 1 (quick) to 9 (small).
     """
     arrays = {name: np.ascontiguousarray(column).ravel() for name, column in columns.items()}
     listed = [[name, array.dtype.name, array.size] for name, array in arrays.items()]

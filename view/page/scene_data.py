@@ -94,10 +94,7 @@ def _coefficients(given: Coefficients) -> dict[str, Any]:
 
 
 def _loads(scene: Scene) -> list[dict[str, Any]]:
-    """Return the loads on single cells, each with the number of its steps.
-
-    A load grows by equal steps, so its full force over that of the first stage counts them.
-    """
+    """Return loads on single cells with their steps: the full force over the first stage's."""
     full, first = scene.applied(), scene.applied(1).force
     rows = np.arange(len(full.force))
     largest = np.abs(full.force).argmax(axis=1) if len(rows) else rows
@@ -210,12 +207,7 @@ class Account:
 def history_columns(
     scene: Scene, stage: Stage, exact: bool = False, account: Account | None = None
 ) -> Columns:
-    """Return all that a recorded page needs of a stage of loading.
-
-    `scene`: what was asked; `stage`: what its agents took, passed on and let end; `exact`: loads as
-    64-bit numbers; a quarter larger; `account`: what agents did in every generation. Without it all
-    counts as done in the last one.
-    """
+    """Return what a recorded page needs of a stage, by generation as far as an account tells."""
     lattice, history = scene.lattice, stage.history
     key = lattice.key(stage.cells)
     sense = isinstance(scene.rule, PrescribedRule) and scene.rule.sense

@@ -36,7 +36,7 @@ class GivesWayError(ArithmeticError):
 
 
 class MultigridSolver:
-    """Solves with the last tangent; coarse levels serve until `patience` iterations are not enough."""
+    """Solves with the last tangent; coarse levels serve for `patience` iterations."""
 
     name = "conjugate gradients with algebraic multigrid"
 

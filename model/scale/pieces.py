@@ -164,7 +164,7 @@ class PiecedResult(BodyResult):
         figures: dict[str, Any],
         comm: Any,
     ) -> Self:
-        """Return the answer of which this process has a piece; `borne` is what supports bear (N)."""
+        """Return the answer of which this process has a piece; `borne`: what supports bear (N)."""
         reaction: dict[str, Floats] = {}
         for part in comm.allgather(borne):
             for name, force in part.items():

@@ -61,11 +61,18 @@ def by_peer(beam: Beam, density: Floats) -> float:
     return Bilinear(beam).feel(VOID + (1.0 - VOID) * density**POWER)[0]
 
 
+def model_of(
+    beam: Beam, volume: float, radius: float, steps: int, **more: object
+) -> kaju.GrowthModel:
+    """Return a model that takes all of its steps."""
+    options = {"volume": volume, "filter_radius": radius, "most_steps": steps, "at_rest": 0.0}
+    return kaju.GrowthModel(beam.scene(), keep=False, **options | more)
+
+
 def grown(beam: Beam, volume: float, radius: float, filter: str, steps: int) -> Floats:
     """Return what kaju grows, in the peer's shape."""
-    options = {"volume": volume, "filter_radius": radius, "most_steps": steps, "at_rest": 0.0}
     rule = Compliance("density" if filter == "density" else "sensitivity")
-    found = kaju.GrowthModel(beam.scene(), rule=rule, keep=False, **options).run(progress=False)
+    found = model_of(beam, volume, radius, steps, rule=rule).run(progress=False)
     return found.density[:, -beam.cells[1] :]
 
 
@@ -86,8 +93,7 @@ def prices(repeat: int) -> Iterator[str]:
     """Yield what a step costs, and 60 of them."""
     solvers = ["superlu"] + ["pardiso"] * (find_spec("pypardiso") is not None)
     for name, (beam, volume, radius) in CASES.items():
-        options = {"volume": volume, "filter_radius": radius, "most_steps": 10_000, "at_rest": 0.0}
-        model = kaju.GrowthModel(beam.scene(), keep=False, **options)
+        model = model_of(beam, volume, radius, 10_000)
         for _ in range(10):
             model.step()
         ours, theirs = [], {solver: [] for solver in solvers}
@@ -115,9 +121,7 @@ def large(steps: int) -> Iterator[str]:
         start, began = None, process_time()
         for k, most in courses:
             beam = Beam("cantilever", (1000 // k, 500 // k), 10 // k)
-            options = {"volume": 0.4, "filter_radius": max(4.0 / k, 1.5), "most_steps": most}
-            options["at_rest"] = 0.0
-            model = kaju.GrowthModel(beam.scene(), keep=False, start=start, **options)
+            model = model_of(beam, 0.4, max(4.0 / k, 1.5), most, start=start)
             result = model.run(progress=False)
             start = np.kron(model.design.reshape(beam.cells), np.ones((2, 2)))
         spent, told = process_time() - began, " + ".join(str(most) for _, most in courses)
@@ -168,8 +172,7 @@ def refined() -> Iterator[str]:
     last = None
     for k in (1, 2, 4, 8):
         beam, radius = Beam("cantilever", (80 * k, 50 * k), 2 * k), 2.0 * k
-        options = {"volume": 0.4, "filter_radius": radius, "most_steps": 100, "at_rest": 0.0}
-        result = kaju.GrowthModel(beam.scene(), keep=False, **options).run(progress=False)
+        result = model_of(beam, 0.4, radius, 100).run(progress=False)
         told = "" if last is None else f", {result.compliance / last - 1.0:+.2%}"
         yield f"{80 * k} x {50 * k}, radius {radius:g}: F·u {result.compliance:.2f}{told}"
         last = result.compliance
@@ -179,8 +182,7 @@ def volumes() -> Iterator[str]:
     """Yield how far designs are from Michell's truss on one grid, the less material the farther."""
     beam = Beam("cantilever", (320, 200), 4)
     for volume in (0.5, 0.3, 0.2, 0.1):
-        options = {"volume": volume, "filter_radius": 1.8, "most_steps": 60, "at_rest": 0.0}
-        result = kaju.GrowthModel(beam.scene(), keep=False, **options).run(progress=False)
+        result = model_of(beam, volume, 1.8, 60).run(progress=False)
         yield f"volume {volume:g} on 320 columns: {michell_ratio(result, beam):.3f}"
 
 
@@ -195,9 +197,7 @@ def michell() -> Iterator[str]:
     start = None
     for k in (1, 2, 4):
         beam = Beam("cantilever", (160 * k, 100 * k), 2 * k)
-        options = {"volume": 0.3, "filter_radius": 1.8, "at_rest": 0.0, "start": start}
-        steps = 60 if k < 4 else 40
-        model = kaju.GrowthModel(beam.scene(), most_steps=steps, keep=False, **options)
+        model = model_of(beam, 0.3, 1.8, 60 if k < 4 else 40, start=start)
         result = model.run(progress=False)
         yield f"{beam.cells[0]} columns: {michell_ratio(result, beam):.3f}"
         start = np.kron(model.design.reshape(beam.cells), np.ones((2, 2)))
@@ -229,13 +229,10 @@ def pictures() -> Iterator[str]:
     from matplotlib.figure import Figure
 
     beam = Beam("cantilever", (160, 100))
-    left = {"filter_radius": 1.8, "most_steps": 60, "at_rest": 0.0, "keep": False}
-    scene = Beam("cantilever", (320, 200), 4).scene()
+    fine = Beam("cantilever", (320, 200), 4)
     rows: dict[str, dict[str, Floats]] = {
         "growth_volumes": {
-            f"volume {volume:g}": kaju.GrowthModel(scene, volume=volume, **left)
-            .run(progress=False)
-            .density
+            f"volume {volume:g}": model_of(fine, volume, 1.8, 60).run(progress=False).density
             for volume in (0.5, 0.3, 0.1)
         },
         "growth_plain": {

@@ -167,10 +167,9 @@ def times(result: TransferCreepResult | ElasticCreepResult) -> Motion:
     return Motion(body.points, body.parts, frames)
 
 
-_FLOAT, _BYTE, _INDEX = 5126, 5121, 5125
 _VERTICES, _INDICES = 34962, 34963
 _LINES, _TRIANGLES = 1, 4
-_COMPONENTS = {_FLOAT: np.float32, _BYTE: np.uint8, _INDEX: np.uint32}
+_COMPONENTS = {"float32": 5126, "uint8": 5121, "uint32": 5125}
 _TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
 # Faces of a cube by VTK's numbering of its corners, outwards.
@@ -191,10 +190,10 @@ def write_glb(
     glb = _Buffer()
     index = glb.add(corners.ravel().astype(np.uint32)[:, None], _INDICES)
     attributes = {
-        "POSITION": glb.add(_upright(motion.points[used]), _VERTICES, bounded=True),
+        "POSITION": glb.add_bounded(_upright(motion.points[used]), _VERTICES),
         "COLOR_0": glb.add(_colours(motion.frames[-1].moved[used]), _VERTICES, normalized=True),
     }
-    targets = [{"POSITION": glb.add(move, _VERTICES, bounded=True)} for move in moved[1:]]
+    targets = [{"POSITION": glb.add_bounded(move, _VERTICES)} for move in moved[1:]]
     primitive = {
         "attributes": attributes,
         "indices": index,
@@ -203,40 +202,20 @@ def write_glb(
         "targets": targets,
     }
     times, weights = _weights(len(moved), fps, hold)
-    sampler = {
-        "input": glb.add(times[:, None], bounded=True),
-        "output": glb.add(weights.reshape(-1, 1)),
-        "interpolation": "LINEAR",
-    }
+    keys, values = glb.add_bounded(times[:, None]), glb.add(weights.reshape(-1, 1))
+    sampler = {"input": keys, "output": values, "interpolation": "LINEAR"}
+    channel = {"sampler": 0, "target": {"node": 0, "path": "weights"}}
+    extras = {"magnification": factor, "unit": "m"}
+    named = {"targetNames": [f"frame {k}" for k in range(1, len(moved))]}
+    matte = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
     scene = {
-        "asset": {
-            "version": "2.0",
-            "generator": f"kaju {__version__}",
-            "extras": {"magnification": factor, "unit": "m"},
-        },
+        "asset": {"version": "2.0", "generator": f"kaju {__version__}", "extras": extras},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": "body"}],
-        "meshes": [
-            {
-                "primitives": [primitive],
-                "weights": [0.0] * len(targets),
-                "extras": {"targetNames": [f"frame {k}" for k in range(1, len(moved))]},
-            }
-        ],
-        "materials": [
-            {
-                "name": "displacement",
-                "doubleSided": True,
-                "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9},
-            }
-        ],
-        "animations": [
-            {
-                "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}],
-                "samplers": [sampler],
-            }
-        ],
+        "meshes": [{"primitives": [primitive], "weights": [0.0] * len(targets), "extras": named}],
+        "materials": [{"name": "displacement", "doubleSided": True, "pbrMetallicRoughness": matte}],
+        "animations": [{"channels": [channel], "samplers": [sampler]}],
     }
     path.write_bytes(glb.packed(scene))
 
@@ -249,35 +228,24 @@ class _Buffer:
         self.views: list[dict[str, int]] = []
         self.accessors: list[dict[str, Any]] = []
 
-    def add(
-        self,
-        array: NDArray[Any],
-        target: int | None = None,
-        *,
-        bounded: bool = False,
-        normalized: bool = False,
-    ) -> int:
-        """Add rows of numbers; return the number of their accessor."""
-        kind = _FLOAT
-        if array.dtype.kind == "u":
-            kind = _BYTE if array.dtype.itemsize == 1 else _INDEX
-        packed = np.ascontiguousarray(array, dtype=_COMPONENTS[kind])
-        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": packed.nbytes}
+    def add(self, array: NDArray[Any], target: int | None = None, **more: Any) -> int:
+        """Add rows of numbers of 8 or 32 bits; return the number of their accessor."""
+        view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes}
         self.views.append(view if target is None else view | {"target": target})
-        self.data += packed.tobytes()
-        self.data += bytes(-len(self.data) % 4)
-        accessor: dict[str, Any] = {
+        self.data += array.tobytes() + bytes(-array.nbytes % 4)
+        accessor = {
             "bufferView": len(self.views) - 1,
-            "componentType": kind,
-            "count": len(packed),
-            "type": _TYPES[packed.shape[1]],
+            "componentType": _COMPONENTS[array.dtype.name],
+            "count": len(array),
+            "type": _TYPES[array.shape[1]],
         }
-        if bounded:
-            accessor |= {"min": packed.min(axis=0).tolist(), "max": packed.max(axis=0).tolist()}
-        if normalized:
-            accessor["normalized"] = True
-        self.accessors.append(accessor)
+        self.accessors.append(accessor | more)
         return len(self.accessors) - 1
+
+    def add_bounded(self, array: NDArray[Any], target: int | None = None) -> int:
+        """Add rows of numbers, and tell the least and the largest of each column."""
+        bounds = {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
+        return self.add(array, target, **bounds)
 
     def packed(self, scene: dict[str, Any]) -> bytes:
         """Return the whole file: header, JSON, numbers."""
@@ -335,13 +303,13 @@ def _colours(moved: Floats) -> NDArray[np.uint8]:
     return np.rint(255.0 * np.pad(light, [(0, 0), (0, 1)], constant_values=1.0)).astype(np.uint8)
 
 
-def _weights(frames: int, fps: float, hold: float) -> tuple[Floats, Floats]:
+def _weights(frames: int, fps: float, hold: float) -> tuple[NDArray[np.float32], ...]:
     """Return the times of the keys (s), and the weights of the targets, one row a key."""
     times = np.arange(frames) / fps
     weights = np.eye(frames)[:, 1:]
     if hold > 0.0:
         times, weights = np.append(times, times[-1] + hold), np.vstack([weights, weights[-1]])
-    return times, weights
+    return times.astype(np.float32), weights.astype(np.float32)
 
 
 _VTK = {2: "line", 4: "quad", 6: "polygon", 8: "hexahedron"}

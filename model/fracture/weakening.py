@@ -86,7 +86,7 @@ class WeakeningBody:
 
     @abstractmethod
     def break_part(self, place: int) -> tuple[int, float]:
-        """Break the part at a place among the shares; return its number, and the energy (J) freed."""
+        """Break the part at a place of the shares; return its number and the energy (J) freed."""
 
     @abstractmethod
     def place_of(self, part: int) -> int:

@@ -214,23 +214,25 @@ def solve(
     return keeping(lambda: solve_network(subject, **given))
 
 
+def _first_given(**named: object) -> str:
+    """Return the first name with a value, "" if there is none."""
+    return next((name for name, value in named.items() if value is not None), "")
+
+
 def _refuse_beside_petsc(engine: str, strategy: str, **given: object) -> None:
     if engine != "petsc":
         raise ParameterError(f"engine: None (kaju's own) or 'petsc', got {engine!r}")
-    names = [name for name, value in given.items() if value is not None]
-    names += [strategy] if strategy == "spawning" else []
-    if names:
+    if name := _first_given(**given) or (strategy if strategy == "spawning" else ""):
         raise ParameterError(
             f"engine: 'petsc' solves equal cells, by tolerance (of the equations), resolution and "
-            f"stage; it knows no {names[0]}"
+            f"stage; it knows no {name}"
         )
 
 
 def _refuse_with_outlines(**given: object) -> None:
-    names = [name for name, value in given.items() if value is not None]
-    if names:
+    if name := _first_given(**given):
         raise ParameterError(
-            f"{names[0]}: is not known of true outlines, whose agents spawn for the energy norm "
+            f"{name}: is not known of true outlines, whose agents spawn for the energy norm "
             'alone so far; leave it out, or take regions with outline = "cells"'
         )
 
@@ -246,9 +248,8 @@ def _solve_outlined(
 
 def _refuse(subject: object, **given: object) -> None:
     """Refuse what is given though it belongs to another subject."""
-    names = [name for name, value in given.items() if value is not None]
-    if names:
-        raise ParameterError(f"{names[0]}: belongs to no {type(subject).__name__}; leave it out")
+    if name := _first_given(**given):
+        raise ParameterError(f"{name}: belongs to no {type(subject).__name__}; leave it out")
 
 
 def _solve_scene(
@@ -274,12 +275,11 @@ def _solve_scene(
         )
     check_numbers(tolerance, resolution, stage, most_agents, least=SMALLEST)
     if stiffness is not None:
-        beside = {"tolerance_at": tolerance_at, "most_agents": most_agents}
-        names = [name for name, value in beside.items() if value is not None]
-        names += ["strategy='spawning'"] if strategy == "spawning" else []
-        if names:
+        name = _first_given(tolerance_at=tolerance_at, most_agents=most_agents)
+        name = name or ("strategy='spawning'" if strategy == "spawning" else "")
+        if name:
             raise ParameterError(
-                f"stiffness: a field of it belongs to equal cells, which know no {names[0]}; leave "
+                f"stiffness: a field of it belongs to equal cells, which know no {name}; leave "
                 "the one or the other out"
             )
         return solve_uniform(

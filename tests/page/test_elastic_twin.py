@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 import kaju
 from kaju.errors import SceneError
@@ -144,15 +145,9 @@ def test_random_bodies_move_and_bear_as_kaju_says(node):
 
 
 def plate(cells, **changes):
-    return kaju.Scene(
-        **{
-            "body": {"size": [0.2, 0.2], "cells": [cells, cells], "material": "steel"}
-            | {"thickness": 0.002},
-            "sides": {"bottom": "rigid"},
-            "loads": [{"cell": [cells // 2, cells - 1], "force": [0.3, -2.0], "side": "top"}],
-        }
-        | changes
-    )
+    body = {"size": [0.2, 0.2], "thickness": 0.002}
+    place = [cells // 2, cells - 1]
+    return pressed([cells, cells], place, [0.3, -2.0], side="top", **body | changes)
 
 
 def test_large_and_nearly_incompressible_bodies_agree(node):

@@ -11,9 +11,10 @@ import nbconvert
 import nbformat
 import pytest
 from nbconvert import HTMLExporter
+from page_scenes import Leaky
 
 import kaju
-from kaju import LoadModel, MaterialAgent, Scene
+from kaju import LoadModel, Scene
 from kaju.errors import MissingExtraError, ParameterError
 from kaju.view.page import live, notebook
 from kaju.view.page.packing import unpack
@@ -25,13 +26,6 @@ PLATE = {
     "sides": {"bottom": "rigid"},
     "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
 }
-
-
-class Straight(MaterialAgent):
-    def pass_on(self, load):
-        ahead = load._replace(magnitude=0.8 * load.magnitude)
-        if ahead.magnitude > self.model.threshold:
-            self.model.hand_over(self, load.direction, ahead)
 
 
 def page_in(html):
@@ -54,7 +48,7 @@ def test_a_result_is_a_page_shut_off_from_the_notebook():
 
 
 def test_a_model_shows_what_has_happened_and_is_not_run_on():
-    model = LoadModel(Scene(**PLATE), material_agent=Straight)
+    model = LoadModel(Scene(**PLATE), material_agent=Leaky)
     for _ in range(3):
         model.step()
     header, columns = told(page_in(model._repr_html_()))
@@ -64,12 +58,12 @@ def test_a_model_shows_what_has_happened_and_is_not_run_on():
 
 
 def test_a_model_that_has_not_begun_stays_so():
-    model = LoadModel(Scene(**PLATE), material_agent=Straight)
+    model = LoadModel(Scene(**PLATE), material_agent=Leaky)
     header, columns = told(page_in(model._repr_html_()))
     assert (header["kind"], model.generation) == ("recorded", 0)
     assert (
         len(columns["offset"])
-        == 1 + LoadModel(model.scene, material_agent=Straight).run().last.generations
+        == 1 + LoadModel(model.scene, material_agent=Leaky).run().last.generations
     )
     elastic = kaju.ElasticModel(Scene(**PLATE, rule={"kind": "elastic"}))
     assert told(page_in(elastic._repr_html_()))[0]["along"] == "step"
@@ -107,7 +101,7 @@ def test_the_page_stays_in_a_saved_notebook_and_its_document(tmp_path, chromium,
 
 
 def test_a_widget_answers_what_its_page_asks(monkeypatch):
-    widget = live(LoadModel(Scene(**PLATE), material_agent=Straight))
+    widget = live(LoadModel(Scene(**PLATE), material_agent=Leaky))
     sent = []
     monkeypatch.setattr(type(widget), "send", lambda self, content, buffers: sent.append(buffers))
     widget._handle_custom_msg({"type": "hello"}, [])

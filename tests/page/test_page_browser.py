@@ -7,24 +7,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 import pytest
+from page_scenes import Leaky
 
 import kaju
-from kaju import LoadModel, MaterialAgent, Scene
+from kaju import LoadModel, Scene
 
 PLATE = {
     "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
     "sides": {"bottom": "rigid"},
     "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
 }
-
-
-class Leaky(MaterialAgent):
-    """Passes nothing sideways: not the rule's own agent."""
-
-    def pass_on(self, load):
-        ahead = load._replace(magnitude=0.8 * load.magnitude)
-        if ahead.magnitude > self.model.threshold:
-            self.model.hand_over(self, load.direction, ahead)
 
 
 @pytest.fixture(scope="module")

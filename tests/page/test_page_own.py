@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from page_scenes import Leaky
+from plates import plate as pressed
 
 import kaju
 from kaju import (
@@ -22,31 +24,15 @@ from kaju.view.page.scene_data import scene_data
 
 
 def plate(**given):
-    rule = {"kind": "prescribed", "threshold": 5e-3}
-    body = {"size": [0.1, 0.06], "cells": [10, 6], "thickness": 0.002, "material": "steel"}
-    load = {"cell": [5, 5], "force": [0.0, -2.0]}
-    return Scene(
-        **{
-            "body": body,
-            "sides": {"bottom": "rigid", "right": "roller"},
-            "loads": [load],
-            "rule": rule,
-        }
-        | given
-    )
+    usual = {"sides": {"bottom": "rigid", "right": "roller"}, "thickness": 0.002}
+    usual["rule"] = {"kind": "prescribed", "threshold": 5e-3}
+    return pressed([10, 6], [5, 5], **usual | given)
 
 
 class Greedy(MaterialAgent):
     def take(self, load):
         super().take(load)
         self.kept += 0.1 * load.total
-
-
-class Leaky(MaterialAgent):
-    def pass_on(self, load):
-        ahead = load._replace(magnitude=0.8 * load.magnitude)
-        if ahead.magnitude > self.model.threshold:
-            self.model.hand_over(self, load.direction, ahead)
 
 
 class Narrow(MaterialAgent):

@@ -1,22 +1,12 @@
 """Single values changed by their key path, as the command's --set does."""
 
 import pytest
+from plates import PLATE_TEXT
 
 from kaju.errors import SceneError
 from kaju.model.scene import Scene, load_scene
 
-PLATE = """
-[body]
-size = [0.2, 0.2]
-cells = [20, 20]
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [10, 19]
-force = [0.0, -2.0]
-steps = 20
-"""
+PLATE = PLATE_TEXT + "steps = 20\n"
 
 
 def changed(**changes):

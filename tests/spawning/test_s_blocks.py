@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 from spawning_bodies import BRASS, STEEL, blotched, drawn, pierced, quarter, ragged
 
-from kaju import Scene, solve
+from kaju import solve
 from kaju.model.elastic.spawning import block_kernels as kernels
 from kaju.model.elastic.spawning.agent_fields import AgentFields
 from kaju.model.elastic.spawning.block_multigrid import BlockMultigrid
@@ -22,14 +23,7 @@ def in_blocks(monkeypatch):
 
 
 def plate(**changes):
-    return Scene(
-        **{
-            "body": {"size": [0.2, 0.2], "cells": [20, 20], "material": "steel"},
-            "sides": {"bottom": "rigid"},
-            "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-            **changes,
-        }
-    )
+    return pressed([20, 20], [10, 19], **changes)
 
 
 def dragged():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from elastic_scenes import spawned_agents
 from PIL import Image
+from spawning_bodies import spawned_by
 
 from kaju import ElasticResult, LoadModel, Reference, Scene, compare, load_scene, solve
 from kaju.errors import ResultError
@@ -17,10 +18,6 @@ from kaju.view.comparison import plot_error, plot_shapes
 ROOT = Path(__file__).parents[2]
 PLATE = str(ROOT / "examples" / "plate.toml")
 ELEMENTS = ROOT / "tests" / "data" / "plate_finite_elements.npz"
-
-
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
 
 
 @pytest.fixture(scope="module")

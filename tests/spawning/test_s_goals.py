@@ -19,7 +19,7 @@ from goal_bodies import (
     rubber,
     sheared,
 )
-from spawning_bodies import PLANE
+from spawning_bodies import PLANE, spawned_by
 
 from kaju import Deflection, Reaction, Scene, SpawningModel, Stress, material, solve
 from kaju.errors import ParameterError
@@ -47,10 +47,6 @@ CASES = [
     (cube, Deflection((0.5, 0.5, 1.0), "z")),
     (beam, Stress({"box": [[0.0, 0.0, 0.1875], [0.125, 0.25, 0.25]]}, "xx")),
 ]
-
-
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
 
 
 def by_agents(result, quantity):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from goal_bodies import FLAT, GROUND, SOLID, STEEL, beam, cube, pierced, plate, rubber, sheared
-from spawning_bodies import BODIES
+from spawning_bodies import BODIES, spawned_by
 
 from kaju import Scene, SpawningModel, finite_elements, solve
 from kaju.errors import ParameterError
@@ -14,10 +14,6 @@ from kaju.model.results.result import load_result
 from kaju.model.study.reference import Reference
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
-
-
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
 
 
 @cache

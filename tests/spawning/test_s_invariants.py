@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
-from spawning_bodies import BRASS, CELL, FOAM, STEEL, drawn, joined, on_top, ragged
+from spawning_bodies import BRASS, CELL, FOAM, STEEL, drawn, joined, on_top, ragged, spawned_by
 
-from kaju import Scene, solve
+from kaju import Scene
 from kaju.model.elastic.spawning.balance import Balance
 from kaju.model.elastic.spawning.composite import Composite
 from kaju.model.elastic.spawning.ground import ground_of
 from kaju.model.results.result import load_result
-
-
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
 
 
 def codes_of(seed=5, size=12):

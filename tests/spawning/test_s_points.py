@@ -4,13 +4,10 @@ from itertools import product
 
 import numpy as np
 import pytest
+from spawning_bodies import spawned_by
 
 from kaju import Scene, solve
 from kaju.model.elastic.spawning import agent_fields as sampling
-
-
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
 
 
 def plate(**others):

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 from scipy.ndimage import label
+from spawning_bodies import spawned_by
 
-from kaju import Scene, solve
+from kaju import Scene
 from kaju.errors import ConvergenceError, SupportError
-
-
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
 
 
 def random_scene(seed):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from elastic_scenes import spawned_agents
+from spawning_bodies import spawned_by
 
 import kaju
 from kaju import Scene, solve
@@ -10,11 +11,6 @@ from kaju.errors import ConvergenceError, ParameterError, ResultFileError, Suppo
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.spawning.solve_spawning import solve_spawning
 from kaju.model.results.result import load_result
-
-
-def spawned_by(scene, **how):
-    return solve(scene, strategy="spawning", **how)
-
 
 LIMIT = 1.32302e-8
 """Strain energy (J) of the plate by converged quadratic finite elements."""

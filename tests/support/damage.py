@@ -17,6 +17,7 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+from plates import plate as pressed
 from stored_files import joined, parts_of
 
 import kaju
@@ -35,15 +36,7 @@ HISTORY = kaju.History.step()
 
 
 def plate(**changes):
-    body = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"}
-    return Scene(
-        **{
-            "body": body,
-            "sides": {"bottom": "rigid"},
-            "loads": [{"cell": [4, 7], "force": [0.3, -2.0], "steps": 2}],
-        }
-        | changes
-    )
+    return pressed([8, 8], [4, 7], [0.3, -2.0], steps=2, **changes)
 
 
 def slow(*laws):

@@ -24,13 +24,9 @@ def spawned_agents(result):
 
 def plate(cells=8, force=(0.0, -2.0), at=None, sides=None, **rule):
     """A square steel plate on rigid ground, pressed on by one cell of its top."""
-    body = {"size": [0.2, 0.2], "cells": [cells, cells], "thickness": 0.002, "material": "steel"}
-    return Scene(
-        body=body,
-        sides={"bottom": "rigid"} if sides is None else sides,
-        loads=[{"cell": at or [cells // 2, cells - 1], "force": list(force), "side": "top"}],
-        rule=ElasticRule(**rule),
-    )
+    asked = {"size": [0.2, 0.2], "thickness": 0.002, "rule": ElasticRule(**rule)}
+    asked |= {} if sides is None else {"sides": sides}
+    return pressed([cells] * 2, at or [cells // 2, cells - 1], list(force), side="top", **asked)
 
 
 def drawn(drawing, loads, sides=None, plane="stress", **rule):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kaju import Coefficients, KajuError, PrescribedRule, Scene
+from kaju import Coefficients, KajuError, MaterialAgent, PrescribedRule, Scene
 
 SIDES = {
     2: ["left", "right", "bottom", "top"],
@@ -69,3 +69,12 @@ def _rule(rng, dimension, fixed):
         "materials": own,
     }
     return PrescribedRule(**_coefficients(rng, dimension), **settings | fixed)
+
+
+class Leaky(MaterialAgent):
+    """Passes nothing sideways: not the rule's own agent."""
+
+    def pass_on(self, load):
+        ahead = load._replace(magnitude=0.8 * load.magnitude)
+        if ahead.magnitude > self.model.threshold:
+            self.model.hand_over(self, load.direction, ahead)

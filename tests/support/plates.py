@@ -2,6 +2,17 @@
 
 from kaju import Scene
 
+PLATE_TEXT = """
+[body]
+size = [0.2, 0.2]
+cells = [20, 20]
+material = "steel"
+[sides]
+bottom = "rigid"
+[[loads]]
+cell = [10, 19]
+force = [0.0, -2.0]
+"""
 _OF_THE_BODY = {"size", "cell_size", "thickness", "plane", "lattice", "regions", "allow_floating"}
 
 

@@ -7,7 +7,7 @@ Their energies and displacements, by finite elements on graded meshes, are in
 import numpy as np
 from scipy.ndimage import label
 
-from kaju import Scene
+from kaju import Scene, solve
 
 CELL = 0.01
 STEEL = {"youngs_modulus": 206e9, "poissons_ratio": 0.3}
@@ -136,3 +136,8 @@ BODIES = PLANE | SOLID
 def middles(scene):
     """Return the middles (m) of the body's cells."""
     return scene.lattice.cell_size * (np.argwhere(scene.rasterise() >= 0) + 0.5)
+
+
+def spawned_by(scene, **how):
+    """The answer of agents that spawn."""
+    return solve(scene, strategy="spawning", **how)

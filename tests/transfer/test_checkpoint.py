@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 from kaju import (
     ElasticModel,
@@ -13,7 +14,6 @@ from kaju import (
     MaterialAgent,
     NetworkModel,
     PrescribedRule,
-    Scene,
     SpawningModel,
 )
 from kaju.errors import ParameterError, ResultFileError
@@ -21,12 +21,9 @@ from kaju.model.network import triangular
 
 
 def plate(rule=None, steps=1, cells=10):
-    return Scene(
-        body={"cell_size": 0.2 / cells, "cells": [cells, cells], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [cells // 2, cells - 1], "force": [0.0, -2.0], "steps": steps}],
-        rule=rule or PrescribedRule(threshold=1e-3, sense=True),
-    )
+    rule = rule or PrescribedRule(threshold=1e-3, sense=True)
+    place = [cells // 2, cells - 1]
+    return pressed([cells, cells], place, steps=steps, cell_size=0.2 / cells, rule=rule)
 
 
 class Scattered(MaterialAgent):

@@ -10,6 +10,7 @@ import weakref
 import mesa
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 from kaju import (
     ElasticModel,
@@ -17,7 +18,6 @@ from kaju import (
     LoadModel,
     NetworkModel,
     PrescribedRule,
-    Scene,
     SpawningModel,
 )
 from kaju.errors import ParameterError
@@ -27,12 +27,9 @@ ENGINES = pytest.mark.parametrize("engine", ["agents", "arrays"])
 
 
 def plate(steps=1, rule=None, cells=20, sense=False):
-    return Scene(
-        body={"cell_size": 0.2 / cells, "cells": [cells, cells], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [cells // 2, cells - 1], "force": [0.0, -2.0], "steps": steps}],
-        rule=rule or PrescribedRule(threshold=1e-3, sense=sense),
-    )
+    rule = rule or PrescribedRule(threshold=1e-3, sense=sense)
+    place = [cells // 2, cells - 1]
+    return pressed([cells, cells], place, steps=steps, cell_size=0.2 / cells, rule=rule)
 
 
 def test_rows_of_arrays_are_no_agents_and_say_so():

@@ -11,22 +11,16 @@ from pkgutil import resolve_name
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 import kaju
-from kaju import ElasticModel, History, LoadModel, Scene, SpawningModel, ThreeElement, creep, solve
+from kaju import ElasticModel, History, LoadModel, SpawningModel, ThreeElement, creep, solve
 from kaju.__main__ import main
 from kaju.stopping import NOTE, Interrupted
 
 
 def plate(**changes):
-    return Scene(
-        **{
-            "body": {"size": [0.2, 0.2], "cells": [20, 20], "material": "steel"},
-            "sides": {"bottom": "rigid"},
-            "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-        }
-        | changes
-    )
+    return pressed([20, 20], [10, 19], **changes)
 
 
 def interrupting(monkeypatch, place, at):

@@ -3,21 +3,11 @@
 from time import process_time
 
 import pytest
+from plates import PLATE_TEXT
 
 from kaju import Scene
 from kaju.errors import SceneError
 
-PLATE = """
-[body]
-size = [0.2, 0.2]
-cells = [20, 20]
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [10, 19]
-force = [0.0, -2.0]
-"""
 CIRCLE = ", ".join(f"[{0.1 + 1e-6 * k}, {0.1 + 1e-12 * k * k}]" for k in range(10_001))
 
 
@@ -31,8 +21,8 @@ CIRCLE = ", ".join(f"[{0.1 + 1e-6 * k}, {0.1 + 1e-12 * k * k}]" for k in range(1
         ("'a'" + ".'a'" * 3_000 + " = 1", "too many parts"),
         ("a = " + "[" * 100_000, "nested too deeply"),
         ("a = " + "{a = " * 5_000, "nested too deeply"),
-        (PLATE + "steps = 100001", "steps: must be 100000 or less"),
-        (f"{PLATE}[[body.regions]]\nmaterial = 'air'\npolygon = [{CIRCLE}]", "at most 10000"),
+        (PLATE_TEXT + "steps = 100001", "steps: must be 100000 or less"),
+        (f"{PLATE_TEXT}[[body.regions]]\nmaterial = 'air'\npolygon = [{CIRCLE}]", "at most 10000"),
     ],
     ids=lambda value: value[:12],
 )

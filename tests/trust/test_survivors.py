@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plates import plate as pressed
 
 import kaju
 from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
@@ -17,9 +18,7 @@ from kaju.model.rheology.element import ElementState
 
 
 def plate(**changes):
-    body = {"size": [0.08, 0.08], "cells": [8, 8], "material": "steel"}
-    load = {"cell": [4, 7], "force": [0.0, -2.0]}
-    return Scene(**{"body": body, "sides": {"bottom": "rigid"}, "loads": [load]} | changes)
+    return pressed([8, 8], [4, 7], **changes)
 
 
 def test_what_is_left_of_a_face_carries_all_of_its_load():

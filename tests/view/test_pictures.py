@@ -26,22 +26,6 @@ from kaju.view.section import section_of
 from kaju.view.stages import plot_stages
 from kaju.view.style import FORCE, PULL
 
-PLATE = """
-[body]
-size = [0.2, 0.2]
-cells = [20, 20]
-thickness = 0.002
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [10, 19]
-force = [0.0, -2.0]
-steps = {steps}
-[rule]
-threshold = {threshold}
-"""
-
 CUBE = plate_of([10] * 3, [5, 5, 9], [0.0, 0.0, -2.0], size=[1.0] * 3).to_toml()
 
 HEXAGONS = plate_of([9, 8], [4, 7], lattice="hexagon", material="oak").to_toml()
@@ -68,12 +52,18 @@ threshold = 0.1
 
 
 @cache
+def plate_toml(threshold: float, steps: int) -> str:
+    rule, size = {"threshold": threshold}, [0.2, 0.2]
+    plate = plate_of([20, 20], [10, 19], steps=steps, size=size, thickness=0.002, rule=rule)
+    return plate.to_toml()
+
+
 def run(toml: str) -> TransferResult:
     return LoadModel(Scene.from_toml(toml)).run()
 
 
 def plate(threshold: float = 0.01, steps: int = 1) -> TransferResult:
-    return run(PLATE.format(threshold=threshold, steps=steps))
+    return run(plate_toml(threshold, steps))
 
 
 def drawn(ax: Axes, name: str) -> list[np.ndarray]:
@@ -183,9 +173,7 @@ def test_there_is_one_arrow_for_each_agent_and_direction_that_took_a_load() -> N
 
 
 def test_pulls_and_pushes_can_be_told_apart() -> None:
-    result = LoadModel(
-        Scene.from_toml(PLATE.format(steps=1, threshold=0.01) + "sense = true")
-    ).run()
+    result = LoadModel(Scene.from_toml(plate_toml(0.01, 1) + "sense = true")).run()
     stage = result.last
     ax = plot_loads(result)
     (arrows,) = [part for part in ax.collections if part.get_gid() == "loads taken"]
@@ -208,7 +196,7 @@ def test_pulls_and_pushes_can_be_told_apart() -> None:
 
 
 def test_agents_that_are_pulled_are_marked() -> None:
-    scene = PLATE.format(steps=1, threshold=0.01).replace("-2.0", "2.0") + "sense = true"
+    scene = plate_toml(0.01, 1).replace("-2.0", "2.0") + "sense = true"
     stage = (result := LoadModel(Scene.from_toml(scene)).run()).last
     pulled = stage.pulled.sum(axis=1) > (stage.taken - stage.pulled).sum(axis=1)
     ax = plot_agents(result)
@@ -302,7 +290,7 @@ def test_a_plane_body_cannot_be_cut() -> None:
 
 
 def test_a_giant_body_is_cropped_to_its_agents_and_says_so() -> None:
-    giant = PLATE.format(threshold=1e-3, steps=1)
+    giant = plate_toml(1e-3, 1)
     giant = giant.replace("[20, 20]", "[1000000, 1000000]").replace("[0.2, 0.2]", "[1e4, 1e4]")
     giant = giant.replace("[10, 19]", "[500000, 999999]")
     ax = plot_agents(run(giant))
@@ -314,7 +302,7 @@ def test_a_giant_body_is_cropped_to_its_agents_and_says_so() -> None:
 
 
 def test_too_many_cells_are_drawn_as_blocks() -> None:
-    wide = PLATE.format(threshold=1e-3, steps=1).replace("[20, 20]", "[600, 600]")
+    wide = plate_toml(1e-3, 1).replace("[20, 20]", "[600, 600]")
     scene = run(wide.replace("[0.2, 0.2]", "[6.0, 6.0]").replace("[10, 19]", "[300, 599]"))
     ax = plot_agents(scene, crop=False)
     assert "each tile stands for 3 × 3 cells" in notes(ax)
@@ -348,7 +336,7 @@ def test_an_unknown_picture_is_refused_with_a_suggestion() -> None:
         plot(plate().scene, "agents")
 
 
-@pytest.mark.parametrize("toml", [PLATE.format(threshold=0.01, steps=3), CUBE])
+@pytest.mark.parametrize("toml", [plate_toml(0.01, 3), CUBE])
 def test_plot_all_writes_well_named_pictures(tmp_path, monkeypatch, toml: str) -> None:
     monkeypatch.setattr("kaju.view.picture_files.RESOLUTION", 40)
     paths = plot_all(run(toml), tmp_path)
@@ -372,7 +360,7 @@ def test_views_load_no_drawing_library_and_never_pyplot(tmp_path) -> None:
         "from kaju.view import plot_all\n"
         "from kaju.model.transfer.load_model import LoadModel\n"
         "from kaju.model.scene import Scene\n"
-        f"plot_all(LoadModel(Scene.from_toml({PLATE.format(threshold=0.1, steps=2)!r})).run(), "
+        f"plot_all(LoadModel(Scene.from_toml({plate_toml(0.1, 2)!r})).run(), "
         f"{str(tmp_path)!r})\n"
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )

@@ -58,33 +58,11 @@ class Runs(Protocol):
 
 
 MODULES = (
-    "lattice.js",
-    "history.js",
-    "rule.js",
-    "deformation.js",
-    "words.js",
-    "scene.js",
-    "controls.js",
-    "modes.js",
-    "markdown.js",
-    "paint.js",
-    "charts.js",
-    "story.js",
-    "save.js",
-    "state.js",
-    "loads.js",
-    "cell.js",
-    "worksheet.js",
-    "lesson.js",
-    "answer.js",
-    "twin.js",
-    "cutting.js",
-    "panels.js",
-    "page.js",
-    "motion.js",
-    "growth.js",
-    "open.js",
-)
+    "lattice.js", "history.js", "rule.js", "deformation.js", "words.js", "scene.js", "controls.js",
+    "modes.js", "markdown.js", "paint.js", "charts.js", "story.js", "save.js", "state.js",
+    "loads.js", "cell.js", "worksheet.js", "lesson.js", "answer.js", "twin.js", "cutting.js",
+    "panels.js", "page.js", "motion.js", "growth.js", "open.js",
+)  # fmt: skip
 """In the order in which they are joined: each uses only those before it at its top level."""
 START = """
 await openPage(document.getElementById("kaju"), document.getElementById("kaju-data").textContent);

@@ -54,8 +54,8 @@ class Pictures:
     (parts, corners)."""
     at: Sequence[float] | Floats
     along: str
-    """What each frame stands at, and what that is: "s", "step", "generation", "stage"; "share" of an
-    answer at rest, whose `moved` and `values` are told once, for the whole load."""
+    """What each frame stands at, and what that is: "s", "step", "generation", "stage"; "share" of
+    an answer at rest, whose `moved` and `values` are told once, for the whole load."""
     values: dict[str, tuple[str, NDArray[np.floating]]]
     """What parts can be coloured by: one number each, or one each a frame."""
     moved: NDArray[np.floating] | None = None

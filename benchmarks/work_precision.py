@@ -33,13 +33,10 @@ def run(
     tell: Callable[[str], None] = lambda line: None,
     resume: bool = False,
 ) -> list[Measurement]:
-    """Measure all jobs and write table, picture and environment into a folder.
+    """Measure all jobs and write table, picture and environment into a folder, row by row.
 
-    Every row is written as soon as it is measured.
-
-    `folder`: gets work_precision.csv, .md and .png, and environment.json; `quick`: small sizes
-    only; `problems`: some of the problems; all unless given; `tell`: is told a line about each job;
-    `resume`: keep the rows that the folder has, and measure the others.
+    `quick`: small sizes only; `tell`: is told a line about each job; `resume`: keep the rows that
+    the folder has, and measure the others.
     """
     for name in problems:
         if name not in PROBLEMS:

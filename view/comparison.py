@@ -376,13 +376,12 @@ BELIEVED = "elasticity"
 def pictures_beside(
     study: BesideElasticity, depths: Sequence[float] | None = None
 ) -> dict[str, Figure]:
-    """Return the figures, by what they show.
+    """Return the figures, by what they show, with rows at `depths` below the load (m).
 
-    `depths`: how far below the load the rows lie (m); three depths unless given. "stress_ratio":
-    stress down from the load as a share of the pressure, over that of elasticity, and stress across
-    over stress along. "stress_rows": both normal stresses along rows. "deformed" (plane bodies
-    only): the shapes. "displacement": down from the load, and along the rows. "cuts": the force
-    through every cut across the load.
+    "stress_ratio": stress down from the load as a share of the pressure, over that of elasticity,
+    and stress across over stress along. "stress_rows": both normal stresses along rows. "deformed"
+    (plane bodies only): the shapes. "displacement": down from the load, and along the rows. "cuts":
+    the force through every cut across the load.
     """
     names = "xyz"[: study.scene.lattice.dimension]
     along, across = names[study.axis], names[0 if study.axis else 1]

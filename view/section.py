@@ -241,12 +241,9 @@ def section_of(
 ) -> Section:
     """Choose what to show: the given cells with a margin, or the whole body.
 
-    `cells`, shape (n, dimension): what the picture is about; of a three-dimensional body the layer
-    that holds most of them is shown unless `cut` is given; `cut`: the layer at a place (m), such as
-    ``{"y": 0.05}``; `crop`: whether to leave out the body far from the cells; unless given, bodies
-    of more than `whole_up_to` cells across are cropped; `most_across`: where more cells than this
-    lie side by side, tiles are blocks of cells; `caveats`: what is approximate of the answer, in a
-    few words each.
+    Of a body in space the layer at the place that `cut` names (m), or else the one that holds most
+    of the cells. Unless `crop` says so, bodies of more than `whole_up_to` cells across are cropped.
+    Where more cells than `most_across` lie side by side, tiles are blocks of cells.
     """
     if cells is None:
         cells, crop = np.empty((0, scene.lattice.dimension), dtype=np.int64), False

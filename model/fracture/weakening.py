@@ -33,13 +33,11 @@ class WeakeningBody:
     `strain`, shape (r, f): B, elongation of the rows by displacement of the free coordinates;
     `stiffness`, shape (r,): k, energy of a row over half the square of its elongation; `given`,
     shape (r,): elongation by what supports are moved by; `force`, shape (f,): of the load, such
-    that F·u is its work (J); `most`: weakened rows from which on there are new factors; `order`: of
-    elimination, as `scipy.sparse.linalg.splu` names it. A body that does not resist, at first or
-    once a part is broken, raises `GivesWayError`.
+    that F·u is its work (J); `most`: weakened rows from which on there are new factors, in the
+    `order` of `splu`. A body that does not resist raises `GivesWayError`.
 
-    It knows `elongation`, shape (r,); `yielded`: F·u, the work (J) that the final forces would do
-    on the displacements; `pull`, `shift`: size of the load, Σ |F| (N), or how far supports are
-    moved at most (m); `broken`: the parts that broke, in their order.
+    `yielded`: F·u, the work (J) that the final forces would do on the displacements; `pull`,
+    `shift`: size of the load, Σ |F| (N), or how far supports are moved at most (m).
     """
 
     precise: ClassVar[float]

@@ -80,11 +80,9 @@ class Neighbours:
 class GrowingBody:
     """The cells of a scene, how stiff they are, and what they feel under its loads.
 
-    `scene`: of squares or cubes, loaded by forces alone that do not depend on what has grown;
-    `stage`: of loading, None is the last. It knows `body`: which cells of the box around the body
-    are of material; `compliance`: F·u, the work (J) of the final forces on the displacements;
-    `energy`, shape (n,): what is stored in every cell (J), with its share of the edges round it;
-    `iterations` of the last solution.
+    These are forces alone that do not depend on what has grown, on squares or cubes. `compliance`:
+    F·u, the work (J) of the final forces on the displacements; `energy`, shape (n,): what is stored
+    in every cell (J), with its share of the edges round it.
     """
 
     def __init__(self, scene: Scene, stage: int | None) -> None:

@@ -18,26 +18,8 @@ from .spring_lattices import (
 from .springs import SpringNetwork, spring_lengths_and_directions
 
 __all__ = [
-    "Assembler",
-    "Geometry",
-    "IncrementalLoading",
-    "Method",
-    "NetworkBalance",
-    "NetworkResult",
-    "SpringLaw",
-    "SpringNetwork",
-    "cut",
-    "elastic_law",
-    "face_centred",
-    "find_balance",
-    "hexagon_body",
-    "jittered",
-    "load_in_increments",
-    "pulled",
-    "random_geometric",
-    "solve",
-    "spring_lengths_and_directions",
-    "square_braced",
-    "tangent_solver",
-    "triangular",
-]
+    "Assembler", "Geometry", "IncrementalLoading", "Method", "NetworkBalance", "NetworkResult",
+    "SpringLaw", "SpringNetwork", "cut", "elastic_law", "face_centred", "find_balance",
+    "hexagon_body", "jittered", "load_in_increments", "pulled", "random_geometric", "solve",
+    "spring_lengths_and_directions", "square_braced", "tangent_solver", "triangular",
+]  # fmt: skip

@@ -99,13 +99,11 @@ def find_balance(
 ) -> NetworkBalance:
     """Correct a displacement until the springs carry the force.
 
-    `law`: what the springs answer to their elongations; `displacement`: where to start (m), near
-    the answer and on its side of any instability; `force`: external (N); `given`: displacement (m)
-    that the held coordinates shall reach, None: where they are; `force_scale`: force (N) to compare
-    the residual with, if larger than those met here, for a network that is unloaded to nothing;
-    `tolerance`: largest unbalanced force as a share of the largest force; `limit`: corrections
-    after which it gives up by a `ConvergenceError`. A tangent on the way that is singular or
-    indefinite raises `GivesWayError`.
+    It starts near the answer (m), on its side of any instability. `given`: displacement (m) that
+    the held coordinates shall reach, None: where they are; `force_scale`: force (N) to compare the
+    residual with, if larger than those met here; `tolerance`: largest unbalanced force as a share
+    of the largest force; `limit`: corrections after which it gives up by a `ConvergenceError`. A
+    tangent on the way that is singular or indefinite raises `GivesWayError`.
     """
     jump = np.zeros_like(displacement)
     if given is not None:

@@ -53,13 +53,11 @@ class NetworkRecord(NamedTuple):
 
 
 class IncrementalLoading:
-    """A network on its way along its load path; `step` takes one increment.
+    """A network on its way along its load path; `step` takes one increment of so many in a stage.
 
-    `increments`: their number in every stage; `scheme`: "newton" or "euler", with or without
-    corrections; `method`: "auto", "direct" or "multigrid", how the linear systems are solved;
-    `tolerance`: largest unbalanced force of the Newton scheme as a share of the largest force. A
-    network that gives way, at once or in a step, raises `MechanismError` or `BucklingError`;
-    `result` holds what was computed.
+    `scheme`: "newton" or "euler", with or without corrections; `method`: how the linear systems are
+    solved; `tolerance`: largest unbalanced force of the Newton scheme as a share of the largest
+    force. Where the network gives way a `TangentError` holds what was computed as its `result`.
     """
 
     def __init__(

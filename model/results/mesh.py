@@ -40,9 +40,8 @@ def write_vtk(
 ) -> Path:
     """Write squares or cubes to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
 
-    `path`: the file; `corners`, shape (n, 4 or 8, dimension): where their corners are (m), in the
-    order of `corner_order`; `apart`: the distance of corners that differ (m); `values`: what is
-    known of each; `moved_at`: displacements (m) at points (m), to be written for the corners.
+    `corners`, shape (n, 4 or 8, dimension), are in the order of `corner_order` (m), those closer
+    than `apart` the same; `moved_at` tells displacements (m) at points (m), to be written for them.
     """
     d = corners.shape[2]
     first, cells = same_points(corners.reshape(-1, d), apart)
@@ -59,12 +58,7 @@ def write_polygons(
     values: Mapping[str, NDArray[Any]],
     moved: Floats,
 ) -> Path:
-    """Write polygons in the plane to a VTK file, ``.vtu`` unless the name ends in ``.vtk``.
-
-    `polygons`, shape (corners, 2) each: their corners (m); `apart`: the distance of corners that
-    differ (m); `values`: what is known of each; `moved`, shape (corners of all, 2): displacements
-    (m) of the corners, polygon by polygon.
-    """
+    """Write polygons in the plane, and how their corners moved (m), to a VTK file."""
     corners = np.concatenate(polygons)
     first, point = same_points(corners, apart)
     count = np.array([len(polygon) for polygon in polygons])

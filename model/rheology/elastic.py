@@ -71,13 +71,10 @@ _FACTORISED_UP_TO = {2: DIRECT_LIMIT[2], 3: 13_000}
 class CreepingBody:
     """A body on the staggered grid as something that creeps.
 
-    Its state, in the problem's scaled units: stretches of both parts for every cell and axis
-    (axes, cells) and for every material at every edge (materials, edges); the displacement
-    of the active faces; the stress of the cells along each axis, and the shear of the edges.
-
-    `problem`: body, supports and the loads at a factor of 1; `materials`: those that its kinds
-    count; without a rheology they are elastic; `tolerance`: unbalanced force at which an elastic
-    problem counts as solved, as a share of the load.
+    Its state, in the problem's scaled units: stretches of both parts for every cell and axis (axes,
+    cells) and for every material at every edge (materials, edges); the displacement of the active
+    faces; the stress of the cells along each axis, and the shear of the edges. `tolerance`:
+    unbalanced force at which an elastic problem counts as solved, as a share of the load.
     """
 
     def __init__(

@@ -120,14 +120,10 @@ class CreepingNetwork:
     """A network as something that creeps; every implicit step is one balance of forces.
 
     Its state is the stretches of both parts of every spring, the tension of the springs, the
-    displacement of the nodes, and their velocity (which stays 0 without mass). At the start
-    a spring that is longer than its rest length has stretched its Voigt part, as one that has
-    long been so.
-
-    `network`: its last stage's forces and given displacements are those at a factor of 1. A held
-    coordinate moves from where it is when the run begins, by its given displacement times the
-    growth of the factor; so teeth may grip a network that is bent already; `rheology`: see
-    `spring_laws`; `method`: how tangents are solved; `mass`: mass of each node (kg).
+    displacement of the nodes, and their velocity (which stays 0 without mass). At the start a
+    spring that is longer than its rest length has stretched its Voigt part, as one that has long
+    been so. A held coordinate moves from where it is when the run begins, by its given displacement
+    times the growth of the factor; so teeth may grip a network that is bent already.
     """
 
     def __init__(

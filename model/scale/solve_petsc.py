@@ -78,13 +78,11 @@ def solve_petsc(
     *,
     stage: int | None = None,
 ) -> ElasticResult | PiecedResult:
-    """Solve a scene as linear elasticity on PETSc.
+    """Solve a scene of squares or cubes as linear elasticity on PETSc, each process its own piece.
 
-    `scene`: of squares or cubes; bodies that regions describe are never held as a whole by anybody;
     `tolerance`: relative error, in the energy norm, to which the equations are solved, 1e-11 unless
     given; `resolution`: cells per cell of the scene along every axis, 1 unless given, or 2 where a
-    member is one cell wide; `stage`: the last unless given. On more processes than one each has its
-    own piece of the answer.
+    member is one cell wide.
     """
     comm = communicator()
     began = perf_counter()

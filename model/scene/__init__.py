@@ -9,16 +9,6 @@ from .selection import AppliedLoads
 from .sides import SideCondition
 
 __all__ = [
-    "AppliedLoads",
-    "Body",
-    "Lattice",
-    "LoadRegion",
-    "LoadTable",
-    "Region",
-    "RegionImage",
-    "Round",
-    "Scene",
-    "SideCondition",
-    "load_scene",
-    "scene_needed",
-]
+    "AppliedLoads", "Body", "Lattice", "LoadRegion", "LoadTable", "Region", "RegionImage", "Round",
+    "Scene", "SideCondition", "load_scene", "scene_needed",
+]  # fmt: skip

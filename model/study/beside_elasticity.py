@@ -183,11 +183,10 @@ def beside_elasticity(
 ) -> BesideElasticity:
     """Set a scene's rule beside elasticity.
 
-    A prescribed rule is run as it is, with coefficients fitted to the answer of elasticity, and
-    beside it agents of the elastic rule. An elastic rule is run as it is. `scene`: of squares or
-    cubes; `resolution`: the believed answer has so many cells for each of the scene's along every
-    axis; by default as many as give 160 (in space 48) across the body, up to 8; `evaluations`: runs
-    of the fit, about; 0 leaves it out.
+    A prescribed rule of squares or cubes is run as it is, with coefficients fitted by so many runs,
+    about, and beside agents of the elastic rule; an elastic rule as it is. The believed answer has
+    `resolution` cells for each of the scene's along every axis; by default as many as give 160 (in
+    space 48) across the body, up to 8.
     """
     began = perf_counter()
     scene = scene.in_one_step()

@@ -54,14 +54,6 @@ class FixedAgent(mesa.discrete_space.FixedAgent):
 
 
 __all__ = [
-    "Agent",
-    "AgentSet",
-    "Cell",
-    "DataCollector",
-    "DiscreteSpace",
-    "FixedAgent",
-    "HexGrid",
-    "Model",
-    "Network",
-    "OrthogonalVonNeumannGrid",
-]
+    "Agent", "AgentSet", "Cell", "DataCollector", "DiscreteSpace", "FixedAgent", "HexGrid",
+    "Model", "Network", "OrthogonalVonNeumannGrid",
+]  # fmt: skip

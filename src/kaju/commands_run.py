@@ -229,8 +229,7 @@ def into_folder(
 ) -> Result:
     """Compute a result, print its key figures and write its folder.
 
-    After Ctrl-C what there is is written without pictures, and the exit code is 130. An answer that
-    missed its tolerance is kept before the error is told.
+    After Ctrl-C (exit code 130), or a missed tolerance, what there is is written without pictures.
     """
     from kaju.model.results.result import Result
 

@@ -12,23 +12,13 @@ import typer
 from kaju.errors import ParameterError
 from kaju.view.units import grouped, quantity
 
+_FORCES = ("threshold", "load_taken", "load_dropped", "load_applied", "reaction", "residual_load")
+_LENGTHS = ("max_displacement", "smallest_agent", "largest_agent", "displacement_that_stays")
 UNITS = {
-    "threshold": "N",
-    "load_taken": "N",
-    "load_dropped": "N",
-    "load_applied": "N",
-    "reaction": "N",
-    "max_displacement": "m",
-    "smallest_agent": "m",
-    "largest_agent": "m",
-    "displacement_that_stays": "m",
-    "displacement_error_estimate": "m",
-    "potential_energy": "J",
-    "strain_energy": "J",
-    "energy_bounds": "J",
-    "residual_load": "N",
-    "duration": "s",
-    "seconds": "s",
+    **dict.fromkeys(_FORCES, "N"),
+    **dict.fromkeys((*_LENGTHS, "displacement_error_estimate"), "m"),
+    **dict.fromkeys(("potential_energy", "strain_energy", "energy_bounds"), "J"),
+    **dict.fromkeys(("duration", "seconds"), "s"),
 }
 """Units of key figures; a key that ends in _N, _m, _J or _s says its own."""
 

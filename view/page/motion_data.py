@@ -424,10 +424,8 @@ def diamonds(middle: Floats, h: float) -> tuple[Floats, NDArray[np.integer]]:
 class MovingFaces:
     """Displacements of the faces' middles in all directions.
 
-    A face moves along its normal; across it goes with the mean of the faces round it. `axis`, shape
-    (faces,), and `index`, shape (faces, dimension): which faces move, by the axis of the normal and
-    the place in that axis' array; `fields`: displacement (m) of all faces, one array for each axis,
-    with a rim; NaN where there is none.
+    A face moves along its normal; across it goes with the mean of the faces round it. `fields`:
+    displacement (m) of all faces, one array for each axis, with a rim; NaN where there is none.
     """
 
     def __init__(self, axis: Ints, index: Ints, fields: Sequence[Floats]) -> None:

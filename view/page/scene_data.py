@@ -138,12 +138,9 @@ class SentAmounts:
 class Account:
     """What agents did with the loads they took, noted generation by generation.
 
-    What each passed on, by arm; what it let end; what boundaries gave back to it; and, of
-    agents or a rule of one's own, what it kept along each axis of the lattice and by how much
-    it lengthened along it. The place of a row is the cell's key times the number of these,
-    plus its number.
-
-    `scene`: where the agents are; `own`: whether what is kept follows not from the scene's rule.
+    What each passed on, by arm; what it let end; what boundaries gave back to it; and, of agents or
+    a rule of one's own, what it kept along each axis of the lattice and by how much it lengthened
+    along it. The place of a row is the cell's key times the number of these, plus its number.
     """
 
     def __init__(self, scene: Scene, own: bool) -> None:

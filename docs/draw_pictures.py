@@ -1,14 +1,18 @@
 """Draw the pictures that README.md and the pages of docs/ show.
 
-python docs/draw_pictures.py
+python docs/draw_pictures.py (the photograph of the page needs Debian's chromium)
 """
 
 from __future__ import annotations
 
+import shutil
+import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from playwright.sync_api import sync_playwright
 
 from kaju import (
     ElasticModel,
@@ -18,6 +22,7 @@ from kaju import (
     Scene,
     animate,
     creep,
+    export_page,
     load_scene,
     plot,
     solve,
@@ -28,6 +33,8 @@ from kaju.view.style import LINE, new_figure
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples"
+CLICKED = (452, 262)
+"""The agent whose story the photograph of the page shows, in pixels of the window."""
 
 
 def main() -> None:
@@ -47,6 +54,28 @@ def main() -> None:
     lug = solve(load_scene(EXAMPLES / "lug.toml"), tolerance=0.05)
     plot(lug, "agents").savefig(folder / "lug.png", dpi=90)
     _bracket().savefig(folder / "bracket.png", dpi=110)
+    _photograph(folder / "page.png")
+
+
+def _photograph(target: Path) -> None:
+    """Play the page of the plate to its end, click an agent, and take the picture."""
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        sys.exit("chromium is not installed (apt-get install chromium)")
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as player:
+        scene = load_scene(EXAMPLES / "plate.toml")
+        page_file = export_page(scene, Path(folder) / "plate.html", title="A steel plate")
+        options = ["--no-sandbox", "--disable-gpu"]
+        browser = player.chromium.launch(executable_path=chromium, args=options)
+        tab = browser.new_page(viewport={"width": 1280, "height": 720})
+        tab.goto(page_file.as_uri())
+        tab.wait_for_timeout(1000)
+        tab.keyboard.press("End")
+        tab.mouse.click(*CLICKED)
+        tab.mouse.move(5, 5)
+        tab.wait_for_timeout(1000)
+        tab.screenshot(path=target)
+        browser.close()
 
 
 def _bracket() -> Figure:

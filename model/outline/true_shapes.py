@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
+from math import hypot
 
 import numpy as np
 
@@ -16,6 +18,10 @@ from .square_leaves import SquareLeaves
 
 Pieces = list[Corners] | None
 """Convex pieces of a leaf, None for all of it."""
+Parts = list[tuple[Corners, list[HalfPlane]]]
+"""Convex parts of a square, each with the lines that bound it."""
+AT_ONCE = 1_000_000
+"""So many pairs of squares and lines are asked in one go."""
 FLAT = 1e-15
 """Pockets of less area (in first agents) come of rounding."""
 SMOOTH = 1e-9
@@ -31,31 +37,35 @@ class StraightShape:
         ring = list(range(len(corners)))
         hull = _hull(corners)
         self.corners = corners
-        self.planes = _sides([corners[k] for k in hull])
+        self._hull = [corners[k] for k in hull]
         self.pockets: list[StraightShape] = []
         for first, last in zip(hull, [*hull[1:], hull[0] + len(ring)], strict=True):
             if last - first > 1:
                 pocket = [corners[k % len(ring)] for k in range(first, last + 1)]
                 if abs(area_of(pocket)) > FLAT:
                     self.pockets.append(StraightShape(pocket))
-        # where pockets are many, only those whose boxes touch a square are asked
+        # where pockets are many, only squares that touch their boxes are asked
         self._low = np.array([np.min(pocket.corners, axis=0) for pocket in self.pockets])
         self._high = np.array([np.max(pocket.corners, axis=0) for pocket in self.pockets])
 
-    def parts(self, square: Corners) -> list[tuple[Corners, list[HalfPlane]]]:
-        """Return convex parts of a square, each with the lines that bound it."""
-        planes = _relevant(self.planes, square)
-        hull = within(square, planes) if planes is not None else None
-        if hull is None:
-            return []
-        if not self.pockets:
-            return [(hull, planes or [])]
-        left = [hull]
-        beside = (self._low < square[2]).all(axis=1) & (self._high > square[0]).all(axis=1)
-        for k in np.flatnonzero(beside):
-            for _, lines in self.pockets[k].parts(square):
-                left = without(left, lines)
-        return [(piece, [tuple(row) for row in _sides(piece).tolist()]) for piece in left]
+    def parts(self, squares: list[Corners]) -> list[Parts]:
+        """Return convex parts of squares, each with the lines that bound it."""
+        found: list[Parts] = [[] for _ in squares]
+        for k, planes in _relevant(self._hull, squares):
+            hull = within(squares[k], planes)
+            found[k] = [] if hull is None else [(hull, planes)]
+        at = np.array([k for k, parts in enumerate(found) if parts], dtype=np.int64)
+        if not self.pockets or not len(at):
+            return found
+        left = {k: [found[k][0][0]] for k in at.tolist()}
+        corners = np.array([squares[k] for k in at])
+        for pocket, low, high in zip(self.pockets, self._low, self._high, strict=True):
+            beside = (low < corners[:, 2]).all(axis=1) & (high > corners[:, 0]).all(axis=1)
+            asked = at[beside].tolist()
+            for k, parts in zip(asked, pocket.parts([squares[k] for k in asked]), strict=True):
+                for _, lines in parts:
+                    left[k] = without(left[k], lines)
+        return [[(piece, _sides(piece)) for piece in left.get(k, ())] for k in range(len(squares))]
 
 
 class ArcShape:
@@ -138,9 +148,9 @@ class ArcShape:
         at = np.array(self._polygons[0 if outer else 1].corners)
         return np.stack([at, np.roll(at, -1, axis=0)], axis=1)
 
-    def parts(self, square: Corners, outer: bool) -> list[tuple[Corners, list[HalfPlane]]]:
-        """Return convex parts of a square, each with the lines that bound it."""
-        return self._polygons[0 if outer else 1].parts(square)
+    def parts(self, squares: list[Corners], outer: bool) -> list[Parts]:
+        """Return convex parts of squares, each with the lines that bound it."""
+        return self._polygons[0 if outer else 1].parts(squares)
 
 
 def _parted_on(arc: Floats, axis: int, side: float) -> list[Floats]:
@@ -170,22 +180,45 @@ def _hull(corners: Corners) -> list[int]:
     return chain[least:] + chain[:least]
 
 
-def _sides(corners: Corners) -> Floats:
+def _sides(corners: Corners) -> list[HalfPlane]:
     """Return the half-planes of a convex polygon."""
-    at = np.asarray(corners)
-    run = np.roll(at, -1, axis=0) - at
-    across = np.stack([run[:, 1], -run[:, 0]], 1)
-    across /= np.linalg.norm(across, axis=1)[:, None]
-    return np.column_stack([across, (across * at).sum(axis=1)])
+    planes = []
+    for (x0, y0), (x1, y1) in pairwise([*corners, corners[0]]):
+        length = hypot(x1 - x0, y1 - y0)
+        a, b = (y1 - y0) / length, (x0 - x1) / length
+        planes.append((a, b, a * x0 + b * y0))
+    return planes
 
 
-def _relevant(planes: Floats, square: Corners) -> list[HalfPlane] | None:
-    """Return the half-planes that cut a square; None if one leaves nothing of it."""
-    planes = np.asarray(planes)
-    away = planes[:, :2] @ np.asarray(square).T - planes[:, 2:]
-    if (away.min(axis=1) >= -ON_LINE).any():
-        return None
-    return [tuple(row) for row in planes[away.max(axis=1) > ON_LINE].tolist()]
+def _relevant(hull: Corners, squares: list[Corners]) -> Iterator[tuple[int, list[HalfPlane]]]:
+    """Yield squares that hold some of a convex polygon, and its half-planes that cut them there.
+
+    Convex polygons without a common point are parted by a side of one of them.
+    """
+    planes = _sides(hull)
+    at = np.array(planes)
+    least = np.stack([np.maximum(at[:, :2], 0.0), np.minimum(at[:, :2], 0.0)])  # by corner, axis
+    most, least = (np.column_stack([*way, at[:, 2]]) for way in (least[::-1], least))
+    ends = np.stack([hull, [*hull[1:], hull[0]]])
+    first, last = ends.min(axis=0), ends.max(axis=0)
+    block = max(AT_ONCE // len(planes), 1)
+    for start in range(0, len(squares), block):
+        corners = np.array(squares[start : start + block])
+        low, high = corners[:, 0], corners[:, 2]
+        reach = np.column_stack([low, high, np.full(len(low), -1.0)])
+        left = (reach @ least.T < -ON_LINE).all(axis=1)
+        left &= (high - first.min(axis=0) > ON_LINE).all(axis=1)
+        left &= (last.max(axis=0) - low > ON_LINE).all(axis=1)
+        meets = np.repeat(left[:, None], len(planes), axis=1)
+        for axis in (0, 1):
+            meets &= high[:, axis, None] > first[:, axis] - ON_LINE
+            meets &= low[:, axis, None] < last[:, axis] + ON_LINE
+        k, line = np.nonzero(meets)
+        cutting = (reach[k] * most[line]).sum(axis=1) > ON_LINE
+        cut: list[list[HalfPlane]] = [[] for _ in corners]
+        for row, plane in zip(k[cutting].tolist(), line[cutting].tolist(), strict=True):
+            cut[row].append(planes[plane])
+        yield from ((start + row, cut[row]) for row in np.flatnonzero(left).tolist())
 
 
 @dataclass(frozen=True)
@@ -228,27 +261,27 @@ class TrueBody:
             sides.append(side if region.solid else side[::-1, ::-1])
         return np.concatenate(sides)
 
-    def parts(self, square: Corners, outer: bool) -> list[tuple[Corners, list[HalfPlane]]]:
-        """Return convex parts of a square, each with the lines that bound it."""
+    def parts(self, squares: list[Corners], outer: bool) -> list[Parts]:
+        """Return convex parts of squares, each with the lines that bound it."""
         return [
-            (piece, [tuple(row) for row in _sides(piece).tolist()])
-            for piece in self.pieces(square, outer)
+            [(piece, _sides(piece)) for piece in pieces] for pieces in self.pieces(squares, outer)
         ]
 
-    def pieces(self, square: Corners, outer: bool) -> list[Corners]:
-        """Return convex pieces of a square: no less than the body (outer), or no more."""
-        pieces = [square] if self.solid else []
+    def pieces(self, squares: list[Corners], outer: bool) -> list[list[Corners]]:
+        """Return convex pieces of squares: no less than the body (outer), or no more."""
+        held = [[square] if self.solid else [] for square in squares]
         for region in self.regions:
-            if region.solid and pieces == [square]:
-                continue
-            for piece, lines in region.shape.parts(square, outer == region.solid):
-                if piece == square:
-                    pieces = [square] if region.solid else []
-                    break
-                pieces = without(pieces, lines)
-                if region.solid:
-                    pieces.append(piece)
-        return pieces
+            asked = [k for k, at in enumerate(squares) if not (region.solid and held[k] == [at])]
+            found = region.shape.parts([squares[k] for k in asked], outer == region.solid)
+            for k, parts in zip(asked, found, strict=True):
+                for piece, lines in parts:
+                    if piece == squares[k]:
+                        held[k] = [piece] if region.solid else []
+                        break
+                    held[k] = without(held[k], lines)
+                    if region.solid:
+                        held[k].append(piece)
+        return held
 
 
 class CutLeaves:
@@ -269,23 +302,30 @@ class CutLeaves:
         for key in keys[changed].tolist():
             if self._known[tuple(key)] != (None, None):  # within the body, whatever its polygons
                 del self._known[tuple(key)]
-        found = []
-        for key in zip(leaves.x.tolist(), leaves.y.tolist(), leaves.size.tolist(), strict=True):
-            if key not in self._known:
-                self._known[key] = self._asked(*key, leaves.unit)
-            found.append(self._known[key])
-        return found
+        places = (leaves.x.tolist(), leaves.y.tolist(), leaves.size.tolist())
+        wanted = list(zip(*places, strict=True))
+        asked = [key for key in wanted if key not in self._known and not self._within_whole(*key)]
+        squares = []
+        for key in asked:
+            x0, y0, size = (leaves.unit * place for place in key)
+            squares.append([(x0, y0), (x0 + size, y0), (x0 + size, y0 + size), (x0, y0 + size)])
+        held = [self.body.pieces(squares, outer) for outer in (True, False)]
+        for key, square, outer, inner in zip(asked, squares, *held, strict=True):
+            self._known[key] = (
+                None if outer == [square] else outer,
+                None if inner == [square] else inner,
+            )
+        return [self._known[key] for key in wanted]
 
-    def _asked(self, x: int, y: int, size: int, unit: float) -> tuple[Pieces, Pieces]:
+    def _within_whole(self, x: int, y: int, size: int) -> bool:
+        """Tell whether a leaf lies in one within the body, and know it then."""
         above = 2 * size
-        while above * unit <= 1.0:  # what lies in a leaf within the body does so too
+        while above * SquareLeaves.unit <= 1.0:
             if self._known.get((x // above * above, y // above * above, above)) == (None, None):
-                return None, None
+                self._known[x, y, size] = None, None
+                return True
             above *= 2
-        (x0, y0), (x1, y1) = (x * unit, y * unit), ((x + size) * unit, (y + size) * unit)
-        square = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-        outer, inner = (self.body.pieces(square, way) for way in (True, False))
-        return None if outer == [square] else outer, None if inner == [square] else inner
+        return False
 
 
 TrueShape = ArcShape | TrueBody

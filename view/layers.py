@@ -116,7 +116,7 @@ def _plane(result: ElasticResult, cut: Mapping[str, float] | None) -> tuple[int 
             raise ParameterError("cut: belongs to three dimensions; leave it out")
         return None, 0.0
     if cut is None:
-        along = np.abs(result.scene.applied(result.stage).force).sum(axis=0)
+        along = np.abs(result.grid.applied(result.stage).force).sum(axis=0)
         axis = 0 if along[1] > along[[0, 2]].max() else 1
         middles = np.sort(small_agents(result).middle[:, axis])
         return axis, float(middles[len(middles) // 2])

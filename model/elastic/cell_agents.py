@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 class CellAgents:
     """Agents of one size: arrays over the box around the body."""
 
-    storage: ClassVar[Literal["cells"]] = "cells"
+    storage: ClassVar[Literal["cells", "solid"]] = "cells"
     levels: ClassVar[int] = 1  # Sizes of agents
     grid: Scene  # The scene on the cells that were solved
     stage: int | None

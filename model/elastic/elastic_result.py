@@ -282,7 +282,7 @@ class ElasticResult(BodyResult):
         """
         found = self.found.bracket
         if isinstance(found, str):
-            return None
+            return getattr(self.found, "energy_bounds", None)  # of true outlines in space
         unit, energy = self._energy_unit, self.strain_energy
         return min(found.lower * unit, energy), max(found.upper * unit, energy)
 
@@ -815,14 +815,19 @@ class ElasticResult(BodyResult):
 
         about = archive.about
         storage = _EARLIER.get(about["kind"]) or archive.value("storage", str)
-        if storage not in ("cells", "tree"):
-            raise ParameterError(f"storage: must be 'cells' or 'tree', got {storage!r}")
-        holder = CellAgents if storage == "cells" else TreeAgents
+        holders: dict[str, type[CellAgents | TreeAgents]]
+        holders = {"cells": CellAgents, "tree": TreeAgents}
+        if storage == "solid":
+            from kaju.model.solid.solid_agents import SolidAgents
+
+            holders["solid"] = SolidAgents
+        if storage not in holders:
+            raise ParameterError(f"storage: must be one of {', '.join(holders)}, got {storage!r}")
         stage = archive.value("stage", int | None)
         return cls(
             scene,
             stage,
-            holder.of_archive(archive, scene, stage),
+            holders[storage].of_archive(archive, scene, stage),
             archive.value("seconds", float),
             archive.value("tolerance", float | None) if "tolerance" in about else None,
             archive.value("resolution", int | None) if "resolution" in about else None,

@@ -93,7 +93,8 @@ class Hierarchy:
         if self.plain:
             self.levels = _plain_levels(problem, moduli)
         else:
-            self.levels = [_by_law(problem.shape, problem.kinds, moduli, problem.spring)]
+            given = (problem.shape, problem.kinds, moduli, problem.spring)
+            self.levels = [_by_law(*given, edges=problem.edges)]
         stencils, coarsest = 0, SMALLEST[self.dimension]
         few = self.plain and self.dimension * prod(self.levels[-1].cells) <= DIRECT
         while not few and (not stencils or max(self.levels[-1].cells) > coarsest):
@@ -335,6 +336,7 @@ def _by_law(
     outside: Floats | None = None,
     *,
     spread: bool = False,
+    edges: dict[tuple[int, int], Floats] | None = None,
 ) -> Level:
     """Return a level of which only moduli are stored."""
     # `rim` has the kinds of all cells, or of those that others are like: see `ALIKE`. Its arrays
@@ -347,6 +349,10 @@ def _by_law(
     kinds[body] = rim
     law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
     _lay_moduli(kinds.ravel(), _table(moduli), law, steps)
+    for (a, b), values in (edges or {}).items():  # one further than the cells along a and b
+        further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
+        places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
+        law[1 + a + b].reshape(shape)[places] = values
     _lay_beds(rim, spring, law[0].reshape(shape)[body])
     holds = (kinds == RIGID) | (kinds == ROLLER)
     code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)

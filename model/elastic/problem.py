@@ -95,6 +95,8 @@ class ElasticProblem:
     # Two-dimensional assumption; None in three dimensions
     plane: Literal["stress", "strain"] | None
     thickness: float = 1.0  # Thickness (m); 1 in three dimensions
+    # Shear moduli of the edges by pairs of axes, scaled, where they are not by the cells round them
+    edges: dict[tuple[int, int], Floats] | None = None
 
     @property
     def dimension(self) -> int:

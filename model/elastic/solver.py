@@ -319,8 +319,11 @@ def same_body(ours: ElasticProblem, theirs: ElasticProblem) -> bool:
     """Tell whether two problems are of the same body, alike supported, whatever their loads."""
     if ours.plane != theirs.plane or not np.array_equal(ours.kinds, theirs.kinds):
         return False
-    pairs = zip((*ours.moduli, *ours.spring), (*theirs.moduli, *theirs.spring), strict=True)
-    return all(np.array_equal(a, b) for a, b in pairs)
+    one, other = (
+        (*problem.moduli, *problem.spring, *(problem.edges or {}).values())
+        for problem in (ours, theirs)
+    )
+    return len(one) == len(other) and all(map(np.array_equal, one, other))
 
 
 def held_alike(ours: ElasticProblem, theirs: ElasticProblem) -> bool:

@@ -57,6 +57,8 @@ def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
 def edge_modulus(problem: ElasticProblem, pair: Pair) -> Floats:
     """Return the shear modulus of the edges between the axes of a pair."""
     # Shape: one more than the cells (rim included) along both axes of the pair.
+    if problem.edges is not None:
+        return problem.edges[pair]
     kinds = problem.kinds
     width = [(1, 1) if axis in pair else (0, 0) for axis in range(kinds.ndim)]
     around = around_edges(np.pad(kinds, width, constant_values=AIR), pair)

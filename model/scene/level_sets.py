@@ -27,21 +27,25 @@ _EDGE = (("x", 0, 0), ("y", 1, 0), ("x", 0, 1), ("y", 0, 0))
 
 
 def sampled_shape(
-    distance: Callable[[Floats], Any], lower: Point, upper: Point, samples: Sequence[int]
+    distance: Callable[[Floats], Any],
+    lower: tuple[float, ...],
+    upper: tuple[float, ...],
+    samples: Sequence[int],
 ) -> dict[str, Any]:
     """Return a region's `image` that holds where a function is not above 0.
 
-    The function is sampled once, and the body is where the samples, bilinear between them, are not
-    above 0: this is the body that bounds are proved of, not the one between the samples.
+    The function is sampled once, and the body is where the samples, bilinear (in space trilinear)
+    between them, are not above 0: this is the body that bounds are proved of, not the one between
+    the samples.
 
     Parameters
     ----------
     distance : callable
-        Of points (m), shape (n, 2): below 0 within the body, such as a signed distance (m).
+        Of points (m), shape (n, 2) or (n, 3): below 0 within the body, such as a signed distance.
     lower, upper : point
         Corners (m) of the box that is sampled; beyond it there is none of the body.
-    samples : pair of int
-        Samples along x and along y, two or more, those on the sides included.
+    samples : two or three of int
+        Samples along x, y (and z), two or more, those on the sides included.
 
     Returns
     -------
@@ -66,19 +70,22 @@ def sampled_shape(
     >>> scene.with_region("air", image=image, outline="true").outlined
     True
     """
-    if len(samples) != 2 or min(samples) < 2:
-        raise ParameterError(f"samples: two or more along x and y are needed, got {samples!r}")
-    if not (lower[0] < upper[0] and lower[1] < upper[1]):
-        raise ParameterError(f"upper: {upper!r} must be above lower, {lower!r}")
-    axes = [np.linspace(lower[a], upper[a], samples[a]) for a in (0, 1)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    count = len(samples)
+    if count not in (2, 3) or min(samples) < 2:
+        raise ParameterError(f"samples: two or more along each axis are needed, got {samples!r}")
+    if len(lower) != count or len(upper) != count or np.any(np.array(lower) >= np.array(upper)):
+        raise ParameterError(
+            f"upper: {upper!r} must be above lower, {lower!r}, along each of {count} axes"
+        )
+    axes = [np.linspace(lower[a], upper[a], samples[a]) for a in range(count)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, count)
     found = np.asarray(distance(points), dtype=np.float64)
     if found.shape != (len(points),) or not np.isfinite(found).all():
         raise ParameterError(
             f"distance: a finite number for each of {len(points)} points is needed, got shape "
             f"{found.shape}"
         )
-    text = embedded_array(-found.reshape(samples[0], samples[1]))
+    text = embedded_array(-found.reshape(tuple(samples)))
     return {"file": text, "box": (tuple(lower), tuple(upper)), "level": 0.0}
 
 
@@ -89,19 +96,21 @@ def embedded_array(values: Floats) -> str:
     return EMBEDDED_ARRAY + b64encode(file.getvalue()).decode("ascii")
 
 
-def read_embedded(text: str, key: str) -> Floats:
-    """Return samples from a text, first index along x, second along y."""
+def read_embedded(text: str, key: str) -> NDArray[Any]:
+    """Return numbers from a text."""
     try:
         file = BytesIO(b64decode(text.removeprefix(EMBEDDED_ARRAY), validate=True))
-        return checked(np.load(file, allow_pickle=False), key)
+        return np.asarray(np.load(file, allow_pickle=False))
     except (ValueError, EOFError, OSError):
         raise SceneFileError(f"{key}: its samples cannot be read; embed them anew") from None
 
 
-def checked(values: Any, key: str) -> Floats:
+def checked(values: NDArray[Any], key: str, dimension: int) -> Floats:
     """Return samples as numbers."""
-    if values.ndim != 2 or min(values.shape) < 2 or values.dtype.kind not in "fiub":
-        raise SceneFileError(f"{key}: numbers along x and y are needed, got shape {values.shape}")
+    known = values.dtype.kind in "fiub" and values.ndim == dimension
+    if not known or min(values.shape) < 2:
+        axes = " and ".join("xyz"[:dimension])
+        raise SceneFileError(f"{key}: numbers along {axes} are needed, got shape {values.shape}")
     out = np.asarray(values, dtype=np.float64)
     if not np.isfinite(out).all():
         raise SceneFileError(f"{key}: holds numbers that are not finite; replace them")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,6 +14,8 @@ from .lattice import Lattice
 from .level_sets import EMBEDDED_ARRAY, LevelSet, checked, read_embedded
 from .pictures import read_array, read_pixels
 from .shapes import Ball, Box, Ellipse, Mask, Polygon, Ring, RoundedBox, Shape
+from .solids import Cylinder, SampledSolid
+from .surfaces import surface_from
 from .svg_path import PathShape
 
 Point = tuple[Coordinate, ...]
@@ -22,6 +24,8 @@ _SHAPES = (
     "box",
     "disk",
     "ball",
+    "cylinder",
+    "surface",
     "ring",
     "ellipse",
     "slot",
@@ -30,6 +34,7 @@ _SHAPES = (
     "path",
     "image",
 )
+_SPACE = ("ball", "cylinder", "surface")
 ONE_SHAPE = "box: a region has exactly one shape of"
 
 MOST_CORNERS = 10_000
@@ -41,6 +46,25 @@ class Round(Described):
 
     centre: Point = Field(description="the middle (m), such as [0.1, 0.1]")
     radius: Length = Field(description="the radius (m), such as 0.02")
+
+
+class CylinderTable(Described):
+    """What lies up to a radius from a straight line, between flat ends."""
+
+    ends: tuple[Point, Point] = Field(description="the middles of both ends (m)")
+    radius: Length = Field(description="the radius (m), such as 0.02")
+
+
+class SurfaceTable(Described):
+    """The inside of a closed surface of triangles, from an STL file."""
+
+    file: Text = Field(description="the path of an STL file, such as 'part.stl'")
+    scale: Length = Field(default=1.0, description="what its unit of length is (m): 0.001 for mm")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_path(cls, value: Any) -> Any:
+        return {"file": value} if isinstance(value, str) else value
 
 
 class RingTable(Described):
@@ -95,15 +119,20 @@ class RegionImage(Described):
     a number, bilinear between samples, of which the outer ones lie on the sides of the box. Without
     one, cells take pixels that are darker than 0.5; true outlines and arrays take 0.5."""
 
-    def shape_in(self, lattice: Lattice, where: str, level: float | None) -> Mask | LevelSet:
+    def shape_in(self, lattice: Lattice, where: str, level: float | None) -> Shape:
         """Return its dark pixels, or where it reaches a level, in their place."""
         whole = ((0.0,) * lattice.dimension, lattice.extent)
         box = _box(self.box or whole, lattice, f"{where}.box")
         key, array = f"{where}.file", self.file.endswith(".npy")
         if array or self.file.startswith(EMBEDDED_ARRAY):
-            values = checked(read_array(self.file, key), key) if array else None
-            values = read_embedded(self.file, key) if values is None else values
-            return LevelSet(box, values, 0.5 if level is None else level)
+            values = read_array(self.file, key) if array else read_embedded(self.file, key)
+            samples = checked(values, key, lattice.dimension)
+            level = 0.5 if level is None else level
+            if lattice.dimension == 3:
+                return SampledSolid(box, samples, level)
+            return LevelSet(box, samples, level)
+        if lattice.dimension == 3:
+            raise SceneError(f"{key}: pixels belong to two dimensions; give an .npy array")
         pixels = read_pixels(self.file, key)
         weights = np.array([0.299, 0.587, 0.114], dtype=np.float32)
         brightness = pixels[:, :, :3].astype(np.float32) @ weights
@@ -130,6 +159,11 @@ class Region(Described):
     """Centre and radius (m), in two dimensions."""
     ball: Round | None = None
     """Centre and radius (m), in three dimensions."""
+    cylinder: CylinderTable | None = None
+    """Ends of its axis, and radius (m), in three dimensions."""
+    surface: SurfaceTable | None = None
+    """A closed surface of triangles, in three dimensions: an STL file, and the unit of its numbers
+    (m). It is the body: no arc is guessed behind its triangles."""
     ring: RingTable | None = None
     """Centre, inner and outer radius (m), in two dimensions."""
     ellipse: RoundEllipse | None = None
@@ -153,7 +187,7 @@ class Region(Described):
     """Path data of SVG in the array's coordinates (m, y upwards), in two dimensions. Lines within a
     line go round holes."""
     image: RegionImage | None = None
-    """The dark pixels of an image, in two dimensions."""
+    """The dark pixels of an image, in two dimensions; where samples reach a level, in either."""
     outline: Literal["cells", "true"] = Field(
         default="cells", description='"cells" for a staircase of cells, "true" for the shape itself'
     )
@@ -164,18 +198,18 @@ class Region(Described):
 
     @model_validator(mode="after")
     def _one_shape(self) -> Region:
-        shape = one_given(self, _SHAPES, ONE_SHAPE)
-        if self.outline == "true" and shape == "ball":
-            raise ParameterError('outline: "true" is not known of a ball; leave it out')
+        one_given(self, _SHAPES, ONE_SHAPE)
         return self
 
     def shape_in(self, lattice: Lattice, where: str) -> Shape:
         """Return the region's shape in the array of `lattice`."""
         name = one_given(self, _SHAPES, ONE_SHAPE)
-        if name == "ball" and lattice.dimension == 2:
-            raise SceneError(f"{where}.ball: belongs to three dimensions; use disk")
-        if name not in ("box", "ball") and lattice.dimension == 3:
-            raise SceneError(f"{where}.{name}: belongs to two dimensions; use box or ball")
+        if name in _SPACE and lattice.dimension == 2:
+            raise SceneError(f"{where}.{name}: belongs to three dimensions; use disk or box")
+        if name not in ("box", "image", *_SPACE) and lattice.dimension == 3:
+            raise SceneError(
+                f"{where}.{name}: belongs to two dimensions; use box, {', '.join(_SPACE)} or image"
+            )
         shape = self._shape(lattice, f"{where}.{name}")
         _check_place(shape, lattice, f"{where}.{name}")
         return shape
@@ -202,6 +236,14 @@ class Region(Described):
             return RoundedBox(tuple(_plane(end) for end in self.slot.ends), self.slot.radius)
         if self.rounded_box is not None:
             return _rounded(self.rounded_box, lattice, where)
+        if self.surface is not None:
+            return surface_from(self.surface.file, f"{where}.file", self.surface.scale)
+        if self.cylinder is not None:
+            for end in self.cylinder.ends:
+                _check_dimension(end, lattice, where)
+            if self.cylinder.ends[0] == self.cylinder.ends[1]:
+                raise SceneError(f"{where}.ends: are one point; take two")
+            return Cylinder(self.cylinder.ends, self.cylinder.radius)
         circle = self.disk or self.ball or self.ring or self.ellipse
         assert circle is not None
         _check_dimension(circle.centre, lattice, where)

@@ -31,7 +31,9 @@ from .selection import AppliedLoads, Selection, at_stage, check_gravity, select
 from .shapes import Mask
 from .shared_materials import LONGEST, with_shared
 from .sides import FREE, SideCondition
+from .solids import SampledSolid
 from .support import check_body
+from .surfaces import ClosedSurface
 from .text import (
     archive_of,
     located,
@@ -337,8 +339,11 @@ class Scene(Description):
         """
         table = self._table()
         for number, filled in enumerate(self._contents.filling.regions):
-            if isinstance(filled.shape, Mask | LevelSet):
-                table["body"]["regions"][number]["image"]["file"] = filled.shape.embedded()
+            region = table["body"]["regions"][number]
+            if isinstance(filled.shape, Mask | LevelSet | SampledSolid):
+                region["image"]["file"] = filled.shape.embedded()
+            elif isinstance(filled.shape, ClosedSurface):
+                region["surface"] = {"file": filled.shape.embedded()}
         return archive_of(table, self._contents.picture)
 
     @classmethod

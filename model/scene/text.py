@@ -82,7 +82,7 @@ def _moved(part: Any, folder: Path) -> Any:
         return part
     moved = {}
     for key, value in part.items():
-        is_path = key in ("image", "array", "file") and isinstance(value, str)
+        is_path = key in ("image", "array", "file", "surface") and isinstance(value, str)
         is_path = is_path and not value.startswith((EMBEDDED, EMBEDDED_ARRAY))
         moved[key] = str(folder / value) if is_path else _moved(value, folder)
     return moved
@@ -270,8 +270,9 @@ def save(path: str | Path, table: Mapping[str, Any], picture: Picture | None) ->
             np.save(scratch, picture.codes, allow_pickle=False)
         table = _arrayed(table, picture, beside.name)
     for region in table["body"].get("regions", []):
-        if "image" in region and not region["image"]["file"].startswith(EMBEDDED):
-            region["image"]["file"] = os.path.relpath(region["image"]["file"], path.parent)
+        for key in {"image", "surface"} & set(region):
+            if not region[key]["file"].startswith((EMBEDDED, EMBEDDED_ARRAY)):
+                region[key]["file"] = os.path.relpath(region[key]["file"], path.parent)
     with scratch_beside(path, SceneFileError) as scratch:
         scratch.write_text(dumps(table), encoding="utf-8")
 

@@ -30,10 +30,9 @@ def check_no_outlines(scene: Scene) -> None:
 
 def check_outlines(scene: Scene) -> None:
     """Refuse whatever a body with true outlines is not proved with."""
-    if scene.lattice.dimension == 3:
-        raise SceneError(f"body.regions: true outlines belong to the plane; {TAKES}")
-    if scene.lattice.kind != "square":
-        raise SceneError(f"body.lattice: true outlines go with squares; {TAKES}")
+    solid = scene.lattice.dimension == 3
+    if scene.lattice.kind not in ("square", "cube"):
+        raise SceneError(f"body.lattice: true outlines go with squares and cubes; {TAKES}")
     if scene.body.picture_key is not None:
         raise SceneError(
             f"body.{scene.body.picture_key}: is a body of cells, which true outlines do not cut; "
@@ -42,11 +41,17 @@ def check_outlines(scene: Scene) -> None:
     if scene.history is not None:
         raise SceneError(f"history: time goes with cells; {TAKES}")
     _check_regions(scene)
+    known = ("free", "rigid", "roller", *(["displaced"] if solid else []))
     for name, side in scene.sides.items():
-        if side.kind not in ("free", "rigid", "roller"):
+        if side.kind not in known:
             raise SceneError(
-                f"sides.{name}: with true outlines a side is free, rigid or roller, not "
-                f"{side.kind}; {TAKES}"
+                f"sides.{name}: with true outlines a side is {', '.join(known[:-1])} or "
+                f"{known[-1]}, not {side.kind}; {TAKES}"
+            )
+        if side.kind == "displaced" and scene.loads:
+            raise SceneError(
+                f"sides.{name}: with true outlines a side is moved, or loads act; which bounds "
+                f"hold for both is not known. Leave loads out, or {TAKES}"
             )
     _check_loads(scene)
 
@@ -68,6 +73,11 @@ def _check_regions(scene: Scene) -> None:
         if region.name is not None and region.name in names:
             raise SceneError(f"{where}.name: {region.name!r} is another region's name")
         if scene.body.gravity is not None and any(scene.body.gravity):
+            if scene.lattice.dimension == 3:
+                raise SceneError(
+                    f"body.gravity: is not known with true outlines in space; leave it out, or "
+                    f"{TAKES}"
+                )
             shape = cast(OutlinedShape, region.shape_in(scene.lattice, where))
             if any(bent(arcs).any() for arcs in shape.outline()):
                 raise SceneError(
@@ -108,8 +118,15 @@ def _check_loads(scene: Scene) -> None:
                     f"{where}.{key}: is not proved with true outlines yet; take force or "
                     f"pressure, or {TAKES}"
                 )
-        if load.force is not None and len(load.force) != 2:
-            raise SceneError(f"{where}.force: two numbers (N) are needed, got {list(load.force)}")
+        dimension = scene.lattice.dimension
+        if load.outline is not None and dimension == 3:
+            raise SceneError(
+                f"{where}.outline: loads on outlines are not proved in space; load a side"
+            )
+        if load.force is not None and len(load.force) != dimension:
+            raise SceneError(
+                f"{where}.force: {dimension} numbers (N) are needed, got {list(load.force)}"
+            )
         if load.side is not None:
             if load.side not in scene.lattice.sides:
                 known = scene.lattice.sides

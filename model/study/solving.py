@@ -159,14 +159,24 @@ def solve(
     if isinstance(subject, Scene):
         _refuse(subject, increments=increments, method=method)
         if subject.outlined:
+            solid = subject.lattice.dimension == 3
+            known = ("auto", "uniform" if solid else "spawning")
+            own = {"tolerance": tolerance, "most_agents": most_agents} if solid else {}
             _refuse_with_outlines(
-                resolution=resolution,
-                strategy=None if strategy in ("auto", "spawning") else strategy,
+                solid,
+                resolution=None if solid else resolution,
+                strategy=None if strategy in known else strategy,
                 tolerance_at=tolerance_at,
                 previous=previous,
                 stage=None if stage == 1 else stage,
                 engine=engine,
+                stiffness=stiffness,
+                **own,
             )
+            if solid:
+                from kaju.model.solid.solid_agents import solve_solid
+
+                return keeping(lambda: solve_solid(subject, resolution))
             return keeping(lambda: _solve_outlined(subject, tolerance, most_agents))
         if engine is not None:
             _refuse_beside_petsc(
@@ -229,11 +239,14 @@ def _refuse_beside_petsc(engine: str, strategy: str, **given: object) -> None:
         )
 
 
-def _refuse_with_outlines(**given: object) -> None:
+def _refuse_with_outlines(solid: bool, **given: object) -> None:
     if name := _first_given(**given):
+        how = "spawn for the energy norm alone so far"
+        if solid:
+            how = "are equal cells in space, as many as `resolution` says"
         raise ParameterError(
-            f"{name}: is not known of true outlines, whose agents spawn for the energy norm "
-            'alone so far; leave it out, or take regions with outline = "cells"'
+            f"{name}: is not known of true outlines, whose agents {how}; leave it out, or take "
+            'regions with outline = "cells"'
         )
 
 

@@ -399,7 +399,7 @@ def test_outlines_need_their_word() -> None:
     body = {"cell_size": 0.025, "cells": [4, 4], "material": "steel"}
     with pytest.raises(kaju.KajuError, match=r"loads\.0\.outline"):
         kaju.Scene(body=body, sides={"left": "rigid"}, loads=[{"outline": "hole", "pressure": 1.0}])
-    with pytest.raises(kaju.KajuError, match="outline"):
+    with pytest.raises(kaju.KajuError, match=r"regions\.0\.ball"):
         kaju.Scene(
             body=body
             | {

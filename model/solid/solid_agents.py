@@ -1,0 +1,210 @@
+"""Solids with true outlines, solved: cells count by the share of them that is body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf, isfinite
+from time import perf_counter
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kaju.arrays import Flags
+from kaju.errors import ConvergenceError, SceneError
+from kaju.model.elastic.arguments import check_numbers
+from kaju.model.elastic.cell_agents import CellAgents
+from kaju.model.elastic.elastic_result import ElasticResult
+from kaju.model.elastic.grid import Origin, problem_of_scene
+from kaju.model.elastic.problem import ElasticProblem
+from kaju.model.elastic.solver import Solution, solve_problem
+from kaju.model.elastic.staggered import axis_pairs, edge_modulus
+from kaju.model.elastic.supports import check_supports, slender_cell
+from kaju.model.results.archive import Archive
+from kaju.model.results.result import finite
+from kaju.model.scene import Body, Scene
+from kaju.model.scene.contents import NOT_BODY
+from kaju.model.scene.pictures import check_size
+
+from .cut_cells import WHOLE, Solid, edge_shares, thick
+
+SLIVER = 1e-4
+"""Cells of which less is body are taken as empty."""
+LEFT_OUT, NOTED = 0.05, 1e-4
+"""Shares of the body that are too thin for the cells: refused above the first, noted above the
+second."""
+MOST_NARROW = 30
+"""Cells that are taken away one by one."""
+FRACTIONS = (
+    "true outlines: cells count by the share of them that is body, which is an estimate and proves "
+    "nothing; stress and displacement of cut cells are means over all of each"
+)
+NO_STRESS = (
+    "nothing is proved of stresses within true outlines in space; `energy_bounds` hold the energy "
+    "of the true body"
+)
+
+
+class Certain(NamedTuple):
+    """What is proved of the true body: energies (J) below and above its own, and what is not."""
+
+    lower: float
+    upper: float
+    missing: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SolidAgents(CellAgents):
+    """Agents of one size, whole or cut by outlines."""
+
+    storage: ClassVar[Literal["cells", "solid"]] = "solid"
+    asked: Scene  # With its outlines
+    solid: Solid
+    sorts: NDArray[np.int8]
+    """Of every cell of the array whether it is WHOLE, CUT or EMPTY."""
+    known: Certain | None = None  # What was proved before
+
+    @property
+    def bracket(self) -> str:
+        """Why there is no bracket of a stress."""
+        return self.certain.missing or NO_STRESS
+
+    @cached_property
+    def certain(self) -> Certain:
+        """What is proved of the energy of the true body, by a second solution."""
+        from .solid_bounds import certain_of
+
+        return self.known or certain_of(self)
+
+    @property
+    def energy_bounds(self) -> tuple[float, float]:
+        """Energies (J) below and above that of the true body; infinite where none is known."""
+        return self.certain.lower, self.certain.upper
+
+    def history(self) -> dict[str, Any]:
+        """Return how the agents came to be, and what is proved of the body."""
+        lower, upper = self.energy_bounds
+        bounds = {"energy_bounds": (lower, finite(upper)), "no_bound": self.certain.missing or None}
+        return super().history() | bounds
+
+    def archive(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return what is stored: arrays, and plain values."""
+        arrays, about = super().archive()
+        lower, upper = self.energy_bounds
+        proved = [lower, upper if isfinite(upper) else None, self.certain.missing]
+        return arrays, about | {"certain": proved}
+
+    @classmethod
+    def of_archive(cls, archive: Archive, scene: Scene, stage: int | None) -> SolidAgents:
+        """Return what `archive` took apart."""
+        found = agents_of(scene, archive.value("subdivision", int))
+        faces = tuple(
+            archive.array(f"face.{axis}", "f", found.problem.face_shape(axis)) for axis in range(3)
+        )
+        solution = Solution(displacement=faces, **archive.record("solution", Solution))
+        lower, upper, missing = archive.value("certain", list)
+        known = Certain(float(lower), inf if upper is None else float(upper), str(missing))
+        return replace(found, solution=solution, known=known)
+
+
+def solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
+    """Return the answer of a solid with true outlines, on equal cells; see `kaju.solve`."""
+    start = perf_counter()
+    check_numbers(None, resolution)
+    agents = agents_of(scene, resolution or 1)
+    solution = solve_problem(agents.problem)
+    solution.notes[:0] = [FRACTIONS, *agents.notes]
+    found = replace(agents, solution=solution)
+    result = ElasticResult(scene, None, found, perf_counter() - start, resolution=resolution)
+    if not solution.converged:
+        raise ConvergenceError(
+            f"solve: after {solution.iterations} iterations the relative residual is "
+            f"{solution.residuals[-1]:.2g}; take another resolution. The error's `best` holds the "
+            "result so far",
+            result.residuals,
+            result,
+        )
+    return result
+
+
+def agents_of(scene: Scene, resolution: int) -> SolidAgents:
+    """Return the agents of a solid, not solved yet; their notes say what is left out."""
+    solid = solid_of(scene, resolution)
+    check_size(solid.shape, "resolution")
+    sorts = solid.cells()
+    eighths = solid.shares(sorts)
+    two = [part for count in solid.shape for part in (count, 2)]
+    share = eighths.reshape(two).mean(axis=(1, 3, 5))
+    body = thick(share >= SLIVER)
+    grid, like, origin = _posed(scene, body, solid.edge)
+    for _ in range(MOST_NARROW):  # a cell that turns freely about a face is as good as thin
+        narrow = slender_cell(like)
+        if narrow is None:
+            break
+        body[tuple(np.add(narrow, origin))] = False
+        body = thick(body)
+        grid, like, origin = _posed(scene, body, solid.edge)
+    left_out = 1.0 - float(share[body].sum() / share.sum())
+    if left_out > LEFT_OUT or slender_cell(like) is not None:
+        raise SceneError(
+            f"body.regions: {left_out:.0%} of the body, or what joins its parts, is thinner than "
+            f"two cells of {solid.edge:.3g} m, which carry no shear; give a larger resolution"
+        )
+    _check_loads(grid, sorts)
+    check_supports(like, origin)
+    field = np.where(body, share, 1.0)
+    problem, _ = problem_of_scene(grid, None, field)
+    box = tuple(slice(2 * a, 2 * (a + n)) for a, n in zip(origin, problem.shape, strict=True))
+    edges = {
+        pair: edge_modulus(like, pair)
+        * np.pad(np.maximum(edge_shares(eighths[box], pair), SLIVER), 1)
+        for pair in axis_pairs(3)
+    }
+    problem = replace(problem, edges=edges)
+    nothing = Solution((), 0.0, "", 0.0, 0.0, 1, [], False)
+    if left_out > NOTED:
+        nothing.notes.append(f"{left_out:.1g} of the body is too thin for the cells, and left out")
+    own = (grid, None, problem, origin, nothing, field)
+    return SolidAgents(*own, asked=scene, solid=solid, sorts=sorts)
+
+
+def _posed(scene: Scene, body: Flags, edge: float) -> tuple[Scene, ElasticProblem, Origin]:
+    """Return the scene of some cells, and what it poses if they are whole."""
+    if not body.any():
+        raise SceneError(
+            f"body.regions: nothing of the body is two cells of {edge:.3g} m thick; give a larger "
+            "resolution"
+        )
+    grid = scene_of_cells(scene, body, edge)
+    return grid, *problem_of_scene(grid)
+
+
+def solid_of(scene: Scene, resolution: int) -> Solid:
+    """Return the body that a scene describes, and cells so many times smaller."""
+    shapes = tuple(
+        (region.shape_in(scene.lattice, f"body.regions.{k}"), region.material not in NOT_BODY)
+        for k, region in enumerate(scene.body.regions)
+    )
+    shape = tuple(resolution * count for count in scene.lattice.shape)
+    edge = scene.lattice.cell_size / resolution
+    return Solid(shape, edge, scene.body.material not in NOT_BODY, shapes)
+
+
+def scene_of_cells(scene: Scene, cells: Flags, edge: float) -> Scene:
+    """Return a scene of cells, held and loaded as the one that is asked about."""
+    (material,) = scene.cell_materials
+    body = Body(array=cells.astype(np.int16), cell_size=edge)
+    return scene.replace(body=body, legend={"0": "air", "1": material.name})
+
+
+def _check_loads(grid: Scene, sorts: NDArray[np.int8]) -> None:
+    """Refuse loads on cells that an outline cuts: where they act would be a guess."""
+    for number, chosen in enumerate(grid.selections):
+        cut = sorts[tuple(chosen.cells.T)] != WHOLE
+        if cut.any():
+            where = chosen.cells[cut][0].tolist()
+            raise SceneError(
+                f"loads.{number}: an outline cuts cell {where} of those it acts on; load a side "
+                "that no outline meets"
+            )

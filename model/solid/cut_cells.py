@@ -28,7 +28,7 @@ _PATHS = np.array(
 """Corners of the six tetrahedra of a cube: all the ways along its edges to the opposite corner."""
 
 
-class Solid(NamedTuple):
+class SolidBody(NamedTuple):
     """A body in space: what fills an array of cubes, and shapes that cover it one after another."""
 
     shape: tuple[int, ...]

@@ -27,7 +27,7 @@ from kaju.model.scene import Body, Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.pictures import check_size
 
-from .cut_cells import WHOLE, Solid, edge_shares, thick
+from .cut_cells import CUT, WHOLE, SolidBody, edge_shares, thick
 
 SLIVER = 1e-4
 """Cells of which less is body are taken as empty."""
@@ -60,7 +60,7 @@ class SolidAgents(CellAgents):
 
     storage: ClassVar[Literal["cells", "solid"]] = "solid"
     asked: Scene  # With its outlines
-    solid: Solid
+    solid: SolidBody
     sorts: NDArray[np.int8]
     """Of every cell of the array whether it is WHOLE, CUT or EMPTY."""
     known: Certain | None = None  # What was proved before
@@ -151,7 +151,7 @@ def agents_of(scene: Scene, resolution: int) -> SolidAgents:
             f"body.regions: {left_out:.0%} of the body, or what joins its parts, is thinner than "
             f"two cells of {solid.edge:.3g} m, which carry no shear; give a larger resolution"
         )
-    _check_loads(grid, sorts)
+    _check_loads(scene, body, sorts)
     check_supports(like, origin)
     field = np.where(body, share, 1.0)
     problem, _ = problem_of_scene(grid, None, field)
@@ -180,7 +180,7 @@ def _posed(scene: Scene, body: Flags, edge: float) -> tuple[Scene, ElasticProble
     return grid, *problem_of_scene(grid)
 
 
-def solid_of(scene: Scene, resolution: int) -> Solid:
+def solid_of(scene: Scene, resolution: int) -> SolidBody:
     """Return the body that a scene describes, and cells so many times smaller."""
     shapes = tuple(
         (region.shape_in(scene.lattice, f"body.regions.{k}"), region.material not in NOT_BODY)
@@ -188,7 +188,7 @@ def solid_of(scene: Scene, resolution: int) -> Solid:
     )
     shape = tuple(resolution * count for count in scene.lattice.shape)
     edge = scene.lattice.cell_size / resolution
-    return Solid(shape, edge, scene.body.material not in NOT_BODY, shapes)
+    return SolidBody(shape, edge, scene.body.material not in NOT_BODY, shapes)
 
 
 def scene_of_cells(scene: Scene, cells: Flags, edge: float) -> Scene:
@@ -198,13 +198,16 @@ def scene_of_cells(scene: Scene, cells: Flags, edge: float) -> Scene:
     return scene.replace(body=body, legend={"0": "air", "1": material.name})
 
 
-def _check_loads(grid: Scene, sorts: NDArray[np.int8]) -> None:
-    """Refuse loads on cells that an outline cuts: where they act would be a guess."""
-    for number, chosen in enumerate(grid.selections):
-        cut = sorts[tuple(chosen.cells.T)] != WHOLE
-        if cut.any():
-            where = chosen.cells[cut][0].tolist()
+def _check_loads(scene: Scene, body: Flags, sorts: NDArray[np.int8]) -> None:
+    """Refuse loads on sides that an outline meets: where they act would be a guess."""
+    for number, load in enumerate(scene.loads):
+        axis, upper = divmod(scene.lattice.sides.index(str(load.side)), 2)
+        own, sort = (np.moveaxis(values, axis, 0)[-upper] for values in (body, sorts))
+        unlike = own != (sort == WHOLE)
+        if (unlike | (sort == CUT)).any():
+            row = np.argwhere(unlike | (sort == CUT))[0].tolist()
+            row.insert(axis, (body.shape[axis] - 1) * upper)
             raise SceneError(
-                f"loads.{number}: an outline cuts cell {where} of those it acts on; load a side "
-                "that no outline meets"
+                f"loads.{number}: an outline cuts cell {row} beside the side it acts on; load a "
+                "side that no outline meets, or take smaller cells"
             )

@@ -52,6 +52,8 @@ def certain_of(agents: SolidAgents) -> Certain:
     lower, upper, missing = _of_whole_cells(agents)
     lower, upper = (lower, ours) if moved else (ours, upper)
     missing = missing and f"no {'lower' if moved else 'upper'} bound: {missing}"
+    if field.torn:
+        missing = "no upper bound: sides that meet are moved apart"
     return Certain(lower * (1.0 - ROUNDING), upper * (1.0 + ROUNDING), missing)
 
 
@@ -100,6 +102,7 @@ class TrilinearField:
             ]
         )
         self.of_cut = np.tensordot(touched.astype(np.float64), table, 1)
+        self.torn = False  # whether sides that meet are moved apart
         self.value, self.free = self._held(agents)
         start = self._start(agents)
         self.value = np.where(self.free, start, self.value)
@@ -138,8 +141,9 @@ class TrilinearField:
                     continue
                 there = np.moveaxis(value[..., component], axis, 0)[-upper]
                 moved = side.displacement[component] if side.displacement is not None else 0.0
-                there[...] = moved
-                np.moveaxis(free[..., component], axis, 0)[-upper] = False
+                loose = np.moveaxis(free[..., component], axis, 0)[-upper]
+                self.torn |= bool(((there != moved) & ~loose).any())
+                there[...], loose[...] = moved, False
         return value.reshape(-1, 3), free.reshape(-1, 3)
 
     def _start(self, agents: SolidAgents) -> Floats:
@@ -185,6 +189,8 @@ class TrilinearField:
 
     def energy(self, moved: bool) -> float:
         """Return the energy (J) that bounds the true one: from above where sides are `moved`."""
+        if self.torn:
+            return inf
         self._improve()
         energy = 0.5 * float(np.vdot(self.value, self.resisted(self.value)))
         if moved:

@@ -14,7 +14,7 @@ import kaju
 from kaju.model.scene.shapes import Ball, Box
 from kaju.model.scene.solids import Cylinder, SampledSolid
 from kaju.model.scene.surfaces import ClosedSurface
-from kaju.model.solid.cut_cells import CUT, EMPTY, WHOLE, Solid, below_zero, edge_shares, thick
+from kaju.model.solid.cut_cells import CUT, EMPTY, WHOLE, SolidBody, below_zero, edge_shares, thick
 
 STEEL = {"steel": {"youngs_modulus": 206e9, "poissons_ratio": 0.3}}
 SIDES = {"left": "roller", "front": "roller", "bottom": "roller"}
@@ -73,7 +73,7 @@ SHAPES = {
 @pytest.mark.parametrize("filled", [False, True])
 def test_cells_are_whole_or_empty_for_certain(name: str, filled: bool) -> None:
     shape = SHAPES[name]
-    solid = Solid((9, 9, 9), 1 / 9, filled, ((shape, not filled),))
+    solid = SolidBody((9, 9, 9), 1 / 9, filled, ((shape, not filled),))
     sorts = solid.cells()
     points = np.random.default_rng(2).uniform(size=(60_000, 3))
     inside = shape.contains(points) != filled
@@ -90,14 +90,14 @@ def test_cells_are_whole_or_empty_for_certain(name: str, filled: bool) -> None:
 
 def test_shapes_along_the_cells_cut_none() -> None:
     for shape in (Box((0.25,) * 3, (0.75,) * 3), ClosedSurface(0.5 + 0.25 * CUBE)):
-        sorts = Solid((8, 8, 8), 0.125, False, ((shape, True),)).cells()
+        sorts = SolidBody((8, 8, 8), 0.125, False, ((shape, True),)).cells()
         assert (sorts != CUT).all()
         assert (sorts == WHOLE).sum() == 64
 
 
 def test_regions_cover_each_other() -> None:
     shell = ((Ball((0.5,) * 3, 0.45), True), (Ball((0.5,) * 3, 0.25), False))
-    solid = Solid((16, 16, 16), 1 / 16, False, shell)
+    solid = SolidBody((16, 16, 16), 1 / 16, False, shell)
     share = solid.shares(solid.cells()).mean()
     assert share == pytest.approx(4 / 3 * np.pi * (0.45**3 - 0.25**3), rel=4e-3)
 
@@ -135,7 +135,7 @@ def test_a_ball_shaped_void_lies_within_its_bounds() -> None:
 
 @pytest.mark.parametrize("region", [
     {"image": kaju.sampled_shape(wavy, (0.0,) * 3, (1.0,) * 3, (21,) * 3)},
-    {"cylinder": {"ends": [[0.3, 0.4, 0.3], [0.7, 0.6, 0.65]], "radius": 0.2}},
+    {"cylinder": {"ends": [[0.3, 0.4, 0.3], [0.7, 0.6, 0.5]], "radius": 0.2}},
 ], ids=["samples", "cylinder"])  # fmt: skip
 def test_bounds_of_two_grids_hold_one_energy(region: dict[str, Any]) -> None:
     answers = [kaju.solve(block(6, region), resolution=k) for k in (1, 2)]
@@ -171,6 +171,13 @@ def test_moved_sides_turn_the_bounds_round() -> None:
     assert (np.diff(upper) < 0.0).all()
     for answer, low, high in zip(answers, lower, upper, strict=True):
         assert low < answer.strain_energy < high
+
+
+def test_sides_that_are_moved_apart_have_no_upper_bound() -> None:
+    sides = {"left": "rigid", "top": {"displacement": [1e-6, 0.0, 0.0]}}
+    answer = kaju.solve(block(4, BALL, sides=sides, loads=[]))
+    assert answer.energy_bounds[1] == np.inf
+    assert "moved apart" in answer.no_bound
 
 
 def test_a_surface_is_the_body(tmp_path: Path) -> None:

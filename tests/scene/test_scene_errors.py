@@ -164,7 +164,7 @@ def test_regions(region, told):
 def test_a_disk_has_no_place_in_space():
     disk = {"disk": {"centre": [0, 0, 0], "radius": 1}, "material": "air"}
     body = {"cells": [2, 2, 2], "cell_size": 1.0, "material": "ice", "regions": [disk]}
-    with pytest.raises(SceneError, match=r"body.regions.0.disk: belongs to two .* box or ball"):
+    with pytest.raises(SceneError, match=r"body.regions.0.disk: belongs to two .* use box, ball"):
         Scene(body=body)
 
 

@@ -148,14 +148,16 @@ class BalancedStress:
         gap = np.zeros(len(boxes.size))
         for side, own in enumerate(normal):
             other = boxes.beside[side]
-            alike = np.flatnonzero((other >= 0) & (boxes.size[other] == boxes.size))
             # A load on a face between two boxes parts their tractions.
-            theirs = normal[side ^ 1, other[alike]] - self._pressed[side ^ 1, other[alike]]
-            off = np.abs(own[alike] - self._pressed[side, alike] - theirs)
-            gap[alike] = np.maximum(gap[alike], off)
+            mine, theirs = own - self._pressed[side], normal[side ^ 1] - self._pressed[side ^ 1]
             free = np.flatnonzero((other < 0) & (boxes.kind[side] == AIR))
-            off = np.abs(own[free] - self._pressed[side, free])
-            gap[free] = np.maximum(gap[free], off)
+            gap[free] = np.maximum(gap[free], np.abs(mine[free]))
+            if side % 2:
+                alike = np.flatnonzero((other >= 0) & (boxes.size[other] == boxes.size))
+                other = other[alike]
+                off = np.abs(mine[alike] - theirs[other])
+                gap[alike] = np.maximum(gap[alike], off)
+                gap[other] = np.maximum(gap[other], off)
         for bed in boxes.beds:
             # Couples of loads along the surface find nothing in the bed that bears them.
             off = np.abs(normal[bed.side, bed.box] - self._springs[bed.side, bed.box])

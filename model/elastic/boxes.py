@@ -5,7 +5,6 @@ Equal cells and agents of many sizes are both told like this; scaled, lengths in
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -70,21 +69,6 @@ class Mesh(NamedTuple):
     slave: Ints
     masters: Ints
     start: Floats  # Displacements to begin with; shape (nodes, dimension)
-    # Nodes that stay where they begin: those of the `Others`
-    still: Ints = np.zeros(0, dtype=np.int64)
-
-
-class Others(NamedTuple):
-    """Boxes that are not told one by one, since nothing happens there, and stay as they begin."""
-
-    # complementary, whole, rest: Energies of their stress and of the displacement of their corners;
-    # the work on that of what an iteration has left
-    complementary: float
-    whole: float
-    rest: float
-    # All boxes, with the displacement of all their nodes to begin with, by the displacement
-    # of the nodes of those told, and by what theirs has been multiplied
-    tell: Callable[[Floats, float], Boxes]
 
 
 def whole_mesh(corner: Ints, size: Floats, start: Floats) -> Mesh:
@@ -120,7 +104,6 @@ class Boxes:
     # Normal stress on sides that the iteration has not balanced yet; shape (2·dimension, boxes)
     rest: Floats | None = None
     unsettled: float = 0.0  # Relative error in the energy norm that this is, at most
-    others: Others | None = None
     # Largest stress of the answers of which this one is the difference: rounding is by it
     of: float = 0.0
 
@@ -143,8 +126,8 @@ class Boxes:
     def side_nodes(self, box: Ints, side: int) -> Ints:
         """Return the nodes at the corners of the elements on a side of boxes."""
         # Shape (2^(dimension - 1), 2^(dimension - 1), n): by corner, and by part of the side.
-        on = corner_ends(self.dimension)[:, side // 2] == side % 2
-        return np.asarray(self.mesh.element[on][:, self.mesh.parts[on][:, box]])
+        on = np.flatnonzero(corner_ends(self.dimension)[:, side // 2] == side % 2)[:, None]
+        return np.asarray(self.mesh.element[on[:, :, None], self.mesh.parts[on, box]])
 
 
 def corner_ends(dimension: int) -> Ints:

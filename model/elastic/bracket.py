@@ -13,9 +13,8 @@ energy between them. No constant is unknown, and no assumption is made about smo
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import product
 from math import inf, sqrt
 
@@ -31,8 +30,6 @@ from .compatible import CompatibleField
 from .moduli import Moduli
 from .volume_field import LOCKING, VolumeField
 
-SETTLED_TREE = 1e-11
-"""Algebraic error that is no part of the bounds any more."""
 SETTLED = 0.015
 """Share of the estimated error that the iteration may leave, and that is added to the bound."""
 MOST_PROVED = {2: 500_000, 3: 100_000}
@@ -42,10 +39,6 @@ CROSSED = 1e-6
 EATEN = "rounding has eaten the bounds: the lower one lies above the upper"
 MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
-EXACT = 1e-6
-"""Relative error below which no corner has to sink."""
-ROUGH = 0.3
-"""Relative error above which corners sink all over the body."""
 FEW = {2: 20_000, 3: 4_000}
 """So many boxes may be spent in any case: a second or two."""
 PROVED_AT = {2: 0.71, 3: 0.9}
@@ -68,12 +61,7 @@ class Bracket:
     # Of the potential energy; what boxes do not take of loads, and moved supports, do not count
     potential: tuple[float, float]
     norm: float  # What that is relative to: the least norm of the true stress
-    make: Callable[[], MiddleStress]  # Works `middle` out
-
-    @cached_property
-    def middle(self) -> MiddleStress:
-        """The stress that is so much off."""
-        return self.make()
+    middle: MiddleStress  # The stress that is so much off
 
     @property
     def mean_error(self) -> float:
@@ -109,8 +97,6 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     boxes = stress.boxes
     bed, wall_work = _at_supports(stress)
     complementary = float(stress.energies.sum()) + bed
-    if boxes.others:
-        complementary += boxes.others.complementary
     rest = boxes.unsettled * sqrt(2.0 * complementary) + boxes.data_error
     moved = any(held.value.any() for held in boxes.held)
     fields: list[CompatibleField | VolumeField] = [plain]
@@ -147,16 +133,7 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
         return EATEN
     error = radius / smallest if smallest > 0.0 else (inf if radius > 0.0 else 0.0)
     potential = wall_work - complementary, whole - work
-    return Bracket(lower, upper, error, potential, smallest, partial(_middle, stress, v))
-
-
-def _middle(stress: BalancedStress, field: CompatibleField | VolumeField) -> MiddleStress:
-    """Return the mean of both stresses, every box told one by one."""
-    others = stress.boxes.others
-    if others and isinstance(field, CompatibleField):
-        boxes = others.tell(field.displacement, field.scale)
-        stress, field = BalancedStress(boxes), CompatibleField(boxes)
-    return MiddleStress(stress, field)
+    return Bracket(lower, upper, error, potential, smallest, MiddleStress(stress, v))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,24 +142,17 @@ class MiddleStress:
 
     balanced: BalancedStress
     field: CompatibleField | VolumeField
-    order: Ints | None = None  # Numbers of the boxes in the order in which they are asked for
-    unit: float = 1.0  # By what stresses and energies are multiplied
-    energy: float = 1.0
 
     def at(self, box: Ints, inside: Floats) -> Floats:
         """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
-        box = box if self.order is None else self.order[box]
         strain = self.field.strain_at(box, inside)
         law = Moduli(*(modulus[box] for modulus in self.balanced.boxes.law))
-        return self.unit * 0.5 * (self.balanced.at(box, inside) + stress_of(law, strain))
+        return 0.5 * (self.balanced.at(box, inside) + stress_of(law, strain))
 
     @cached_property
     def means(self) -> Floats:
         """The mean in every box, shape (boxes, d, d)."""
-        found = (
-            self.unit * 0.5 * (self._means[0] + stress_of(self.balanced.boxes.law, self._means[1]))
-        )
-        return np.asarray(found if self.order is None else found[self.order])
+        return 0.5 * (self._means[0] + stress_of(self.balanced.boxes.law, self._means[1]))
 
     @cached_property
     def _means(self) -> tuple[Floats, Floats]:
@@ -200,8 +170,7 @@ class MiddleStress:
         # where the box is small.
         own = self.balanced.energies + self.field.energies()
         product = np.einsum("nab,nab->n", *self._means)
-        found = self.energy * np.maximum(2.0 * (own - self._volume * product), 0.0)
-        return np.asarray(found if self.order is None else found[self.order])
+        return np.asarray(np.maximum(2.0 * (own - self._volume * product), 0.0))
 
     @property
     def variation(self) -> float:
@@ -213,9 +182,10 @@ class MiddleStress:
             product += _work_on_beds(self.balanced, v)
         whole = 0.5 * (float(self.balanced.energies.sum() + v.energies().sum()) + product)
         balanced, strain = self._means
-        mean = 0.5 * (balanced + stress_of(boxes.law, strain))
-        square = np.einsum("nab,nab->n", mean, 0.5 * (strain + strain_of(boxes.law, balanced)))
-        return sqrt(self.energy * max(whole - float(self._volume @ square), 0.0))
+        square = np.einsum(
+            "nab,nab->n", self.means, 0.5 * (strain + strain_of(boxes.law, balanced))
+        )
+        return sqrt(max(whole - float(self._volume @ square), 0.0))
 
 
 def _work_on_beds(stress: BalancedStress, field: CompatibleField) -> float:

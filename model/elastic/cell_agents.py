@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
@@ -27,7 +26,7 @@ from .staggered import Strains, energy_of_cells
 if TYPE_CHECKING:
     from kaju.model.elastic.spawning.tree_agents import TreeAgents
 
-    from .bracket import Bracket, MiddleStress
+    from .bracket import Bracket
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,39 +164,13 @@ class CellAgents:
     @cached_property
     def bracket(self) -> Bracket | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
-        from .bracket import EXACT, ROUGH, SETTLED, SETTLED_TREE, bracket_of
+        from .bracket import SETTLED, bracket_of
         from .cell_boxes import boxes_of_cells
 
         problem, solution = self.problem, self.solution
-        dragged = any(np.any(shear) for shear in problem.surface_shear.values())
-        if dragged and self.field is not None:
-            return "loads act along a surface of agents with a field of stiffness"
-        share = SETTLED_TREE if dragged else SETTLED * solution.discretisation
-        solution = settled(problem, solution, share)
-        if dragged:
-            return self._by_tree(replace(self, solution=solution).tree)
+        solution = settled(problem, solution, SETTLED * solution.discretisation)
         state = problem, solution.displacement, solution.algebraic, self.grid, self.stage
-        gap = self.energy * max(self.error, EXACT) ** 2 if self.error < ROUGH else 0.0
-        found = bracket_of(boxes_of_cells(*state, gap))
-        return bracket_of(boxes_of_cells(*state)) if isinstance(found, str) else found
-
-    def _by_tree(self, tree: TreeAgents) -> Bracket | str:
-        """Return the bracket of the same agents as a tree: in the order and units of these."""
-        from .bracket import Bracket
-
-        found, units, own = tree.bracket, tree.scales, self.scales
-        if isinstance(found, str):
-            return found
-        force, moved = units.force / own.force, units.displacement / own.displacement
-        energy, stress = force * moved, units.modulus / own.modulus * moved
-        order = self._in_tree
-
-        def middle() -> MiddleStress:
-            return replace(found.middle, order=order, unit=stress, energy=energy)
-
-        lower, upper, norm = energy * found.lower, energy * found.upper, sqrt(energy) * found.norm
-        potential = energy * found.potential[0], energy * found.potential[1]
-        return Bracket(lower, upper, found.error, potential, norm, middle)
+        return bracket_of(boxes_of_cells(*state))
 
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""

@@ -54,8 +54,8 @@ class CompatibleField:
     """Displacements of the corners of boxes, shape (nodes, dimension).
 
     `left` are the loads less the forces that hold them, known once the field has settled; `given`
-    what supports give (NaN: nothing); `scale` what it has been multiplied by; `jumps` tells whether
-    supports give a corner two displacements at once: no field without gaps has that.
+    what supports give (NaN: nothing); `jumps` tells whether supports give a corner two
+    displacements at once: no field without gaps has that.
     """
 
     def __init__(self, boxes: Boxes) -> None:
@@ -68,7 +68,6 @@ class CompatibleField:
         self.displacement = self.mesh.start
         self.hold()
         self.left = np.zeros_like(self.displacement)
-        self.scale = 1.0
 
     def hold(self) -> None:
         """Make the field fit: at the supports, and along straight sides."""
@@ -147,8 +146,6 @@ class CompatibleField:
                         old, new = given[node, component], held.value[:, component]
                         jumps |= bool(np.any(~np.isnan(old) & (old != new)))
                         given[node, component] = new
-        still = self.mesh.still
-        given[still] = np.where(np.isnan(given[still]), self.mesh.start[still], given[still])
         return given, jumps
 
     def force(self, v: Floats) -> Floats:
@@ -189,7 +186,6 @@ class CompatibleField:
     def stretch(self, share: float) -> None:
         """Multiply the field by a number."""
         self.displacement *= share
-        self.scale *= share
         self.left = (1.0 - share) * self._load + share * self.left
 
     def _diagonal(self) -> Floats:
@@ -226,14 +222,12 @@ class CompatibleField:
         if boxes.rest is None:
             return 0.0
         area = boxes.size ** (boxes.dimension - 1)
-        own = -float(kernels.work_on_sides(self.mesh.corner, boxes.rest, area, self.displacement))
-        return own + self.scale * boxes.others.rest if boxes.others else own
+        return -float(kernels.work_on_sides(self.mesh.corner, boxes.rest, area, self.displacement))
 
     def whole_energy(self) -> float:
         """Return the energy in body and bed, once settled."""
         pull = self._load - self.left
-        own = 0.5 * float(dot(self.displacement.ravel(), pull.ravel()))
-        return own + self.scale**2 * self.boxes.others.whole if self.boxes.others else own
+        return 0.5 * float(dot(self.displacement.ravel(), pull.ravel()))
 
     def _placed(self, box: Ints, inside: Floats) -> tuple[Ints, Floats, Floats]:
         """Return the nodes round places in boxes, the place between them, and the parts' edges."""

@@ -154,10 +154,9 @@ def work_on_sides(corner: Any, pressure: Any, area: Any, v: Any) -> float:
     ends = np.arange(len(corner))
     for side, force in enumerate(pressure):
         axis, upper = divmod(side, 2)
-        some = np.flatnonzero(force)
-        on = (ends >> (d - 1 - axis)) & 1 == upper
-        moved = v[corner[on][:, some], axis].sum(axis=0)
-        total += (2 * upper - 1) * float(np.sum(force[some] * area[some] * moved))
+        own, on = v[:, axis].copy(), np.flatnonzero((ends >> (d - 1 - axis)) & 1 == upper)
+        moved = sum(own[corner[k]] for k in on) if force.any() else 0.0
+        total += (2 * upper - 1) * float(np.sum(force * area * moved))
     return total / (len(corner) // 2)
 
 

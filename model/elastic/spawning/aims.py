@@ -75,8 +75,6 @@ class State(Protocol):
 class Aim(Protocol):
     """Something that the tolerance can be about."""
 
-    adds_up: bool  # Whether the error, or its square, is the sum of the agents' parts
-
     def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
 
@@ -86,8 +84,6 @@ class Aim(Protocol):
 
 class EnergyAim:
     """The error in the energy norm, over the whole body."""
-
-    adds_up = True
 
     def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""

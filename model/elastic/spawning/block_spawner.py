@@ -24,15 +24,13 @@ from .balance import Balance
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
 from .curvature import Indicator
-from .forest import ACROSS, Forest, evenly_loaded, first_forest
+from .forest import ACROSS, Forest, first_forest
 from .generations import Generation, Spawning
 from .ground import Ground
-from .leaf_spawner import ROUGH, LeafSpawner
+from .leaf_spawner import LeafSpawner
 from .leaves import Leaves, morton
 from .mirror import mirrors, symmetrise
 from .nested import WORST, relative_error
-from .previous import LEAST, WORTHWHILE
-from .retire import RETURN, share_of
 from .spawner import Spawner
 from .tree_boxes import bracket_of_agents
 
@@ -128,25 +126,10 @@ class BlockSpawning(Spawning):
         self.residuals, self.levels = spawner.residuals, spawner.blocks.forest.depth
         self.reached = spawner.reached
         self.stopped = "" if self.reached else spawner.stopped
-        self.notes, self.retired = list(spawner.notes), 0
+        self.notes = list(spawner.notes)
         self.bracket = spawner.bracket
         self._allowed = spawner.aimed.allowed
         self._records = list(spawner.records)
-
-    def stands_on(self, ground: Ground) -> bool:
-        """Tell whether the agents may stay as they are, whatever their loads."""
-        large = int(self.blocks.forest.size.min()) >= ground.smallest
-        return large and ground.scene.same_body(self.ground.scene)
-
-    def instead_of(self, previous: Spawning) -> int:
-        """Return for how many of the previous agents a larger one stands now."""
-        forest = self.blocks.forest
-        leaf, code = forest.leaves, morton(forest.lower[forest.leaves])
-        before = previous.leaves
-        at = leaf[np.maximum(np.searchsorted(code, before.code, side="right") - 1, 0)]
-        inside = before.lower - forest.lower[at]
-        here = np.all((inside >= 0) & (inside < ACROSS * forest.size[at, None]), axis=1)
-        return int(np.count_nonzero(here & (forest.size[at] > before.size)))
 
     @cached_property
     def leaves(self) -> Leaves:
@@ -277,8 +260,6 @@ def spawner_of(
     forest = blocks_for(ground, tolerance) if aim is None else None
     if forest is not None and forest.agents <= most_agents:
         before = previous if isinstance(previous, BlockSpawning) else None
-        if before is not None and not before.stands_on(ground):
-            before = None
         return BlockSpawner(forest, tolerance, most_agents, before)
     return LeafSpawner(ground, tolerance, most_agents, aim, previous)
 
@@ -296,10 +277,7 @@ def spawn(
         spawner.step()
         if stopped():
             break
-    spawning = spawner.outcome()
-    if previous is not None and isinstance(spawning, BlockSpawning):
-        spawning.retired = spawning.instead_of(previous)
-    return spawning
+    return spawner.outcome()
 
 
 class BlockSpawner(Spawner):
@@ -322,8 +300,10 @@ class BlockSpawner(Spawner):
             self.root.check_held(blocks)
             self._stand(blocks)
         else:
-            self.root = previous.root
-            self._take_up(previous)
+            self.root, self.error = previous.root, previous.error
+            old = previous.u.copy()
+            previous.blocks.everywhere(old)
+            self._stand(BlockBalance(previous.blocks.forest.loaded_by(forest.ground)), old)
         self._mirrors = mirrors(self.blocks)
 
     @property
@@ -360,41 +340,6 @@ class BlockSpawner(Spawner):
             blocks.zeros() if old is None else blocks.follow(old, self.multigrid.rim)
         )
 
-    def _take_up(self, previous: BlockSpawning) -> None:
-        """Begin with the agents of a previous answer, without those that may as well retire."""
-        unit = previous.ground.scales.displacement / self.ground.scales.displacement
-        old = unit * previous.u
-        previous.blocks.everywhere(old)
-        forest = evenly_loaded(previous.blocks.forest.loaded_by(self.ground)).as_first()
-        self._stand(BlockBalance(forest), old)
-        self._settled(ROUGH)
-        fewer = self._regrouped()
-        if fewer is not None:
-            self._stand(BlockBalance(fewer), self.displacement)
-
-    def _regrouped(self) -> Forest | None:
-        """Return the forest in which agents that leave little retire, and those with much spawn."""
-        # None if those that stand may as well stay.
-        forest, smallest, part = self.blocks.forest, self.ground.smallest, self.square
-        parts = np.zeros(len(forest))
-        parts[forest.leaves] = part
-        for level in range(forest.depth - 2, -1, -1):
-            block = np.arange(forest.start[level], forest.start[level + 1])
-            block = block[~forest.leaf[block]]
-            parts[block] = RETURN * parts[forest.child[block]].sum(axis=1)
-        stuck = forest.leaf & (forest.size <= smallest)
-        spread = float(parts[forest.leaf & ~stuck].sum())
-        allowed = max(self.aimed.allowed, LEAST * float(part.sum()))
-        share = share_of(parts[~stuck], spread / RETURN + float(parts[stuck].sum()), allowed)
-        pruned = evenly_loaded(forest.pruned(parts <= share))
-        much = parts[pruned.origin] > share
-        fewer = pruned.refined(much & (pruned.origin >= 0) & (pruned.size > smallest), 0)
-        many = (1 << forest.dimension) - 1
-        otherwise = len(part) + many * np.count_nonzero(self.aimed.chosen)
-        if len(fewer.leaves) > WORTHWHILE * otherwise:
-            return None
-        return fewer.after(pruned).as_first()
-
     def _spawn(self, chosen: Flags) -> None:
         before = self.blocks.forest
         marked = np.zeros(len(before), dtype=np.bool_)
@@ -402,18 +347,14 @@ class BlockSpawner(Spawner):
         self._stand(BlockBalance(before.refined(marked, len(self.records))), self.displacement)
 
     def _settle(self, *, for_good: bool) -> Iteration:
-        return self._settled(None if for_good else min(ON_THE_WAY * self.error, WORST))
-
-    def _settled(self, share: float | None) -> Iteration:
-        """Balance the forces, and see what is left unbalanced."""
-        # To a relative error that one more cycle leaves, or for good.
+        share = min(ON_THE_WAY * self.error, WORST)  # of which one more cycle leaves a part
 
         def done(run: Iteration) -> bool:
-            if share is not None:
+            if not for_good:
                 return self._rest * run.errors[-1] <= share
             return max(run.residuals[-1], run.errors[-1]) <= LAST
 
-        load, u, onward = self.blocks.load, self.displacement, share is not None
+        load, u, onward = self.blocks.load, self.displacement, not for_good
         run = self.multigrid.solve(load, u, done, onward=onward)
         if not run.converged and self.multigrid.real is not np.float64:
             self.multigrid = BlockMultigrid(self.blocks, self.root, np.float64)

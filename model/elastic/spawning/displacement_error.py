@@ -144,8 +144,6 @@ def _missing_displacement(
 class DisplacementAim:
     """The largest displacement error anywhere, relative to the largest displacement."""
 
-    adds_up = False
-
     def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         balance, square = spawner.balance, spawner.indicator.square

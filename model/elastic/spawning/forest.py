@@ -118,13 +118,10 @@ class Forest:
         """Number of agents."""
         return int(len(self.leaves) * ACROSS**self.dimension)
 
-    def as_first(self) -> Forest:
-        """Return the same blocks as if they had been there from the start."""
-        return replace(self, step=np.zeros_like(self.step), cause=np.zeros_like(self.cause))
-
     def loaded_by(self, ground: Ground) -> Forest:
         """Return the same blocks, as the first ones, on other ground of the same body."""
-        return replace(self.as_first(), ground=ground, origin=np.arange(len(self)))
+        zeros, every = np.zeros_like(self.step), np.arange(len(self))
+        return replace(self, ground=ground, origin=every, step=zeros, cause=np.zeros(len(self)))
 
     def states(self, composite: bool) -> Ints:
         """Tell what every block has beside it, shape (blocks, 3^d)."""
@@ -152,16 +149,6 @@ class Forest:
         if not unlike.any():
             return forest
         return forest.refined(unlike, step).after(forest)
-
-    def pruned(self, retiring: Flags) -> Forest:
-        """Return the forest without the descendants of blocks, as far as others can do without."""
-        # The neighbours of a block with children stay, so that no two leaves are too unlike.
-        split = ~self.leaf & ~retiring
-        for level in range(self.depth - 1, 0, -1):
-            block = np.arange(self.start[level], self.start[level + 1])
-            beside = self.beside[block[split[block]]]
-            split[self.parent[beside[beside >= 0]]] = True
-        return self._grown(split, np.zeros(len(self), dtype=np.bool_), 0)
 
     def after(self, before: Forest) -> Forest:
         """Return this forest as one that has grown from what `before` has grown from."""

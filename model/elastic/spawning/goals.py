@@ -130,8 +130,6 @@ class Influence:
 class GoalAim:
     """The largest relative error of some quantities."""
 
-    adds_up = True
-
     def __init__(self, quantities: tuple[Quantity, ...], ground: Ground) -> None:
         self._functionals = [functional_of(quantity, ground) for quantity in quantities]
         self._influences = [[Influence() for _ in f.ways] for f in self._functionals]

@@ -83,6 +83,11 @@ class Ground:
         """Of every material (Pa)."""
         return np.array([m.youngs_modulus for m in self.scene.cell_materials])
 
+    def loaded_where(self, other: Ground) -> bool:
+        """Tell whether loads enter by the same faces, or parts of these, as on other ground."""
+        pairs = ((self._key, other._key), (self._uneven.part, other._uneven.part))
+        return all(np.array_equal(own, theirs) for own, theirs in pairs)
+
     def given(self, side: int) -> Floats:
         """Return the scaled displacement of what lies beyond a side."""
         condition = self.scene.side_condition(self.scene.lattice.sides[side])

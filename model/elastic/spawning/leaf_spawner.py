@@ -16,17 +16,14 @@ from .composite import Composite
 from .curvature import Indicator, indicate
 from .generations import Generation, Spawning
 from .ground import Ground
-from .held import first_agents
+from .held import HALVED, first_agents
 from .leaves import Leaves
 from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
-from .previous import Heirs, Standing
 from .spawner import Spawner
 from .tree_boxes import bracket_of_agents
 
 ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
-ROUGH = 0.05
-"""One cycle of previous agents is enough to tell within a per cent what they will leave."""
 
 
 class LeafSpawner(Spawner):
@@ -44,13 +41,15 @@ class LeafSpawner(Spawner):
     ) -> None:
         super().__init__(ground, tolerance, most_agents, aim)
         self._generations: list[Generation] = []
-        self._heirs = None
         if previous is None:
-            self._stand(_first(ground))
+            self.balance, self.notes = first_agents(ground)
+            self.displacement = self.balance.grid.value.copy()
         else:
-            self._heirs = Heirs(ground, previous.balance.grid.leaves)
-            self._stand(self._heirs.take_up(previous))
-            self.error = previous.error
+            self.balance, self.error = previous.balance.loaded_by(ground), previous.error
+            self.balance.grid.leaves = self.leaves.as_first()
+            self.displacement = previous.displacement.copy()
+            self.notes = [note for note in previous.notes if note.endswith(HALVED)]
+        self.hierarchy = NestedMultigrid(self.balance)
 
     @property
     def generations(self) -> list[Generation]:
@@ -77,32 +76,8 @@ class LeafSpawner(Spawner):
         return Spawning(
             self.balance, self.displacement, self.indicator, self.energy, self.error,
             self.aimed, list(self.generations), self.residuals, self.hierarchy.depth, self.reached,
-            "" if self.reached else self.stopped, list(self.notes), self.retired, self.bracket,
+            "" if self.reached else self.stopped, list(self.notes), bracket=self.bracket,
         )  # fmt: skip
-
-    def _stand(self, standing: Standing) -> None:
-        self.balance, self.displacement, self.notes = standing
-        self.hierarchy = NestedMultigrid(self.balance)
-
-    def _begin(self) -> list[Iteration]:
-        """Let agents of a previous answer settle roughly, retire, and spawn at once."""
-        if self._heirs is None or self.generations:
-            return super()._begin()
-        runs = [self._settled(ROUGH, known=False)]
-        within = self.aimed.error <= self.target
-        # Only an error that adds up can be shared out; another is mended from the start.
-        standing = _first(self.ground) if not (within or self.aim.adds_up) else self._regroup()
-        while standing is not None:
-            self._stand(standing)
-            runs.append(self._settle(for_good=False))
-            standing = self._regroup() if within else None
-            within = self.aimed.error <= self.target
-        self.retired = self._heirs.retired(self.leaves)
-        return runs
-
-    def _regroup(self) -> Standing | None:
-        assert self._heirs is not None
-        return self._heirs.regroup(self.balance, self.displacement, self.aimed)
 
     def _spawn(self, chosen: Flags) -> None:
         number, leaves = len(self.generations), self.leaves
@@ -114,17 +89,12 @@ class LeafSpawner(Spawner):
         self.balance = finer
 
     def _settle(self, *, for_good: bool) -> Iteration:
-        return self._settled(LAST if for_good else ALGEBRAIC_SHARE * self.error)
-
-    def _settled(self, share: float, *, known: bool = True) -> Iteration:
-        """Balance the forces to a relative algebraic error, and see what is left unbalanced."""
-        # An algebraic error that is not `known`, still to be settled, will be a share of the error.
+        share = LAST if for_good else ALGEBRAIC_SHARE * self.error
         run = settle(self.balance, self.hierarchy, self.displacement, share)
         self.indicator = indicate(self.balance, self.displacement)
         self.square = self.indicator.square
         self.energy = energy_of(self.balance, self.displacement)
-        error = relative_error(self.square, self.energy)
-        self.error = float(np.hypot(error, run.errors[-1] if known else ALGEBRAIC_SHARE * error))
+        self.error = float(np.hypot(relative_error(self.square, self.energy), run.errors[-1]))
         self.aimed = self.aim.look(self)
         return run
 
@@ -147,8 +117,3 @@ class LeafSpawner(Spawner):
         leaves, load = self.leaves, self.indicator.load
         cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
         self.generations.append(Generation(*cost, leaves.code, leaves.size, load, chosen))
-
-
-def _first(ground: Ground) -> Standing:
-    balance, notes = first_agents(ground)
-    return Standing(balance, balance.grid.value.copy(), notes)

@@ -115,19 +115,13 @@ class Leaves:
             whole &= self.kind[first + child] == self.kind[first]
         return np.flatnonzero(whole)
 
-    def merged(self, start: Ints | None = None) -> Leaves:
-        """Return the leaves with families replaced by their parents: all, or some `start`."""
-        start = self.families() if start is None else start
-        size = self.size.copy()
+    def merged(self) -> Leaves:
+        """Return the leaves with families replaced by their parents."""
+        start, size, stay = self.families(), self.size.copy(), np.ones(len(self), dtype=np.bool_)
         size[start] *= 2
-        return replace(self, size=size).only(self.without_siblings(start))
-
-    def without_siblings(self, start: Ints) -> Flags:
-        """Tell apart from all others the children in families that follow the first."""
-        stay = np.ones(len(self), dtype=np.bool_)
         for child in range(1, 1 << self.dimension):
             stay[start + child] = False
-        return stay
+        return replace(self, size=size).only(stay)
 
     def as_first(self) -> Leaves:
         """Return the leaves as if they had been there from the start."""

@@ -14,7 +14,7 @@ from .block_spawner import blocks_for, spawn
 from .generations import Spawning
 from .goals import Asked, aim_of, asked
 from .ground import ground_of
-from .previous import check_previous
+from .previous import check_previous, count_retired, serves
 from .quantities import ToleranceAt
 from .tree_agents import TreeAgents
 
@@ -44,9 +44,9 @@ def solve_spawning(
     half their size, and all settle again, until the estimated error is within the tolerance.
     The scene's cells say where the body is; it is never rasterised as a whole.
 
-    What is not given is as in the previous answer, whose agents are those to begin with: where the
-    body is the same they keep their matrices, where fewer would do they retire and a parent comes
-    back. `note` is what else is to be said of the answer.
+    What is not given is as in the previous answer, whose agents are those to begin with where the
+    body and the places of the loads are the same, and the tolerance is not larger. `note` is what
+    else is to be said of the answer.
     """
     start = perf_counter()
     before, tolerance, resolution = _continued(previous, tolerance, resolution)
@@ -58,9 +58,14 @@ def solve_spawning(
     in_blocks = goals is None and blocks_for(ground, tolerance) is not None
     most = IN_BLOCKS if in_blocks else MOST_AGENTS
     limit = most_agents or most[ground.dimension]
-    if before is not None:
+    start_from = None
+    if previous is not None and before is not None:
         check_previous(before.ground, ground)
-    spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), before)
+        alike = goals == previous.tolerance_at and tolerance <= (previous.tolerance or 0.0)
+        start_from = before if alike and serves(before, ground) else None
+    spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), start_from)
+    if before is not None:
+        spawning.retired = count_retired(before.leaves, spawning.leaves)
     spawning.notes += [note] if note else []
     seconds = perf_counter() - start
     how = (scene, stage, tolerance, resolution)

@@ -56,7 +56,7 @@ class Spawner(ABC):
     ) -> None:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
         self.aim = aim or EnergyAim()
-        self.error, self.energy, self.retired = FIRST_GUESS, 0.0, 0
+        self.error, self.energy = FIRST_GUESS, 0.0
         self.finished, self.stopped = False, ""
         self.bracket: Bracket | str | None = None
         self.notes: list[str] = []
@@ -126,7 +126,7 @@ class Spawner(ABC):
         if self._chosen is not None:
             self.bracket = None  # of those that were there before
             self._spawn(self._chosen)
-        runs = self._begin()
+        runs = [self._settle(for_good=False)]
         self._expect()
         if self._ends():
             runs.append(self._settle(for_good=True))
@@ -146,9 +146,6 @@ class Spawner(ABC):
     def choose(self, part: Floats, allowed: float) -> Flags:
         """Choose who spawns: those with the largest parts in an error (see `choose_among`)."""
         return choose_among(part, allowed, self.smallest, BULK[self.ground.dimension])
-
-    def _begin(self) -> list[Iteration]:
-        return [self._settle(for_good=False)]
 
     def _expect(self) -> None:
         """Ask bounds once, long before the end, for which share of the estimate they will be."""

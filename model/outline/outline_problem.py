@@ -51,8 +51,7 @@ class LoadedOutline:
         way = force / np.hypot(*force)
         shape.part_along((float(way[0]), float(way[1])))
         facing = cls(name, shape, solid, np.zeros((2, 2)), way)
-        sides = within_array(shape.border(not solid), extent)
-        width = -(facing.outward(sides) @ way)[facing.acts_on(sides)].sum()
+        width = -(facing.outward(facing.taking(extent)) @ way).sum()
         stress = -np.hypot(*force) / width * np.outer(way, way) if width > 0.0 else facing.stress
         return cls(name, shape, solid, stress, way)
 
@@ -61,12 +60,13 @@ class LoadedOutline:
         run = border[:, 1] - border[:, 0]
         return np.asarray(np.stack([run[:, 1], -run[:, 0]], axis=1) * (1.0 if self.solid else -1.0))
 
-    def acts_on(self, border: Floats) -> Flags:
-        """Tell on which straight parts of the shape's border there is a traction."""
+    def taking(self, extent: tuple[int, int], outer: bool = False) -> Floats:
+        """Return the straight parts of the inner or outer body's border with a traction."""
+        border = within_array(self.shape.border(self.solid is outer), extent)
         outward = self.outward(border)
         if self.facing is None:
-            return np.ones(len(outward), dtype=np.bool_)
-        return np.asarray(outward @ self.facing < -LEVEL * np.hypot(*outward.T))
+            return border
+        return np.asarray(border[outward @ self.facing < -LEVEL * np.hypot(*outward.T)])
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,7 @@ class OutlineProblem:
                 force[at] += 0.5 * length[at, None, None] * traction
                 loaded.append((ends[at], traction))
         for one in self.outlines:
-            border = within_array(one.shape.border(not one.solid), self.shape)
-            border = border[one.acts_on(border)]
+            border = one.taking(self.shape)
             rows = np.flatnonzero(pieces.alone)
             rows = rows[place_on(ends[rows].mean(axis=1), border)[0] < ON_BORDER]
             found = length[rows].sum()
@@ -203,8 +202,7 @@ class OutlineProblem:
                 leaf = field.leaves.at(at + 1e-9 * inward)
                 out += field.spread(leaf, at, weight)
         for one in self.outlines:
-            border = within_array(one.shape.border(one.solid is True), self.shape)
-            ends = _on_lines(border[one.acts_on(border)], field.leaves)
+            ends = _on_lines(one.taking(self.shape, outer=True), field.leaves)
             run = ends[:, 1] - ends[:, 0]
             outward = one.outward(ends)
             inward = -ON_BORDER * outward / np.hypot(run[:, 0], run[:, 1])[:, None]
@@ -254,7 +252,7 @@ def place_on(points: Floats, border: Floats) -> tuple[Floats, Floats]:
 def _on_lines(border: Floats, leaves: SquareLeaves) -> Floats:
     """Return straight lines split where they cross sides of the smallest leaves."""
     edge = leaves.size.min() * leaves.unit
-    out = []
+    out = [np.empty((0, 2, 2))]
     for start, end in border:
         cuts = [0.0, 1.0]
         for axis in (0, 1):

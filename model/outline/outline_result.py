@@ -36,6 +36,8 @@ _GAP = 0.2
 """Share of an outline that lies beyond the array where no agent is along it."""
 _APART = 0.02
 """Share of a peak by which both fields may differ there without a note."""
+_CLOSED = 0.1
+"""Share of its length by which an outline must go on within an agent to have a direction there."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -413,7 +415,9 @@ def _hoop_stress(
     sums = [np.bincount(of, length * c, len(leaf)) for c in balanced.ends[rows].mean(axis=1).T]
     middle = np.stack(sums, axis=1) / total[:, None]
     tx, ty = np.stack([np.bincount(of, c, len(leaf)) for c in run.T])
-    along_outline = np.stack([tx**2, ty**2, 2.0 * tx * ty], axis=1) / (tx**2 + ty**2)[:, None]
+    onward = np.hypot(tx, ty)
+    along_outline = np.stack([tx**2, ty**2, 2.0 * tx * ty], axis=1)
+    along_outline /= np.where(onward > 0.0, onward**2, 1.0)[:, None]
     hoop = (stress[leaf] * along_outline).sum(axis=1)
     moved = found.fitted.strain_at(leaf, middle) @ stiffness
     other = (moved * along_outline).sum(axis=1)
@@ -424,5 +428,6 @@ def _hoop_stress(
         whole = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
         gaps = np.diff(place, append=place[0] + whole)
         order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
-    order = order[balanced.area[leaf[order]] > SLIVER * full[order]]
+    says = (balanced.area[leaf] > SLIVER * full) & (onward > _CLOSED * total)
+    order = order[says[order]]
     return np.column_stack([edge * middle, hoop, other])[order]

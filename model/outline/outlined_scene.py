@@ -72,7 +72,7 @@ def solve_outlined(scene: Scene, tolerance: float | None, most_agents: int | Non
         raise SceneError(
             f"body.regions: the outlines could not be resolved ({error}); outlines that all but "
             "touch the lines between agents, or are covered by another region, do so: move one "
-            "by a little"
+            "by a little; so does plane strain where Poisson's ratio is all but 1/2"
         ) from None
 
 
@@ -123,6 +123,10 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
                 outlines.append(LoadedOutline.pushed(*what, total, shape))
                 if total.any() and not outlines[-1].stress.any():
                     raise SceneError(f"loads.{number}.force: nothing of {load.outline!r} faces it")
+            if not len(outlines[-1].taking(shape)):
+                raise SceneError(
+                    f"loads.{number}.outline: nothing of {load.outline!r} lies within the array"
+                )
         elif load.pressure is not None:
             assert load.side is not None
             sofar = pressed_sides.get(load.side, 0.0)

@@ -203,8 +203,8 @@ def stress(
             typer.echo(f"{len(outcomes)} of {number}")
     counts = tally(outcomes)
     typer.echo(f"{'':28}{'answered':>10}{'refused':>10}{'failed':>10}{'not finished':>14}")
-    for engine, *row, unfinished in counts:
-        typer.echo(f"{engine:28}{row[0]:10}{row[1]:10}{row[2]:10}{unfinished:14}")
+    for engine, row in counts.items():
+        typer.echo(f"{engine:28}{row[0]:10}{row[1]:10}{row[2]:10}{row[3]:14}")
     known, proven, inside = bounded(outcomes)
     typer.echo(f"truth known of {known} answers, bounds of {proven}, truth within {inside} of them")
     told = {
@@ -213,7 +213,7 @@ def stress(
         "workers": workers,
         "minutes": round((perf_counter() - began) / 60.0, 1),
         "processor_minutes": round(sum(outcome.seconds for outcome in outcomes) / 60.0, 1),
-        "engines": {engine: row for engine, *row in counts},
+        "engines": counts,
         "bounds": [known, proven, inside],
     }
     (out / "summary.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
@@ -222,7 +222,7 @@ def stress(
         from kaju.view.trials import plot_trials
 
         typer.echo(plot_trials(outcomes, out / "outcomes.png"))
-    failed, unfinished = sum(row.failed for row in counts), sum(row.unfinished for row in counts)
+    _, _, failed, unfinished = map(sum, zip(*counts.values(), strict=True))
     if failed or unfinished:
         typer.echo(f"{failed} of {number} trials failed, {unfinished} not finished", err=True)
         raise typer.Exit(1 if failed else 3)

@@ -17,7 +17,8 @@ from kaju import solve
 from kaju.__main__ import main
 from kaju.errors import KajuError, ParameterError
 from kaju.model.elastic import elastic_result
-from kaju.model.study.trials import trial, trial_kinds, trial_workers
+from kaju.model.outline import outline_bracket
+from kaju.model.study.trials import trial, trial_kinds, trial_scenes, trial_workers
 from kaju.model.study.trials.stability_map import stability_map
 from kaju.model.study.trials.trial import FAILED, REFUSED, UNFINISHED, attempt, put_to
 from kaju.model.study.trials.trial_corpus import CORPUS
@@ -25,6 +26,7 @@ from kaju.model.study.trials.trial_scenes import (
     BODIES,
     described_scene,
     hexagon_scene,
+    outlined_scene,
     transfer_scene,
 )
 from kaju.model.study.trials.trial_workers import bounded, tally, trials
@@ -35,7 +37,7 @@ def elastic_scene(rng, name):
     """A scene of a family, drawn again until its parts are held and its loads lie free."""
     while True:
         try:
-            return trial_kinds.elastic_scene(rng, name)
+            return trial_scenes.elastic_scene(rng, name)
         except KajuError:
             continue
 
@@ -102,13 +104,13 @@ def test_the_books_must_balance(monkeypatch):
 
 def test_what_works_for_too_long_is_killed_and_the_rest_goes_on(monkeypatch):
     monkeypatch.setattr(trial_workers, "PATIENCE", 1e9)
-    numbers = [number_of("three elements", after=n) for n in (0, 20, 40)]
+    numbers = [number_of("three elements", after=n) for n in (0, 40, 80)]
     late = list(trials([(5162, "tolerance"), *numbers], workers=1, limit=0.05, warm=False))
     assert (late[0].number, late[0].verdict) == (5162, FAILED)
     assert "more than 0.05 s of processor time" in late[0].what
     whole = list(trials(numbers, workers=2, limit=60.0, warm=False))
     assert sorted(o.number for o in whole) == numbers
-    assert [row.answered for row in tally(whole)] == [3]
+    assert tally(whole) == {"three elements": [3, 0, 0, 0]}
 
 
 def test_who_only_waits_is_not_finished_and_has_not_failed(monkeypatch):
@@ -238,7 +240,7 @@ def test_agents_of_ones_own_are_tried_too():
 
 
 def test_every_kind_has_its_turn_and_described_scenes_hold_all_that_can_be_described():
-    assert {put_to(n) for n in range(20)} == set(trial.KINDS)
+    assert {put_to(n) for n in range(40)} == set(trial.KINDS)
     rng = np.random.default_rng(1)
     scenes = []
     for name in list(BODIES) * 8:
@@ -252,6 +254,32 @@ def test_every_kind_has_its_turn_and_described_scenes_hold_all_that_can_be_descr
         assert any(getattr(region, name) is not None for region in regions)
     assert any(scene.body.gravity for scene in scenes)
     assert any(c.stiffness is not None for s in scenes for c in s.sides.values())
+
+
+def test_true_outlines_of_all_shapes_are_among_the_first_and_judged():
+    rng = np.random.default_rng(1)
+    scenes = []
+    for _ in range(80):
+        with suppress(KajuError):
+            scenes.append(outlined_scene(rng))
+    shapes = ("box", "polygon", "disk", "ring", "ellipse", "slot", "rounded_box", "path")
+    regions = [region for scene in scenes for region in scene.body.regions]
+    assert {region.outline for region in regions} == {"true"}
+    assert {name for name in shapes for r in regions if getattr(r, name) is not None} == {*shapes}
+    loads = [load for scene in scenes for load in scene.loads]
+    for place in ("side", "outline"):
+        for what in ("pressure", "force"):
+            assert any(getattr(x, place) and getattr(x, what) is not None for x in loads)
+    assert any(scene.body.gravity for scene in scenes)
+    outcomes = [attempt(n) for n in (23, 28, 63, 68, 103)]
+    assert {o.engine for o in outcomes} == {"true outlines"}
+    assert {o.verdict for o in outcomes} == {"answered", REFUSED}
+
+
+def test_bounds_that_hold_no_one_energy_fail(monkeypatch):
+    monkeypatch.setattr(outline_bracket, "ROUNDING", -0.2)
+    verdicts = [attempt(n) for n in (23, 28, 63, 68, 103)]
+    assert any("no value lies within all of" in o.what for o in verdicts if o.verdict == FAILED)
 
 
 def test_every_kind_of_scene_is_among_the_first():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import signal
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import astuple, fields
@@ -12,7 +13,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from time import monotonic, process_time
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from kaju.errors import ParameterError
 
@@ -143,16 +144,6 @@ def _limited(what: str, most: int) -> None:
         resource.setrlimit(kind, (most, resource.getrlimit(kind)[1]))
 
 
-class Tally(NamedTuple):
-    """How many trials of an engine were answered, refused by name, failed, and not finished."""
-
-    engine: str
-    answered: int
-    refused: int
-    failed: int
-    unfinished: int
-
-
 def record(outcomes: Iterable[Outcome], path: Path) -> Iterator[Outcome]:
     """Write every outcome to a table as it comes, and hand it on."""
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -173,13 +164,8 @@ def bounded(outcomes: Iterable[Outcome]) -> tuple[int, int, int]:
     return len(known), len(proven), len(inside)
 
 
-def tally(outcomes: Iterable[Outcome]) -> list[Tally]:
-    """Count verdicts, engine by engine."""
-    counts: dict[str, dict[str, int]] = {}
-    for outcome in outcomes:
-        engine = counts.setdefault(outcome.engine, {})
-        engine[outcome.verdict] = engine.get(outcome.verdict, 0) + 1
-    return [
-        Tally(name, *(n.get(verdict, 0) for verdict in VERDICTS))
-        for name, n in sorted(counts.items())
-    ]
+def tally(outcomes: Iterable[Outcome]) -> dict[str, list[int]]:
+    """Count the `VERDICTS` of every engine."""
+    counts = Counter((outcome.engine, outcome.verdict) for outcome in outcomes)
+    engines = sorted({engine for engine, _ in counts})
+    return {name: [counts[name, verdict] for verdict in VERDICTS] for name in engines}

@@ -430,4 +430,4 @@ def _hoop_stress(
         order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
     says = (balanced.area[leaf] > SLIVER * full) & (onward > _CLOSED * total)
     order = order[says[order]]
-    return np.column_stack([edge * middle, hoop, other])[order]
+    return np.asarray(np.column_stack([edge * middle, hoop, other])[order])

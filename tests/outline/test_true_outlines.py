@@ -498,3 +498,42 @@ def test_sides_all_but_in_one_are_not_lost() -> None:
     points, rings = outlines_of([large, small], [], 3e-6)
     assert len(rings) == 1
     assert area_of([points[k] for k in rings[0]]) == pytest.approx(area_of(large), abs=1e-5)
+
+
+def test_an_outline_within_one_agent_has_no_direction_there() -> None:
+    # all of the pin hole lies in one agent: it goes back to where it came from
+    pin = {"box": [[0.0305, 0.0805], [0.0308, 0.0808]], "material": "air", "outline": "true"}
+    hole = disk(0.0, 0.0, 0.031, "air", "hole")
+    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "steel"}
+    regions = [hole, pin | {"name": "pin"}]
+    answer = kaju.solve(plate().replace(body=body | {"regions": regions}), tolerance=0.3)
+    assert len(answer.outline_stress("pin")[1]) == 0
+    hoop = answer.outline_stress("hole")[1]
+    assert len(hoop) > 2
+    assert np.isfinite(hoop).all()
+
+
+@pytest.mark.parametrize("what", [{"pressure": 1.0}, {"force": [1.0, 0.0]}])
+def test_an_outline_beyond_the_array_takes_no_load(what: dict[str, Any]) -> None:
+    around = {"box": [[-0.01, -0.01], [0.11, 0.11]], "material": "steel", "outline": "true"}
+    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air"}
+    body |= {"regions": [around | {"name": "rim"}]}
+    loads = [{"outline": "rim"} | what, {"side": "right", "force": [1.0, 0.0]}]
+    with pytest.raises(kaju.KajuError, match=r"^loads\.0\."):
+        kaju.solve(plate().replace(loads=loads, body=body), tolerance=0.3)
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_a_pressed_rim_is_pressed_inwards(plane: str) -> None:
+    # a disk under pressure all round: the stress is -p everywhere
+    body = {"size": [0.1, 0.1], "cells": [4, 4], "material": "air", "thickness": THICKNESS}
+    body |= {"regions": [disk(0.0, 0.0, 0.083, "steel", "rim")], "plane": plane}
+    pressed = plate().replace(loads=[{"outline": "rim", "pressure": 2e6}], body=body)
+    answer = kaju.solve(pressed, tolerance=0.05)
+    stretch = (1 - NU) if plane == "stress" else (1 + NU) * (1 - 2 * NU)
+    truth = (2e6) ** 2 * stretch / E * 0.25 * np.pi * 0.083**2 * THICKNESS
+    lower, upper = answer.energy_bounds
+    assert lower < truth < upper
+    assert np.median(answer.outline_stress("rim")[1]) == pytest.approx(-2e6, rel=0.02)
+    at = np.array([[0.04, 0.02]])
+    assert answer.displacement_at(at)[0] == pytest.approx(-2e6 * stretch / E * at[0], rel=0.02)

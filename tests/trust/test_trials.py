@@ -271,14 +271,14 @@ def test_true_outlines_of_all_shapes_are_among_the_first_and_judged():
         for what in ("pressure", "force"):
             assert any(getattr(x, place) and getattr(x, what) is not None for x in loads)
     assert any(scene.body.gravity for scene in scenes)
-    outcomes = [attempt(n) for n in (23, 28, 63, 68, 103)]
+    outcomes = [attempt(n) for n in (63, 68, 143)]
     assert {o.engine for o in outcomes} == {"true outlines"}
     assert {o.verdict for o in outcomes} == {"answered", REFUSED}
 
 
 def test_bounds_that_hold_no_one_energy_fail(monkeypatch):
     monkeypatch.setattr(outline_bracket, "ROUNDING", -0.2)
-    verdicts = [attempt(n) for n in (23, 28, 63, 68, 103)]
+    verdicts = [attempt(n) for n in (63, 68, 143)]
     assert any("no value lies within all of" in o.what for o in verdicts if o.verdict == FAILED)
 
 

@@ -12,9 +12,11 @@ from kaju.model.elastic.caveats import stepped_cells
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.spawning import leaf_spawner
+from kaju.model.elastic.spawning.displacement_error import DisplacementError, _follows_badly
 from kaju.model.elastic.spawning.field import slope_weights
 from kaju.model.elastic.staggered import compact
 from kaju.model.rheology.element import ElementState
+from kaju.view.space import box_around
 
 
 def plate(**changes):
@@ -273,3 +275,36 @@ def test_cells_that_an_outline_crosses_have_points_on_both_sides_of_it():
     assert found <= {tuple(cell) for cell in lower[(near < 3.25) & (far > 3.25)].tolist()}
     assert found >= {tuple(cell) for cell in lower[(near < 3.05) & (far > 3.45)].tolist()}
     assert len(found) > 15
+
+
+@pytest.mark.parametrize(("last", "margin"), [(11, 2), (50, 6)])
+def test_a_cropped_box_has_a_margin_round_what_is_drawn(last, margin):
+    block = Scene(
+        body={"cell_size": 0.01, "cells": [80, 80, 80], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [40, 40, 79], "force": [0.0, 0.0, -2.0]}],
+    )
+    ends = np.array([[10, 12, 14], [last, 15, 16]])
+    box = box_around(block, ends, crop=True)
+    np.testing.assert_array_equal(box.lower, ends[0] - margin)
+    np.testing.assert_array_equal(box.upper, ends[1] + 1 + margin)
+
+
+def test_the_largest_arrow_in_space_is_as_long_as_a_share_of_the_box():
+    block = Scene(
+        body={"cell_size": 0.01, "cells": [3, 3, 5], "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"cell": [1, 1, 4], "side": "top", "force": [0.0, 0.0, -2.0]}],
+    )
+    axes = kaju.plot(block).axes[0]
+    (arrows,) = (drawn for drawn in axes.get_children() if drawn.get_gid() == "forces")
+    shaft = np.asarray(arrows._segments3d[0])
+    assert np.linalg.norm(shaft[1] - shaft[0]) == pytest.approx(0.28 * 0.05)
+    assert shaft[:, 2].min() == pytest.approx(0.05)  # it pushes from outside, up to the face
+
+
+def test_agents_follow_badly_whose_own_part_is_more_than_is_left_to_it():
+    """What the far part leaves of the tolerance, but half of it at least, is left to their own."""
+    far, local = np.array([0.0, 0.4, 0.9, 0.0]), np.array([0.9, 0.7, 0.55, 0.45])
+    told = _follows_badly(DisplacementError(far, local), 1.0)
+    assert told.tolist() == [False, True, True, False]

@@ -19,6 +19,8 @@ from .true_shapes import CutLeaves, TrueBody
 
 ROUNDING = 1e-7
 """Share by which the bounds are set wider, for coordinates and forces are rounded."""
+OF_LAW = 1e3 * np.finfo(np.float64).eps
+"""The same for the law, times its condition: next to ν = 1/2 it leaves few digits of an energy."""
 FASTEST = 0.2
 """Share of the gap that one step may aim at."""
 MOST_HALVINGS = 2
@@ -48,11 +50,13 @@ class OutlineBracket:
     """What each leaf adds to upper - lower."""
     kept: Ints
     """Which of all leaves, the empty ones among them, these are."""
+    rounding: float
+    """Share by which `bounds` are set wider."""
 
     @property
     def bounds(self) -> tuple[float, float]:
         """Both, as far apart as rounding may take them."""
-        return self.lower * (1.0 - ROUNDING), self.upper * (1.0 + ROUNDING)
+        return self.lower * (1.0 - self.rounding), self.upper * (1.0 + self.rounding)
 
     @property
     def error(self) -> float:
@@ -121,9 +125,9 @@ def bracket(
     band = problem.band * (fitted.area - balanced.area)
     share = balanced.energies() + fitted.energies() + 2.0 * band
     share -= 2.0 * _work(balanced, fitted, force)
-    return OutlineBracket(
-        leaves, lower - band.sum(), upper + band.sum(), fitted, balanced, share, kept
-    )
+    low, high = lower - band.sum(), upper + band.sum()
+    rounding = ROUNDING + OF_LAW * float(np.linalg.cond(problem.stiffness))
+    return OutlineBracket(leaves, low, high, fitted, balanced, share, kept, rounding)
 
 
 def _work(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:

@@ -537,3 +537,21 @@ def test_a_pressed_rim_is_pressed_inwards(plane: str) -> None:
     assert np.median(answer.outline_stress("rim")[1]) == pytest.approx(-2e6, rel=0.02)
     at = np.array([[0.04, 0.02]])
     assert answer.displacement_at(at)[0] == pytest.approx(-2e6 * stretch / E * at[0], rel=0.02)
+
+
+@pytest.mark.parametrize("ratio", [0.4999, 0.499999, 0.4999999962])
+@pytest.mark.parametrize("cells", [4, 6])
+def test_bounds_next_to_incompressible_are_as_wide_as_rounding_takes_them(ratio, cells) -> None:
+    # a square pressed on both free sides: what is left of its energy is a difference of large terms
+    region = {"box": [[-0.01, -0.01], [0.0613, 0.0771]], "material": "gum", "outline": "true"}
+    body = {"size": [0.1, 0.1], "cells": [cells, cells], "material": "air", "plane": "strain"}
+    scene = kaju.Scene(
+        body=body | {"regions": [region | {"name": "rim"}], "thickness": THICKNESS},
+        materials={"gum": {"youngs_modulus": E, "poissons_ratio": ratio}},
+        sides={"left": "roller", "bottom": "roller"},
+        loads=[{"outline": "rim", "pressure": 1e6}],
+    )
+    lower, upper = kaju.solve(scene, tolerance=0.1).energy_bounds
+    truth = 0.5 * 1e12 * 2 * (1 + ratio) * (1 - 2 * ratio) / E * 0.0613 * 0.0771 * THICKNESS
+    assert lower <= truth <= upper
+    assert upper < 1.001 * lower

@@ -217,6 +217,11 @@ class BodyResult(Result):
         """The scene on the cells that say where the body is."""
         return self.scene
 
+    @property
+    def on_cells(self) -> Scene:
+        """The scene, or that of the cells that count where true outlines cut them."""
+        return self.grid if self.scene.outlined else self.scene
+
     if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
 
         @property
@@ -315,8 +320,8 @@ class BodyResult(Result):
         array([1., 1., 1.])
 
         """
-        number = axis_of_cuts(self.scene, axis, self.stage)
-        return cuts_of(self.scene, self.stage, number, self._carrying(number))
+        number = axis_of_cuts(self.on_cells, axis, self.stage)
+        return cuts_of(self.on_cells, self.stage, number, self._carrying(number))
 
     def _carrying(self, axis: int) -> Carrying:
         """Return the parts of the body that carry anything, for cuts across an axis."""

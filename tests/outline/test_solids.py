@@ -233,7 +233,9 @@ def test_answers_are_stored_and_drawn(tmp_path: Path) -> None:
     assert answer.summary()["agents"] == len(answer.to_dataframe()) == len(answer.energy)
     assert answer.energy.sum() == pytest.approx(answer.strain_energy)
     assert any("fraction" in note or "share" in note for note in answer.notes)
-    for name in ("von_mises", "deformed", "scene"):
+    carried = again.cuts("z").carried
+    np.testing.assert_allclose(carried, 1.0, rtol=1e-6)
+    for name in ("von_mises", "deformed", "scene", "cuts"):
         plt.close(kaju.plot(again, name))
     assert all(check.holds for check in answer.checks())
 

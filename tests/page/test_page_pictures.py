@@ -265,6 +265,27 @@ def test_a_rule_keeps_the_cells_of_true_outlines_and_says_so():
     )
 
 
+def test_solids_within_true_outlines_are_shown_as_the_cells_that_count():
+    void = {"ball": {"centre": [0.5, 0.5, 0.5], "radius": 0.3}, "material": "air"}
+    scene = Scene(
+        body={
+            "size": [1.0, 1.0, 1.0],
+            "cells": [6, 6, 6],
+            "material": "steel",
+            "regions": [void | {"outline": "true"}],
+        },
+        sides={"bottom": "rigid"},
+        loads=[{"side": "top", "force": [0.0, 0.0, -6.0]}],
+    )
+    result = solve(scene)
+    header, columns = motion_data(result)
+    assert columns["parts"].size == 8 * result.agents
+    assert columns["moved"].size == columns["points"].size
+    assert np.sum([arrow["force"] for arrow in header["forces"]], axis=0) == pytest.approx(
+        [0.0, 0.0, -6.0]
+    )
+
+
 def test_a_body_that_grew_is_told_step_by_step():
     result = grown()
     header, columns = motion_data(result)

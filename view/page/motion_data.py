@@ -168,7 +168,7 @@ def elastic_answer(result: ElasticResult) -> Pictures:
     """Tell how agents spawned; of equal agents how they move with the load."""
     if result.spawned:
         return _spawned(result)
-    return _moving(motion.loaded(result), "share", [], applied(result.scene), 21)
+    return _moving(motion.loaded(result), "share", [], applied(result.on_cells), 21)
 
 
 _UNITS = {"strain": "", "stress": "Pa"}

@@ -71,7 +71,7 @@ def plot_every_stage(
 @wraps(plot_scene)
 def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
     """Draw what was asked; within true outlines in space the cells that count."""
-    return plot_scene(result.on_cells, ax, **options)
+    return plot_scene(result.grid if result.scene.outlined else result.scene, ax, **options)
 
 
 @wraps(plot_quadtree)

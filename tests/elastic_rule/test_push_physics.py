@@ -63,6 +63,7 @@ def test_at_rest_the_error_keeps_the_bound_that_the_threshold_implies(scene):
 def test_every_newton_is_accounted_for(scene):
     _, result = run_random(scene, max_steps=200)
     assert result.ledger.imbalance < 1e-12
+    assert [check.allowed for check in result.checks()] == [1e-6]
     left = result.ledger.applied - result.ledger.resting + result.reaction
     assert np.abs(left).max() <= 1e-12 * result.ledger.turnover
     supports = result.boundary.kind != AIR

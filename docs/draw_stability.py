@@ -112,7 +112,7 @@ def table_of(record: dict[str, Any]) -> str:
             f"{ratio['95 %']:.2g} times in 95 %; it is more than {TOO_SMALL} times as large in "
             f"{ratio[f'more than {TOO_SMALL}']}, {ratio['largest']:.0f} times",
             "at worst: bodies of a few cells, too coarse for what they hold. "
-            "`error_bound` tells it there.",
+            "`energy_bounds` tell it there.",
         ]
     if record["failed"]:
         lines += ["", "| failed | trials |", "|---|---|"]

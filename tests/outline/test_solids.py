@@ -231,6 +231,7 @@ def test_answers_are_stored_and_drawn(tmp_path: Path) -> None:
     assert again.scene == answer.scene
     np.testing.assert_allclose(again.stress, answer.stress)
     assert answer.summary()["agents"] == len(answer.to_dataframe()) == len(answer.energy)
+    assert 0.0 < again.seconds == answer.seconds < 600.0
     assert answer.energy.sum() == pytest.approx(answer.strain_energy)
     assert any("fraction" in note or "share" in note for note in answer.notes)
     carried = again.cuts("z").carried

@@ -42,7 +42,8 @@ class StraightShape:
         for first, last in zip(hull, [*hull[1:], hull[0] + len(ring)], strict=True):
             if last - first > 1:
                 pocket = [corners[k % len(ring)] for k in range(first, last + 1)]
-                if abs(area_of(pocket)) > FLAT:
+                # rounding leaves a hull of two corners, which would be its own pocket for ever
+                if abs(area_of(pocket)) > FLAT and len(_hull(pocket)) > 2:
                     self.pockets.append(StraightShape(pocket))
         # where pockets are many, only squares that touch their boxes are asked
         self._low = np.array([np.min(pocket.corners, axis=0) for pocket in self.pockets])

@@ -21,6 +21,7 @@ CORPUS: dict[tuple[int, str], str] = {
     (796, "network"): "a network that crept for ever",
     (5036, "network"): "a network that buckled while it crept",
     (945, "elastic agents"): "next to ν = 1/2, newtons that rounding lost, as if none may be",
+    (3748, "true outlines"): "corners in line but for rounding, a pocket of itself without end",
     (20068, "true outlines"): "next to ν = 1/2, bounds that rounding put the wrong way round",
 }
 """By number and kind, as `trials` takes them."""

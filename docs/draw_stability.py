@@ -25,11 +25,14 @@ HERE = Path(__file__).parent
 RULES = [(1.0, 0.3), (0.5, 0.3), (0.5, 0.45), (0.0, 0.49)]
 REASONS = {
     "a part of the body is held by nothing": r"touch nothing that holds|nothing holds the body",
-    "a part could move or turn": r"it could (move|turn)",
+    "a part could move or turn": r"it could (move|turn)|could move without straining",
     "a load acts on faces that are held, or on none": r"faces are held|no cell of the body lies",
     "a couple has no lever": r"SceneError: couple",
-    "the tolerance takes more agents than allowed": r"agents leave an estimated error",
+    "the tolerance takes more agents than allowed": (
+        r"agents leave an estimated error|takes more than [\d,]+ agents"
+    ),
     "rounding leaves no answer": r"rounding leaves",
+    "true outlines could not be resolved": r"outlines could not be resolved",
     "factors do not fit in memory": r"OutOfMemoryError",
     "a network buckles": r"BucklingError",
     "a network is a mechanism": r"MechanismError",
@@ -110,7 +113,7 @@ def table_of(record: dict[str, Any]) -> str:
             f"An estimate proves nothing: the true error is {ratio['median']:.2g} times "
             f"`error_estimate` in the median, at most",
             f"{ratio['95 %']:.2g} times in 95 %; it is more than {TOO_SMALL} times as large in "
-            f"{ratio[f'more than {TOO_SMALL}']}, {ratio['largest']:.0f} times",
+            f"{ratio[f'more than {TOO_SMALL}']}, {ratio['largest']:.2g} times",
             "at worst: bodies of a few cells, too coarse for what they hold. "
             "`energy_bounds` tell it there.",
         ]

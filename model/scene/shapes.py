@@ -18,6 +18,8 @@ from .pictures import embedded
 Points = NDArray[np.float64]
 """Points (m), shape (n, dimension)."""
 
+TOUCH = 1e-9
+"""Of a box's edge: shapes that reach no further into it only touch it."""
 _CLOSE = 1e-11  # of a coordinate: a point this near to the edge is on the edge
 
 
@@ -37,6 +39,16 @@ class OutlinedShape(Shape, Protocol):
 
     def outline(self) -> list[Floats]:
         """Return closed lines (m) that do not meet, every second one round a hole; see `curves`."""
+
+
+class SolidShape(Shape, Protocol):
+    """A part of space that boxes can be held against."""
+
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return about how far (m) points lie outside, below 0 within; `reach` is far enough."""
+
+    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
+        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +76,18 @@ class Box:
         (x0, y0), (x1, y1) = self.lower, self.upper
         return [polygonal([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])]
 
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return about how far (m) points lie outside."""
+        lower, upper = self.extent
+        return np.asarray(np.maximum(lower - points, points - upper).max(axis=1))
+
+    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
+        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
+        lower, upper = self.extent
+        touch = TOUCH * (high - low)
+        inside = np.all((low >= lower - touch) & (high <= upper + touch), axis=1)
+        return inside, np.any((high <= lower + touch) | (low >= upper - touch), axis=1)
+
 
 @dataclass(frozen=True)
 class Ball:
@@ -90,6 +114,17 @@ class Ball:
         """Return its circle, in the plane."""
         x, y = self.centre
         return [elliptic((x, y), (self.radius, 0.0), (0.0, self.radius))]
+
+    def level(self, points: Points, reach: float) -> Floats:
+        """Return how far (m) points lie outside."""
+        return np.asarray(np.linalg.norm(points - np.array(self.centre), axis=1) - self.radius)
+
+    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
+        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
+        away = np.maximum(np.abs(low - self.centre), np.abs(high - self.centre))
+        near = np.maximum(np.maximum(low - self.centre, self.centre - high), 0.0)
+        far, near = (np.linalg.norm(one, axis=1) for one in (away, near))
+        return far <= self.radius, near >= self.radius
 
 
 @dataclass(frozen=True)

@@ -4,52 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Protocol
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats
 
-from .shapes import Ball, Box, Points, Shape
+from .shapes import TOUCH, Box, Points
 
-TOUCH = 1e-9
-"""Of a box's edge: shapes that reach no further into it only touch it."""
 _ENDS = np.array(list(product((0.0, 1.0), repeat=3)))
-
-
-class SolidShape(Shape, Protocol):
-    """A part of space that boxes can be held against."""
-
-    def level(self, points: Points, reach: float) -> Floats:
-        """Return about how far (m) points lie outside, below 0 within; `reach` is far enough."""
-
-    def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
-        """Tell which boxes surely lie inside, and which surely have no inner point in common."""
-
-
-def level_of(shape: Shape, points: Points, reach: float) -> Floats:
-    """Return the level of points in any shape that solids may have."""
-    if isinstance(shape, Ball):
-        return np.asarray(np.linalg.norm(points - np.array(shape.centre), axis=1) - shape.radius)
-    if isinstance(shape, Box):
-        lower, upper = shape.extent
-        return np.asarray(np.maximum(lower - points, points - upper).max(axis=1))
-    return shape.level(points, reach)  # type: ignore[attr-defined, no-any-return]
-
-
-def relation_of(shape: Shape, low: Points, high: Points) -> tuple[Flags, Flags]:
-    """Tell the boxes inside and apart of any shape that solids may have."""
-    touch = TOUCH * (high - low)
-    if isinstance(shape, Ball):
-        away = np.maximum(np.abs(low - shape.centre), np.abs(high - shape.centre))
-        near = np.maximum(np.maximum(low - shape.centre, shape.centre - high), 0.0)
-        far, near = (np.linalg.norm(one, axis=1) for one in (away, near))
-        return far <= shape.radius, near >= shape.radius
-    if isinstance(shape, Box):
-        lower, upper = shape.extent
-        inside = np.all((low >= lower - touch) & (high <= upper + touch), axis=1)
-        return inside, np.any((high <= lower + touch) | (low >= upper - touch), axis=1)
-    return shape.relation(low, high)  # type: ignore[attr-defined, no-any-return]
 
 
 @dataclass(frozen=True)
@@ -165,12 +127,12 @@ class SampledSolid:
 
     def level(self, points: Points, reach: float) -> Floats:
         """Return how much lower than the level the samples are, at least what is beyond the box."""
-        return np.asarray(np.maximum(self._level(points), level_of(self.box, points, reach)))
+        return np.asarray(np.maximum(self._level(points), self.box.level(points, reach)))
 
     def relation(self, low: Points, high: Points) -> tuple[Flags, Flags]:
         """Tell which boxes surely lie inside, and which surely have no inner point in common."""
         # Between samples, and where a box ends, a trilinear function is largest at corners.
-        inside, apart = relation_of(self.box, low, high)
+        inside, apart = self.box.relation(low, high)
         some = np.flatnonzero(~apart)
         if len(some):
             lower, upper = self.extent

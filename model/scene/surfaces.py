@@ -15,15 +15,13 @@ from kaju.errors import SceneFileError
 from kaju.files import file_to_read
 
 from .level_sets import EMBEDDED_ARRAY, embedded_array, read_embedded
-from .shapes import Points
+from .shapes import TOUCH, Points
 
 _HEAD = 84
 """Bytes of a binary STL file before its triangles, of 50 bytes each."""
 _TRIANGLE = np.dtype([("numbers", "<f4", (4, 3)), ("colour", "<u2")])
 _NUMBER = rb"\s+([-+0-9.eE]+)"
 _CORNER = re.compile(rb"vertex" + 3 * _NUMBER)
-_TOUCH = 1e-9
-"""Of a box's edge: triangles that reach no further into it only touch it."""
 _UPRIGHT = 1e-12
 """Of its area: a triangle that is seen as less from above crosses no upright line."""
 _AT_ONCE, _TOGETHER = 500_000, 1024
@@ -146,7 +144,7 @@ class ClosedSurface:
         """Tell which boxes surely lie inside, and which surely have no inner point in common."""
         crossed = np.zeros(len(low), dtype=np.bool_)
         for box, triangle in self._near(low, high):
-            half = (0.5 - _TOUCH) * (high[box] - low[box])
+            half = (0.5 - TOUCH) * (high[box] - low[box])
             corner = self.corners[triangle] - 0.5 * (high[box] + low[box])[:, None]
             apart = np.zeros(len(box), dtype=np.bool_)
             sides = np.roll(corner, -1, axis=1) - corner

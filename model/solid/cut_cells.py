@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.scene.shapes import Points, Shape
-from kaju.model.scene.solids import level_of, relation_of
+from kaju.model.scene.shapes import Points, SolidShape
 
 EMPTY, CUT, WHOLE = 0, 1, 2
 PARTS = 4
@@ -34,14 +33,14 @@ class SolidBody(NamedTuple):
     shape: tuple[int, ...]
     edge: float  # Of a cell (m)
     filled: bool  # Whether the array is body where no shape covers it
-    shapes: tuple[tuple[Shape, bool], ...]  # Each with whether it is body
+    shapes: tuple[tuple[SolidShape, bool], ...]  # Each with whether it is body
 
     def sorts(self, low: Points, high: Points) -> NDArray[np.int8]:
         """Return of boxes whether they are surely WHOLE, or EMPTY; all others are CUT."""
         found = np.full(len(low), WHOLE if self.filled else EMPTY, dtype=np.int8)
         for shape, body in self.shapes:
             own = WHOLE if body else EMPTY
-            inside, apart = relation_of(shape, low, high)
+            inside, apart = shape.relation(low, high)
             crossed = np.where(found == own, own, CUT)
             found = np.where(inside, own, np.where(apart, found, crossed)).astype(np.int8)
         return found
@@ -50,7 +49,7 @@ class SolidBody(NamedTuple):
         """Return about how far points lie outside of the body (m), below 0 within."""
         found = np.full(len(points), -np.inf if self.filled else np.inf)
         for shape, body in self.shapes:
-            own = level_of(shape, points, sqrt(3.0) * self.edge / PARTS)
+            own = shape.level(points, sqrt(3.0) * self.edge / PARTS)
             found = np.minimum(found, own) if body else np.maximum(found, -own)
         return found
 

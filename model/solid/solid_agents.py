@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf, isfinite
 from time import perf_counter
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from kaju.model.results.result import finite
 from kaju.model.scene import Body, Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.pictures import check_size
+from kaju.model.scene.shapes import SolidShape
 
 from .cut_cells import CUT, WHOLE, SolidBody, edge_shares, thick
 
@@ -183,7 +184,10 @@ def _posed(scene: Scene, body: Flags, edge: float) -> tuple[Scene, ElasticProble
 def solid_of(scene: Scene, resolution: int) -> SolidBody:
     """Return the body that a scene describes, and cells so many times smaller."""
     shapes = tuple(
-        (region.shape_in(scene.lattice, f"body.regions.{k}"), region.material not in NOT_BODY)
+        (
+            cast(SolidShape, region.shape_in(scene.lattice, f"body.regions.{k}")),
+            region.material not in NOT_BODY,
+        )
         for k, region in enumerate(scene.body.regions)
     )
     shape = tuple(resolution * count for count in scene.lattice.shape)

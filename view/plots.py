@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from kaju.agents.materials import suggestion
 from kaju.errors import ParameterError, ResultFileError
-from kaju.model.results.result import Result
+from kaju.model.results.result import Result, solved_scene
 from kaju.model.results.subjects import answer_of
 from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
@@ -71,7 +71,7 @@ def plot_every_stage(
 @wraps(plot_scene)
 def plot_scene_of(result: Any, ax: Axes | None = None, **options: Any) -> Axes:
     """Draw what was asked; within true outlines in space the cells that count."""
-    return plot_scene(result.grid if result.scene.outlined else result.scene, ax, **options)
+    return plot_scene(solved_scene(result), ax, **options)
 
 
 @wraps(plot_quadtree)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError, SceneError, SupportError
-from kaju.model.scene import AppliedLoads, Scene
+from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 from kaju.model.scene.lattices import check_boxes
 
@@ -21,23 +21,20 @@ Origin = tuple[int, ...]
 
 
 def problem_of_scene(
-    scene: Scene,
-    stage: int | None = None,
-    stiffness: Floats | None = None,
-    applied: AppliedLoads | None = None,
+    scene: Scene, stage: int | None = None, stiffness: Floats | None = None
 ) -> tuple[ElasticProblem, Origin]:
     """Return the problem that a scene poses, cut to the box around its body.
 
     With it comes the scene's cell that is the problem's first. `stiffness` is what the materials'
     moduli are multiplied by, cell by cell: every cell of material is a kind of its own then,
-    numbered row by row. `applied` may replace the scene's own loads.
+    numbered row by row.
     """
     lattice = scene.lattice
     check_boxes(lattice)
     lower, upper = (np.asarray(corner, dtype=np.int64) for corner in scene.bounds())
     rim, sides = _rim_of(scene, lower, upper)
     box = tuple(slice(int(a), int(b) + 2) for a, b in zip(lower, upper, strict=True))
-    applied = scene.applied(stage) if applied is None else applied
+    applied = scene.applied(stage)
     inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
     loads = CellLoads(
         applied.cells[inside] - lower,

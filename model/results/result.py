@@ -201,6 +201,12 @@ class Tiles(NamedTuple):
     """Shape (n,)."""
 
 
+def solved_scene(result: Any) -> Scene:
+    """Return what was asked; of a solid within true outlines the cells that count."""
+    scene: Scene = result.grid if result.scene.outlined else result.scene
+    return scene
+
+
 class BodyResult(Result):
     """An answer that knows displacement and stress everywhere in the body of a scene."""
 
@@ -216,11 +222,6 @@ class BodyResult(Result):
     def grid(self) -> Scene:
         """The scene on the cells that say where the body is."""
         return self.scene
-
-    @property
-    def on_cells(self) -> Scene:
-        """The scene, or that of the cells that count where true outlines cut them."""
-        return self.grid if self.scene.outlined else self.scene
 
     if TYPE_CHECKING:  # a field of some answers, which takes the place of no property
 
@@ -320,8 +321,9 @@ class BodyResult(Result):
         array([1., 1., 1.])
 
         """
-        number = axis_of_cuts(self.on_cells, axis, self.stage)
-        return cuts_of(self.on_cells, self.stage, number, self._carrying(number))
+        scene = solved_scene(self)
+        number = axis_of_cuts(scene, axis, self.stage)
+        return cuts_of(scene, self.stage, number, self._carrying(number))
 
     def _carrying(self, axis: int) -> Carrying:
         """Return the parts of the body that carry anything, for cuts across an axis."""

@@ -15,6 +15,7 @@ from elastic_scenes import (
     scenes,
 )
 from hypothesis import given, settings
+from plates import PLATE_TEXT
 
 from kaju import load_result
 from kaju.agents.face_agent import FaceAgent
@@ -229,21 +230,15 @@ def test_rule_and_lattice_must_fit():
 
 
 def test_a_scene_file_can_ask_for_the_elastic_rule():
-    text = """
-[body]
-size = [0.2, 0.2]
-cells = [8, 8]
-material = "steel"
-[sides]
-bottom = "rigid"
-[[loads]]
-cell = [4, 7]
-force = [0.0, -2.0]
+    text = (
+        PLATE_TEXT
+        + """
 [rule]
 kind = "elastic"
 order = "largest first"
 threshold = 0.05
 """
+    )
     scene = Scene.from_toml(text)
     assert Scene.from_toml(scene.to_toml()).rule == scene.rule
     assert ElasticModel(scene).run().outcome.endswith("pushes")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.errors import ParameterError
 from kaju.model.results.mesh import corner_order
-from kaju.model.results.result import Curves, Result
+from kaju.model.results.result import Curves, Result, solved_scene
 from kaju.model.scene import Scene
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.result_kinds import KINDS, fetch
@@ -168,7 +168,7 @@ def elastic_answer(result: ElasticResult) -> Pictures:
     """Tell how agents spawned; of equal agents how they move with the load."""
     if result.spawned:
         return _spawned(result)
-    return _moving(motion.loaded(result), "share", [], applied(result.on_cells), 21)
+    return _moving(motion.loaded(result), "share", [], applied(solved_scene(result)), 21)
 
 
 _UNITS = {"strain": "", "stress": "Pa"}

@@ -1,7 +1,7 @@
 """Agents of kaju against the same rule written by hand: a plain Mesa model, and plain NumPy rows.
 
-    python benchmarks/agents.py            # all cases, some two minutes
-    python benchmarks/agents.py 20 100     # squares of so many cells a side only
+    python benchmarks/agents.py                            # all cases, some two minutes
+    python benchmarks/agents.py squares --sides "20 100"   # squares of so many cells a side only
 
 Processor time, constructing and result included, the smallest of several runs that take turns in
 one process. Both answers of a case must have as many agents and take the same load. The plain
@@ -11,15 +11,15 @@ programs write no ledger, no history and no certificate.
 from __future__ import annotations
 
 import resource
-import sys
-from collections.abc import Callable
-from time import process_time
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import mesa
 import numpy as np
 from mesa.discrete_space import CellAgent, OrthogonalVonNeumannGrid
 from numpy.typing import NDArray
+from shared import by_name, in_turn
 
 from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
 
@@ -192,22 +192,23 @@ class Own(MaterialAgent):
         return super().emissions(load)
 
 
-def square(cells: int, part: float = 0.1, force: float = 2.0) -> tuple[Scene, list[Any]]:
+METAL = {"metal": {"youngs_modulus": 2.1e11, "poissons_ratio": 0.3}}
+Loads = list[tuple[tuple[int, int], int, float]]
+
+
+def square(cells: int, part: float = 0.1, force: float = 2.0) -> tuple[Scene, Loads]:
     """Return a plate pressed on a part of its top, and the loads for the plain programs."""
     first, count = int(cells * (1.0 - part) / 2.0), max(1, round(cells * part))
     pressed = range(first, first + count)
     each = force / count
     scene = Scene(
-        body={"cell_size": 0.01, "cells": [cells, cells], "material": _POISSON},
-        materials={_POISSON: {"youngs_modulus": 2.1e11, "poissons_ratio": 0.3}},
+        body={"cell_size": 0.01, "cells": [cells, cells], "material": "metal"},
+        materials=METAL,
         sides={"bottom": "rigid"},
         loads=[{"cell": [x, cells - 1], "force": [0.0, -each]} for x in pressed],
         rule=PrescribedRule(threshold=GAMMA),
     )
     return scene, [((x, cells - 1), DOWN, each) for x in pressed]
-
-
-_POISSON = "metal"
 
 
 def of_kaju(scene: Scene, generations: int, **how: Any) -> Answer:
@@ -217,91 +218,68 @@ def of_kaju(scene: Scene, generations: int, **how: Any) -> Answer:
     return int(acted.sum()), result.last.ledger.taken
 
 
-def in_turn(ours: Callable[[], Answer], theirs: Callable[[], Answer], runs: int) -> list[float]:
-    """Return the smallest processor times (s) of both, which take turns."""
-    best = [np.inf, np.inf]
-    answers: list[Any] = [None, None]
-    for _ in range(runs):
-        for which, program in enumerate((ours, theirs)):
-            began = process_time()
-            answers[which] = program()
-            best[which] = min(best[which], process_time() - began)
-    (agents, taken), (others, also) = answers
+def beside(case: str, ours: Callable[[], Answer], theirs: Callable[[], Answer], runs: int) -> str:
+    """Tell the processor times of two programs, whose answers must agree."""
+    ((agents, taken), own), ((others, also), other) = in_turn(runs, ours, theirs)
     assert agents == others, f"{agents} agents beside {others}"
     assert abs(taken - also) <= 1e-6 * also, f"{taken} N beside {also} N"
-    return best
+    return f"{case:44} {own:9.4f} s {other:9.4f} s {own / other:6.2f} x"
 
 
-def told(case: str, times: list[float]) -> None:
-    """Print a ratio."""
-    ours, theirs = times
-    print(f"{case:44} {ours:9.4f} s {theirs:9.4f} s {ours / theirs:6.2f} x", flush=True)
-
-
-def squares(sizes: list[int]) -> None:
-    """Compare plates."""
-    for cells in sizes:
+def squares(sides: str = "20 100 300 1000") -> Iterator[str]:
+    """Compare plates of so many cells a side."""
+    end = 10_000
+    for cells in map(int, sides.split()):
         scene, loads = square(cells)
-        runs, end = (15 if cells <= 100 else 5 if cells <= 300 else 3), 10_000
-        by_hand = lambda: PlainModel(cells, loads).run(end)  # noqa: B023, E731
-        rows = lambda: plain_rows(cells, loads, end)  # noqa: B023, E731
-        objects = lambda **own: of_kaju(scene, end, engine="agents", **own)  # noqa: B023, E731
-        arrays = lambda: of_kaju(scene, end, engine="arrays")  # noqa: B023, E731
-        told(f"{cells}², objects / plain Mesa", in_turn(objects, by_hand, min(runs, 7)))
+        runs = 15 if cells <= 100 else 5 if cells <= 300 else 3
+
+        def by_hand(cells: int = cells, loads: Loads = loads) -> Answer:
+            return PlainModel(cells, loads).run(end)
+
+        def rows(cells: int = cells, loads: Loads = loads) -> Answer:
+            return plain_rows(cells, loads, end)
+
+        def kaju(scene: Scene = scene, **how: Any) -> Answer:
+            return of_kaju(scene, end, **how)
+
+        objects = partial(kaju, engine="agents")
+        yield beside(f"{cells}², objects / plain Mesa", objects, by_hand, min(runs, 7))
         if cells == 100:
-            own = lambda: objects(material_agent=Own)  # noqa: B023, E731
-            told(f"{cells}², own take and emissions / plain Mesa", in_turn(own, by_hand, 7))
-        told(f"{cells}², arrays / plain NumPy", in_turn(arrays, rows, runs))
+            own = partial(objects, material_agent=Own)
+            yield beside(f"{cells}², own take and emissions / plain Mesa", own, by_hand, 7)
+        arrays = partial(kaju, engine="arrays")
+        yield beside(f"{cells}², arrays / plain NumPy", arrays, rows, runs)
 
 
-def large() -> None:
+def large() -> Iterator[str]:
     """Measure bodies that are full of agents, and lattices that the plain programs do not know."""
     scene, loads = square(1000, part=1.0, force=2000.0)
     scene = scene.replace(loads=[{"side": "top", "force": [0.0, -2000.0]}])
-    ours = lambda: of_kaju(scene, 5, engine="arrays", allow_unstable=True)  # noqa: E731
-    told(
-        "1000², pressed along its top, 5 generations",
-        in_turn(ours, lambda: plain_rows(1000, loads, 5), 3),
-    )
-    body = {"cell_size": 0.01, "material": "steel"}
-    rule = PrescribedRule(threshold=1e-3)
-    cubes = Scene(
-        body=body | {"cells": [30, 30, 30], "lattice": "cube"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [15, 15, 29], "force": [0.0, 0.0, -2.0]}],
-        rule=rule,
-    )
-    hexagons = Scene(
-        body=body | {"cells": [100, 100], "lattice": "hexagon"},
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [50, 99], "force": [0.0, -2.0]}],
-        rule=rule,
-    )
-    awake = Scene(
-        body=body | {"cells": [100_000, 10]},
-        sides={"bottom": "rigid"},
-        loads=[{"side": "top", "force": [0.0, -1e5]}],
-        rule=PrescribedRule(threshold=1e-3),
-    )
-    for case, body_of_agents, end, how in (
-        ("30³ cubes, objects", cubes, 10_000, "agents"),
-        ("100² hexagons, objects", hexagons, 10_000, "agents"),
-        ("10⁶ agents awake, arrays, 10 generations", awake, 10, "arrays"),
-    ):
-        best, agents = np.inf, 0
-        for _ in range(3 if body_of_agents is not awake else 1):
-            began = process_time()
-            agents, _ = of_kaju(body_of_agents, end, engine=how, allow_unstable=True)
-            best = min(best, process_time() - began)
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        print(
-            f"{case:44} {best:9.4f} s, {agents} agents, at most {memory:.2f} GB so far", flush=True
+    ours = partial(of_kaju, scene, 5, engine="arrays", allow_unstable=True)
+    theirs = partial(plain_rows, 1000, loads, 5)
+    yield beside("1000², pressed along its top, 5 generations", ours, theirs, 3)
+
+    def body(load: dict[str, Any], **cells: Any) -> Scene:
+        return Scene(
+            body={"cell_size": 0.01, "material": "steel"} | cells,
+            sides={"bottom": "rigid"},
+            loads=[load],
+            rule=PrescribedRule(threshold=1e-3),
         )
+
+    cubes = body({"cell": [15, 15, 29], "force": [0.0, 0.0, -2.0]}, cells=[30] * 3)
+    hexagons = body({"cell": [50, 99], "force": [0.0, -2.0]}, cells=[100, 100], lattice="hexagon")
+    awake = body({"side": "top", "force": [0.0, -1e5]}, cells=[100_000, 10])
+    for case, described, end, runs, engine in (
+        ("30³ cubes, objects", cubes, 10_000, 3, "agents"),
+        ("100² hexagons, objects", hexagons, 10_000, 3, "agents"),
+        ("10⁶ agents awake, arrays, 10 generations", awake, 10, 1, "arrays"),
+    ):
+        job = partial(of_kaju, described, end, engine=engine, allow_unstable=True)
+        (((agents, _), seconds),) = in_turn(runs, job)
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        yield f"{case:44} {seconds:9.4f} s, {agents} agents, at most {memory:.2f} GB so far"
 
 
 if __name__ == "__main__":
-    chosen = [int(word) for word in sys.argv[1:] if word.isdigit()]
-    if chosen or "large" not in sys.argv:
-        squares(chosen or [20, 100, 300, 1000])
-    if not chosen or "large" in sys.argv:
-        large()
+    by_name(__doc__, squares, large)

@@ -1,14 +1,14 @@
 """Random bodies put to their bounds: is the truth inside, and is the tolerance kept.
 
-    python benchmarks/bounds.py [--bodies 200] [--first 0] [--tolerance 0.05] [--out FILE.csv]
-    python benchmarks/bounds.py --solids --bodies 40 --tolerance 0.15
-    python benchmarks/bounds.py --stress     # errors of the mean and of the operator's own stress
-    python benchmarks/bounds.py --write      # the table in docs/bounds.md, from docs/bounds.csv
+    python benchmarks/bounds.py plane [--bodies 200] [--first 0] [--tolerance 0.05] [--out FILE.csv]
+    python benchmarks/bounds.py solids --bodies 40 --tolerance 0.15
+    python benchmarks/bounds.py stress    # errors of the mean and of the operator's own stress
+    python benchmarks/bounds.py write     # the table in docs/bounds.md, from docs/bounds.csv
 
 Plane bodies of 3 to 6 pixels a side: up to three materials of contrasts up to 1e6, Poisson's ratios
 from -0.5 to 0.4999, clamped, on rollers, or both, pressed, pulled and dragged on sides and within.
 The truth is that of elements of order 3 graded into every corner; what it is off by itself is taken
-from a second one with fewer levels. Solids of 1 to 3 pixels a side (`--solids`) alike, with bricks
+from a second one with fewer levels. Solids of 1 to 3 pixels a side alike, with bricks
 of order 2 graded to all edges; those of which cells share an edge alone are left out.
 
 The mean stress is off by exactly half the distance of the two stresses (Prager and Synge), so that
@@ -17,62 +17,66 @@ bound / true error is the root of true energy / lower bound. Needs scikit-fem.
 
 from __future__ import annotations
 
-import argparse
-import csv
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import product
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from peers.graded_bricks import solve_bricks
+from shared import ROOT, by_name, of_tests
 
 from kaju import Scene, finite_elements, solve
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.errors import ConvergenceError, KajuError
 from kaju.model.elastic.moduli import moduli_of
 from kaju.model.study.finite_elements import ElementField
 
-sys.path.append(str(Path(__file__).parent.parent / "tests" / "support"))
-
-from goal_bodies import angle, inclusion, plate
-
 FEWER, LEVELS = 6, 10
 PARTS = 3, 2
-DOCS = Path(__file__).parent.parent / "docs"
+DOCS = ROOT / "docs"
 FROM, TO = "<!-- from bounds.csv -->", "<!-- to here -->"
 NAMES = ("air", "a", "b", "c")
+POWERS = {"a": 0.0, "b": 1.0, "c": 0.5}
+"""Of the contrast, by which a material is stiffer than the first."""
 COLUMNS = (
     "seed", "status", "agents", "estimate", "bound", "lower", "upper", "doubt", "inside", "ratio",
     "true", "contrast", "ratio_most", "seconds", "why",
 )  # fmt: skip
+PLANE_SIDES = (
+    {"bottom": "rigid"},
+    {"bottom": "rigid", "left": "roller"},
+    {"bottom": "roller", "left": "rigid"},
+    {"bottom": "rigid", "right": "rigid"},
+    {"bottom": "roller", "left": "roller"},
+)
+SOLID_SIDES = (*PLANE_SIDES[:3], {"bottom": "roller", "left": "roller", "front": "roller"})
+
+
+def pixels(rng: np.random.Generator, shape: Ints) -> tuple[Ints, float]:
+    """Return codes of cells, body all over the bottom, and the contrast of their materials."""
+    count = int(rng.integers(1, 4))
+    codes = rng.integers(1, count + 1, shape) * (rng.random(shape) < rng.choice([0.7, 0.85, 1.0]))
+    codes[..., 0] = np.maximum(codes[..., 0], 1)
+    return codes, 10 ** rng.uniform(0, rng.choice([0.5, 2, 6]))
+
+
+def material(name: str, contrast: float, ratio: float) -> dict[str, float]:
+    """Return a material."""
+    return {"youngs_modulus": 1e9 * contrast ** POWERS[name], "poissons_ratio": ratio}
 
 
 def body_of(seed: int) -> Scene:
     """Return a random plane body."""
     rng = np.random.default_rng([12, seed])
-    shape = rng.integers(3, 7, 2)
-    count = int(rng.integers(1, 4))
-    codes = rng.integers(1, count + 1, shape) * (rng.random(shape) < rng.choice([0.7, 0.85, 1.0]))
-    codes[:, 0] = np.maximum(codes[:, 0], 1)
-    contrast = 10 ** rng.uniform(0, rng.choice([0.5, 2, 6]))
+    codes, contrast = pixels(rng, rng.integers(3, 7, 2))
     plane = str(rng.choice(["stress", "strain"]))
     highest = float(rng.choice([0.35, 0.47, 0.4999]))
-    materials = {
-        name: {
-            "youngs_modulus": 1e9 * contrast**power,
-            "poissons_ratio": float(rng.uniform(-0.5, highest)) if rng.random() < 0.7 else highest,
-        }
-        for name, power in zip("abc", (0.0, 1.0, 0.5), strict=True)
-    }
-    sides = [
-        {"bottom": "rigid"},
-        {"bottom": "rigid", "left": "roller"},
-        {"bottom": "roller", "left": "rigid"},
-        {"bottom": "rigid", "right": "rigid"},
-        {"bottom": "roller", "left": "roller"},
-    ][int(rng.integers(5))]
+    ratios = [float(rng.uniform(-0.5, highest)) if rng.random() < 0.7 else highest for _ in POWERS]
+    materials = {n: material(n, contrast, r) for n, r in zip(POWERS, ratios, strict=True)}
+    sides = PLANE_SIDES[int(rng.integers(5))]
     solid = np.argwhere(codes > 0)
     loads = []
     for _ in range(int(rng.integers(1, 4))):
@@ -86,7 +90,7 @@ def body_of(seed: int) -> Scene:
     return made_of(codes, materials, sides=sides, loads=loads, plane=plane)
 
 
-def made_of(codes: np.ndarray, materials: dict[str, dict[str, float]], **others: object) -> Scene:
+def made_of(codes: Ints, materials: dict[str, dict[str, float]], **others: Any) -> Scene:
     """Return the scene of a body of small cells: 0 is air, 1 to 3 are a, b and c."""
     used = {code: NAMES[code] for code in np.unique(codes).tolist()}
     present = {name: materials[name] for name in used.values() if name in materials}
@@ -102,25 +106,12 @@ def solid_of(seed: int) -> Scene:
     """Return a random solid: the materials, supports and kinds of load of the plane bodies."""
     rng = np.random.default_rng([13, seed])
     shape = rng.integers(1, 4, 3)
-    count = int(rng.integers(1, 4))
-    codes = rng.integers(1, count + 1, shape) * (rng.random(shape) < rng.choice([0.7, 0.85, 1.0]))
-    codes[:, :, 0] = np.maximum(codes[:, :, 0], 1)
-    contrast = 10 ** rng.uniform(0, rng.choice([0.5, 2, 6]))
+    codes, contrast = pixels(rng, shape)
     highest = float(rng.choice([0.35, 0.47, 0.4999]))
     used = np.unique(codes)
-    materials = {
-        NAMES[int(c)]: {
-            "youngs_modulus": 1e9 * contrast ** (0.0, 1.0, 0.5)[int(c) - 1],
-            "poissons_ratio": float(rng.uniform(-0.5, highest)),
-        }
-        for c in used[used > 0]
-    }
-    sides = [
-        {"bottom": "rigid"},
-        {"bottom": "rigid", "left": "roller"},
-        {"bottom": "roller", "left": "rigid"},
-        {"bottom": "roller", "left": "roller", "front": "roller"},
-    ][int(rng.integers(4))]
+    names = [NAMES[int(code)] for code in used[used > 0]]
+    materials = {n: material(n, contrast, float(rng.uniform(-0.5, highest))) for n in names}
+    sides = SOLID_SIDES[int(rng.integers(4))]
     loads = []
     for _ in range(int(rng.integers(1, 4))):
         x, y = (int(rng.integers(n)) for n in shape[:2])
@@ -135,8 +126,7 @@ def touches_along_an_edge(scene: Scene) -> bool:
     """Tell whether cells of a solid share an edge alone: bricks hold what a line cannot."""
     if scene.lattice.dimension == 2:
         return False
-    cells = np.indices(scene.lattice.shape).reshape(3, -1).T
-    body = (scene.kinds(cells) >= 0).reshape(scene.lattice.shape)
+    body = scene.rasterise() >= 0
     for axis in range(3):
         a, b, c, d = (
             np.moveaxis(body, axis, 0)[:, i : i - 1 or None, j : j - 1 or None]
@@ -147,17 +137,15 @@ def touches_along_an_edge(scene: Scene) -> bool:
     return False
 
 
-def truths(scene: Scene) -> tuple[float, float]:
+def truths(scene: Scene) -> list[float]:
     """Return the energies of a finer and a coarser graded mesh."""
     if scene.lattice.dimension == 2:
-        return tuple(graded(scene, levels).energy for levels in (LEVELS, FEWER))
+        return [graded(scene, levels).energy for levels in (LEVELS, FEWER)]
     planes = [range(n + 1) for n in scene.lattice.shape]
-    return tuple(solve_bricks(scene, planes, parts).energy for parts in PARTS)
+    return [solve_bricks(scene, planes, parts).energy for parts in PARTS]
 
 
-def put_to(
-    scene_of: Callable[[int], Scene], seed: int, tolerance: float
-) -> dict[str, object] | None:
+def put_to(scene_of: Callable[[int], Scene], seed: int, tolerance: float) -> dict[str, Any] | None:
     """Return what came of a body; None if it is not held, or its truth is not known."""
     try:
         scene = scene_of(seed)
@@ -169,7 +157,8 @@ def put_to(
     except KajuError:
         return None
     moduli = [m.youngs_modulus for m in scene.cell_materials]
-    about: dict[str, object] = {
+    row: dict[str, Any] = {
+        "seed": seed,
         "contrast": max(moduli) / min(moduli),
         "ratio_most": max(m.poissons_ratio for m in scene.cell_materials),
     }
@@ -179,17 +168,15 @@ def put_to(
     except ConvergenceError as error:
         why, result = str(error)[:80], error.best
     except KajuError as error:
-        return {"seed": seed, "status": "refused", "why": str(error)[:80]} | about
-    seconds = process_time() - began
-    row: dict[str, object] = {
-        "seed": seed,
-        "status": result.tolerance_kept if not why else "error",
+        return row | {"status": "refused", "why": str(error)[:80]}
+    row |= {
+        "status": "error" if why else result.tolerance_kept,
         "agents": result.agents,
         "estimate": result.error_estimate,
         "doubt": doubt,
-        "seconds": round(seconds, 2),
+        "seconds": round(process_time() - began, 2),
         "why": why or result.no_bound,
-    } | about
+    }
     if result.energy_bounds is not None:
         lower, upper = result.energy_bounds
         # Elements come from below, and are off by about what two of their meshes differ in.
@@ -201,64 +188,87 @@ def put_to(
     return row
 
 
-def told(rows: list[dict[str, object]], tolerance: float) -> str:
-    """Return the figures in a few lines."""
-    bounded = [row for row in rows if "bound" in row]
-    ratio = np.array([row["ratio"] for row in bounded], dtype=float)
-    true = np.array([row["true"] for row in bounded], dtype=float)
-    said = np.array([row["status"] == "proved" for row in bounded])
-    count = {s: sum(row["status"] == s for row in rows) for s in {str(r["status"]) for r in rows}}
-    seconds = np.array([row.get("seconds", 0.0) for row in rows], dtype=float)
-    return "\n".join(
-        [
-            f"bodies {len(rows)}: {count}",
-            f"with a bound {len(bounded)} ({len(bounded) / len(rows):.1%})",
-            f"truth inside {sum(bool(row['inside']) for row in bounded)} of {len(bounded)}",
-            f"bound / true error: median {np.median(ratio):.3f}, "
-            f"95 % {np.quantile(ratio, 0.95):.3f}, "
-            f"largest {ratio.max():.3f}",
-            f"true error above the tolerance of {tolerance:g} though proved: "
-            f"{np.count_nonzero((true > tolerance) & said)}",
-            f"seconds: median {np.median(seconds):.2f}, largest {seconds.max():.1f}",
-        ]
+def put_all(
+    scene_of: Callable[[int], Scene], bodies: int, first: int, tolerance: float, out: Path | None
+) -> Iterator[str]:
+    """Put so many bodies to their bounds, and tell of each and of all."""
+    rows: list[dict[str, Any]] = []
+    seed = first
+    while len(rows) < bodies:
+        row = put_to(scene_of, seed, tolerance)
+        seed += 1
+        if row is None:
+            continue
+        rows.append(row)
+        yield " ".join(
+            f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items()
+        )
+        if out:
+            pd.DataFrame(rows, columns=COLUMNS).to_csv(out, index=False, float_format="%.4g")
+    every = pd.DataFrame(rows, columns=COLUMNS)
+    bounded = every.dropna(subset="bound").astype({"ratio": float, "true": float})
+    ratio, off = bounded["ratio"], bounded["true"] > tolerance
+    yield f"bodies {len(every)}: {every['status'].value_counts().to_dict()}"
+    yield f"with a bound {len(bounded)} ({len(bounded) / len(every):.1%})"
+    yield f"truth inside {bounded['inside'].sum()} of {len(bounded)}"
+    yield (
+        f"bound / true error: median {ratio.median():.3f}, 95 % {ratio.quantile(0.95):.3f}, "
+        f"largest {ratio.max():.3f}"
     )
+    said = (off & (bounded["status"] == "proved")).sum()
+    yield f"true error above the tolerance of {tolerance:g} though proved: {said}"
+    seconds = every["seconds"].fillna(0.0)
+    yield f"seconds: median {seconds.median():.2f}, largest {seconds.max():.1f}"
 
 
-def table(rows: list[dict[str, str]]) -> str:
+def plane(
+    bodies: int = 200, first: int = 0, tolerance: float = 0.05, out: Path | None = None
+) -> Iterator[str]:
+    """Put plane bodies to their bounds."""
+    return put_all(body_of, bodies, first, tolerance, out)
+
+
+def solids(
+    bodies: int = 200, first: int = 0, tolerance: float = 0.05, out: Path | None = None
+) -> Iterator[str]:
+    """Put solids of 1 to 3 cells a side to their bounds."""
+    return put_all(solid_of, bodies, first, tolerance, out)
+
+
+def table(rows: pd.DataFrame) -> str:
     """Return what came of bodies as a table."""
 
-    def line(name: str, chosen: list[dict[str, str]]) -> str:
-        bounded = [row for row in chosen if row["bound"]]
-        ratio = np.array([float(row["ratio"]) for row in bounded])
-        inside = sum(row["inside"] == "True" for row in bounded)
-        kept = sum(row["status"] == "proved" for row in chosen)
-        told = f"{np.median(ratio):.2f} | {np.quantile(ratio, 0.95):.2f} | {ratio.max():.2f}"
-        return f"| {name} | {len(chosen)} | {len(bounded)} | {inside} | {told} | {kept} |"
+    def line(name: str, chosen: pd.DataFrame) -> str:
+        bounded = chosen.dropna(subset="bound")
+        inside = (bounded["inside"].astype(str) == "True").sum()
+        ratio = [f"{bounded['ratio'].quantile(share):.2f}" for share in (0.5, 0.95, 1.0)]
+        counts = f"{len(chosen)} | {len(bounded)} | {inside}"
+        kept = (chosen["status"] == "proved").sum()
+        return f"| {name} | {counts} | {' | '.join(ratio)} | {kept} |"
 
-    near = [row for row in rows if float(row["ratio_most"]) > 0.45]
     groups = {
         "all": rows,
-        "contrast below 30": [row for row in rows if float(row["contrast"]) < 30],
-        "30 to 1,000": [row for row in rows if 30 <= float(row["contrast"]) < 1e3],
-        "above": [row for row in rows if float(row["contrast"]) >= 1e3],
-        "Poisson's ratio above 0.45": near,
+        "contrast below 30": rows[rows["contrast"] < 30],
+        "30 to 1,000": rows[rows["contrast"].between(30, 1e3, inclusive="left")],
+        "above": rows[rows["contrast"] >= 1e3],
+        "Poisson's ratio above 0.45": rows[rows["ratio_most"] > 0.45],
     }
     head = [
         "| bodies | number | with bounds | truth inside | bound / true error: median | 95 % | "
         "largest | tolerance proved |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    return "\n".join([*head, *(line(name, chosen) for name, chosen in groups.items() if chosen)])
+    return "\n".join(head + [line(name, of) for name, of in groups.items() if len(of)])
 
 
-def write() -> None:
+def write() -> Iterator[str]:
     """Put the table of the stored run into the page."""
-    with (DOCS / "bounds.csv").open(newline="") as stream:
-        found = table([row for row in csv.DictReader(stream) if row["ratio_most"]])
+    found = table(pd.read_csv(DOCS / "bounds.csv").dropna(subset="ratio_most"))
     page = (DOCS / "bounds.md").read_text(encoding="utf-8")
     before, rest = page.split(FROM)
     after = rest.split(TO)[1]
     (DOCS / "bounds.md").write_text(f"{before}{FROM}\n{found}\n{TO}{after}", encoding="utf-8")
+    yield found
 
 
 def stress_errors(scene: Scene, truth: ElementField, tolerance: float) -> tuple[int, Floats]:
@@ -286,63 +296,24 @@ def stress_errors(scene: Scene, truth: ElementField, tolerance: float) -> tuple[
     return result.agents, np.array([*np.sqrt(square * scene.thickness / truth.energy), mean])
 
 
-def compare_stresses() -> None:
+def stress() -> Iterator[str]:
     """Tell how many agents the mean field takes for an equal error."""
-    for body in (plate, angle, inclusion):
+    known = of_tests("goal_bodies")
+    for body in (known.plate, known.angle, known.inclusion):
         truth = graded(body(), LEVELS)
         runs = [stress_errors(body(), truth, t) for t in (0.16, 0.08, 0.04, 0.02)]
         agents = np.log([n for n, _ in runs])
         *others, mean = np.log([errors for _, errors in runs]).T
         rates = [-np.polyfit(agents, own, 1)[0] for own in others]
-        print(f"{body.__name__}: rates {rates[0]:.2f}, {rates[1]:.2f}")
+        yield f"{body.__name__}: rates {rates[0]:.2f}, {rates[1]:.2f}"
         for row, (count, errors) in enumerate(runs):
             told = "  ".join(f"{error:.4f}" for error in errors)
             shares = [
                 np.exp((mean[row] - own[row]) / rate)
                 for own, rate in zip(others, rates, strict=True)
             ]
-            print(f"  {count:6} agents  {told}  share {shares[0]:.2f}, {shares[1]:.2f}")
-
-
-def main() -> None:
-    """Put bodies to their bounds, and tell."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bodies", type=int, default=200)
-    parser.add_argument("--solids", action="store_true", help="solids of 1 to 3 cells a side")
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--tolerance", type=float, default=0.05)
-    parser.add_argument("--out", type=Path)
-    parser.add_argument("--write", action="store_true")
-    parser.add_argument("--stress", action="store_true")
-    asked = parser.parse_args()
-    if asked.stress:
-        compare_stresses()
-        return
-    if asked.write:
-        write()
-        return
-    rows: list[dict[str, object]] = []
-    seed = asked.first
-    while len(rows) < asked.bodies:
-        row = put_to(solid_of if asked.solids else body_of, seed, asked.tolerance)
-        seed += 1
-        if row is None:
-            continue
-        rows.append(row)
-        print(
-            " ".join(f"{k}={v:.3g}" if isinstance(v, float) else f"{k}={v}" for k, v in row.items())
-        )
-        sys.stdout.flush()
-        if asked.out:
-            with asked.out.open("w", newline="") as stream:
-                writer = csv.DictWriter(stream, COLUMNS)
-                writer.writeheader()
-                writer.writerows(
-                    {k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()}
-                    for row in rows
-                )
-    print(told(rows, asked.tolerance))
+            yield f"  {count:6} agents  {told}  share {shares[0]:.2f}, {shares[1]:.2f}"
 
 
 if __name__ == "__main__":
-    main()
+    by_name(__doc__, plane, solids, stress, write, usual=(plane,))

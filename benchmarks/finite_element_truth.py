@@ -20,16 +20,13 @@ import numpy as np
 import skfem
 from peers.graded_bricks import solve_bricks
 from peers.problems import BLOCK, PIXELS, PLATE, Problem
+from shared import TESTS, of_tests
 
 from kaju import Scene, finite_elements
 from kaju.model.study.reference import Reference
 
-HERE = Path(__file__).parent
-TESTS = HERE.parent / "tests"
-sys.path.append(str(TESTS / "support"))
-
-from spawning_bodies import BODIES, PLANE, middles  # noqa: E402
-
+PEERS = Path(__file__).parent / "peers"
+SPAWNING = of_tests("spawning_bodies")
 LEVELS, FEWER = (10, 16), (8, 14)
 """Halvings of the triangles around singular points, on the two meshes (FEWER: spawning)."""
 PARTS = {"cube": (4, 6), "cube-rubber": (3, 4), "cube-inclusion": (4, 6)}
@@ -110,7 +107,7 @@ def plates() -> None:
     corners = PLATE.edge * np.argwhere(np.ones((21, 21)))
     plane_truth(PLATE, LOADED_CELL, corners, data / "plate_finite_elements_corners.npz", False)
     for problem in (PLATE, PIXELS):
-        path = HERE / "peers" / f"truth_{problem.name}.npz"
+        path = PEERS / f"truth_{problem.name}.npz"
         plane_truth(problem, problem.patch, problem.points, path, False)
 
 
@@ -126,14 +123,14 @@ def block() -> None:
         kind, lambda parts: solve_bricks(scene, planes, parts), PARTS["cube"], folded
     )
     moved[:, :2] *= np.where(mirrored, -1.0, 1.0)
-    write(HERE / "peers" / "truth_block.npz", points, moved, None, 4.0 * fine.energy, source)
+    write(PEERS / "truth_block.npz", points, moved, None, 4.0 * fine.energy, source)
 
 
 def of_spawning(name: str) -> None:
     """Write the reference of a body that agents spawn in."""
-    scene = BODIES[name]()
-    points = middles(scene)
-    if name in PLANE:
+    scene = SPAWNING.BODIES[name]()
+    points = SPAWNING.middles(scene)
+    if name in SPAWNING.PLANE:
         fine, moved, source = triangles(scene, FEWER, points)
     else:
         kind = f"bricks of order 2, {PARTS[name][1]} along a graded cell"
@@ -145,5 +142,5 @@ def of_spawning(name: str) -> None:
 
 if __name__ == "__main__":
     others = {"plates": plates, "block": block}
-    for name in sys.argv[1:] or [*others, *BODIES]:
+    for name in sys.argv[1:] or [*others, *SPAWNING.BODIES]:
         others[name]() if name in others else of_spawning(name)

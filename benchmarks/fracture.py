@@ -1,12 +1,12 @@
 """Networks that break beside what is known: stress intensity, bundles of fibres, kinks, time.
 
     python benchmarks/fracture.py                # all of it
-    python benchmarks/fracture.py --intensity    # stress intensity and strength of a cut network
-    python benchmarks/fracture.py --bundle       # 100,000 fibres: Daniels' strength, avalanches
-    python benchmarks/fracture.py --kink [--nets 24]     # where slanted cuts go on
-    python benchmarks/fracture.py --time         # 200 breaks of 10,000 nodes
-    python benchmarks/fracture.py --ledger       # work = stored + released; the same again
-    python benchmarks/fracture.py --cells        # 200 breaks of 10,000 cells, and their ledger
+    python benchmarks/fracture.py intensity      # stress intensity and strength of a cut network
+    python benchmarks/fracture.py bundles        # 100,000 fibres: Daniels' strength, avalanches
+    python benchmarks/fracture.py kinks [--nets 24]     # where slanted cuts go on
+    python benchmarks/fracture.py prices         # 200 breaks of 10,000 nodes
+    python benchmarks/fracture.py ledgers        # work = stored + released; the same again
+    python benchmarks/fracture.py cells          # 200 breaks of 10,000 cells, and their ledger
 
 Processors wait for each other where others work beside: set OPENBLAS_NUM_THREADS=1 there.
 
@@ -23,11 +23,11 @@ Journal of Basic Engineering 85 (1963) 519-525.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
-from time import perf_counter, process_time
+from time import perf_counter
 
 import numpy as np
+from shared import by_name, timed
 
 import kaju
 from kaju.arrays import Floats, Ints
@@ -107,9 +107,11 @@ def bundles() -> Iterator[str]:
         "uniform strengths": ({"strength": 0.5, "scatter": 1.0 - 1e-9}, 0.25),
     }
     for name, (options, daniels) in cases.items():
-        began = process_time()
-        broken = kaju.FractureModel(bundle(count), seed=0, **options).run()
-        seconds, sizes = process_time() - began, broken.avalanche_sizes[:-1]
+        fibres = bundle(count)
+        broken, seconds = timed(
+            lambda net=fibres, how=options: kaju.FractureModel(net, seed=0, **how).run()
+        )
+        sizes = broken.avalanche_sizes[:-1]
         ranges = ((1, 100), (10, 1000))
         powers = [f"{exponent(sizes, *bounds):.2f} from {bounds}" for bounds in ranges]
         yield (
@@ -144,7 +146,7 @@ def kinks_of(whole: SpringNetwork, slant: float, half: float = 14.0) -> list[flo
     return angles
 
 
-def kinks(nets: int) -> Iterator[str]:
+def kinks(nets: int = 24) -> Iterator[str]:
     """Yield where cuts under mixed mode go on, in jittered nets and in the regular lattice."""
     for slant in (20.0, 45.0):
         angles = [kinks_of(jittered(85, 145, seed=seed), slant) for seed in range(nets)]
@@ -165,9 +167,9 @@ def prices() -> Iterator[str]:
     seconds = []
     for _ in range(3):
         model = kaju.FractureModel(network, scatter=0.3, seed=0, most_breaks=200)
-        began = perf_counter()  # of the clock: threads that wait count as work of the processor
-        broken = model.run()
-        seconds.append(perf_counter() - began)
+        # Of the clock: threads that wait count as work of the processor.
+        broken, spent = timed(model.run, perf_counter)
+        seconds.append(spent)
     yield (
         f"{len(network.positions)} nodes, {len(network.springs)} springs: {broken.breaks} breaks "
         f"in {min(seconds):.2f} s (the best of three)"
@@ -193,36 +195,13 @@ def cells() -> Iterator[str]:
         sides={"bottom": "rigid", "top": {"displacement": [0.0, 1e-4]}},
     ).with_region(box=[[0.0, 0.5], [0.2, 0.52]])
     model = kaju.FractureModel(scene, strength=1e8, weibull=3.0, seed=1, most_breaks=200)
-    began = perf_counter()
-    broken = model.run()
+    broken, seconds = timed(model.run, perf_counter)
     off = np.abs((broken.work - broken.stored - broken.released) / broken.work).max()
     yield (
-        f"{len(broken.strengths)} cells: {broken.breaks} breaks in {perf_counter() - began:.1f} s, "
+        f"{len(broken.strengths)} cells: {broken.breaks} breaks in {seconds:.1f} s, "
         f"{broken.outcome}; ledger off by {off:.1e}"
     )
 
 
-def main() -> None:
-    """Print what was asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--nets", type=int, default=24)
-    parts = {
-        "intensity": lambda asked: intensity(),
-        "bundle": lambda asked: bundles(),
-        "kink": lambda asked: kinks(asked.nets),
-        "time": lambda asked: prices(),
-        "ledger": lambda asked: ledgers(),
-        "cells": lambda asked: cells(),
-    }
-    for name in parts:
-        parser.add_argument(f"--{name}", action="store_true")
-    asked = parser.parse_args()
-    for name in [name for name in parts if getattr(asked, name)] or list(parts):
-        for line in parts[name](asked):
-            print(line, flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    by_name(__doc__, intensity, bundles, kinks, prices, ledgers, cells)

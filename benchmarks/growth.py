@@ -1,14 +1,14 @@
 """Growth beside its peer: designs judged by both solvers, and what a step costs.
 
-    python benchmarks/growth.py [--steps 60] [--repeat 3]   # compliance, processor time
-    python benchmarks/growth.py --truth     # the designs in tests/data/half_beam_designs.npz
-    python benchmarks/growth.py --large     # 1,000 x 500 cells from grey
-    python benchmarks/growth.py --local     # the local rule: starts, grey, stability
-    python benchmarks/growth.py --refine    # the same radius on ever finer grids
-    python benchmarks/growth.py --michell   # rising columns towards Michell's truss
-    python benchmarks/growth.py --volumes   # the same grid with ever less material
-    python benchmarks/growth.py --plain     # no filter: checkerboards, and the claim on finer cells
-    python benchmarks/growth.py --pictures  # draw what docs/growth.md shows, into docs/pictures
+    python benchmarks/growth.py           # designs [--steps 60], prices [--repeat 3]
+    python benchmarks/growth.py truth     # the designs in tests/data/half_beam_designs.npz
+    python benchmarks/growth.py large     # 1,000 x 500 cells from grey
+    python benchmarks/growth.py local     # the local rule: starts, grey, stability
+    python benchmarks/growth.py refined   # the same radius on ever finer grids
+    python benchmarks/growth.py michell   # rising columns towards Michell's truss
+    python benchmarks/growth.py volumes   # the same grid with ever less material
+    python benchmarks/growth.py plain     # no filter: checkerboards, and the claim on finer cells
+    python benchmarks/growth.py pictures  # draw what docs/growth.md shows, into docs/pictures
 
 The peer is the 88-line method rewritten in `peers/optimality.py`, with SciPy's SuperLU in minimum
 degree order, and with PARDISO where pypardiso is installed. Processor time, both in one run, by
@@ -18,11 +18,10 @@ which kaju may compile, are not counted.
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Iterator
+from functools import partial
 from importlib.util import find_spec
-from pathlib import Path
 from statistics import median
 from time import process_time
 
@@ -31,14 +30,15 @@ os.environ.setdefault("MKL_NUM_THREADS", "1")
 
 import numpy as np
 from peers.optimality import POWER, VOID, Beam, Bilinear, optimised
+from shared import ROOT, TESTS, by_name, timed
 
 import kaju
 from kaju.arrays import Floats
 from kaju.model.growth.growth_result import GrowthResult
 from kaju.model.growth.growth_rules import Compliance, Remodelling
 
-DATA = Path(__file__).parent.parent / "tests" / "data" / "half_beam_designs.npz"
-PICTURES = Path(__file__).parent.parent / "docs" / "pictures"
+DATA = TESTS / "data" / "half_beam_designs.npz"
+PICTURES = ROOT / "docs" / "pictures"
 CASES = {
     "half beam 150 x 50": (Beam("half beam", (150, 50)), 0.5, 2.4),
     "cantilever 160 x 100": (Beam("cantilever", (160, 100)), 0.4, 4.0),
@@ -76,7 +76,7 @@ def grown(beam: Beam, volume: float, radius: float, filter: str, steps: int) -> 
     return found.density[:, -beam.cells[1] :]
 
 
-def designs(steps: int) -> Iterator[str]:
+def designs(steps: int = 60) -> Iterator[str]:
     """Yield the compliances of both designs by both solvers."""
     for name, (beam, volume, radius) in CASES.items():
         for filter in ("density", "sensitivity"):
@@ -89,23 +89,23 @@ def designs(steps: int) -> Iterator[str]:
             )
 
 
-def prices(repeat: int) -> Iterator[str]:
+def prices(repeat: int = 3) -> Iterator[str]:
     """Yield what a step costs, and 60 of them."""
     solvers = ["superlu"] + ["pardiso"] * (find_spec("pypardiso") is not None)
     for name, (beam, volume, radius) in CASES.items():
         model = model_of(beam, volume, radius, 10_000)
-        for _ in range(10):
-            model.step()
-        ours, theirs = [], {solver: [] for solver in solvers}
-        for _ in range(repeat):
-            began = process_time()
+
+        def steps(model: kaju.GrowthModel = model) -> None:
             for _ in range(10):
                 model.step()
-            ours.append((process_time() - began) / 10)
+
+        steps()
+        ours, theirs = [], {solver: [] for solver in solvers}
+        for _ in range(repeat):
+            ours.append(timed(steps)[1] / 10)
             for solver, found in theirs.items():
-                began = process_time()
-                optimised(beam, volume, radius, steps=3, solver=solver)
-                found.append((process_time() - began) / 3)
+                more = {"steps": 3, "solver": solver}
+                found.append(timed(partial(optimised, beam, volume, radius, **more))[1] / 3)
         own = median(ours)
         for solver, found in theirs.items():
             yield (
@@ -114,7 +114,7 @@ def prices(repeat: int) -> Iterator[str]:
             )
 
 
-def large(steps: int) -> Iterator[str]:
+def large(steps: int = 60) -> Iterator[str]:
     """Yield what 1,000 × 500 cells cost from grey, and from coarse to fine, to their proof."""
     kaju.GrowthModel(Beam("cantilever", (64, 32)).scene(), most_steps=2).run(progress=False)
     for courses in (((1, steps),), ((4, 40), (2, 20), (1, 12))):
@@ -253,39 +253,18 @@ def pictures() -> Iterator[str]:
         yield str(target)
 
 
-def main() -> None:
-    """Print what was asked for."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=60)
-    parser.add_argument("--repeat", type=int, default=3)
-    named = ("large", "local", "refine", "michell", "volumes", "plain", "pictures")
-    for name in ("truth", "prices", "designs", *named):
-        parser.add_argument(f"--{name}", action="store_true")
-    asked = parser.parse_args()
-    if asked.truth:
-        beam, volume, radius = CASES["half beam 150 x 50"]
-        found = {
-            filter: np.rint(1e4 * optimised(beam, volume, radius, filter, asked.steps))
-            for filter in ("density", "sensitivity")
-        }
-        np.savez_compressed(DATA, **{name: d.astype(np.uint16) for name, d in found.items()})
-        return
-    parts = {
-        "designs": lambda: designs(asked.steps),
-        "prices": lambda: prices(asked.repeat),
-        "large": lambda: large(asked.steps),
-        "local": local,
-        "refine": refined,
-        "michell": michell,
-        "volumes": volumes,
-        "plain": plain,
-        "pictures": pictures,
+def truth(steps: int = 60) -> Iterator[str]:
+    """Write the peer's half beams for the tests."""
+    beam, volume, radius = CASES["half beam 150 x 50"]
+    found = {
+        filter: np.rint(1e4 * optimised(beam, volume, radius, filter, steps)).astype(np.uint16)
+        for filter in ("density", "sensitivity")
     }
-    chosen = [name for name in parts if getattr(asked, name)] or ["designs", "prices"]
-    for name in chosen:
-        for line in parts[name]():
-            print(line, flush=True)
+    np.savez_compressed(DATA, **found)
+    yield str(DATA)
 
 
 if __name__ == "__main__":
-    main()
+    beside = (designs, prices)
+    others = (large, local, refined, michell, volumes, plain, pictures, truth)
+    by_name(__doc__, *beside, *others, usual=beside)

@@ -5,19 +5,19 @@ between both bounds; peaks of the hoop stress at holes by tolerance. Run:
 
     python benchmarks/outlines.py                # gaps and peaks, half a minute
     python benchmarks/outlines.py price          # processor time over all steps, by tolerance
-    python benchmarks/outlines.py random 60      # bodies of random shapes, beside grid lines too:
-                                                 # do bounds of four grids hold one truth?
+    python benchmarks/outlines.py random --count 60    # bodies of random shapes, beside grid lines
+                                                 # too: do bounds of four grids hold one truth?
     python benchmarks/outlines.py peer           # quadratic triangles with curved sides, by
                                                  # scikit-fem, at the same true error of the ring
 """
 
-import sys
 from time import process_time
 
 import numpy as np
+from shared import by_name, nearest, timed
 
 from kaju import Scene, sampled_shape, solve
-from kaju.errors import ConvergenceError, KajuError
+from kaju.errors import KajuError
 from kaju.model.outline.balanced_pieces import BalancedPieces
 from kaju.model.outline.true_shapes import CutLeaves
 
@@ -86,22 +86,22 @@ def bodies():
 
 def gaps():
     """Tell agents and processor time for gaps of 1 % and 0.2 %."""
-    print(
-        "body      gap asked   gap      agents  cut   seconds   bounds of twice the energy, truth"
-    )
+    yield "body      gap asked   gap      agents  cut   seconds   bounds of twice the energy, truth"
     for name, (body, truth) in bodies().items():
         for gap in (0.01, 0.002):
-            start = process_time()
-            answer = solve(body, tolerance=0.5 * np.sqrt(gap))
-            seconds = process_time() - start
+            answer, seconds = solved(body, 0.5 * np.sqrt(gap))
             lower, upper = (2 * bound for bound in answer.energy_bounds)
             within = lower < truth * (1 + 1e-5) and upper > truth * (1 - 1e-5)
-            print(
+            yield (
                 f"{name:8s} {gap:8.3f} {upper / lower - 1:10.5f} {answer.agents:8d} "
                 f"{int(answer.cut.sum()):5d} {seconds:8.2f}   {lower:.5f} - {upper:.5f}  "
-                f"{truth:.5f} {'inside' if within else 'OUTSIDE'}",
-                flush=True,
+                f"{truth:.5f} {'inside' if within else 'OUTSIDE'}"
             )
+
+
+def solved(body, tolerance):
+    """Return an answer, and its processor time (s)."""
+    return timed(lambda: solve(body, tolerance=tolerance))
 
 
 def price():
@@ -111,20 +111,18 @@ def price():
     """
     cutting, count = [], []
 
-    def timed(owner, name):
+    def watch(owner, name):
         known = getattr(owner, name)
 
         def measured(*asked):
-            start = process_time()
-            try:
-                return known(*asked)
-            finally:
-                cutting.append(process_time() - start)
+            answer, seconds = timed(lambda: known(*asked))
+            cutting.append(seconds)
+            return answer
 
         setattr(owner, name, measured)
 
-    timed(CutLeaves, "refined")
-    timed(BalancedPieces, "_triangulate")
+    watch(CutLeaves, "refined")
+    watch(BalancedPieces, "_triangulate")
     triangulate = BalancedPieces._triangulate
 
     def counted(self, pieces, *asked):
@@ -137,36 +135,29 @@ def price():
         for tolerance in (0.05, 0.02, 0.01):
             cutting.clear()
             count.clear()
-            start = process_time()
-            answer = solve(body, tolerance=tolerance)
-            seconds, cut = process_time() - start, int(answer.cut.sum())
-            print(
-                f"{name:8s} tolerance {tolerance:5.2f} agents {answer.agents:6d}, {cut:4d} cut, "
-                f"{seconds:6.2f} s: {1e3 * seconds / answer.agents:.2f} ms an agent, "
+            answer, seconds = solved(body, tolerance)
+            yield (
+                f"{name:8s} tolerance {tolerance:5.2f} agents {answer.agents:6d}, "
+                f"{int(answer.cut.sum()):4d} cut, {seconds:6.2f} s: "
+                f"{1e3 * seconds / answer.agents:.2f} ms an agent, "
                 f"{1e3 * seconds / sum(count):.2f} ms for each of {sum(count)} cut in all steps, "
-                f"{1e6 * sum(cutting) / sum(count):.0f} µs of it for pieces and triangles",
-                flush=True,
+                f"{1e6 * sum(cutting) / sum(count):.0f} µs of it for pieces and triangles"
             )
 
 
 def peaks():
     """Tell peaks of the hoop stress, over those of infinite plates."""
     far = [{"side": "right", "force": [20.0, 0.0]}]
-    wide = [20.0, 20.0], [8, 8]
     flat = region("air", "hole", ellipse={"centre": [0.0, 0.0], "radii": [1.0 / 3.0, 1.0]})
-    for name, body, outline, truth in (
-        ("Kirsch", scene(*wide, [disk(1.0, name="hole")], far), "hole", 3.0),
-        ("ellipse", scene(*wide, [flat], far), "hole", 7.0),
-    ):
+    holes = {"Kirsch": (disk(1.0, name="hole"), 3.0), "ellipse": (flat, 7.0)}
+    for name, (hole, truth) in holes.items():
+        body = scene([20.0, 20.0], [8, 8], [hole], far)
         for tolerance in (0.05, 0.01, 0.003, 0.001):
-            start = process_time()
-            answer = solve(body, tolerance=tolerance)
-            hoop = answer.outline_stress(outline)[1]
-            print(
+            answer, seconds = solved(body, tolerance)
+            peak = answer.outline_stress("hole")[1].max()
+            yield (
                 f"{name:8s} tolerance {tolerance:5.3f} agents {answer.agents:6d} peak "
-                f"{hoop.max():8.4f} of {truth:.4f} ({hoop.max() / truth - 1:+.2%}), "
-                f"{process_time() - start:.1f} s",
-                flush=True,
+                f"{peak:8.4f} of {truth:.4f} ({peak / truth - 1:+.2%}), {seconds:.1f} s"
             )
 
 
@@ -218,9 +209,7 @@ def peer():
 
     work_of(4)
     for tolerance in (0.05, 0.02, 0.01):
-        start = process_time()
-        answer = solve(bodies()["ring"][0], tolerance=tolerance)
-        seconds = process_time() - start
+        answer, seconds = solved(bodies()["ring"][0], tolerance)
         error = abs(1.0 - 2 * answer.strain_energy / LAME) ** 0.5
         below = (1.0 - 2 * answer.energy_bounds[0] / LAME) ** 0.5
         for sides in range(4, 200, 2):
@@ -229,11 +218,10 @@ def peer():
             theirs = process_time() - start
             if abs(1.0 - work / LAME) ** 0.5 < below:
                 break
-        print(
+        yield (
             f"ring, tolerance {tolerance:5.2f}: true error of the displacement {below:.2e}, of the "
             f"mean energy {error:.2e} in {seconds:.2f} s; quadratic triangles with {sides} sides "
-            f"around reach the first in {theirs:.3f} s, nothing proved",
-            flush=True,
+            f"around reach the first in {theirs:.3f} s, nothing proved"
         )
 
 
@@ -270,40 +258,29 @@ def random_shape(rng):
     return shapes[rng.integers(8)]
 
 
-def random_bodies(count):
+def random(count: int = 60):
     """Tell how many random bodies have bounds on four grids that hold no common energy."""
     apart, refused = 0, 0
+    load = [{"side": "right", "force": [1.0, 0.5]}]
     for seed in range(count):
         rng = np.random.default_rng(seed)
         regions = [
             region("air" if k == 0 or rng.random() < 0.7 else "unit", **random_shape(rng))
             for k in range(rng.integers(1, 5))
         ]
-        lower, upper = 0.0, np.inf
-        for cells, tolerance in ((8, 0.4), (12, 0.3), (16, 0.2), (8, 0.1)):
-            load = [{"side": "right", "force": [1.0, 0.5]}]
-            body = scene([1.0, 1.0], [cells, cells], regions, load, {"left": "rigid"})
-            try:
-                answer = solve(body, tolerance=tolerance, most_agents=4000)
-            except ConvergenceError as error:
-                answer = error.best
-            except KajuError as error:
-                print(f"body {seed} refused: {error}")
-                refused += 1
-                break
-            lower = max(lower, answer.energy_bounds[0])
-            upper = min(upper, answer.energy_bounds[1])
-        apart += lower > upper
-    print(f"{count} random bodies: {refused} refused, {apart} whose bounds hold no common energy")
+        bounds = []
+        try:
+            for cells, tolerance in ((8, 0.4), (12, 0.3), (16, 0.2), (8, 0.1)):
+                body = scene([1.0, 1.0], [cells, cells], regions, load, {"left": "rigid"})
+                found = nearest(body, tolerance=tolerance, most_agents=4000)
+                bounds.append(found.energy_bounds)
+        except KajuError as error:
+            yield f"body {seed} refused: {error}"
+            refused += 1
+        lower, upper = zip((0.0, np.inf), *bounds, strict=True)
+        apart += max(lower) > min(upper)
+    yield f"{count} random bodies: {refused} refused, {apart} whose bounds hold no common energy"
 
 
 if __name__ == "__main__":
-    if "peer" in sys.argv[1:]:
-        peer()
-    elif "price" in sys.argv[1:]:
-        price()
-    elif "random" in sys.argv[1:]:
-        random_bodies(int(sys.argv[-1]))
-    else:
-        gaps()
-        peaks()
+    by_name(__doc__, gaps, peaks, price, peer, random, usual=(gaps, peaks))

@@ -3,8 +3,8 @@
 Opens exported pages in Debian's chromium, headless and with the network cut off, and a
 server of `kaju watch` with ten sessions. Needs `pip install 'kaju[test]'` and chromium. Run:
 
-    python benchmarks/page.py                 # everything, two minutes
-    python benchmarks/page.py certificate     # rows whose name says so
+    python benchmarks/page.py                                # everything, two minutes
+    python benchmarks/page.py figures --part certificate     # one part
 
 Times are by the clock: medians where several are taken, the number after ± the largest.
 """
@@ -18,6 +18,7 @@ from statistics import median
 
 import numpy as np
 from playwright.sync_api import sync_playwright
+from shared import ROOT, by_name, of_tests
 
 from kaju import (
     ElasticModel,
@@ -31,11 +32,10 @@ from kaju import (
 )
 from kaju.model.network import triangular
 
-sys.path.extend(str(Path(__file__).parents[1] / part) for part in ("docs", "tests/support"))
-
-from live_pages import BrowserPage, asked, serving, session
+sys.path.append(str(ROOT / "docs"))
 from make_pages import make
 
+live = of_tests("live_pages")
 LONG = {"kind": "prescribed", "alpha": [0.5, 0.6, 0.12], "threshold": 1e-5, "accumulate": True}
 
 
@@ -112,7 +112,7 @@ class Bench:
         path = self.folder / f"{name}.html"
         if not path.exists():
             export_page(of(), path)
-        page = BrowserPage(self.browser, path.as_uri(), viewport=WINDOW, offline=True)
+        page = live.BrowserPage(self.browser, path.as_uri(), viewport=WINDOW, offline=True)
         page.until("page?.drawn > 0")
         try:
             yield page
@@ -234,13 +234,13 @@ class Bench:
             ("rule", plate(200, LONG)),
             ("elastic agents", plate(200, {"kind": "elastic"})),
         ):
-            with serving(scene) as port, ExitStack() as stack:
-                others = [stack.enter_context(session(port)) for _ in range(9)]
+            with live.serving(scene) as port, ExitStack() as stack:
+                others = [stack.enter_context(live.session(port)) for _ in range(9)]
                 for other in others[: 9 if name == "rule" else 2]:
-                    asked(other, '{"type": "hello"}')
-                    asked(other, '{"type": "step", "generations": 20}')
-                assert "error" in asked(others[0], "no message")[0]
-                page = BrowserPage(self.browser, f"http://127.0.0.1:{port}/", viewport=WINDOW)
+                    live.asked(other, '{"type": "hello"}')
+                    live.asked(other, '{"type": "step", "generations": 20}')
+                assert "error" in live.asked(others[0], "no message")[0]
+                page = live.BrowserPage(self.browser, f"http://127.0.0.1:{port}/", viewport=WINDOW)
                 page.until("page.g === 1", 120)
                 page.js("page.seek(20)")
                 page.until("page.g === 20", 120)
@@ -267,21 +267,23 @@ def told(milliseconds):
     return f"{median(milliseconds):.0f} ms (at most {max(milliseconds):.0f})"
 
 
-def main(chosen):
-    """Print the table."""
+PARTS = ("every_kind", "bytes", "pictures", "certificate", "elasticity", "watching")
+
+
+def figures(part: str = ""):
+    """Tell one part of the figures, or all, as rows of a table."""
     chromium = shutil.which("chromium")
     if chromium is None:
         sys.exit("chromium is not installed (apt-get install chromium)")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as player:
         browser = player.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         bench = Bench(browser, Path(folder))
-        print("| figure | seen | wanted |\n|---|---|---|")
-        for part in ("every_kind", "bytes", "pictures", "certificate", "elasticity", "watching"):
-            if not chosen or part in chosen:
-                for row in getattr(bench, part)():
-                    print("| " + " | ".join(map(str, row)) + " |", flush=True)
+        yield "| figure | seen | wanted |\n|---|---|---|"
+        for name in [part] if part else PARTS:
+            for row in getattr(bench, name)():
+                yield f"| {' | '.join(map(str, row))} |"
         browser.close()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    by_name(__doc__, figures)

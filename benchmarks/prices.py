@@ -1,12 +1,10 @@
 """What bodies, changes and tolerances cost, in processor time on one core.
 
-    python benchmarks/prices.py                           # everything, some minutes
-    python benchmarks/prices.py bodies --cells 64 --dimension 3 --runs 1
-    python benchmarks/prices.py again                     # solving again after a change
-    python benchmarks/prices.py growth                    # larger and larger bodies
-    python benchmarks/prices.py largest                   # the largest error anywhere
-
-Runs that are compared take turns and the least counts, so that a busy machine slows all alike.
+python benchmarks/prices.py                           # everything, some minutes
+python benchmarks/prices.py bodies --cells 64 --dimension 3 --runs 1
+python benchmarks/prices.py again                     # solving again after a change
+python benchmarks/prices.py growth                    # larger and larger bodies
+python benchmarks/prices.py largest                   # the largest error anywhere
 """
 
 from __future__ import annotations
@@ -15,19 +13,17 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import argparse
 import resource
-from collections.abc import Callable
-from time import process_time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from shared import by_name, in_turn, timed
 
 from kaju import Scene, solve
 
 SIDE = 0.2
-STEEL = {"material": "steel"}
 MATERIALS = {
     "plain": {"youngs_modulus": 1e9, "poissons_ratio": 0.3},
     "stiff": {"youngs_modulus": 1e15, "poissons_ratio": 0.3},
@@ -46,20 +42,13 @@ def press(start: float, width: float, force: tuple[float, ...] = (0.0, -2.0)) ->
 def plate(cells: int, start: float = 0.09, width: float = 0.02, side: float = SIDE) -> Scene:
     """Return a plate, clamped below and pressed on a part of its top."""
     load = {"region": {"box": [[start, side], [start + width, side]]}, "force": [0.0, -2.0]}
-    body = {"size": [side] * 2, "cells": [cells] * 2, "thickness": 2e-3, **STEEL}
+    body = {"size": [side] * 2, "cells": [cells] * 2, "thickness": 2e-3, "material": "steel"}
     return Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
 
 
-def timed(scene: Scene, **how: Any) -> tuple[Any, float]:
-    """Return an answer, and the seconds that it took."""
-    began = process_time()
-    return solve(scene, **how), process_time() - began
-
-
-def in_turn(runs: int, *ways: Callable[[], tuple[Any, float]]) -> list[tuple[Any, float]]:
-    """Return the last answer of every way, and the least of its times."""
-    rounds = [[way() for way in ways] for _ in range(runs)]
-    return [(own[-1][0], min(seconds for _, seconds in own)) for own in zip(*rounds, strict=True)]
+def priced(scene: Scene, runs: int, **how: Any) -> tuple[Any, float]:
+    """Return an answer, and the least seconds that it took."""
+    return in_turn(runs, lambda: solve(scene, **how))[0]
 
 
 def kinds_of(name: str, cells: int, dimension: int) -> NDArray[np.int8]:
@@ -81,49 +70,43 @@ def kinds_of(name: str, cells: int, dimension: int) -> NDArray[np.int8]:
     return kinds
 
 
-def bounded(result: Any) -> tuple[Any, float]:
-    """Return a result, and how long its bounds take (s)."""
-    began = process_time()
-    result.energy_bounds  # noqa: B018
-    return result, process_time() - began
-
-
-def bodies(asked: argparse.Namespace) -> None:
-    """Print what a cell costs beside one of a plain plate or cube, and its bound."""
+def bodies(cells: int = 512, dimension: int = 2, runs: int = 3) -> Iterator[str]:
+    """Tell what a cell costs beside one of a plain plate or cube, and its bound."""
     patch = [[0.04, 0.2], [0.06, 0.2]]
-    if asked.dimension == 3:
+    if dimension == 3:
         patch = [[0.075, 0.075, 0.2], [0.125, 0.125, 0.2]]
 
     def scene(name: str, cells: int) -> Scene:
         return Scene.from_array(
-            kinds_of(name, cells, asked.dimension),
+            kinds_of(name, cells, dimension),
             legend=LEGEND,
             cell_size=SIDE / cells,
             materials=MATERIALS,
             sides={"bottom": "rigid"},
-            loads=[{"region": {"box": patch}, "force": [0.0] * (asked.dimension - 1) + [-2.0]}],
+            loads=[{"region": {"box": patch}, "force": [0.0] * (dimension - 1) + [-2.0]}],
         )
 
-    def way(body: Scene) -> Callable[[], tuple[Any, float]]:
-        return lambda: timed(body, strategy="uniform")
+    def answer(name: str) -> Callable[[], Any]:
+        body = scene(name, cells)
+        return lambda: solve(body, strategy="uniform")
 
-    def proof(body: Scene) -> Callable[[], tuple[Any, float]]:
-        return lambda: bounded(solve(body, strategy="uniform"))
+    def proof(name: str) -> float:
+        result = answer(name)()
+        return timed(lambda: result.energy_bounds)[1]
 
     assert solve(scene("hole", 16), strategy="uniform").error_bound  # compiles
-    scenes = [scene(name, asked.cells) for name in asked.bodies]
-    found = in_turn(asked.runs, *map(way, scenes))
-    bounds = in_turn(asked.runs, *map(proof, scenes))
-    print(f"{'body':8} {'µs a cell':>9} {'ratio':>6} {'halved':>6} {'bound':>6}  method")
+    found = in_turn(runs, *map(answer, BODIES))
+    bounds = np.min([[proof(name) for name in BODIES] for _ in range(runs)], axis=0)
+    yield f"{'body':8} {'µs a cell':>9} {'ratio':>6} {'halved':>6} {'bound':>6}  method"
     first = None
-    for name, (result, seconds), (_, more) in zip(asked.bodies, found, bounds, strict=True):
-        price = 1e6 * seconds / (asked.cells * result.subdivision) ** asked.dimension
+    for name, (result, seconds), more in zip(BODIES, found, bounds, strict=True):
+        price = 1e6 * seconds / (cells * result.subdivision) ** dimension
         bound, first = more / seconds, first or price
         halved = "yes" if result.subdivision > 1 else "no"
         told = f"{name:8} {price:9.3f} {price / first:6.2f} {halved:>6} {bound:6.2f}"
-        print(told, result.summary()["method"])
+        yield f"{told}  {result.summary()['method']}"
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    print(f"at most {peak:.2f} GB held")
+    yield f"at most {peak:.2f} GB held"
 
 
 CHANGES: dict[str, Callable[[Scene], Scene]] = {
@@ -136,8 +119,8 @@ CHANGES: dict[str, Callable[[Scene], Scene]] = {
 }
 
 
-def again(asked: argparse.Namespace) -> None:
-    """Print what solving again takes beside solving afresh, and whether agents pile up."""
+def again(runs: int = 3) -> Iterator[str]:
+    """Tell what solving again takes beside solving afresh, and whether agents pile up."""
     pierced = plate(320).with_region(disk={"centre": [0.1, 0.1], "radius": 0.03})
     for title, scene, how in (
         ("equal cells, plate with a hole", pierced, {"strategy": "uniform"}),
@@ -145,15 +128,15 @@ def again(asked: argparse.Namespace) -> None:
         ("agents, 0.005", plate(320), {"strategy": "spawning", "tolerance": 0.005}),
     ):
         first = solve(scene, **how)
-        print(f"\n{title}: {first.summary()['agents']:,} agents\n{'':18} again, afresh (ms)")
+        yield f"\n{title}: {first.summary()['agents']:,} agents\n{'':18} again, afresh (ms)"
         for name, change in CHANGES.items():
             changed = change(scene)
             ways = [
-                lambda previous=previous: timed(changed, previous=previous, **how)  # noqa: B023
+                lambda previous=previous: solve(changed, previous=previous, **how)  # noqa: B023
                 for previous in (first, None)
             ]
-            (_, short), (_, long) = in_turn(asked.runs, *ways)
-            print(f"{name:18} {1e3 * short:6.0f} {1e3 * long:6.0f}  {short / long:.2f}")
+            (_, short), (_, long) = in_turn(runs, *ways)
+            yield f"{name:18} {1e3 * short:6.0f} {1e3 * long:6.0f}  {short / long:.2f}"
     random, result, ratio = np.random.default_rng(1), None, []
     how = {"strategy": "spawning", "tolerance": 0.02}
     for _ in range(20):
@@ -161,20 +144,20 @@ def again(asked: argparse.Namespace) -> None:
         scene = plate(320).replace(loads=press(start, 0.02, (random.normal(), -2.0)))
         result = solve(scene, previous=result, **how)
         ratio.append(result.agents / solve(scene, **how).agents)
-    print(f"agents after each of 20 random moves, against afresh: {np.mean(ratio):.2f} times")
+    yield f"agents after each of 20 random moves, against afresh: {np.mean(ratio):.2f} times"
 
 
-def growth(asked: argparse.Namespace) -> None:
-    """Print what a load costs on larger and larger bodies."""
-    print(f"\ntolerance 0.02\n{'side':>6}{'cells':>16}{'agents':>10}{'time (s)':>10}")
+def growth(runs: int = 3) -> Iterator[str]:
+    """Tell what a load costs on larger and larger bodies."""
+    yield f"\ntolerance 0.02\n{'side':>6}{'cells':>16}{'agents':>10}{'time (s)':>10}"
     for side in (1, 8, 64):
         scene = plate(20 * side, 0.1 * side, 0.01, SIDE * side)
-        ((result, seconds),) = in_turn(asked.runs, lambda: timed(scene, tolerance=0.02))  # noqa: B023
-        print(f"{side:6}{scene.lattice.size:16,}{result.agents:10,}{seconds:10.2f}")
+        result, seconds = priced(scene, runs, tolerance=0.02)
+        yield f"{side:6}{scene.lattice.size:16,}{result.agents:10,}{seconds:10.2f}"
 
 
-def largest(asked: argparse.Namespace) -> None:
-    """Print the largest error anywhere, also at the load's ends, where the slope is infinite."""
+def largest(runs: int = 3) -> Iterator[str]:
+    """Tell the largest error anywhere, also at the load's ends, where the slope is infinite."""
     distance, angle = np.geomspace(1e-6, 5e-3, 40), np.linspace(np.pi, 2 * np.pi, 9)
     around = distance[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     ends = [around.reshape(-1, 2) + end for end in ([0.09, SIDE], [0.11, SIDE])]
@@ -182,30 +165,14 @@ def largest(asked: argparse.Namespace) -> None:
     points = np.minimum(np.concatenate([*ends, inside]), SIDE)
     displaced = {"strategy": "spawning", "tolerance_at": "displacement"}
     true = solve(plate(20), tolerance=1.5e-4, **displaced).displacement_at(points)
-    print(f"\n{'':10}{'cells':>12}{'time (s)':>10}{'error':>10}")
-    runs = [{"tolerance": t, **displaced} for t in (4e-3, 2e-3, 1e-3, 5e-4)]
-    runs += [{"strategy": "uniform", "resolution": k} for k in (16, 32, 64)]
-    for how in runs:
-        ((result, seconds),) = in_turn(asked.runs, lambda: timed(plate(20), **how))  # noqa: B023
+    yield f"\n{'':10}{'cells':>12}{'time (s)':>10}{'error':>10}"
+    ways = [{"tolerance": t, **displaced} for t in (4e-3, 2e-3, 1e-3, 5e-4)]
+    ways += [{"strategy": "uniform", "resolution": k} for k in (16, 32, 64)]
+    for how in ways:
+        result, seconds = priced(plate(20), runs, **how)
         error = np.abs(result.displacement_at(points) - true).max() / np.abs(true).max()
-        print(f"{how['strategy']:10}{result.summary()['agents']:12,}{seconds:10.3f}{error:10.2e}")
-
-
-PARTS = {part.__name__: part for part in (bodies, again, growth, largest)}
-
-
-def main() -> None:
-    """Measure and print tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("parts", nargs="*", help=", ".join(PARTS), default=list(PARTS))
-    parser.add_argument("--cells", type=int, default=512, help="cells along every axis")
-    parser.add_argument("--dimension", type=int, choices=(2, 3), default=2)
-    parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--bodies", nargs="+", default=BODIES, choices=BODIES)
-    asked = parser.parse_args()
-    for name in asked.parts:
-        PARTS[name](asked)
+        yield f"{how['strategy']:10}{result.summary()['agents']:12,}{seconds:10.3f}{error:10.2e}"
 
 
 if __name__ == "__main__":
-    main()
+    by_name(__doc__, bodies, again, growth, largest)

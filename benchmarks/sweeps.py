@@ -1,25 +1,25 @@
 """What sweeps cost: the worked plate 2000 times, in a loop and on two processes.
 
-`python benchmarks/sweeps.py [RUNS]`, on a machine with nothing else to do. Every way is timed three
-times in turn, and the least time counts; the first sweep of a process, which waits until its
-workers have imported kaju, is told apart.
+`python benchmarks/sweeps.py prices [--runs RUNS]`, on a machine with nothing else to do. Every way
+is timed three times in turn, and the least time counts; the first sweep of a process, which waits
+until its workers have imported kaju, is told apart.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
-import kaju
+from shared import ROOT, by_name, in_turn, timed
 
-SCENE = Path(__file__).parent.parent / "examples" / "plate.toml"
+import kaju
 
 
 def scene() -> kaju.Scene:
-    return kaju.load_scene(SCENE).with_overrides({"loads.0.steps": 1})
+    return kaju.load_scene(ROOT / "examples" / "plate.toml").with_overrides({"loads.0.steps": 1})
 
 
 def forces(runs: int) -> list[float]:
@@ -32,45 +32,30 @@ def loop(runs: int) -> None:
         kaju.LoadModel(plate.with_overrides({"loads.0.force.1": force})).run().summary()
 
 
-def sweep(workers: int, folder: bool = False) -> Callable[[int], None]:
-    def on(runs: int) -> None:
-        with tempfile.TemporaryDirectory() as place:
-            out = Path(place) / "out" if folder else None
-            varied = {"loads[0].force[1]": forces(runs)}
-            table = kaju.sweep(scene(), varied, workers=workers, out=out, progress=False)
-        assert (table["error"] == "").all()
-
-    return on
+def sweep(runs: int, workers: int, folder: bool = False) -> None:
+    with tempfile.TemporaryDirectory() as place:
+        out = Path(place) / "out" if folder else None
+        varied = {"loads[0].force[1]": forces(runs)}
+        table = kaju.sweep(scene(), varied, workers=workers, out=out, progress=False)
+    assert (table["error"] == "").all()
 
 
-def timed(way: Callable[[int], None], runs: int) -> float:
-    began = perf_counter()
-    way(runs)
-    return perf_counter() - began
-
-
-def measure(runs: int = 2000) -> dict[str, float]:
-    """Return the seconds that each way takes."""
+def prices(runs: int = 2000) -> Iterator[str]:
+    """Tell the seconds that each way takes."""
     loop(20)
     ways = {
-        "a loop": loop,
-        "1 process": sweep(1),
-        "2 processes": sweep(2),
-        "2 processes, into a folder": sweep(2, folder=True),
+        "a loop": partial(loop, runs),
+        "1 process": partial(sweep, runs, 1),
+        "2 processes": partial(sweep, runs, 2),
+        "2 processes, into a folder": partial(sweep, runs, 2, folder=True),
     }
-    found = {"2 processes, for the first time": timed(ways["2 processes"], runs)}
-    for _ in range(3):
-        for name, way in ways.items():
-            found[name] = min(found.get(name, float("inf")), timed(way, runs))
-    return found
-
-
-def main() -> None:
-    found = measure(*(int(word) for word in sys.argv[1:2]))
-    print("| way | s | times as fast |\n|---|---|---|")
+    first = timed(ways["2 processes"], perf_counter)[1]
+    spent = [seconds for _, seconds in in_turn(3, *ways.values(), clock=perf_counter)]
+    found = {"2 processes, for the first time": first} | dict(zip(ways, spent, strict=True))
+    yield "| way | s | times as fast |\n|---|---|---|"
     for name, seconds in sorted(found.items(), key=lambda item: -item[1]):
-        print(f"| {name} | {seconds:.1f} | {found['a loop'] / seconds:.2f} |")
+        yield f"| {name} | {seconds:.1f} | {found['a loop'] / seconds:.2f} |"
 
 
 if __name__ == "__main__":
-    main()
+    by_name(__doc__, prices)

@@ -6,12 +6,11 @@ from collections.abc import Callable
 from itertools import product
 
 import numpy as np
-from scipy.sparse import coo_array
 
 from kaju.arrays import Floats
 
 from .problems import Problem
-from .sparse import Solver, solved
+from .sparse import Solver, assembled, solved
 
 
 def solve(problem: Problem, division: int, solver: Solver) -> Callable[[], Floats]:
@@ -35,17 +34,8 @@ def solve(problem: Problem, division: int, solver: Solver) -> Callable[[], Float
     number = np.where(moves.ravel(), np.cumsum(moves) - 1, -1)
     places = np.argwhere(moves) * size
 
-    unknown = d * number[nodes][:, :, None] + np.arange(d)
-    unknown[number[nodes] < 0] = -1
-    unknown = unknown.reshape(len(filled), -1).astype(np.int32)
-    local = local_stiffness(problem.dimension, *problem.lame) * size ** (d - 2)
-    full = (len(filled), *local.shape)
-    row = np.broadcast_to(unknown[:, :, None], full)
-    column = np.broadcast_to(unknown[:, None, :], full)
-    free = (row >= 0) & (column >= 0)
-    matrix = coo_array(
-        (np.broadcast_to(local, full)[free], (row[free], column[free])), shape=(places.size,) * 2
-    ).tocsr()
+    local = local_stiffness(d, *problem.lame) * size ** (d - 2)
+    matrix = assembled(local, number[nodes])
 
     load = np.zeros((len(places), d))
     loaded = problem.pressed((filled + 0.5) * size, size)

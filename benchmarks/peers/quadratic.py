@@ -19,12 +19,11 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
 
 from kaju.arrays import Flags, Floats, Ints
 
 from .problems import Problem
-from .sparse import Solver, solved
+from .sparse import Solver, assembled, solved
 
 MARKED = 0.6
 """The triangles with the largest η² that hold this share of the sum are refined."""
@@ -161,15 +160,7 @@ def _matrix(problem: Problem, nodes: Ints, inverse: Floats, twice_area: Floats, 
             block = lateral * products[:, a, b] + shear * products[:, b, a]
             local[:, :, a, :, b] = block + both if a == b else block
     number = np.where(held, -1, np.cumsum(~held) - 1)[nodes]
-    unknown = 2 * number[:, :, None] + np.arange(2)
-    unknown[number < 0] = -1
-    unknown = unknown.reshape(len(nodes), 12).astype(np.int32)
-    local = local.reshape(len(nodes), 12, 12)
-    row = np.broadcast_to(unknown[:, :, None], local.shape)
-    column = np.broadcast_to(unknown[:, None, :], local.shape)
-    free = (row >= 0) & (column >= 0)
-    size = 2 * np.count_nonzero(~held)
-    return coo_array((local[free], (row[free], column[free])), shape=(size, size)).tocsr()
+    return assembled(local.reshape(len(nodes), 12, 12), number)
 
 
 def _stress(problem: Problem, moved: Floats, inverse: Floats) -> Floats:

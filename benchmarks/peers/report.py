@@ -35,9 +35,7 @@ def environment() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(os.cpu_count()),
         "system": platform.platform(),
-        "load when it ended": f"{os.getloadavg()[0]:.1f}"
-        if hasattr(os, "getloadavg")
-        else "unknown",
+        "load when it ended": f"{os.getloadavg()[0]:.1f}",
         "python": platform.python_version(),
     }
     for package in PACKAGES:

@@ -4,12 +4,33 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from kaju.arrays import Floats
+import numpy as np
+from scipy.sparse import coo_array
+
+from kaju.arrays import Floats, Ints
 from kaju.factors import rigid_motions
 
 Solver = Literal["pardiso", "superlu", "pyamg"]
 RESIDUAL = 1e-6
 """Relative residual at which the iteration ends: well below the error of these meshes."""
+
+
+def assembled(local: Floats, number: Ints) -> Any:
+    """Return the matrix of elements: their own, (elements, nodes × d, nodes × d) or one for all.
+
+    `number`: that of their nodes among those that move, -1 of those that do not.
+    """
+    elements, nodes = number.shape
+    d, size = local.shape[-1] // nodes, number.max() + 1
+    unknown = d * number[:, :, None] + np.arange(d)
+    unknown[number < 0] = -1
+    unknown = unknown.reshape(elements, -1).astype(np.int32)
+    full = (elements, *local.shape[-2:])
+    row = np.broadcast_to(unknown[:, :, None], full)
+    column = np.broadcast_to(unknown[:, None, :], full)
+    free = (row >= 0) & (column >= 0)
+    entries = np.broadcast_to(local, full)[free], (row[free], column[free])
+    return coo_array(entries, shape=(d * size,) * 2).tocsr()
 
 
 def solved(matrix: Any, right: Floats, places: Floats, solver: Solver) -> Floats:
@@ -22,7 +43,6 @@ def solved(matrix: Any, right: Floats, places: Floats, solver: Solver) -> Floats
         options = {"SymmetricMode": True}
         ordered = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": options}
         return splu(matrix.tocsc(), **ordered).solve(right)
-    import numpy as np
     import pyamg
 
     d = places.shape[1]

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import kaju
 
-sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE / "_ext")]
 
 project, author, release = "kaju", "The kaju developers", kaju.__version__
 extensions = [

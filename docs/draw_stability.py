@@ -1,8 +1,8 @@
-"""Draw the map of stable coefficients, or put the outcome of all trials into the document.
+"""Draw the map of stable coefficients, or record the outcome of all trials.
 
 Run from the repository's root: ``python docs/draw_stability.py`` draws the map (a minute);
 ``kaju stress --out stress`` and then ``python docs/draw_stability.py stress`` write the record
-``docs/stress.json``, the table of ``docs/stability.md`` and its picture.
+``docs/stress.json``, which the site tells in ``docs/stability.md``, and its picture.
 """
 
 from __future__ import annotations
@@ -50,7 +50,6 @@ TOO_SMALL = 3
 """So many times an estimate the true error has to be to be counted."""
 OFTEN = 6
 """So many reasons are told in the document."""
-TABLE = re.compile(r"(<!-- all trials -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def outcomes_of(table: Path) -> list[Outcome]:
@@ -124,17 +123,12 @@ def table_of(record: dict[str, Any]) -> str:
 
 
 def write(folder: Path) -> None:
-    """Put the outcome of trials into record, document and picture."""
+    """Put the outcome of trials into record and picture."""
     outcomes = outcomes_of(folder / "stress.csv")
     told = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     record = record_of(outcomes, told)
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
     (HERE / "stress.json").write_text(text, encoding="utf-8")
-    document = HERE / "stability.md"
-    words = document.read_text(encoding="utf-8")
-    document.write_text(
-        TABLE.sub(lambda m: m[1] + table_of(record) + m[2], words), encoding="utf-8"
-    )
     print(plot_trials(outcomes, HERE / "pictures" / "outcomes.png"))
 
 

@@ -1,7 +1,7 @@
 """Lessons show their page, and names in backticks lead to what they name.
 
 A lesson stays one text: under its title comes the page that runs it, and its code blocks, which
-the tests read, fold.
+the tests read, fold. Lists that no hand keeps are put in as `made_lists` makes them.
 """
 
 import re
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
+from made_lists import with_lists
 from sphinx.application import Sphinx
 
 import kaju
@@ -32,7 +33,7 @@ _PAGE = re.compile(r"\[([^\]]+)\]\(((?:\.\./)?pages/[^)]+)\)")
 def show_lesson(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put a lesson's page under its title, and fold what is written for the tests."""
     # Pages are made beside the site, which is not asked whether they are there.
-    source[0] = _PAGE.sub(r'<a href="\2">\1</a>', source[0])
+    source[0] = with_lists(_PAGE.sub(r'<a href="\2">\1</a>', source[0]))
     if not docname.startswith("lessons/"):
         return
     name = docname.removeprefix("lessons/")

@@ -1,52 +1,49 @@
-"""Write docs/commands.md from the command's own help: python docs/list_commands.py."""
+"""What is made when the site is built: options, stored arrays, the record of trials."""
 
 from __future__ import annotations
 
+import json
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import typer
+from draw_stability import table_of
 
 from kaju.__main__ import app
+from kaju.model.results.formats import REFERENCE
+from kaju.result_kinds import KINDS, fetch
 
-PATH = Path(__file__).with_name("commands.md")
-HEAD = """# Command line
 
-`kaju COMMAND --help` says the same. Results go into a folder of their own.
+def with_lists(text: str) -> str:
+    """Return a text with its lists: where ``<!-- made: commands -->`` stands, say."""
+    made = {"commands": commands, "columns": columns, "trials": trials}
+    return re.sub(r"^<!-- made: (\w+) -->$", lambda found: made[found[1]](), text, flags=re.M)
 
-## In this order
 
-```
-kaju new my.toml                              # write a commented scene to start from
-kaju check my.toml                            # will its loads end? (or a result: is it whole?)
-kaju run my.toml                              # let its agents act: my-result
-kaju run my.toml --set rule.threshold=0.001 --set loads.0.steps=1 --out finer
-kaju run my.toml --set rule.kind=elastic --out elastic-agents
-kaju solve my.toml                            # the answer of elasticity: my-solved
-kaju solve my.toml --tolerance 0.05 --out kept
-kaju creep my.toml --hold 10                  # in time, if its materials flow: my-creep
-kaju grow my.toml --volume 40%                # where it carries, material stays: my-grown
-kaju animate my-result                        # a film of the stored run
-kaju compare my-result kept                   # how far is one answer from another?
-kaju compare my.toml                          # the rule beside elasticity: figures and words
-kaju page my.toml --out my.html               # one file to watch, touch and hand on
-kaju materials                                # the materials that scenes know by name
-```
+def columns() -> str:
+    """Return the arrays of every kind of result, each with its shape, kind and range."""
+    tables = {name: fetch(at) for kind in KINDS.values() for name, at in kind.columns.items()}
+    lines = []
+    for name, table in (tables | {"reference": REFERENCE}).items():
+        lines += [name, *(f"  {column:20}{told.told()}" for column, told in table.items())]
+    return "\n".join(["```text", *lines, "```"])
 
-`run` lets agents act by the scene's rule, `solve` gives the answer of elasticity whatever the rule.
-A scene is a TOML file; [scenes](scenes.md) lists all that it can say.
-"""
+
+def trials() -> str:
+    """Return what came of all random trials."""
+    return table_of(json.loads(Path(__file__).with_name("stress.json").read_text("utf-8")))
 
 
 def commands() -> str:
-    """Return the page."""
+    """Return the options of all commands, a section each."""
     group = typer.main.get_command(app)
     listed = {name: c for name, c in sorted(group.commands.items()) if not c.hidden}
     rows = {name: dict(map(_row, filter(_shown, c.params))) for name, c in listed.items()}
     times = Counter(row for mine in rows.values() for row in mine.items())
     shared = [row for row, count in times.most_common() if count > 2]
-    lines = [HEAD, "## Options of many commands\n", *_table(shared)]
+    lines = ["## Options of many commands\n", *_table(shared)]
     for name, command in listed.items():
         arguments = [p for p in command.params if p.param_type_name == "argument"]
         usage = " ".join((p.metavar or p.name).upper() for p in arguments)
@@ -77,7 +74,3 @@ def _table(rows: list[tuple[str, str]]) -> list[str]:
 
 def _plain(text: str | None) -> str:
     return " ".join((text or "").replace("|", "or").split())
-
-
-if __name__ == "__main__":
-    PATH.write_text(commands())

@@ -217,28 +217,31 @@ class BalancedPieces:
         fixed[self.dofs[held[:, [0, 1, 0, 1]]]] = True
         self._check_held(blocks, held, force)
         fixed |= self._idle | np.repeat(self.shared == 0, 4)
-        rows = [np.repeat(dofs, dofs.shape[1], axis=1).ravel() for _, dofs in blocks]
-        columns = [np.tile(dofs, (1, dofs.shape[1])).ravel() for _, dofs in blocks]
-        values = [np.ascontiguousarray(part).ravel() for part, _ in blocks]
-        matrix = sp.csr_array(
-            (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))),
-            shape=(count, count),
-        )
-        free = np.flatnonzero(~fixed)
-        own = matrix[free][:, free]
-        scale = 1.0 / np.sqrt(own.diagonal())
-        scaled = sp.csc_array(sp.diags_array(scale) @ own @ sp.diags_array(scale))
-        factors = factors_of(scaled)
+        diagonal = np.zeros(count)
+        for part, dofs in blocks:
+            np.add.at(diagonal, dofs, np.einsum("nii->ni", part))
+        scale = np.zeros(count)  # what is fixed takes no part
+        scale[~fixed] = diagonal[~fixed] ** -0.5
+        still = np.flatnonzero(fixed)
+        rows, columns, values = [still], [still], [np.ones(len(still))]
+        for part, dofs in blocks:
+            rows.append(np.repeat(dofs, dofs.shape[1], axis=1).ravel())
+            columns.append(np.tile(dofs, (1, dofs.shape[1])).ravel())
+            values.append((part * scale[dofs][:, :, None] * scale[dofs][:, None]).ravel())
+        places = [np.concatenate(at).astype(np.int32) for at in (rows, columns)]
+        matrix = sp.csc_array((np.concatenate(values), tuple(places)), shape=(count, count))
+        factors = factors_of(matrix)
         moved = np.zeros(count)
         first = 0.0
         for _ in range(5):  # what is left is that of the stress itself, to the last digit
             self._stress_of(moved)
-            left = (load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count))[free]
+            left = load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
+            left[fixed] = 0.0
             first = first or float(np.abs(left).max())
             self.residual = float(np.abs(left).max()) / (first or 1.0)
             if self.residual < 1e-11:
                 break
-            moved[free] += scale * factors.solve(scale * left)
+            moved += scale * factors.solve(scale * left)
         return float(self.energies().sum())
 
     def _check_held(self, blocks: list[tuple[Floats, Ints]], held: Flags, force: Floats) -> None:

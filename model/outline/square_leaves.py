@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,14 @@ from kaju.arrays import Flags, Floats, Ints
 
 DEPTH = 16
 """How often a first leaf can be halved."""
-_ROW = np.int64(1) << 31
+_AROUND = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+_DIGITS = (
+    (16, 0x0000FFFF0000FFFF),
+    (8, 0x00FF00FF00FF00FF),
+    (4, 0x0F0F0F0F0F0F0F0F),
+    (2, 0x3333333333333333),
+    (1, 0x5555555555555555),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,28 +53,30 @@ class SquareLeaves:
         """Return the lower corners, in edges of the first leaves. Shape (n, 2)."""
         return np.asarray(np.stack([self.x, self.y], axis=1) * self.unit, dtype=np.float64)
 
+    @cached_property
+    def _order(self) -> tuple[Ints, Ints]:
+        """Return places along the curve through all leaves, in order, and whose each is."""
+        places = _along_curve(self.x, self.y)
+        order = np.argsort(places)
+        return places[order], order
+
     def at(self, points: Floats) -> Ints:
         """Return the leaf that holds each point (in edges of the first leaves), -1 for none."""
-        found = np.full(len(points), -1, dtype=np.int64)
-        place = np.floor(points / self.unit).astype(np.int64)
-        for size in np.unique(self.size):
-            rows = np.flatnonzero(self.size == size)
-            keys = self.x[rows] * _ROW + self.y[rows]
-            order = np.argsort(keys)
-            low = place // size * size
-            wanted = low[:, 0] * _ROW + low[:, 1]
-            spot = np.minimum(np.searchsorted(keys[order], wanted), len(rows) - 1)
-            hit = (keys[order][spot] == wanted) & (low >= 0).all(axis=1)
-            found[hit] = rows[order[spot[hit]]]
-        return found
+        x, y = np.floor(points / self.unit).astype(np.int64).T
+        places, order = self._order
+        found = order[np.searchsorted(places, _along_curve(x, y), side="right") - 1]
+        dx, dy, size = x - self.x[found], y - self.y[found], self.size[found]
+        within = (dx >= 0) & (dy >= 0) & (dx < size) & (dy < size)
+        return np.where(within, found, -1)
 
     def split(self, halvings: Flags | Ints) -> SquareLeaves:
         """Return the leaves halved so many times each, and others that became too large."""
         leaves, left = self, halvings.astype(np.int64)
+        fresh = np.zeros(len(self), dtype=np.bool_)
         while True:
             chosen = left > 0
             if not chosen.any():
-                left = leaves._too_large().astype(np.int64)
+                left = leaves._too_large(np.flatnonzero(fresh)).astype(np.int64)
                 if not left.any():
                     return leaves
                 continue
@@ -77,18 +87,28 @@ class SquareLeaves:
                 np.concatenate([leaves.size[~chosen], half, half, half, half]),
                 self.shape,
             )
+            fresh = np.concatenate([fresh[~chosen], np.ones(4 * len(half), dtype=np.bool_)])
             left = np.concatenate([left[~chosen], np.tile(left[chosen] - 1, 4)])
 
-    def _too_large(self) -> Flags:
-        """Tell which leaves touch one of less than half their size."""
+    def _too_large(self, beside: Ints) -> Flags:
+        """Tell which leaves touch one of these that is of less than half their size."""
+        size = self.size[beside, None]
+        # a leaf twice as large or larger holds the middle of an equal neighbour's place
+        x = self.x[beside, None] + 0.5 * size + size * _AROUND[:, 0]
+        y = self.y[beside, None] + 0.5 * size + size * _AROUND[:, 1]
+        other = self.at(np.stack([x.ravel(), y.ravel()], axis=1) * self.unit)
         bad = np.zeros(len(self), dtype=np.bool_)
-        for dx in (-1, 0, 1):
-            for dy in (-1, 0, 1):
-                middle = np.stack([self.x, self.y], axis=1) + 0.5 * self.size[:, None]
-                beside = middle + self.size[:, None] * np.array([dx, dy])
-                # a leaf twice as large or larger holds the middle of an equal neighbour's place
-                other = self.at(beside * self.unit)
-                found = np.flatnonzero(other >= 0)
-                larger = found[self.size[other[found]] > 2 * self.size[found]]
-                bad[other[larger]] = True
+        bad[other[(other >= 0) & (self.size[other] > 2 * np.repeat(size, 8))]] = True
         return bad
+
+
+def _along_curve(x: Ints, y: Ints) -> Ints:
+    """Return x and y with their digits in turns: all that a leaf holds follow one another."""
+    return _apart(x) | _apart(y) << 1
+
+
+def _apart(number: Ints) -> Ints:
+    """Return numbers below 2^31 with a 0 before each of their binary digits."""
+    for shift, kept in _DIGITS:
+        number = (number | number << shift) & kept
+    return number

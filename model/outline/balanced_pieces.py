@@ -43,12 +43,13 @@ class WholeLeaf(NamedTuple):
     """Displacements of the spokes under the weight, where no side moves."""
 
 
-def whole_leaf(halved: tuple[bool, ...], compliance: Floats, weight: Floats) -> WholeLeaf:
+@lru_cache(maxsize=256)
+def whole_leaf(halved: tuple[bool, ...], law: tuple[float, ...], weight: Point) -> WholeLeaf:
     """Return the table of a unit square with a middle on some of its sides."""
     ring = _ring((0.0, 0.0), 1.0, halved)
     n = len(ring)
     corners = np.array([[ring[k], ring[(k + 1) % n], (0.5, 0.5)] for k in range(n)])
-    triangles = SplitTriangles(corners, compliance, weight)
+    triangles = SplitTriangles(corners, np.reshape(law, (3, 3)), np.array(weight))
     four = np.arange(4)
     own = np.empty((n, 12), dtype=np.int64)
     for k in range(n):
@@ -146,8 +147,9 @@ class BalancedPieces:
         self.flat_ends = np.array(sides, dtype=float).reshape(-1, 2, 2)
         self.flat = np.repeat(np.arange(len(left_out)), [len(ring) for ring in left_out])
         self.cut = SplitTriangles(self.corners, self.compliance, self.weight)
+        law, (x, y) = tuple(self.compliance.ravel().tolist()), self.weight.tolist()
         self.whole = [
-            (whole_leaf(half, self.compliance, self.weight), half, np.array(rows, dtype=np.int64))
+            (whole_leaf(half, law, (x, y)), half, np.array(rows, dtype=np.int64))
             for half, rows in whole.items()
         ]
         self.area = np.zeros(len(leaves))

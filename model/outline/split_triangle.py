@@ -8,7 +8,7 @@ F div σ̂ / det F, so that two patterns more bear any weight.
 
 from __future__ import annotations
 
-from functools import cache, lru_cache
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,8 @@ from scipy.linalg import qr
 
 from kaju.arrays import Floats
 
-_SIDES = ((0, 1), (1, 2), (2, 0))
+_SQUARE = (np.ones((3, 3)) + np.eye(3)) / 12.0
+"""∫ a b of linear a and b over a triangle of area 1, by their values at its corners."""
 
 
 class BalancedPatterns(NamedTuple):
@@ -39,7 +40,7 @@ class BalancedPatterns(NamedTuple):
 def table() -> BalancedPatterns:
     """Return all stresses in balance, what they do on the sides, and what they cost."""
     corners = np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
-    parts = np.array([[corners[a], corners[b], corners.mean(axis=0)] for a, b in _SIDES])
+    parts = _parts(corners)
     unknown = np.eye(27).reshape(3, 3, 3, 27)  # part, corner, component
     rules = []
     for part, at in enumerate(parts):
@@ -51,32 +52,40 @@ def table() -> BalancedPatterns:
         run = parts[part][2] - parts[part][1]
         for one, other in ((1, 0), (2, 2)):
             jump = unknown[part, one] - unknown[following, other]
-            rules += list(_traction(jump, np.array([run[1], -run[0]])))
+            rules += list(_traction(jump, run))
     _, singular, patterns = np.linalg.svd(np.array(rules))
     rank = int((singular > 1e-12).sum())
     stress = patterns[rank:].T.reshape(3, 3, 3, -1)
     stress = np.concatenate([stress, _bearing(parts, np.eye(2))], axis=3)
-    moments = []
-    for part, (a, b) in enumerate(_SIDES):
-        run = corners[b] - corners[a]
-        ends = np.stack([_traction(stress[part, k], np.array([run[1], -run[0]])) for k in (0, 1)])
-        moments.append(np.einsum("ij,jcm->icm", np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0, ends))
-    square = (np.ones((3, 3)) + np.eye(3)) / 12.0 / 6.0  # of a part, whose area is 1/6
-    mass = np.einsum("kl,pkam,plbn->abmn", square, stress, stress)
-    return BalancedPatterns(stress, np.array(moments), mass, stress.mean(axis=(0, 1)))
+    mass = np.einsum("kl,pkam,plbn->abmn", _SQUARE / 6.0, stress, stress)  # a part's area is 1/6
+    return BalancedPatterns(stress, _moments(stress, corners), mass, stress.mean(axis=(0, 1)))
+
+
+def _parts(corners: Floats) -> Floats:
+    """Return the corners of the three parts of triangles, shape (..., 3, 3, 2)."""
+    middle = np.broadcast_to(corners.mean(axis=-2, keepdims=True), corners.shape)
+    return np.stack([corners, np.roll(corners, -1, axis=-2), middle], axis=-2)
 
 
 def _bearing(parts: Floats, weights: Floats) -> Floats:
-    """Return linear stresses that bear weights (columns), their mean none. Shape (3, 3, 3, m)."""
-    away = parts - parts[:, 2:].mean(axis=(0, 1))
+    """Return linear stresses that bear weights (columns), their mean none. (..., 3, 3, 3, m)."""
+    away = parts - parts[..., 2:, :]
     normal = -away[..., None] * weights
-    return np.concatenate([normal, np.zeros_like(normal[:, :, :1])], axis=2)
+    return np.concatenate([normal, np.zeros_like(normal[..., :1, :])], axis=-2)
 
 
-def _traction(stress: Floats, normal: Floats) -> Floats:
-    """Return σ n of stresses (xx, yy, xy) in the first axis."""
-    (x, y), (xx, yy, xy) = normal, stress
-    return np.stack([xx * x + xy * y, xy * x + yy * y])
+def _traction(stress: Floats, run: Floats) -> Floats:
+    """Return what stresses (xx, yy, xy; last axis but one) do across lines, to the right of it."""
+    x, y = run[..., 1, None], -run[..., 0, None]
+    xx, yy, xy = np.moveaxis(stress, -2, 0)
+    return np.stack([xx * x + xy * y, xy * x + yy * y], axis=-2)
+
+
+def _moments(stress: Floats, corners: Floats) -> Floats:
+    """Return the moments ∫ t N of the tractions at both ends of each side, (..., 3, 2, 2, m)."""
+    run = np.roll(corners, -1, axis=-2) - corners
+    ends = _traction(stress[..., :2, :, :], run[..., None, :])
+    return np.einsum("ij,...jcm->...icm", np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0, ends)
 
 
 THIN = 0.03
@@ -104,7 +113,7 @@ class SplitTriangles:
 
     def __init__(self, corners: Floats, compliance: Floats, weight: Floats):
         known = table()
-        f = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+        f = _map(corners)
         self.area = 0.5 * np.linalg.det(f)
         turned = _turned(f) / (2.0 * self.area[:, None, None])
         law = np.einsum("nai,ab,nbj->nij", turned, compliance, turned)
@@ -113,9 +122,9 @@ class SplitTriangles:
             len(f), 12, known.traction.shape[-1]
         )
         self.mean = np.einsum("nij,jm->nim", turned, known.mean)
-        for k in np.flatnonzero(shape_of(f) < THIN):
-            at = tuple(corners[k].ravel().tolist()), tuple(compliance.ravel().tolist())
-            self.cost[k], self.moments[k], self.mean[k] = _thin(*at)
+        thin = shape_of(f) < THIN
+        if thin.any():
+            self.cost[thin], self.moments[thin], self.mean[thin] = _thin(corners[thin], compliance)
         borne = 2.0 * self.area[:, None, None] * np.linalg.solve(f, weight[:, None])
         free = self.cost[:, :-2, :-2]
         answer = np.linalg.solve(free, self.moments[:, :, :-2].transpose(0, 2, 1))
@@ -138,6 +147,11 @@ class SplitTriangles:
         return np.asarray(np.einsum("nim,nm->ni", self.mean, patterns))
 
 
+def _map(corners: Floats) -> Floats:
+    """Return what takes (0, 0), (1, 0), (0, 1) to triangles, but for a shift: shape (n, 2, 2)."""
+    return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+
+
 def _turned(f: Floats) -> Floats:
     """Return what takes (xx, yy, xy) of σ to that of F σ Fᵀ, shape (n, 3, 3)."""
     (a, b), (c, d) = f[:, 0].T, f[:, 1].T
@@ -149,38 +163,31 @@ def _turned(f: Floats) -> Floats:
     return np.array(rows).transpose(2, 0, 1)
 
 
-@lru_cache(maxsize=10_000)  # most triangles stay what they were when others are split
-def _thin(places: tuple[float, ...], law: tuple[float, ...]) -> tuple[Floats, Floats, Floats]:
-    """Return cost, moments and means of patterns that are orthonormal in this triangle.
+def _thin(corners: Floats, compliance: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return cost, moments and means of patterns that are orthonormal in each triangle.
 
     Those of the table become all but alike here. In the principal axes of the map their
     components are large, middling and small throughout, and elimination in that order, the
     largest patterns first, loses none of them (Cox and Higham 1998).
     """
-    corners, compliance = np.array(places).reshape(3, 2), np.array(law).reshape(3, 3)
-    f = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=1)
-    u, (long, short), v = np.linalg.svd(f)
-    if np.linalg.det(u) < 0.0:
-        u, v = u * [1.0, -1.0], v * [[1.0], [-1.0]]
-    grades = np.array([1.0, (short / long) ** 2, short / long])
-    aligned = np.einsum("ij,pkjm->pkim", _turned(v[None])[0], table().stress[..., :-2])
-    half = np.linalg.cholesky((np.ones((3, 3)) + np.eye(3)) / 12.0)
+    f = _map(corners)
+    u, size, v = np.linalg.svd(f)
+    flip = np.sign(np.linalg.det(u))[:, None]
+    u[:, :, 1] *= flip
+    v[:, 1] *= flip
+    flat = size[:, 1] / size[:, 0]
     weights = np.array([1.0, 1.0, np.sqrt(2.0)])
-    rows = np.einsum("lk,pkim,i->iplm", half.T, aligned, grades * weights)
-    rows = rows[[0, 2, 1]].reshape(27, -1)
-    basis = qr(rows, mode="economic", pivoting=True)[0].reshape(3, 3, 3, -1)[[0, 2, 1]]
-    basis = basis / weights[:, None, None, None]
-    nodal = np.einsum("kl,iplm->pkim", np.linalg.inv(half.T), basis)
-    nodal = np.einsum("ij,pkjm->pkim", _turned(u[None])[0], nodal)
+    grades = np.stack([np.ones_like(flat), flat**2, flat], axis=1) * weights
+    aligned = np.einsum("nij,pkjm->npkim", _turned(v), table().stress[..., :-2])
+    half = np.linalg.cholesky(_SQUARE)
+    rows = np.einsum("lk,npkim,ni->niplm", half.T, aligned, grades)[:, [0, 2, 1]]
+    bases = [qr(one.reshape(27, -1), mode="economic", pivoting=True)[0] for one in rows]
+    basis = np.reshape(bases, rows.shape)[:, [0, 2, 1]] / weights[:, None, None, None]
+    nodal = np.einsum("kl,niplm->npkim", np.linalg.inv(half.T), basis)
+    nodal = np.einsum("nij,npkjm->npkim", _turned(u), nodal)
     area = 0.5 * np.linalg.det(f)
-    middle = corners.mean(axis=0)
-    parts = np.array([[corners[a], corners[b], middle] for a, b in _SIDES])
-    nodal = np.concatenate([nodal, _bearing(parts, f / (2.0 * area))], axis=3)
-    square = (np.ones((3, 3)) + np.eye(3)) / 12.0
-    cost = area / 3.0 * np.einsum("pkim,kl,ij,pljn->mn", nodal, square, compliance, nodal)
-    moments = []
-    for part, (a, b) in enumerate(_SIDES):
-        run = corners[b] - corners[a]
-        ends = np.stack([_traction(nodal[part, k], np.array([run[1], -run[0]])) for k in (0, 1)])
-        moments.append(np.einsum("ij,jcm->icm", np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0, ends))
-    return cost, np.array(moments).reshape(12, -1), nodal.mean(axis=(0, 1))
+    bearing = _bearing(_parts(corners), f[:, None, None] / (2.0 * area[:, None, None, None, None]))
+    nodal = np.concatenate([nodal, bearing], axis=4)
+    strain = np.einsum("kl,ij,npljm->npkim", _SQUARE, compliance, nodal)
+    cost = np.einsum("n,npkil,npkim->nlm", area / 3.0, nodal, strain)
+    return cost, _moments(nodal, corners).reshape(len(f), 12, -1), nodal.mean(axis=(1, 2))

@@ -13,10 +13,11 @@ from scipy.spatial import cKDTree
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
-from kaju.factors import factors_of, rigid_motions
+from kaju.factors import rigid_motions
 from kaju.model.scene.curves import Point
 
 from .convex_pieces import Corners, area_of, outlines_of, triangles_of
+from .joined_blocks import JoinedBlocks
 from .split_triangle import SplitTriangles
 from .square_leaves import SquareLeaves
 
@@ -114,7 +115,7 @@ class BalancedPieces:
 
     def _triangulate(self, pieces: list[list[Corners] | None], halved: Flags, near: Flags) -> None:
         leaves = self.leaves
-        whole: dict[tuple[bool, ...], list[int]] = {}
+        whole: dict[tuple[bool, ...], list[int]] = {(False,) * 4: []}  # the first in any case
         for half in np.unique(halved[~near], axis=0):
             rows = np.flatnonzero(~near & (halved == half).all(axis=1))
             whole[tuple(half.tolist())] = rows.tolist()
@@ -197,7 +198,7 @@ class BalancedPieces:
         out = [(self.cut.matrix, self.dofs[:n].reshape(-1, 12))]
         for known, half, rows in self.whole:
             size = 4 + sum(half)
-            dofs = self.dofs[n : n + size * len(rows)].reshape(len(rows), -1)
+            dofs = self.dofs[n : n + size * len(rows)].reshape(len(rows), 4 * size)
             n += size * len(rows)
             out.append((np.broadcast_to(known.matrix, (len(rows), 4 * size, 4 * size)), dofs))
         return out
@@ -219,31 +220,21 @@ class BalancedPieces:
         fixed[self.dofs[held[:, [0, 1, 0, 1]]]] = True
         self._check_held(blocks, held, force)
         fixed |= self._idle | np.repeat(self.shared == 0, 4)
-        diagonal = np.zeros(count)
-        for part, dofs in blocks:
-            np.add.at(diagonal, dofs, np.einsum("nii->ni", part))
-        scale = np.zeros(count)  # what is fixed takes no part
-        scale[~fixed] = diagonal[~fixed] ** -0.5
-        still = np.flatnonzero(fixed)
-        rows, columns, values = [still], [still], [np.ones(len(still))]
-        for part, dofs in blocks:
-            rows.append(np.repeat(dofs, dofs.shape[1], axis=1).ravel())
-            columns.append(np.tile(dofs, (1, dofs.shape[1])).ravel())
-            values.append((part * scale[dofs][:, :, None] * scale[dofs][:, None]).ravel())
-        places = [np.concatenate(at).astype(np.int32) for at in (rows, columns)]
-        matrix = sp.csc_array((np.concatenate(values), tuple(places)), shape=(count, count))
-        factors = factors_of(matrix)
+        cut, (_, dofs), *others = blocks
+        known, _, plain = self.whole[0]
+        equal = self.leaves.only(plain), known.matrix, dofs
+        joined = JoinedBlocks([cut, *others], fixed, equal)
         moved = np.zeros(count)
         first = 0.0
         for _ in range(5):  # what is left is that of the stress itself, to the last digit
             self._stress_of(moved)
-            left = load - np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
-            left[fixed] = 0.0
+            borne = np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
+            left = np.where(fixed, 0.0, load - borne)
             first = first or float(np.abs(left).max())
             self.residual = float(np.abs(left).max()) / (first or 1.0)
             if self.residual < 1e-11:
                 break
-            moved += scale * factors.solve(scale * left)
+            moved += joined.moved(left)
         return float(self.energies().sum())
 
     def _check_held(self, blocks: list[tuple[Floats, Ints]], held: Flags, force: Floats) -> None:
@@ -286,7 +277,7 @@ class BalancedPieces:
         self.whole_patterns = []
         for known, half, rows in self.whole:
             size = 4 + sum(half)
-            outer = moved[self.dofs[n : n + size * len(rows)]].reshape(len(rows), -1)
+            outer = moved[self.dofs[n : n + size * len(rows)]].reshape(len(rows), 4 * size)
             n += size * len(rows)
             grown = ((self.leaves.size[rows] * self.leaves.unit) ** 2)[:, None]
             spokes = outer @ known.inner.T + grown * known.hanging

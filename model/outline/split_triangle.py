@@ -85,7 +85,8 @@ def _moments(stress: Floats, corners: Floats) -> Floats:
     """Return the moments ∫ t N of the tractions at both ends of each side, (..., 3, 2, 2, m)."""
     run = np.roll(corners, -1, axis=-2) - corners
     ends = _traction(stress[..., :2, :, :], run[..., None, :])
-    return np.einsum("ij,...jcm->...icm", np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0, ends)
+    shares = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6.0
+    return np.asarray(np.einsum("ij,...jcm->...icm", shares, ends))
 
 
 THIN = 0.03

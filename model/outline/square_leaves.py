@@ -56,7 +56,7 @@ class SquareLeaves:
     @cached_property
     def _order(self) -> tuple[Ints, Ints]:
         """Return places along the curve through all leaves, in order, and whose each is."""
-        places = _along_curve(self.x, self.y)
+        places = along_curve(self.x, self.y)
         order = np.argsort(places)
         return places[order], order
 
@@ -64,7 +64,7 @@ class SquareLeaves:
         """Return the leaf that holds each point (in edges of the first leaves), -1 for none."""
         x, y = np.floor(points / self.unit).astype(np.int64).T
         places, order = self._order
-        found = order[np.searchsorted(places, _along_curve(x, y), side="right") - 1]
+        found = order[np.searchsorted(places, along_curve(x, y), side="right") - 1]
         dx, dy, size = x - self.x[found], y - self.y[found], self.size[found]
         within = (dx >= 0) & (dy >= 0) & (dx < size) & (dy < size)
         return np.where(within, found, -1)
@@ -102,7 +102,7 @@ class SquareLeaves:
         return bad
 
 
-def _along_curve(x: Ints, y: Ints) -> Ints:
+def along_curve(x: Ints, y: Ints) -> Ints:
     """Return x and y with their digits in turns: all that a leaf holds follow one another."""
     return _apart(x) | _apart(y) << 1
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kaju
-from kaju.model.outline import outline_bracket
+from kaju.model.outline import joined_blocks, outline_bracket
 from kaju.model.outline.convex_pieces import area_of, outlines_of
 from kaju.model.outline.outline_bracket import bracket
 from kaju.model.outline.outlined_scene import problem_of
@@ -262,6 +262,35 @@ def test_a_strip_under_its_own_weight_has_the_energy_of_a_linear_stress() -> Non
     depth = 0.1 - at[:, 1]
     sunk = -200.0 * 9.81 * (0.083 * depth - 0.5 * depth**2) / 1e6
     assert answer.displacement_at(at)[:, 1] == pytest.approx(sunk, rel=0.02)
+
+
+def test_squares_of_equal_agents_change_nothing_but_the_time(monkeypatch: Any) -> None:
+    scene = strip([2.0, -9.81], sides={"top": "rigid"})
+    leaves = SquareLeaves.first((5, 5)).split(np.full(25, 3))
+    found = []
+    for fewest in (16, 10**9):
+        monkeypatch.setattr(joined_blocks, "FEWEST", fewest)
+        found.append(bracket(problem_of(scene)[0], leaves))
+    assert len(joined_blocks.squares_of(found[0].leaves, 4)) > 16
+    for one in found:
+        assert one.balanced.residual < 1e-9
+        assert one.upper == pytest.approx(found[0].upper, rel=1e-11)
+        assert one.share == pytest.approx(found[0].share, abs=1e-9 * one.upper)
+
+
+def test_points_lie_in_the_agents_that_hold_them() -> None:
+    leaves = SquareLeaves.first((3, 2)).split(np.array([0, 3, 1, 0, 2, 0]))
+    middle = leaves.lower() + 0.5 * leaves.size[:, None] * leaves.unit
+    assert (leaves.at(middle) == np.arange(len(leaves))).all()
+    assert (leaves.at(leaves.lower()) == np.arange(len(leaves))).all()
+    beyond = np.array([[-0.1, 0.5], [0.5, -0.1], [3.0, 0.5], [0.5, 2.0], [1e3, 1e3]])
+    assert (leaves.at(beyond) == -1).all()
+    # those that touch are half or twice as large at most, corners too
+    apart = np.abs(middle[:, None] - middle).max(axis=2) - 0.5 * leaves.unit * (
+        leaves.size[:, None] + leaves.size
+    )
+    ratio = leaves.size[:, None] / leaves.size
+    assert ratio[apart < 1e-9].max() == 2
 
 
 def dam(cells: int) -> tuple[float, float]:

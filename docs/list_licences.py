@@ -11,12 +11,12 @@ from pathlib import Path
 HERE = Path(__file__).parent
 HEAD = """# Licences
 
-kaju is under the MIT licence, and brings no code of others. What it asks for is installed from
-elsewhere, under these licences, as each package states its own (`python docs/list_licences.py`
-writes this list).
+kaju is under the MIT licence, and brings no code of others. What it asks for (in brackets: for
+which extra) is installed from elsewhere, under these licences, as each package states its own
+(`python docs/list_licences.py` writes this list).
 
-| package | needed for | licence |
-|---|---|---|
+| licence | packages |
+|---|---|
 """
 WORDS = {
     "Apache Software License": "Apache-2.0",
@@ -57,18 +57,20 @@ def asked_for() -> dict[str, str]:
 def main() -> None:
     """Write the list."""
     page = HERE / "licences.md"
-    before = dict(
-        re.findall(r"^\| `([^`]+)` \|[^|]*\| (.*?) \|$", page.read_text(), re.MULTILINE)
-        if page.exists()
-        else []
-    )
-    lines = []
+    before = {
+        name: licence
+        for licence, packages in re.findall(r"^\| ([^|]+) \| (`.*) \|$", page.read_text(), re.M)
+        for name in re.findall(r"`([^`]+)`", packages)
+    }
+    rows: dict[str, list[str]] = {}
     for name, groups in asked_for().items():
         try:
             licence = licence_of(name)
         except PackageNotFoundError:
             licence = before.get(name, "unknown")
-        lines.append(f"| `{name}` | {groups} | {licence} |\n")
+        needed = "" if groups == "everything" else f" ({groups})"
+        rows.setdefault(licence, []).append(f"`{name}`{needed}")
+    lines = [f"| {licence} | {', '.join(names)} |\n" for licence, names in sorted(rows.items())]
     page.write_text(HEAD + "".join(lines))
 
 

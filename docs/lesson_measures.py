@@ -1,10 +1,9 @@
 """What can be seen in a lesson's runs: the words in which its claims and answers are written.
 
 Where the rule runs these are the methods of `Seen`: ``cut(3)`` is the force through the third
-row, ``p[1].cut(3)`` that of the second preset; a key ``"cut 3"`` of a ``toml see`` block is the
-same. Rows count from the top, from 1; cells are (column, row) from the lower left; forces are
-in newtons, widths in cells, displacements in nanometres. Of recorded lessons, `recorded` has
-the words.
+row, ``p[1].cut(3)`` that of the second preset. Rows count from the top, from 1; cells are
+(column, row) from the lower left; forces are in newtons, widths in cells, displacements in
+nanometres. Of recorded lessons, `recorded` has the words.
 """
 
 from __future__ import annotations
@@ -31,11 +30,6 @@ class Seen:
 
     def __init__(self, scene: kaju.Scene) -> None:
         self.scene = scene
-
-    def look(self, key: str) -> Any:
-        """Return what a key of a ``see`` block names."""
-        name, *args = key.split()
-        return getattr(self, name)(*map(int, args))
 
     @cached_property
     def certificate(self) -> Any:

@@ -2,9 +2,9 @@
 
 The English text holds what all three share. Its block ``toml lesson`` says for whom it is,
 ``toml scene`` what its page starts with, ``toml try`` below a heading of the third order what a
-preset changes, ``toml see`` what is then observed, and ``toml questions`` what kind of question
-each one of the worksheet is. The answers there are expressions of `lesson_measures`, worked out
-when they are asked for: no language tells a number that another does not.
+preset changes, and ``toml questions`` what kind of question each one of the worksheet is. The
+answers there are expressions of `lesson_measures`, worked out when they are asked for: no
+language tells a number that another does not.
 
 In a worksheet a question begins in bold, ``- label: ___ unit`` is a field to fill in, and
 ``*Hint:*`` a hint. What stands in ``<!-- -->`` behind a sentence holds it: `lesson_claims.py`.
@@ -108,7 +108,7 @@ class Text:
 class Lesson:
     """A lesson in all its languages, with what they share.
 
-    `scenes` and `see` belong to the presets, the start first; both are empty where the page
+    `scenes` belong to the presets, the start first; there are none where the page
     shows a recorded run. `kinds` says of each question what the page has to know.
     """
 
@@ -116,7 +116,6 @@ class Lesson:
     age: int
     texts: dict[str, Text]
     scenes: tuple[kaju.Scene, ...]
-    see: tuple[dict[str, Any], ...]
     kinds: tuple[dict[str, Any], ...]
 
 
@@ -135,17 +134,16 @@ def lesson(name: str) -> Lesson:
         path = LESSONS / language / f"{name}.md"
         if path.exists():
             texts[language] = _text(path.read_text("utf-8"), language)
-    scenes, see = [], []
+    scenes = []
     if "toml scene" in blocks:
         scene = kaju.Scene.from_toml(blocks["toml scene"])
         for part in re.split(r"^### ", source, flags=re.M)[1:]:
             own = dict(FENCE.findall(part))
             changes = _flat(tomllib.loads(own["toml try"]))
             scenes.append(scene.with_overrides(changes) if changes else scene)
-            see.append(tomllib.loads(own["toml see"]))
     kinds = tomllib.loads(blocks["toml questions"])["question"]
     age = tomllib.loads(blocks["toml lesson"])["age"]
-    return Lesson(name, age, texts, tuple(scenes), tuple(see), tuple(kinds))
+    return Lesson(name, age, texts, tuple(scenes), tuple(kinds))
 
 
 def _text(source: str, language: str) -> Text:

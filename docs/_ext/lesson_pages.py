@@ -22,7 +22,6 @@ FRAME = """
 FOLDED = {
     "toml scene": "The scene",
     "toml try": "Change this",
-    "toml see": "Then this is seen (the tests check it)",
 }
 _FENCE = re.compile(r"^```(toml \w+)\n(.*?)^```\n", re.M | re.S)
 

@@ -38,18 +38,6 @@ def test_what_a_lesson_claims_is_seen(name):
     assert faults == {}
 
 
-@pytest.mark.parametrize("name", [name for name in ORDER if lesson(name).scenes])
-def test_what_a_preset_shows_is_seen(name):
-    of = lesson(name)
-    for preset, see in enumerate(of.see):
-        assert see
-        for key, value in see.items():
-            word, *args = key.split()
-            asked = f"{word}({', '.join(args)})"
-            wanted = pytest.approx(value, rel=0.01) if isinstance(value, (float, list)) else value
-            assert lesson_claims.value(of, asked, preset) == wanted, (preset, key)
-
-
 def test_a_sentence_that_is_untrue_is_found():
     of = lesson("find-its-way")
     claims = list(lesson_claims.claims(of))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from functools import lru_cache
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -18,8 +19,10 @@ from kaju.model.scene.curves import Point
 
 from .convex_pieces import Corners, area_of, outlines_of, triangles_of
 from .joined_blocks import JoinedBlocks
+from .laws import Law
 from .split_triangle import SplitTriangles
 from .square_leaves import SquareLeaves
+from .true_shapes import Held
 
 NEAR = 3e-9
 """Points nearer than this (in edges of the first leaves) are one."""
@@ -42,15 +45,16 @@ class WholeLeaf(NamedTuple):
     """Displacements of the spokes by those of the sides."""
     hanging: Floats
     """Displacements of the spokes under the weight, where no side moves."""
+    law: Law
 
 
 @lru_cache(maxsize=256)
-def whole_leaf(halved: tuple[bool, ...], law: tuple[float, ...], weight: Point) -> WholeLeaf:
+def whole_leaf(halved: tuple[bool, ...], law: Law, weight: Point) -> WholeLeaf:
     """Return the table of a unit square with a middle on some of its sides."""
     ring = _ring((0.0, 0.0), 1.0, halved)
     n = len(ring)
     corners = np.array([[ring[k], ring[(k + 1) % n], (0.5, 0.5)] for k in range(n)])
-    triangles = SplitTriangles(corners, np.reshape(law, (3, 3)), np.array(weight))
+    triangles = SplitTriangles(corners, law.compliance, np.array(weight))
     four = np.arange(4)
     own = np.empty((n, 12), dtype=np.int64)
     for k in range(n):
@@ -66,7 +70,7 @@ def whole_leaf(halved: tuple[bool, ...], law: tuple[float, ...], weight: Point) 
     borne = np.bincount(own.ravel(), triangles.tractions(triangles.sagging).ravel(), 8 * n)
     hanging = np.asarray(-np.linalg.solve(matrix[spokes, spokes], borne[spokes]), np.float64)
     outer = matrix[sides, sides] + matrix[sides, spokes] @ inner
-    return WholeLeaf(triangles, own, outer, inner, hanging)
+    return WholeLeaf(triangles, own, outer, inner, hanging, law)
 
 
 def _ring(low: Point, size: float, halved: tuple[bool, ...]) -> list[Point]:
@@ -86,14 +90,14 @@ class BalancedPieces:
     Parameters
     ----------
     leaves : SquareLeaves
-    pieces : list
-        What of each leaf is taken; None for all of it.
+    held : list
+        What of each leaf is taken, law by law; None for all of it.
     halved : array of bool, shape (n, 4)
         Sides with a smaller leaf beside them.
     near : array of bool, shape (n,)
         Leaves that are cut, or touch one that is.
-    compliance : array, shape (3, 3)
-        Strain (xx, yy, 2 xy) of a stress.
+    laws : tuple of Law
+        Of the body; `held` has others where it is not certain which.
     weight : array, shape (2,)
         Force on a unit of area.
     """
@@ -101,57 +105,72 @@ class BalancedPieces:
     def __init__(
         self,
         leaves: SquareLeaves,
-        pieces: list[list[Corners] | None],
+        held: list[Held],
         halved: Flags,
         near: Flags,
-        compliance: Floats,
+        laws: tuple[Law, ...],
         weight: Floats,
     ):
-        self.leaves, self.compliance, self.weight = leaves, compliance, weight
+        self.leaves, self.weight = leaves, weight
         self.low = leaves.lower()
         self.high = self.low + (leaves.size * leaves.unit)[:, None]
-        self._triangulate(pieces, halved, near)
+        self._triangulate(held, halved, near, laws)
         self._join()
 
-    def _triangulate(self, pieces: list[list[Corners] | None], halved: Flags, near: Flags) -> None:
+    def _triangulate(
+        self, held: list[Held], halved: Flags, near: Flags, laws: tuple[Law, ...]
+    ) -> None:
         leaves = self.leaves
-        whole: dict[tuple[bool, ...], list[int]] = {(False,) * 4: []}  # the first in any case
-        for half in np.unique(halved[~near], axis=0):
-            rows = np.flatnonzero(~near & (halved == half).all(axis=1))
-            whole[tuple(half.tolist())] = rows.tolist()
+        self.laws = list(dict.fromkeys([*laws, *(law for of in held for law in of)]))
+        first = np.array([self.laws.index(next(iter(of))) if of else -1 for of in held])
+        whole: dict[tuple[int, tuple[bool, ...]], list[int]] = {(0, (False,) * 4): []}  # first
+        for law, *half in np.unique(np.column_stack([first, halved])[~near], axis=0).tolist():
+            rows = np.flatnonzero(~near & (first == law) & (halved == half).all(axis=1))
+            whole[law, tuple(map(bool, half))] = rows.tolist()
         squares, rings = [], []
         for leaf in np.flatnonzero(near).tolist():
-            held, size = pieces[leaf], float(leaves.size[leaf] * leaves.unit)
+            size = float(leaves.size[leaf] * leaves.unit)
             low = self.low[leaf, 0].item(), self.low[leaf, 1].item()
             squares.append(_ring(low, size, (False,) * 4))
-            if held is None:
-                rings.append([_ring(low, size, tuple(halved[leaf].tolist()))])
+            if None in held[leaf].values():
+                rings.append([[_ring(low, size, tuple(halved[leaf].tolist()))]])
             else:
-                rings.append(_rings_of(tuple(map(tuple, held)), tuple(squares[-1])))
+                pieces = tuple(tuple(map(tuple, at)) for at in held[leaf].values() if at)
+                rings.append(_rings_of(pieces, tuple(squares[-1])))
         lines = _points_on_sides(squares, rings)
         corners: list[tuple[Point, Point, Point]] = []
         owner: list[int] = []
+        of: list[int] = []
         left_out: list[tuple[Point, ...]] = []
         for leaf, square, parts in zip(np.flatnonzero(near).tolist(), squares, rings, strict=True):
-            for ring in parts:
+            # what is left out beside another material leaves a crack: no more than must be
+            edge = square[1][0] - square[0][0] if len(parts) == 1 else 0.0
+            by_law = zip(held[leaf].items(), parts, strict=True)
+            for law, pieces_of, ring in (
+                (law, pieces_of, ring) for (law, pieces_of), at in by_law for ring in at
+            ):
+                number = self.laws.index(law)
                 split = _with_points_beside(ring, square, lines)
-                if pieces[leaf] is None and len(split) == len(ring):
-                    whole.setdefault(tuple(halved[leaf].tolist()), []).append(leaf)
+                if pieces_of is None and len(split) == len(ring):
+                    whole.setdefault((number, tuple(halved[leaf].tolist())), []).append(leaf)
                     continue
-                made = _triangles_in(split, square[1][0] - square[0][0])
+                made = _triangles_in(split, edge)
                 corners += made
                 owner += [leaf] * len(made)
+                of += [number] * len(made)
                 left_out += [] if made else [split]
         self.corners = np.array(corners, dtype=float).reshape(-1, 3, 2)
         self.owner = np.array(owner, dtype=np.int64)
+        self.law = np.array(of, dtype=np.int64)
         sides = [side for ring in left_out for side in zip(ring, ring[1:] + ring[:1], strict=True)]
         self.flat_ends = np.array(sides, dtype=float).reshape(-1, 2, 2)
         self.flat = np.repeat(np.arange(len(left_out)), [len(ring) for ring in left_out])
-        self.cut = SplitTriangles(self.corners, self.compliance, self.weight)
-        law, (x, y) = tuple(self.compliance.ravel().tolist()), self.weight.tolist()
+        compliance = np.array([law.compliance for law in self.laws])
+        self.cut = SplitTriangles(self.corners, compliance[self.law], self.weight)
+        x, y = self.weight.tolist()
         self.whole = [
-            (whole_leaf(half, law, (x, y)), half, np.array(rows, dtype=np.int64))
-            for half, rows in whole.items()
+            (whole_leaf(half, self.laws[law], (x, y)), half, np.array(rows, dtype=np.int64))
+            for (law, half), rows in whole.items()
         ]
         self.area = np.zeros(len(leaves))
         np.add.at(self.area, self.owner, self.cut.area)
@@ -162,16 +181,17 @@ class BalancedPieces:
         """Count the sides: first those of triangles in cut leaves, then those round whole ones."""
         ends = [self.corners[:, [0, 1]], self.corners[:, [1, 2]], self.corners[:, [2, 0]]]
         starts = [np.stack(ends, axis=1).reshape(-1, 2, 2)]
-        leaf_of = [np.repeat(self.owner, 3)]
-        for _, half, rows in self.whole:
+        leaf_of, law_of = [np.repeat(self.owner, 3)], [np.repeat(self.law, 3)]
+        for known, half, rows in self.whole:
             ring = np.array(_ring((0.0, 0.0), 1.0, half))
             pairs = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
             size = self.leaves.size[rows] * self.leaves.unit
             placed = self.low[rows][:, None, None] + size[:, None, None, None] * pairs
             starts.append(placed.reshape(-1, 2, 2))
             leaf_of.append(np.repeat(rows, len(ring)))
+            law_of.append(np.full(len(rows) * len(ring), self.laws.index(known.law)))
         self.ends = np.concatenate(starts)
-        self.leaf_of = np.concatenate(leaf_of)
+        self.leaf_of, self.law_of = np.concatenate(leaf_of), np.concatenate(law_of)
         points = np.concatenate([self.ends, self.flat_ends]).reshape(-1, 2)
         near = cKDTree(points).query_pairs(NEAR, output_type="ndarray")
         graph = sp.csr_array(
@@ -180,14 +200,17 @@ class BalancedPieces:
         number = connected_components(graph, directed=False)[1].reshape(-1, 2)
         first, last = number.min(axis=1), number.max(axis=1)
         key = first.astype(np.int64) * len(points) + last
-        known, side = np.unique(key, return_inverse=True)
+        sides, side = np.unique(key, return_inverse=True)
         n = len(self.ends)
         self.side, self.flat_side = side[:n], side[n:]
-        self.shared = np.bincount(self.side, minlength=len(known))
+        self.shared = np.bincount(self.side, minlength=len(sides))
         turned = (number[:, 0] != first)[:n]
         order = np.where(turned[:, None], [[2, 3, 0, 1]], [[0, 1, 2, 3]])
         self.dofs = 4 * self.side[:, None] + order
         self.alone = self.shared[self.side] == 1
+        total = np.bincount(self.side, self.law_of, len(sides))
+        self.between = total[self.side] != self.shared[self.side] * self.law_of
+        """Sides with another law beyond them."""
         low, high = self.low[self.leaf_of], self.high[self.leaf_of]
         on = (self.ends == low[:, None]).all(axis=1) | (self.ends == high[:, None]).all(axis=1)
         self.on_square = on.any(axis=1)
@@ -297,16 +320,28 @@ class BalancedPieces:
             out[rows] = np.einsum("ntk,tkl,ntl->n", patterns, known.triangles.cost, patterns)
         return out
 
-    def mean_stress(self) -> Floats:
-        """Return the mean stress (xx, yy, xy) of what each leaf holds, shape (n, 3)."""
-        out = np.zeros((len(self.leaves), 3))
-        np.add.at(out, self.owner, self.cut.area[:, None] * self.cut.means(self.patterns))
-        held = self.area > 0.0
-        out[held] /= self.area[held, None]
+    def stress_by_law(self) -> tuple[Floats, Floats]:
+        """Return the area of each law in each leaf, and the stress (xx, yy, xy) over that area.
+
+        Of shape (laws, leaves), and (laws, leaves, 3).
+        """
+        area = np.zeros((len(self.laws), len(self.leaves)))
+        total = np.zeros((*area.shape, 3))
+        at = self.law, self.owner
+        np.add.at(area, at, self.cut.area)
+        np.add.at(total, at, self.cut.area[:, None] * self.cut.means(self.patterns))
         for (known, _, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
             mean = np.einsum("t,tim,ntm->ni", known.triangles.area, known.triangles.mean, patterns)
-            out[rows] = mean / (self.leaves.size[rows] * self.leaves.unit)[:, None]
-        return out
+            size = self.leaves.size[rows] * self.leaves.unit
+            law = self.laws.index(known.law)
+            area[law, rows] = size**2
+            total[law, rows] = mean * size[:, None]
+        return area, total
+
+    def mean_stress(self) -> Floats:
+        """Return the mean stress (xx, yy, xy) of what each leaf holds, shape (n, 3)."""
+        area, total = (of.sum(axis=0) for of in self.stress_by_law())
+        return np.asarray(total / np.where(area > 0.0, area, 1.0)[:, None])
 
 
 class LooseError(SupportError):
@@ -314,12 +349,25 @@ class LooseError(SupportError):
 
 
 @lru_cache(maxsize=10_000)  # most cut leaves stay what they were when others are split
-def _rings_of(pieces: tuple[tuple[Point, ...], ...], square: tuple[Point, ...]) -> list[Corners]:
-    """Return closed lines round what a leaf holds, without the ends of cuts between pieces."""
-    points, rings = outlines_of(map(list, pieces), list(square), NEAR)
+def _rings_of(
+    parts: tuple[tuple[tuple[Point, ...], ...], ...], square: tuple[Point, ...]
+) -> list[list[Corners]]:
+    """Return closed lines round what a leaf holds of each law, without ends of cuts on its sides.
+
+    Lines of two laws have the same corners where they run side by side.
+    """
+    joints = list(square)
+    if len(parts) > 1:
+        joints += [point for pieces in parts for piece in pieces for point in piece]
+    return [_lines_round(list(map(list, pieces)), joints) for pieces in parts]
+
+
+def _lines_round(pieces: list[Corners], joints: list[Point]) -> list[Corners]:
+    points, rings = outlines_of(pieces, joints, NEAR)
     if any(area_of([points[k] for k in ring]) < 0.0 for ring in rings):  # round a hole
-        joints = list(points)
-        rings = [ring for piece in pieces for ring in outlines_of([list(piece)], joints, NEAR)[1]]
+        known = list(points)
+        rings = [ring for piece in pieces for ring in outlines_of([piece], known, NEAR)[1]]
+    square = joints[:4]
     sides = [(0, square[0][0]), (0, square[1][0]), (1, square[0][1]), (1, square[2][1])]
     points = [_on_sides(point, sides) for point in points]
     out = []
@@ -348,7 +396,7 @@ Lines = dict[tuple[int, float], list[float]]
 """Of lines along leaves' sides, by axis and place: where on them corners lie, in order."""
 
 
-def _points_on_sides(squares: list[Corners], rings: list[list[Corners]]) -> Lines:
+def _points_on_sides(squares: list[Corners], rings: list[list[list[Corners]]]) -> Lines:
     """Return where on leaves' sides corners of leaves or of what they hold lie."""
     lines: dict[tuple[int, float], set[float]] = {}
     for square, held in zip(squares, rings, strict=True):
@@ -356,7 +404,7 @@ def _points_on_sides(squares: list[Corners], rings: list[list[Corners]]) -> Line
             lines.setdefault((0, x), set()).add(y)
             lines.setdefault((1, y), set()).add(x)
         (x0, y0), _, (x1, y1), _ = square
-        for ring in held:
+        for ring in chain.from_iterable(held):
             for x, y in ring:
                 if x in (x0, x1):
                     lines[0, x].add(y)

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 
-from .convex_pieces import Corners
+from .laws import Law
 from .square_leaves import SquareLeaves
+from .true_shapes import Held
 
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 _ROW = np.int64(1) << 31
@@ -42,27 +43,25 @@ class FittedDisplacement:
     ----------
     leaves : SquareLeaves
         All that hold a part of the body.
-    pieces : list
-        What of each leaf counts; None for all of it.
-    stiffness : array, shape (3, 3)
-        Stress of a strain (xx, yy, 2 xy).
-    held : function
-        Which displacements supports hold at places, shape (n, 2).
+    held : list
+        What of each leaf counts, law by law; None for all of it.
     """
 
-    def __init__(self, leaves: SquareLeaves, pieces: list[list[Corners] | None], stiffness: Floats):
+    def __init__(self, leaves: SquareLeaves, held: list[Held]):
         self.leaves = leaves
         self._number_corners()
         points = np.array([(x, y) for x in _GAUSS for y in _GAUSS])
         rows = strain_rows(points)
-        whole = 0.25 * np.einsum("qai,ab,qbj->ij", rows, stiffness, rows)
+        laws = list(dict.fromkeys(law for of in held for law in of))
+        stiffness = np.array([law.stiffness for law in laws]).reshape(-1, 3, 3)
+        whole = 0.25 * np.einsum("qai,lab,qbj->lij", rows, stiffness, rows)
         full = leaves.size.astype(float) ** 2 * leaves.unit**2
         self.shares = np.repeat(0.25 * full[:, None], 4, axis=1)
         """Integrals of the four bilinear functions over what each leaf holds."""
-        cut = np.array([k for k, held in enumerate(pieces) if held is not None], dtype=np.int64)
-        self.elements = np.broadcast_to(whole, (len(leaves), 8, 8)).copy()
+        cut = np.array([None not in of.values() for of in held], dtype=np.bool_)
+        self.elements = whole[[laws.index(next(iter(of))) for of in held]]
         self.elements[cut] = self.shares[cut] = 0.0
-        owner, corners = _fans(pieces)
+        owner, corners, law = _fans(held, laws)
         if len(owner):
             first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
             area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
@@ -71,7 +70,9 @@ class FittedDisplacement:
                 places = self.local(owner, np.einsum("k,nkd->nd", weights, corners))
                 np.add.at(self.shares, owner, area[:, None] / 3.0 * shapes_at(places))
                 rows = strain_rows(places)
-                local = np.einsum("n,nai,ab,nbj->nij", share / 3.0, rows, stiffness, rows)
+                local = (
+                    rows.transpose(0, 2, 1) @ (share[:, None, None] / 3.0 * stiffness[law]) @ rows
+                )
                 np.add.at(self.elements, owner, local)
         self.area = self.shares.sum(axis=1)
         self.displacement = np.zeros((self.nodes, 2))
@@ -170,12 +171,15 @@ class FittedDisplacement:
         return np.asarray(np.einsum("nk,nkd->nd", shares, self.displacement[self.corner[leaf]]))
 
 
-def _fans(pieces: list[list[Corners] | None]) -> tuple[Ints, Floats]:
-    """Return triangles that fill convex pieces: their leaf, and corners of shape (n, 3, 2)."""
-    owner, corners = [], []
-    for leaf, held in enumerate(pieces):
-        for piece in held or ():
-            for second, third in pairwise(piece[1:]):
-                owner.append(leaf)
-                corners.append((piece[0], second, third))
-    return np.array(owner, dtype=np.int64), np.array(corners, dtype=float).reshape(-1, 3, 2)
+def _fans(held: list[Held], laws: list[Law]) -> tuple[Ints, Floats, Ints]:
+    """Return triangles that fill convex pieces: leaf, corners of shape (n, 3, 2), and law."""
+    owner, corners, of = [], [], []
+    for leaf, parts in enumerate(held):
+        for law, pieces in parts.items():
+            for piece in pieces or ():
+                for second, third in pairwise(piece[1:]):
+                    owner.append(leaf)
+                    corners.append((piece[0], second, third))
+                    of.append(laws.index(law))
+    places = np.array(corners, dtype=float).reshape(-1, 3, 2)
+    return np.array(owner, dtype=np.int64), places, np.array(of, dtype=np.int64)

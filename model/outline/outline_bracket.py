@@ -12,7 +12,9 @@ from kaju.errors import ConvergenceError
 
 from .arc_triangles import ArcFrames
 from .balanced_pieces import SMALL_RESIDUAL, BalancedPieces, LooseError
+from .convex_pieces import ON_LINE
 from .fitted_displacement import FittedDisplacement
+from .mixed_body import MixedBody
 from .outline_problem import OutlineProblem, UnlikeError
 from .square_leaves import SquareLeaves
 from .true_shapes import CutLeaves, TrueBody
@@ -63,7 +65,7 @@ class OutlineBracket:
         """`error_between` the bounds."""
         return error_between(self.bounds)
 
-    def coarse(self, body: TrueBody, tolerance: float) -> Ints:
+    def coarse(self, body: TrueBody | MixedBody, tolerance: float) -> Ints:
         """Return how often to halve leaves in which a stressed outline turns by too much.
 
         The energy does not see a small hole's peak. What turns by little in all, such as a kink
@@ -105,14 +107,15 @@ def bracket(
     """Return the bounds on given leaves; leaves without any of the body go."""
     cutting = cutting or CutLeaves(problem.body)
     pieces = cutting.refined(leaves)
-    kept = np.array([k for k, (outer, _) in enumerate(pieces) if outer != []], dtype=np.int64)
+    kept = np.array([k for k, (outer, _) in enumerate(pieces) if outer], dtype=np.int64)
+    if not len(kept):
+        raise UnlikeError("they leave nothing of the body")
     leaves = leaves.only(kept)
     outer, inner = ([pieces[k][way] for k in kept] for way in (0, 1))
-    fitted = FittedDisplacement(leaves, outer, problem.stiffness)
-    compliance = np.asarray(np.linalg.inv(problem.stiffness), dtype=np.float64)
-    cut = np.array([held is not None for held in inner])
+    fitted = FittedDisplacement(leaves, outer)
+    cut = np.array([None not in held.values() for held in inner])
     near = np.asarray(np.isin(fitted.corner, fitted.corner[cut]).any(axis=1))
-    balanced = BalancedPieces(leaves, inner, fitted.halved, near, compliance, problem.weight)
+    balanced = BalancedPieces(leaves, inner, fitted.halved, near, problem.body.laws, problem.weight)
     try:
         force, held, loaded = problem.on_balanced(balanced)
         upper = balanced.settle(force, held)
@@ -126,8 +129,16 @@ def bracket(
     share = balanced.energies() + fitted.energies() + 2.0 * band
     share -= 2.0 * _work(balanced, fitted, force)
     low, high = lower - band.sum(), upper + band.sum()
-    rounding = ROUNDING + OF_LAW * float(np.linalg.cond(problem.stiffness))
-    return OutlineBracket(leaves, low, high, fitted, balanced, share, kept, rounding)
+    return OutlineBracket(leaves, low, high, fitted, balanced, share, kept, rounding_of(problem))
+
+
+def rounding_of(problem: OutlineProblem) -> float:
+    """Return the share by which bounds are set wider for rounding."""
+    softest, stiffest = problem.softest, problem.stiffest
+    contrast = max(stiff / soft for stiff, soft in zip(stiffest, softest, strict=True))
+    law = np.linalg.eigvalsh(stiffest.stiffness).max() / np.linalg.eigvalsh(softest.stiffness).min()
+    # a strip of the stiff material that lies on a line but for rounding counts as the soft one
+    return float(ROUNDING + ON_LINE * (contrast - 1.0) + OF_LAW * law)
 
 
 def _work(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from kaju.factors import rigid_motions
 
 from .balanced_pieces import NEAR, BalancedPieces
 from .fitted_displacement import FittedDisplacement
+from .laws import Law
+from .mixed_body import MixedBody
 from .square_leaves import SquareLeaves
 from .true_shapes import TrueBody, TrueShape
 
@@ -71,13 +74,11 @@ class LoadedOutline:
 
 @dataclass(frozen=True)
 class OutlineProblem:
-    """A body of one material; lengths in edges of the first agents, its Young's modulus is 1."""
+    """A body; lengths in edges of the first agents, its first material's Young's modulus is 1."""
 
-    body: TrueBody
+    body: TrueBody | MixedBody
     shape: tuple[int, int]
     """First agents along x and y."""
-    stiffness: Floats
-    """Stress of a strain (xx, yy, 2 xy). Shape (3, 3)."""
     held: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """Of sides that support, the axes along which they hold."""
     pulled: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -93,7 +94,17 @@ class OutlineProblem:
     def band(self) -> float:
         """What a unit of area between both bodies costs at most, under the stress of a load."""
         stresses = [one.stress[[0, 1, 0], [0, 1, 1]] for one in self.outlines]
-        return max((float(s @ np.linalg.solve(self.stiffness, s)) for s in stresses), default=0.0)
+        return max((float(s @ self.softest.compliance @ s) for s in stresses), default=0.0)
+
+    @property
+    def softest(self) -> Law:
+        """The stiffest law that is no stiffer than any of the body's."""
+        return reduce(lambda one, other: one.with_other(other, stiffer=False), self.body.laws)
+
+    @property
+    def stiffest(self) -> Law:
+        """The softest law that is no softer than any of the body's."""
+        return reduce(lambda one, other: one.with_other(other, stiffer=True), self.body.laws)
 
     @property
     def held_whole(self) -> bool:

@@ -18,9 +18,9 @@ from kaju.model.results.formats import OUTLINE_AGENTS
 from kaju.model.results.mesh import write_polygons
 from kaju.model.results.result import Result, finite
 from kaju.model.scene import Scene
-from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.shapes import Shape
 
+from .convex_pieces import area_of
 from .fitted_displacement import shapes_at, strain_rows
 from .outline_bracket import SLIVER, OutlineBracket, error_between
 from .outline_problem import ON_BORDER, OutlineProblem, place_on
@@ -28,6 +28,9 @@ from .square_leaves import SquareLeaves
 
 if TYPE_CHECKING:
     import pandas
+
+    from .balanced_pieces import BalancedPieces
+    from .true_shapes import Held, TrueRegion
 
 _SCENE = "scene."
 _EDGE = 1e-9
@@ -65,6 +68,9 @@ class OutlineResult(Result):
         Energies (J) below and above that of the true body, corners, curves and all.
     hoops : dict of str to array
         Of each named outline: x and y (m), hoop stress (Pa). Shape (n, 3).
+    tractions : dict of str to array
+        Of each along which two materials meet, at the same places: the tension across it (Pa),
+        and the stress counter-clockwise along it that acts on the region (Pa). Shape (n, 2).
     notes : tuple of str
         What a reader should know.
 
@@ -98,6 +104,7 @@ class OutlineResult(Result):
     area: Floats
     energy_bounds: tuple[float, float]
     hoops: dict[str, Floats]
+    tractions: dict[str, Floats]
     notes: tuple[str, ...]
 
     @classmethod
@@ -116,15 +123,14 @@ class OutlineResult(Result):
         low, high = found.bounds
         bounds = (float(low * unit), float(high * unit))
         leaves, balanced = found.leaves, found.balanced
-        stress = level * balanced.mean_stress()
-        stiffness = level * problem.stiffness
-        hoops, notes = {}, []
+        hoops, tractions, notes = {}, {}, []
         for region, true in zip(scene.body.regions, problem.body.regions, strict=True):
             if region.name is not None:
-                border = true.shape.border(not true.solid)
-                along = _hoop_stress(border, found, stress, stiffness, edge)
+                along, met = _hoop_stress(true, problem, found, level, edge)
                 hoops[region.name] = along[:, :3]
-                notes += _peak_note(region.name, *along[:, 2:].T)
+                notes += _peak_note(region.name, *along[:, 2:4].T)
+                if met.any():
+                    tractions[region.name] = along[:, 4:]
         return cls(
             scene,
             seconds,
@@ -134,10 +140,11 @@ class OutlineResult(Result):
             leaves.y,
             leaves.size,
             edge * problem.strain * found.fitted.displacement[found.fitted.corner],
-            stress,
+            level * balanced.mean_stress(),
             edge**2 * balanced.area,
             bounds,
             hoops,
+            tractions,
             (*_loose_note(int(balanced.loose.sum())), *notes),
         )
 
@@ -163,15 +170,21 @@ class OutlineResult(Result):
     @property
     def cut(self) -> Flags:
         """Which agents an outline cuts, shape (agents,)."""
-        return np.asarray(self.area < self.size**2 * (1.0 - 1e-12))
+        cut = self.area < self.size**2 * (1.0 - 1e-12)
+        if len(self.scene.cell_materials) > 1:
+            cut |= [len(held) > 1 for held in self._held()[0]]
+        return np.asarray(cut)
 
     @property
     def von_mises(self) -> Floats:
-        """Equivalent stress (Pa) of `mean_stress`, shape (agents,)."""
+        """Equivalent stress (Pa) of `mean_stress`, shape (agents,).
+
+        In plane strain of two materials Poisson's ratio is that of the larger part of an agent.
+        """
         xx, yy, _ = self.mean_stress.T
         beyond = np.zeros(len(xx))
         if self.scene.plane == "strain":
-            beyond = self.scene.cell_materials[0].poissons_ratio * (xx + yy)
+            beyond = self._ratios() * (xx + yy)
         return von_mises(self.mean_stress[:, [[0, 2], [2, 1]]], beyond)
 
     def pieces(self) -> tuple[Ints, list[Floats]]:
@@ -179,19 +192,35 @@ class OutlineResult(Result):
 
         Curves are drawn by tangents or chords as far apart as the agents are large.
         """
+        held, edge = self._held()
+        square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
+        agent, polygons = [], []
+        for number, pieces in ((k, pieces) for k, of in enumerate(held) for pieces in of.values()):
+            whole = [self.lower[number] + self.size[number] * square] if pieces is None else []
+            polygons += whole + [edge * np.array(piece) for piece in pieces or ()]
+            agent += [number] * (len(whole) + len(pieces or ()))
+        return np.array(agent, dtype=np.int64), polygons
+
+    def _held(self) -> tuple[list[Held], float]:
+        """Return what agents hold of each law, and the length (m) that it is counted in."""
         from .outlined_scene import problem_of
         from .true_shapes import CutLeaves
 
         problem, edge = problem_of(self.scene)
         leaves = SquareLeaves(self.x, self.y, self.width, problem.shape)
-        held = [outer for outer, _ in CutLeaves(problem.body).refined(leaves)]
-        square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-        agent, polygons = [], []
-        for number, pieces in enumerate(held):
-            whole = [self.lower[number] + self.size[number] * square] if pieces is None else []
-            polygons += whole + [edge * np.array(piece) for piece in pieces or ()]
-            agent += [number] * (len(whole) + len(pieces or ()))
-        return np.array(agent, dtype=np.int64), polygons
+        return [outer for outer, _ in CutLeaves(problem.body).refined(leaves)], edge
+
+    def _ratios(self) -> Floats:
+        """Return Poisson's ratio of each agent in plane strain: that of its larger part."""
+        materials = self.scene.cell_materials
+        if len(materials) == 1:
+            return np.full(self.agents, materials[0].poissons_ratio)
+        found = []
+        for of in self._held()[0]:
+            area = {law: sum(map(area_of, pieces or ())) for law, pieces in of.items()}
+            law = max(area, key=lambda law: area[law])
+            found.append(0.5 * (1.0 - law.shear / law.bulk))
+        return np.array(found)
 
     @property
     def strain_energy(self) -> float:
@@ -216,7 +245,7 @@ class OutlineResult(Result):
         ResultError
             If a point lies outside of the body.
         """
-        agent, local = self._placed(points)
+        agent, local, _ = self._placed(points)
         moved = self.corner_displacement[agent]
         return np.asarray(np.einsum("nk,nkd->nd", shapes_at(local), moved))
 
@@ -230,47 +259,76 @@ class OutlineResult(Result):
         ResultError
             If a point lies outside of the body.
         """
-        from .outlined_scene import stiffness_of
+        from .outlined_scene import laws_of
 
-        agent, local = self._placed(points)
+        agent, local, material = self._placed(points)
         moved = self.corner_displacement[agent].reshape(-1, 8)
         strain = np.einsum("nai,ni->na", strain_rows(local), moved) / self.size[agent, None]
+        laws = np.array([law.stiffness for law in laws_of(self.scene).values()])
         modulus = self.scene.cell_materials[0].youngs_modulus
-        stress = modulus * strain @ stiffness_of(self.scene)
+        stress = modulus * np.einsum("na,nab->nb", strain, laws[material])
         return np.asarray(stress[:, [[0, 2], [2, 1]]])
 
     def outline_stress(self, name: str) -> tuple[Floats, Floats]:
         """Return positions (m) along a named outline, and the hoop stress (Pa) there.
 
         Means over what each agent holds, of which nothing is proved. `notes` tell by how much
-        another estimate of the largest differs.
+        another estimate of the largest differs. Where two materials meet along the outline the
+        stress is that of the material outside: the one inside has another.
 
         Raises
         ------
         ResultError
             If no region with a true outline has that name.
         """
-        if name not in self.hoops:
-            known = ", ".join(self.hoops) or "none has a name"
-            raise ResultError(f"outline_stress: there is no outline {name!r}; there is {known}")
-        found = self.hoops[name]
+        found = self._outline(name, "outline_stress")
         return found[:, :2], found[:, 2]
 
-    def _placed(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the agent of each point, and where in it the point lies, from 0 to 1."""
+    def outline_traction(self, name: str) -> tuple[Floats, Floats]:
+        """Return positions (m) along an outline between two materials, and tractions (Pa) there.
+
+        Those of the stress in balance, from outside on the region: the tension across the
+        outline, and the stress along it, counter-clockwise. Shapes (n, 2). Nothing is proved of
+        them.
+
+        Raises
+        ------
+        ResultError
+            If no region with a true outline has that name, or no two materials meet along it.
+        """
+        found = self._outline(name, "outline_traction")
+        if name not in self.tractions:
+            raise ResultError(
+                f"outline_traction: along {name!r} no two materials meet; what acts there are loads"
+            )
+        return found[:, :2], self.tractions[name]
+
+    def _outline(self, name: str, asked: str) -> Floats:
+        if name not in self.hoops:
+            known = ", ".join(self.hoops) or "none has a name"
+            raise ResultError(f"{asked}: there is no outline {name!r}; there is {known}")
+        return self.hoops[name]
+
+    def _placed(self, points: Floats) -> tuple[Ints, Floats, Ints]:
+        """Return of each point its agent, where in it the point lies, from 0 to 1, and what of.
+
+        That is the number of its material.
+        """
+        from .outlined_scene import laws_of
+
         points = np.asarray(points, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
             raise ResultError(f"points: finite numbers (m) of shape (n, 2), got {points!r:.80}")
-        lattice = self.scene.lattice
-        inside = np.full(len(points), self.scene.body.material not in NOT_BODY)
-        for number, region in enumerate(self.scene.body.regions):
-            shape = region.shape_in(lattice, f"body.regions.{number}")
-            if region.material not in NOT_BODY:
-                inside |= shape.contains(points)
-            else:
-                inside &= ~_within(shape, points)
+        lattice, body = self.scene.lattice, self.scene.body
+        number = {name: k for k, name in enumerate(laws_of(self.scene))}
+        material = np.full(len(points), number.get(str(body.material), -1))
+        for k, region in enumerate(body.regions):
+            shape, of = region.shape_in(lattice, f"body.regions.{k}"), number.get(region.material)
+            material[_within(shape, points) if of is None else shape.contains(points)] = (
+                -1 if of is None else of
+            )
         extent = np.array(lattice.extent)
-        inside &= ((points >= 0.0) & (points <= extent)).all(axis=1)
+        inside = (material >= 0) & ((points >= 0.0) & (points <= extent)).all(axis=1)
         leaves = SquareLeaves(self.x, self.y, self.width, (1, 1))
         # those on the upper sides of the array belong to the last agents
         at = np.minimum(points, extent * (1.0 - 1e-12)) / self.first_edge
@@ -278,7 +336,7 @@ class OutlineResult(Result):
         if not (inside & (agent >= 0)).all():
             where = ", ".join(f"{c:g}" for c in points[np.argmin(inside & (agent >= 0))])
             raise ResultError(f"points: ({where}) m lies outside the body")
-        return agent, (points - self.lower[agent]) / self.size[agent, None]
+        return agent, (points - self.lower[agent]) / self.size[agent, None], material
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
@@ -339,6 +397,7 @@ class OutlineResult(Result):
         text, scene_arrays = self.scene.to_archive()
         arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in OUTLINE_AGENTS}
         arrays |= {f"hoop.{name}": found for name, found in self.hoops.items()}
+        arrays |= {f"traction.{name}": found for name, found in self.tractions.items()}
         arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
         numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
         bounds = {"lower_energy": self.energy_bounds[0], "upper_energy": self.energy_bounds[1]}
@@ -361,6 +420,10 @@ class OutlineResult(Result):
                 archive.value("upper_energy", float),
             ),
             hoops=hoops,
+            tractions={
+                name: archive.array(f"traction.{name}", "f", (len(hoops[name]), 2))
+                for name in archive.part("traction.")
+            },
             notes=tuple(archive.value("notes", list[str])),
         )
 
@@ -397,19 +460,25 @@ def _within(shape: Shape, points: Floats) -> Flags:
 
 
 def _hoop_stress(
-    border: Floats, found: OutlineBracket, stress: Floats, stiffness: Floats, edge: float
-) -> Floats:
-    """Return x, y (m) and the hoop stress of the agents along an outline, in order along it.
+    region: TrueRegion,
+    problem: OutlineProblem,
+    found: OutlineBracket,
+    level: float,
+    edge: float,
+) -> tuple[Floats, Flags]:
+    """Return what agents along an outline tell, in order, and where two materials meet there.
 
-    The last column is the hoop stress of the displacement, on the outline itself.
+    That is x, y (m) and the hoop stress, outside where two materials meet; the hoop stress of the
+    displacement, on the outline itself; tension across and stress along an outline between two.
     """
     balanced = found.balanced
-    rows = np.flatnonzero(balanced.alone)
-    near, along = place_on(balanced.ends[rows].mean(axis=1), border)
-    rows, along = rows[near < ON_BORDER], along[near < ON_BORDER]
+    certain = balanced.law_of < len(problem.body.laws)
+    rows, along, whole = _sides_along(region, balanced, certain)
     run = balanced.ends[rows, 1] - balanced.ends[rows, 0]
     length = np.hypot(run[:, 0], run[:, 1])
-    leaf, of = np.unique(balanced.leaf_of[rows], return_inverse=True)
+    part = np.stack([balanced.law_of[rows], balanced.leaf_of[rows]], axis=1)
+    part, of = np.unique(part, axis=0, return_inverse=True)
+    law, leaf = part.T
     full = (found.leaves.size[leaf] * found.leaves.unit) ** 2
     total = np.bincount(of, length, len(leaf))
     sums = [np.bincount(of, length * c, len(leaf)) for c in balanced.ends[rows].mean(axis=1).T]
@@ -418,16 +487,55 @@ def _hoop_stress(
     onward = np.hypot(tx, ty)
     along_outline = np.stack([tx**2, ty**2, 2.0 * tx * ty], axis=1)
     along_outline /= np.where(onward > 0.0, onward**2, 1.0)[:, None]
-    hoop = (stress[leaf] * along_outline).sum(axis=1)
-    moved = found.fitted.strain_at(leaf, middle) @ stiffness
-    other = (moved * along_outline).sum(axis=1)
+    area, stress = (by_law[law, leaf] for by_law in balanced.stress_by_law())
+    hoop = level * (stress * along_outline).sum(axis=1) / area
+    stiffness = np.array([law.stiffness for law in balanced.laws]).reshape(-1, 3, 3)[law]
+    strain = found.fitted.strain_at(leaf, middle)
+    moved = np.einsum("ni,nij->nj", strain, stiffness)
+    other = level * (moved * along_outline).sum(axis=1)
+    # what acts from outside: rows run clockwise there, so that theirs is the region's reversed
+    traction = -balanced.moments[rows].reshape(-1, 2, 2).sum(axis=1)
+    way = -run / length[:, None]
+    across = np.stack([way[:, 1], -way[:, 0]], axis=1)
+    tension, shear = (
+        np.bincount(of, (traction * axis).sum(axis=1), len(leaf)) / total for axis in (across, way)
+    )
+    met = np.bincount(of, balanced.between[rows], len(leaf)) > 0.0
+    if met.any():  # there a leaf's strain is that of two materials, but not along the outline
+        k, g = np.array(balanced.laws)[law].T
+        stretch = (strain * along_outline * [1.0, 1.0, 0.5]).sum(axis=1)
+        other[met] = level * ((4.0 * k * g * stretch + (k - g) * tension) / (k + g))[met]
     first = np.unique(of, return_index=True)[1]  # a mean would tear agents from the line's start
     order = np.argsort(along[first])
     if len(order):  # a part beyond the array lies after the end, wherever the line starts
         place = along[first][order]
-        whole = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
         gaps = np.diff(place, append=place[0] + whole)
         order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
-    says = (balanced.area[leaf] > SLIVER * full) & (onward > _CLOSED * total)
+    says = (area > SLIVER * full) & (onward > _CLOSED * total)
     order = order[says[order]]
-    return np.asarray(np.column_stack([edge * middle, hoop, other])[order])
+    found_along = [edge * middle, hoop, other, level * tension, level * shear]
+    return np.column_stack(found_along)[order], met[order]
+
+
+def _sides_along(
+    region: TrueRegion, balanced: BalancedPieces, certain: Flags
+) -> tuple[Ints, Floats, float]:
+    """Return the sides along an outline, how far along it they are, and how long it is.
+
+    Those of the body where it ends there, and those outside where two materials meet; what lies
+    between two of which neither is certain has none.
+    """
+    near = np.flatnonzero(balanced.alone | (balanced.between & certain))
+    outer = [not region.solid] if balanced.alone[near].all() else [False, True]
+    rows, places, long = [], [], 1.0
+    for way in outer:
+        border = region.shape.border(way)
+        on, at = place_on(balanced.ends[near].mean(axis=1), border)
+        long = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
+        ends = [place_on(balanced.ends[near, k], border)[1] for k in (0, 1)]
+        outside = (ends[1] - ends[0]) % long > 0.5 * long
+        kept = (on < ON_BORDER) & (balanced.alone[near] | outside)
+        rows.append(near[kept])
+        places.append(at[kept] / long)
+        near = near[~kept]
+    return np.concatenate(rows), long * np.concatenate(places), float(long)

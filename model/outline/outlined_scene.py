@@ -10,7 +10,6 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kaju.arrays import Floats
 from kaju.errors import ConvergenceError, SceneError, SupportError
 from kaju.model.elastic.problem import Scales
 from kaju.model.scene import Scene
@@ -20,6 +19,8 @@ from kaju.model.scene.shapes import OutlinedShape
 
 from .arc_triangles import TouchError, keep_apart
 from .balanced_pieces import LooseError
+from .laws import AIR, Law
+from .mixed_body import MixedBody, MixedRegion
 from .outline_bracket import OutlineBracket, spawn
 from .outline_problem import SIDES, LoadedOutline, OutlineProblem, UnlikeError
 from .outline_result import OutlineResult
@@ -85,11 +86,8 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
     cells = max(wide, default=1)
     edge = lattice.cell_size * cells
     shape = (nx // cells, ny // cells)
-    regions = []
-    for number, region in enumerate(scene.body.regions):
-        true = _shape(scene, region, f"body.regions.{number}", edge, shape)
-        regions.append(TrueRegion(true, region.material not in NOT_BODY))
-    body = TrueBody(scene.body.material not in NOT_BODY, tuple(regions))
+    body = _body(scene, edge, shape)
+    regions = body.regions
     thickness, modulus = scene.thickness, scene.cell_materials[0].youngs_modulus
     held: dict[str, tuple[int, ...]] = {}
     pulled: dict[str, tuple[float, float]] = {}
@@ -114,6 +112,7 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
                         f"loads.{number}.outline: {load.outline!r} meets the outline of "
                         f"regions.{other}; a loaded outline is proved where it is alone"
                     )
+            _check_body_ends(scene, which, f"loads.{number}.outline")
             # stresses as strains of the modulus, forces as such over edges
             what = (load.outline, one.shape, one.solid)
             if load.pressure is not None:
@@ -157,7 +156,6 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
     problem = OutlineProblem(
         body,
         shape,
-        stiffness_of(scene),
         held,
         {side: (x / strain, y / strain) for side, (x, y) in pulled.items()},
         {side: pressure / strain for side, pressure in pressed_sides.items()},
@@ -168,14 +166,56 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
     return problem, edge
 
 
-def stiffness_of(scene: Scene) -> Floats:
-    """Return the stress of a strain (xx, yy, 2 xy) where Young's modulus is 1."""
-    nu = scene.cell_materials[0].poissons_ratio
-    e = 1.0
-    if scene.plane == "strain":
-        e, nu = e / (1.0 - nu**2), nu / (1.0 - nu)
-    law = np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - nu)]])
-    return np.asarray(e / (1.0 - nu**2) * law)
+def _check_body_ends(scene: Scene, which: int, where: str) -> None:
+    """Refuse a load on an outline, which meets no other, that is not where the body ends."""
+    body = scene.body
+    shapes = [
+        region.shape_in(scene.lattice, f"body.regions.{number}")
+        for number, region in enumerate(body.regions)
+    ]
+    at = cast(OutlinedShape, shapes[which]).outline()[0][:1, 0]
+    place, below, region = at[:, :2] / at[:, 2:], body.material, body.regions[which]
+    for number, other in enumerate(body.regions):
+        if number == which or not shapes[number].contains(place)[0]:
+            continue
+        if number > which:
+            raise SceneError(f"{where}: {region.name!r} is covered by regions.{number}")
+        below = other.material
+    if (region.material in NOT_BODY) == (below in NOT_BODY):
+        raise SceneError(
+            f"{where}: {region.name!r} is {region.material} in {below}; loads act where the body "
+            "ends, not between two materials, or in the air"
+        )
+
+
+def laws_of(scene: Scene) -> dict[str, Law]:
+    """Return the law of each material by name; the first one's Young's modulus is 1."""
+    names = [scene.body.material, *(region.material for region in scene.body.regions)]
+    found = dict.fromkeys(name for name in names if name is not None and name not in NOT_BODY)
+    unit = scene.cell_materials[0].youngs_modulus
+    return {
+        name: Law.of(
+            material.youngs_modulus / unit, material.poissons_ratio, scene.plane or "stress"
+        )
+        for name, material in zip(found, scene.cell_materials, strict=True)
+    }
+
+
+def _body(scene: Scene, edge: float, shape: tuple[int, int]) -> TrueBody | MixedBody:
+    laws = laws_of(scene)
+    shapes = [
+        (_shape(scene, region, f"body.regions.{number}", edge, shape), region.material)
+        for number, region in enumerate(scene.body.regions)
+    ]
+    assert scene.body.material is not None
+    if len(set(laws.values())) > 1:
+        mixed = [
+            MixedRegion(shape, material in laws, laws.get(material, AIR))
+            for shape, material in shapes
+        ]
+        return MixedBody(laws.get(scene.body.material, AIR), tuple(mixed))
+    true = [TrueRegion(shape, material in laws) for shape, material in shapes]
+    return TrueBody(scene.body.material in laws, tuple(true), next(iter(laws.values())))
 
 
 def _shape(

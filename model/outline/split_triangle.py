@@ -106,7 +106,7 @@ class SplitTriangles:
     ----------
     corners : array, shape (n, 3, 2)
         Counter-clockwise.
-    compliance : array, shape (3, 3)
+    compliance : array, shape (3, 3) or (n, 3, 3)
         Strain (xx, yy, 2 xy) of a stress, the same along all directions.
     weight : array, shape (2,)
         Force on a unit of area.
@@ -117,7 +117,8 @@ class SplitTriangles:
         f = _map(corners)
         self.area = 0.5 * np.linalg.det(f)
         turned = _turned(f) / (2.0 * self.area[:, None, None])
-        law = np.einsum("nai,ab,nbj->nij", turned, compliance, turned)
+        compliance = np.broadcast_to(compliance, (len(f), 3, 3))
+        law = turned.transpose(0, 2, 1) @ compliance @ turned
         self.cost = np.einsum("n,nij,ijkl->nkl", 2.0 * self.area, law, known.mass)
         self.moments = np.einsum("nij,sejm->nseim", f, known.traction).reshape(
             len(f), 12, known.traction.shape[-1]
@@ -125,7 +126,8 @@ class SplitTriangles:
         self.mean = np.einsum("nij,jm->nim", turned, known.mean)
         thin = shape_of(f) < THIN
         if thin.any():
-            self.cost[thin], self.moments[thin], self.mean[thin] = _thin(corners[thin], compliance)
+            flat = _thin(corners[thin], compliance[thin])
+            self.cost[thin], self.moments[thin], self.mean[thin] = flat
         borne = 2.0 * self.area[:, None, None] * np.linalg.solve(f, weight[:, None])
         free = self.cost[:, :-2, :-2]
         answer = np.linalg.solve(free, self.moments[:, :, :-2].transpose(0, 2, 1))
@@ -189,6 +191,6 @@ def _thin(corners: Floats, compliance: Floats) -> tuple[Floats, Floats, Floats]:
     area = 0.5 * np.linalg.det(f)
     bearing = _bearing(_parts(corners), f[:, None, None] / (2.0 * area[:, None, None, None, None]))
     nodal = np.concatenate([nodal, bearing], axis=4)
-    strain = np.einsum("kl,ij,npljm->npkim", _SQUARE, compliance, nodal)
+    strain = np.einsum("kl,nij,npljm->npkim", _SQUARE, compliance, nodal)
     cost = np.einsum("n,npkil,npkim->nlm", area / 3.0, nodal, strain)
     return cost, _moments(nodal, corners).reshape(len(f), 12, -1), nodal.mean(axis=(1, 2))

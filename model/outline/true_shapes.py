@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from math import hypot
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +15,16 @@ from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
 
 from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, keep_apart
 from .convex_pieces import ON_LINE, Corners, HalfPlane, area_of, within, without
+from .laws import UNIT, Law
 from .square_leaves import SquareLeaves
+
+if TYPE_CHECKING:
+    from .mixed_body import MixedBody
 
 Pieces = list[Corners] | None
 """Convex pieces of a leaf, None for all of it."""
+Held = dict[Law, Pieces]
+"""What a leaf holds of each law, nothing of those that are not there."""
 Parts = list[tuple[Corners, list[HalfPlane]]]
 """Convex parts of a square, each with the lines that bound it."""
 AT_ONCE = 1_000_000
@@ -239,6 +246,13 @@ class TrueBody:
 
     solid: bool
     regions: tuple[TrueRegion, ...]
+    law: Law = UNIT
+    """What all of the material is."""
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """What the body is made of."""
+        return (self.law,)
 
     @property
     def arcs(self) -> Floats:
@@ -268,6 +282,13 @@ class TrueBody:
             [(piece, _sides(piece)) for piece in pieces] for pieces in self.pieces(squares, outer)
         ]
 
+    def held(self, squares: list[Corners], outer: bool) -> list[Held]:
+        """Return what squares hold: no less than the body (outer), or no more."""
+        return [
+            {self.law: None if pieces == [square] else pieces} if pieces else {}
+            for square, pieces in zip(squares, self.pieces(squares, outer), strict=True)
+        ]
+
     def pieces(self, squares: list[Corners], outer: bool) -> list[list[Corners]]:
         """Return convex pieces of squares: no less than the body (outer), or no more."""
         held = [[square] if self.solid else [] for square in squares]
@@ -288,12 +309,12 @@ class TrueBody:
 class CutLeaves:
     """What leaves hold of a body; what did not change since is not asked again."""
 
-    def __init__(self, body: TrueBody):
+    def __init__(self, body: TrueBody | MixedBody):
         self.body = body
-        self._known: dict[tuple[int, int, int], tuple[Pieces, Pieces]] = {}
+        self._known: dict[tuple[int, int, int], tuple[Held, Held]] = {}
 
-    def refined(self, leaves: SquareLeaves) -> list[tuple[Pieces, Pieces]]:
-        """Return what leaves hold at most and at least: None for all of it, else its pieces."""
+    def refined(self, leaves: SquareLeaves) -> list[tuple[Held, Held]]:
+        """Return what leaves hold at most and at least, or no softer and no stiffer than it is."""
         boxes = self.body.refine(leaves) if self.body.regions else np.empty((0, 2, 2))
         keys = np.array(list(self._known), dtype=np.int64).reshape(-1, 3)
         low, high = keys[:, :2] * leaves.unit, (keys[:, :2] + keys[:, 2:]) * leaves.unit
@@ -301,7 +322,7 @@ class CutLeaves:
         for first, last in boxes:
             changed |= ((low <= last) & (high >= first)).all(axis=1)
         for key in keys[changed].tolist():
-            if self._known[tuple(key)] != (None, None):  # within the body, whatever its polygons
+            if not _whole(self._known[tuple(key)]):  # within the body, whatever its polygons
                 del self._known[tuple(key)]
         places = (leaves.x.tolist(), leaves.y.tolist(), leaves.size.tolist())
         wanted = list(zip(*places, strict=True))
@@ -310,23 +331,25 @@ class CutLeaves:
         for key in asked:
             x0, y0, size = (leaves.unit * place for place in key)
             squares.append([(x0, y0), (x0 + size, y0), (x0 + size, y0 + size), (x0, y0 + size)])
-        held = [self.body.pieces(squares, outer) for outer in (True, False)]
-        for key, square, outer, inner in zip(asked, squares, *held, strict=True):
-            self._known[key] = (
-                None if outer == [square] else outer,
-                None if inner == [square] else inner,
-            )
+        held = [self.body.held(squares, outer) for outer in (True, False)]
+        self._known.update(zip(asked, zip(*held, strict=True), strict=True))
         return [self._known[key] for key in wanted]
 
     def _within_whole(self, x: int, y: int, size: int) -> bool:
         """Tell whether a leaf lies in one within the body, and know it then."""
         above = 2 * size
         while above * SquareLeaves.unit <= 1.0:
-            if self._known.get((x // above * above, y // above * above, above)) == (None, None):
-                self._known[x, y, size] = None, None
+            known = self._known.get((x // above * above, y // above * above, above))
+            if known is not None and _whole(known):
+                self._known[x, y, size] = known
                 return True
             above *= 2
         return False
+
+
+def _whole(held: tuple[Held, Held]) -> bool:
+    """Tell whether a leaf is all of one law, whatever the polygons."""
+    return held[0] == held[1] and None in held[0].values()
 
 
 TrueShape = ArcShape | TrueBody

@@ -89,11 +89,27 @@ def _check_regions(scene: Scene) -> None:
         raise SceneError(
             f"body.material: {scene.body.material} is no body with true outlines; {TAKES}"
         )
-    bodies = [scene.body.material, *(region.material for region in scene.body.regions)]
-    if len({name for name in bodies if name not in NOT_BODY}) != 1:
+    materials = {scene.body.material, *(region.material for region in scene.body.regions)}
+    solid = materials - set(NOT_BODY)
+    if not solid:
+        raise SceneError("body.regions: all is air; give a region, or the body, a material")
+    rigid = [one.name for one in scene.cell_materials if one.poissons_ratio == 0.5]
+    if rigid and scene.plane == "strain":
         raise SceneError(
-            "body.regions: with true outlines there is one material, beside air; two that meet "
-            f"along an outline are not proved yet; {TAKES}"
+            f"materials.{rigid[0]}.poissons_ratio: of 1/2 is not known in plane strain with true "
+            f"outlines; take less, or {TAKES}"
+        )
+    if len(solid) == 1:
+        return
+    if scene.lattice.dimension == 3:
+        raise SceneError(
+            "body.regions: with true outlines in space there is one material, beside air; two "
+            f"that meet are not proved yet; {TAKES}"
+        )
+    if scene.body.gravity is not None and any(scene.body.gravity):
+        raise SceneError(
+            "body.gravity: the weight of two materials is not proved with true outlines yet; "
+            f"leave it out, or {TAKES}"
         )
 
 

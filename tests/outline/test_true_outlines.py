@@ -392,7 +392,7 @@ HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
         ({"sides.left": {"stiffness": 1e9}}, "sides.left"),
         ({"body.regions": [HOLE | {"material": "rigid"}]}, "body.regions.0.material"),
         ({"body.regions": [HOLE | {"material": "roller"}]}, "body.regions.0.material"),
-        ({"body.regions": [HOLE | {"material": "granite"}]}, "body.regions"),
+        ({"body.material": "air"}, "body.regions"),
         ({"body.regions": [HOLE, HOLE]}, "body.regions.1.name"),
         (
             {"body.regions": [HOLE, {"box": [[0, 0], [0.01, 0.01]], "material": "air"}]},
@@ -445,6 +445,17 @@ def test_a_body_that_could_move_is_refused() -> None:
     scene = plate().replace(sides={"left": "roller"})
     with pytest.raises(kaju.KajuError, match="could move"):
         kaju.solve(scene, tolerance=0.2)
+
+
+def test_outlines_that_leave_nothing_are_refused() -> None:
+    with pytest.raises(kaju.KajuError, match="nothing of the body"):
+        kaju.solve(plate(10.0), tolerance=0.2)
+
+
+def test_what_does_not_give_is_refused_in_plane_strain() -> None:
+    rubber = {"steel": STEEL | {"poissons_ratio": 0.5}}
+    with pytest.raises(kaju.KajuError, match=r"^materials\.steel\.poissons_ratio"):
+        ring(0.1, 0.2, plane="strain").replace(materials=rubber)
 
 
 def test_a_pressed_outline_stands_alone() -> None:

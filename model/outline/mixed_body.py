@@ -1,0 +1,118 @@
+"""Bodies of several materials that meet along true outlines: what a leaf holds of each.
+
+Where an outline's two polygons leave it open which of two materials there is, one bound takes a
+law that is no stiffer than both, the other one a law that is no softer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from kaju.arrays import Floats
+from kaju.model.scene.curves import Point
+
+from .convex_pieces import Corners, parted
+from .laws import AIR, Law
+from .square_leaves import SquareLeaves
+from .true_shapes import Held, Parts, TrueRegion
+
+_Painted = list[tuple[Law, Corners]]
+"""Convex pieces that fill a square, each of a law."""
+
+
+@dataclass(frozen=True)
+class MixedRegion(TrueRegion):
+    """A shape, and what it is filled with."""
+
+    law: Law
+
+
+@dataclass(frozen=True)
+class MixedBody:
+    """A box of a law, and regions of others that cover it one after the other."""
+
+    law: Law
+    regions: tuple[MixedRegion, ...]
+
+    @property
+    def solid(self) -> bool:
+        """Whether the box is a body where no region covers it."""
+        return self.law != AIR
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """What the body is made of."""
+        laws = dict.fromkeys([self.law, *(region.law for region in self.regions)])
+        return tuple(law for law in laws if law != AIR)
+
+    def refine(self, leaves: SquareLeaves) -> Floats:
+        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
+        return np.concatenate([region.shape.refine(leaves) for region in self.regions])
+
+    def part_along(self, way: Point) -> None:
+        """Take ends of arcs where these run along a direction."""
+        for region in self.regions:
+            region.shape.part_along(way)
+
+    def held(self, squares: list[Corners], outer: bool) -> list[Held]:
+        """Return what squares hold of each law: all of it no softer than it is, or no stiffer."""
+        found: list[Held] = []
+        for square, painted in zip(squares, self._painted(squares, outer), strict=True):
+            of: dict[Law, list[Corners]] = {}
+            for law, piece in painted:
+                of.setdefault(law, []).append(piece)
+            of.pop(AIR, None)
+            found.append({law: None if at == [square] else at for law, at in of.items()})
+        return found
+
+    def _painted(self, squares: list[Corners], outer: bool) -> list[_Painted]:
+        held: list[_Painted] = [[(self.law, square)] for square in squares]
+        for region in self.regions:
+            core, reach = (region.shape.parts(squares, way) for way in (False, True))
+            for k in range(len(squares)):
+                if reach[k]:
+                    held[k] = list(_covered(held[k], region.law, core[k], reach[k], outer))
+        return held
+
+
+def _covered(
+    painted: _Painted, law: Law, core: Parts, reach: Parts, stiffer: bool
+) -> Iterator[tuple[Law, Corners]]:
+    """Yield pieces, and in place of what a region covers those of its law.
+
+    In the band between what it covers at least and at most, both laws are possible.
+    """
+    for before, piece in painted:
+        either = before.with_other(law, stiffer)
+        inside, outside = _split([piece], core if either == before else reach)
+        band: list[Corners] = []
+        if either not in (before, law):
+            inside, band = _split(inside, core)
+        yield from ((law, part) for part in inside)
+        yield from ((either, part) for part in band)
+        yield from ((before, part) for part in outside)
+
+
+def _split(pieces: list[Corners], parts: Parts) -> tuple[list[Corners], list[Corners]]:
+    """Return what of convex pieces lies within parts, and beyond them all."""
+    inside, left = [], pieces
+    for part, lines in parts:
+        beyond: list[Corners] = []
+        for piece in left:
+            if piece == part:
+                inside.append(piece)
+                continue
+            rest: Corners | None = piece
+            outside: list[Corners] = []
+            for line in lines:
+                if rest is None:
+                    break
+                rest, other = parted(rest, line)
+                outside += [] if other is None else [other]
+            beyond += [piece] if rest is None else outside
+            inside += [] if rest is None else [rest]
+        left = beyond
+    return inside, left

@@ -1,0 +1,310 @@
+"""Two materials along true outlines: exact truths inside both bounds, tractions, refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import kaju
+from kaju.model.outline.outline_bracket import bracket
+from kaju.model.outline.outlined_scene import problem_of
+from kaju.model.outline.square_leaves import SquareLeaves
+
+THICKNESS = 0.01
+MATRIX = {"youngs_modulus": 1e9, "poissons_ratio": 0.3}
+ROLLERS = {"left": "roller", "bottom": "roller"}
+
+
+def grain(modulus: float, ratio: float = 0.3) -> dict[str, dict[str, float]]:
+    """Return the materials of a scene whose inclusion has these moduli (in those outside)."""
+    return {
+        "matrix": MATRIX,
+        "grain": {"youngs_modulus": 1e9 * modulus, "poissons_ratio": ratio},
+        "lead": {"youngs_modulus": 0.1e9, "poissons_ratio": 0.44},
+    }
+
+
+def region(material: str, name: str | None = None, **shape: Any) -> dict[str, Any]:
+    """Return a region with a true outline."""
+    named = {"name": name} if name else {}
+    return {"material": material, "outline": "true"} | shape | named
+
+
+def disk(radius: float, material: str = "grain", name: str | None = "grain") -> dict[str, Any]:
+    """Return a disk about the lower left corner."""
+    return region(material, name, disk={"centre": [0.0, 0.0], "radius": radius})
+
+
+def plate(
+    modulus: float = 5.0,
+    ratio: float = 0.2,
+    regions: list[dict[str, Any]] | None = None,
+    size: float = 1.0,
+    cells: int = 8,
+    **body: Any,
+) -> kaju.Scene:
+    """Return a quarter of a plate with an inclusion, pulled to the right by 1 MPa."""
+    given = {"size": [size, size], "cells": [cells, cells], "material": "matrix"}
+    given |= {"thickness": THICKNESS, "regions": [disk(0.31)] if regions is None else regions}
+    return kaju.Scene(
+        body=given | body,
+        materials=grain(modulus, ratio),
+        sides=ROLLERS,
+        loads=[{"side": "right", "pressure": -1e6}],
+    )
+
+
+def lined(modulus: float, ratio: float, plane: str) -> tuple[kaju.Scene, float]:
+    """Return a quarter of a tube with a liner under pressure, and its energy (J) by Lamé."""
+    a, c, b = 0.05, 0.11, 0.2
+    materials = grain(modulus, ratio)
+    regions = [disk(b, "matrix", "rim"), disk(c), disk(a, "air", "bore")]
+    scene = kaju.Scene(
+        body={"size": [0.21, 0.21], "cells": [6, 6], "material": "air", "thickness": THICKNESS}
+        | {"regions": regions, "plane": plane},
+        materials=materials,
+        sides=ROLLERS,
+        loads=[{"outline": "bore", "pressure": 1e6}],
+    )
+    rows = []  # u = p r + q / r in both: the bore, the liner's edge twice, the rim
+    (e, n), (f, m) = (
+        (of["youngs_modulus"], of["poissons_ratio"])
+        for of in (materials["grain"], materials["matrix"])
+    )
+    if plane == "strain":
+        (e, n), (f, m) = ((k / (1 - v**2), v / (1 - v)) for k, v in ((e, n), (f, m)))
+    inner, outer = (
+        (lambda r, k=k, v=v: (k / (1 - v), -k / (1 + v) / r**2)) for k, v in ((e, n), (f, m))
+    )
+    rows = [
+        [*inner(a), 0.0, 0.0],
+        [*inner(c), *(-part for part in outer(c))],
+        [c, 1 / c, -c, -1 / c],
+        [0.0, 0.0, *outer(b)],
+    ]
+    p, q, _, _ = np.linalg.solve(np.array(rows), [-1e6, 0.0, 0.0, 0.0])
+    return scene, 0.5 * 1e6 * (p * a + q / a) * 0.5 * np.pi * a * THICKNESS
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+@pytest.mark.parametrize(("modulus", "ratio"), [(8.0, 0.2), (0.1, 0.4), (1.05, 0.1), (0.9, 0.45)])
+def test_the_energy_of_a_lined_tube_lies_within(modulus: float, ratio: float, plane: str) -> None:
+    scene, truth = lined(modulus, ratio, plane)
+    for tolerance in (0.3, 0.05):
+        answer = kaju.solve(scene, tolerance=tolerance)
+        lower, upper = answer.energy_bounds
+        assert lower < truth < upper
+        assert answer.error_bound <= tolerance
+    assert answer.agents < 2000
+
+
+@pytest.mark.parametrize(("ratio", "stiffer"), [(0.3, True), (0.49, False)])
+def test_what_leaves_add_to_the_gap_is_the_gap(ratio: float, stiffer: bool) -> None:
+    problem, _ = problem_of(plate(1.1, ratio, cells=5))
+    first, second = problem.body.laws
+    assert first.bulk < second.bulk
+    assert (first.shear < second.shear) is stiffer  # else neither is the stiffer one
+    found = bracket(problem, SquareLeaves.first(problem.shape))
+    assert found.share.min() > 0.0
+    assert found.share.sum() == pytest.approx(found.upper - found.lower, rel=1e-6)
+
+
+def goodier(modulus: float, ratio: float, angle: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return hoop stress outside, tension across and stress along a disk under unit tension.
+
+    In plane stress (Goodier 1933; Muskhelishvili, §58).
+    """
+    g, h = 0.5 / 1.3, 0.5 * modulus / (1.0 + ratio)
+    k, m = 2.7 / 1.3, (3.0 - ratio) / (1.0 + ratio)
+    d, s = (h - g) / (g + h * k), (g * (m - 1) - h * (k - 1)) / (2 * h + g * (m - 1))
+    turn = np.cos(2 * angle)
+    hoop = 0.5 * (1 + s - (1 - 3 * d) * turn)
+    return hoop, 0.5 * (1 - s + (1 + d) * turn), -0.5 * (1 + d) * np.sin(2 * angle)
+
+
+def wide(modulus: float, ratio: float) -> kaju.OutlineResult:
+    return kaju.solve(plate(modulus, ratio, [disk(1.0)], size=20.0), tolerance=0.01)
+
+
+@pytest.mark.parametrize(("modulus", "ratio"), [(0.2, 0.4), (0.01, 0.3)])
+def test_the_peak_beside_a_soft_inclusion_is_goodiers(modulus: float, ratio: float) -> None:
+    answer = wide(modulus, ratio)
+    peak = goodier(modulus, ratio, np.array([0.5 * np.pi]))[0]
+    assert answer.outline_stress("grain")[1].max() == pytest.approx(1e6 * peak[0], rel=0.02)
+    assert answer.agents < 400
+
+
+@pytest.mark.parametrize(("modulus", "ratio"), [(5.0, 0.2), (100.0, 0.3)])
+def test_tractions_on_a_stiff_inclusion_are_goodiers(modulus: float, ratio: float) -> None:
+    answer = wide(modulus, ratio)
+    at, traction = answer.outline_traction("grain")
+    _, *truth = goodier(modulus, ratio, np.arctan2(at[:, 1], at[:, 0]))
+    np.testing.assert_allclose(traction, 1e6 * np.stack(truth, axis=1), atol=0.02e6)
+    peak = goodier(modulus, ratio, np.zeros(1))[1]
+    assert traction[:, 0].max() == pytest.approx(1e6 * peak[0], rel=0.02)
+    inside = answer.stress_at(np.array([[0.2, 0.3], [0.5, 0.1]]))
+    assert inside[:, 0, 0] == pytest.approx(1e6 * peak[0], rel=0.02)
+
+
+def test_an_inclusion_of_the_same_law_is_none() -> None:
+    answer, alone = (
+        kaju.solve(plate(1.0, 0.3), tolerance=0.1),
+        kaju.solve(plate(1.0, 0.3, [disk(0.31, "matrix")]), tolerance=0.1),
+    )
+    assert answer.energy_bounds == alone.energy_bounds
+    assert answer.von_mises == pytest.approx(alone.von_mises)
+    nearly = kaju.solve(plate(1.001, 0.3), tolerance=0.1)
+    assert nearly.energy_bounds == pytest.approx(alone.energy_bounds, rel=1e-3)
+    assert nearly.energy_bounds[1] < alone.energy_bounds[0]
+
+
+def test_the_stiffer_the_inclusion_the_less_the_energy_from_a_hole_to_a_rigid_one() -> None:
+    hole = kaju.solve(plate(regions=[disk(0.31, "air")]), tolerance=0.03).energy_bounds
+    found = [
+        kaju.solve(plate(m, 0.3), tolerance=0.05).energy_bounds
+        for m in (1e-4, 0.1, 0.5, 2.0, 10.0, 1e3, 1e4)
+    ]
+    lower, upper = zip(hole, *found, strict=True)
+    assert (np.array(upper[1:]) < lower[:-1])[1:-1].all()
+    assert lower[1] < upper[0]
+    assert lower[-1] < upper[-2]
+    assert found[0][1] == pytest.approx(hole[1], rel=0.01)
+    assert found[-1][1] == pytest.approx(found[-2][1], rel=0.01)
+
+
+@pytest.mark.parametrize("beside", [1e-3, 1e-6, 1e-8, 2e-9, 1e-10, 0.0, -1e-9, -1e-7])
+def test_slivers_of_a_material_beside_lines_between_agents_are_no_cracks(beside: float) -> None:
+    # no Poisson's ratio: two bars in a row, one stress; the inclusion touches three sides
+    box = [[0.5 + beside, 0.0], [1.0, 1.0]]
+    materials = {"matrix": MATRIX | {"poissons_ratio": 0.0}, "grain": grain(4.0, 0.0)["grain"]}
+    scene = plate(regions=[region("grain", "half", box=box)], cells=4).replace(materials=materials)
+    for modulus in (4.0, 0.25):
+        materials["grain"] = grain(modulus, 0.0)["grain"]
+        answer = kaju.solve(scene.replace(materials=materials), tolerance=0.3)
+        truth = 0.5 * 1e6**2 / 1e9 * THICKNESS * (0.5 + beside + (0.5 - beside) / modulus)
+        lower, upper = answer.energy_bounds
+        assert lower < truth < upper
+        assert upper == pytest.approx(truth, rel=1e-6)
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    boxes=st.lists(
+        st.tuples(
+            *[st.integers(0, 12)] * 2,
+            *[st.integers(1, 8)] * 2,
+            st.sampled_from(["grain", "lead", "matrix", "air"]),
+        ),
+        min_size=1,
+        max_size=3,
+    ),
+    modulus=st.floats(-2.0, 2.0),
+    ratio=st.floats(0.0, 0.45),
+    plane=st.sampled_from(["stress", "strain"]),
+)
+def test_boxes_are_the_bodies_of_cells_that_they_are(boxes, modulus, ratio, plane) -> None:
+    # on lines of 16 cells, not on those of 5: both proofs are of one body
+    regions = []
+    for x, y, width, height, material in boxes:
+        corners = [[x / 16, y / 16], [min(x + width, 15) / 16, min(y + height, 15) / 16]]
+        if material == "air":
+            corners[0] = [max(x, 2) / 16, max(y, 2) / 16]
+        if all(corners[0][axis] < corners[1][axis] for axis in (0, 1)):
+            regions.append({"box": corners, "material": material})
+    regions.append({"box": [[0.25, 0.0], [0.5, 0.4375]], "material": "grain"})
+    scene = plate(10.0**modulus, ratio, [], plane=plane).replace(sides={"left": "rigid"})
+    true, cells = (
+        scene.with_overrides(
+            {
+                "body.cells": [n, n],
+                "body.size": [1.0, 1.0],
+                "body.regions": [at | {"outline": outline} for at in regions],
+            }
+        )
+        for n, outline in ((5, "true"), (16, "cells"))
+    )
+    try:
+        exact = kaju.solve(cells, tolerance=0.1).energy_bounds
+    except kaju.errors.SupportError:
+        return
+    bounds = kaju.solve(true, tolerance=0.2).energy_bounds
+    assert bounds[0] < exact[1] * (1 + 1e-9)
+    assert exact[0] < bounds[1] * (1 + 1e-9)
+
+
+def test_bounds_of_all_grids_hold_one_energy_where_three_materials_and_air_meet() -> None:
+    regions = [
+        region("grain", disk={"centre": [0.4, 0.5], "radius": 0.3}),
+        region("lead", polygon=[[0.3, 0.1], [1.0, 0.2], [0.6, 0.61]]),
+        region("matrix", ellipse={"centre": [0.4, 0.5], "radii": [0.2, 0.1], "angle": 20.0}),
+        region("air", "gap", disk={"centre": [0.55, 0.45], "radius": 0.11}),
+    ]
+    bounds = np.array(
+        [
+            kaju.solve(plate(6.0, 0.45, regions, cells=cells), tolerance=tolerance).energy_bounds
+            for cells, tolerance in ((4, 0.3), (5, 0.2), (11, 0.15), (8, 0.06))
+        ]
+    )
+    assert bounds[:, 0].max() < bounds[:, 1].min()
+    assert bounds[:, 1].min() < 1.02 * bounds[:, 0].max()
+
+
+def test_an_answer_with_an_inclusion_is_kept_drawn_and_written(tmp_path: Path) -> None:
+    answer = kaju.solve(plate(), tolerance=0.1)
+    again = kaju.load_result(answer.save(tmp_path / "grain"))
+    assert again.summary() == answer.summary()
+    assert 0 < answer.summary()["agents_cut"] < answer.agents
+    for name in ("outline_stress", "outline_traction"):
+        for one, other in zip(
+            getattr(again, name)("grain"), getattr(answer, name)("grain"), strict=True
+        ):
+            assert np.array_equal(one, other)
+    assert answer.area.sum() == pytest.approx(1.0)
+    assert len(answer.pieces()[0]) > answer.agents
+    assert len(kaju.plot(answer).axes) == 2
+    kaju.export_page(answer, tmp_path / "grain.html")
+    assert answer.to_vtk(tmp_path / "grain.vtu").exists()
+    with pytest.raises(kaju.KajuError, match=r"outline_traction: .*'korn'"):
+        answer.outline_traction("korn")
+
+
+def test_stress_leaps_across_an_outline_and_displacement_does_not() -> None:
+    answer = kaju.solve(plate(5.0, 0.3), tolerance=0.02)
+    both = np.array([[0.0, 0.3099], [0.0, 0.3101]])
+    stress, moved = answer.stress_at(both), answer.displacement_at(both)
+    assert stress[0, 0, 0] == pytest.approx(5.0 * stress[1, 0, 0], rel=0.01)
+    assert moved[0] == pytest.approx(moved[1], abs=1e-3 * np.abs(answer.corner_displacement).max())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (
+            {
+                "body": {
+                    "gravity": [0.0, -9.81],
+                    "regions": [region("grain", box=[[0, 0], [1, 0.3]])],
+                }
+            },
+            "body.gravity: the weight of two materials",
+        ),
+        (
+            {"scene": {"loads": [{"outline": "grain", "pressure": 1.0}]}},
+            "loads.0.outline: 'grain' is grain in matrix",
+        ),
+    ],
+)
+def test_what_is_not_proved_of_two_materials_is_refused(change: dict, words: str) -> None:
+    with pytest.raises(kaju.KajuError, match=words):
+        kaju.solve(plate(**change.get("body", {})).replace(**change.get("scene", {})))
+
+
+def test_there_is_no_traction_between_materials_along_a_hole() -> None:
+    answer = kaju.solve(plate(regions=[disk(0.31, "air", "hole")]), tolerance=0.2)
+    with pytest.raises(kaju.KajuError, match="no two materials"):
+        answer.outline_traction("hole")

@@ -53,14 +53,6 @@ def test_both_engines_give_the_same_numbers_to_the_end(make, order):
     assert_same(run(scene, engine="agents")[1], run(scene, engine="arrays")[1])
 
 
-@pytest.mark.parametrize("order", ORDERS)
-def test_a_model_that_is_reset_tells_the_same_story_again(order):
-    model, first = run(plate(order=order, threshold=0.05), engine="agents")
-    model.reset()
-    assert model.generation == 0
-    assert_same(model.run(), first)
-
-
 def test_objects_are_what_the_tables_say():
     model, result = run(ragged(threshold=0.02), engine="agents")
     by_type = model.agents_by_type

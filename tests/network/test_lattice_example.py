@@ -51,15 +51,6 @@ def test_a_net_without_supports_moves_in_three_ways_and_is_refused():
     assert "nothing holds the nodes" in lattice.without_supports()
 
 
-def test_the_matrix_of_connections_is_that_of_the_springs():
-    network = lattice.triangular(5)
-    joined = lattice.connections(network)
-    assert set(np.unique(joined)) == {0, 1}
-    np.testing.assert_array_equal(joined, joined.T)
-    found = {tuple(sorted(pair)) for pair in np.argwhere(joined).tolist()}
-    assert found == {tuple(sorted(pair)) for pair in network.springs.tolist()}
-
-
 def test_softer_springs_give_more():
     water, plain, salt = run.recipes(None).values()
     assert salt < plain < water

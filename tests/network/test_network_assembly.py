@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from kaju.model.network import Assembler, SpringNetwork, face_centred, random_geometric, triangular
-from kaju.model.network.assembler import elimination_order
 
 
 def looped(network, displacement, tension, stiffness):
@@ -64,43 +63,10 @@ def test_tangent_and_force_are_those_of_the_definition(network):
     )
 
 
-def test_the_tangent_is_how_the_force_changes():
-    network = triangular(4)
-    assembler = Assembler(network)
-    rng = np.random.default_rng(5)
-    displacement, step = 0.03 * rng.standard_normal((2, *network.positions.shape))
-    step[network.held] = 0.0
-
-    def force(u):
-        return assembler.internal_force(
-            assembler.geometry(u), network.stiffness * assembler.geometry(u).elongation
-        )
-
-    geometry = assembler.geometry(displacement)
-    tangent = assembler.tangent(geometry, geometry.elongation, network.stiffness)
-    h = 1e-5
-    slope = (force(displacement + h * step) - force(displacement - h * step)) / (2 * h)
-    assert tangent @ assembler.restrict(step) == pytest.approx(-assembler.restrict(slope), abs=1e-9)
-
-
 def test_tiny_displacements_keep_their_digits():
     network = SpringNetwork.build([[0, 0], [3, 4]], [[0, 1]], held=[True, False])
     displacement = np.array([[0.0, 0.0], [3e-18, 4e-18]])
     assert Assembler(network).geometry(displacement).elongation == pytest.approx(5e-18, rel=1e-14)
-
-
-def test_restrict_and_expand_undo_each_other():
-    assembler = Assembler(partly_held())
-    field = np.arange(46.0).reshape(23, 2)
-    kept = assembler.expand(assembler.restrict(field))
-    assert np.array_equal(kept, np.where(assembler.network.held, 0.0, field))
-
-
-@pytest.mark.parametrize("nodes", [1, 30, 500])
-def test_every_node_is_eliminated_once(nodes):
-    positions = np.random.default_rng(nodes).random((nodes, 2))
-    springs = np.stack([np.arange(nodes - 1), np.arange(1, nodes)], axis=1)
-    assert sorted(elimination_order(positions, springs)) == list(range(nodes))
 
 
 def test_the_order_keeps_the_factors_sparse():

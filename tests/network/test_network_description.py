@@ -91,15 +91,6 @@ def ladder():
     return graph
 
 
-def test_a_graph_of_networkx_needs_only_positions():
-    graph = ladder()
-    network = SpringNetwork.from_graph(graph, stiffness=3.0, rest_length=None)
-    assert network.names == tuple(graph.nodes)
-    assert len(network.springs) == graph.number_of_edges()
-    assert network.held[network.node((2, 0))].all()
-    assert not network.held[network.node((0, 1))].any()
-
-
 def test_attributes_of_a_graph_are_read_node_by_node():
     graph = nx.Graph()
     graph.add_node("foot", pos=(0, 0, 0), held=True)

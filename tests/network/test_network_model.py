@@ -58,15 +58,6 @@ def test_records_grow_with_the_steps():
     assert records["strain_energy"].iloc[-1] == pytest.approx(model.result.strain_energy())
 
 
-def test_reset_takes_all_loads_off():
-    model = NetworkModel(triangular(5), increments=3)
-    first = model.run().displacement
-    model.reset()
-    assert (model.increment, model.running, model.largest_displacement) == (0, True, 0.0)
-    assert not any(agent.displacement.any() for agent in model.node_agents)
-    assert np.array_equal(model.run().displacement, first)
-
-
 @pytest.mark.parametrize("agents", [True, False])
 def test_the_numbers_are_the_same_without_agents(agents):
     model = NetworkModel(triangular(4), increments=2, agents=agents)

@@ -54,19 +54,6 @@ def test_a_runnable_page_is_small_and_gives_the_reference_numbers(opened, plate)
     )
 
 
-def test_agents_of_ones_own_are_recorded(opened, tmp_path):
-    model = LoadModel(Scene(**PLATE), material_agent=Leaky)
-    path = kaju.export_page(model, tmp_path / "own.html")
-    page = opened(path)
-    last = model.result().last
-    assert page.tab.locator(".mode").inner_text() == "a recorded run · agents of your own: Leaky"
-    assert page.js("page.run.generation") == last.generations
-    assert page.js("(page.seek(Infinity), page.sums.taken.sum.reduce((a, b) => a + b))") == (
-        pytest.approx(last.ledger.taken, rel=1e-6)
-    )
-    assert page.messages == []
-
-
 class Stubborn(Leaky):
     """Keeps more than its share, and yields by a law of its own."""
 
@@ -223,18 +210,6 @@ def test_a_changed_scene_is_handed_out_and_runs_alike(opened, plate, tmp_path):
     assert page.js("[page.run.generation, page.run.agents]") == [last.generations, len(last.cells)]
     total = "page.sums.taken.sum.reduce((a, b) => a + b)"
     assert page.js(total) == pytest.approx(last.ledger.taken, rel=1e-12)
-
-
-def test_elasticity_stands_beside_the_rule(opened, plate):
-    page = opened(plate)
-    page.tab.get_by_role("button", name="Elasticity").click()
-    page.until("page.elastic.answer")
-    page.js("page.draw()")
-    solved = kaju.solve(Scene(**PLATE), strategy="uniform")
-    at = page.js("page.elastic.answer.displacement.map((u) => u[page.run.lattice.key([10, 19])])")
-    assert at == pytest.approx(solved.cells().displacement[10, 19], rel=1e-9)
-    assert "on average they differ by" in page.tab.locator(".cards").inner_text()
-    assert page.messages == []
 
 
 def test_a_cube_that_is_clicked_is_the_foremost_that_is_shown(opened, tmp_path):

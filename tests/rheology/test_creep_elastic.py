@@ -104,30 +104,6 @@ def test_two_layers_in_a_row_add_up_their_own_creep():
     np.testing.assert_allclose(crept[:, top], -expected[:, None] * np.ones(4), rtol=1e-5)
 
 
-def test_two_layers_side_by_side_under_a_given_squeeze_relax_each_for_itself():
-    kinds = np.zeros((4, 4), dtype=np.int64)
-    kinds[2:] = 1
-    other = ThreeElement.kelvin_voigt(4e4, 1e5)
-    materials = [Material("a", 1e5, 0.0, rheology=SOFT), Material("b", 4e4, 0.0, rheology=other)]
-    problem = make_problem(
-        kinds, [(1e5, 0.0), (4e4, 0.0)], EDGE,
-        sides={"bottom": "rigid", "top": ("displacement", (0.0, -0.001))},
-    )  # fmt: skip
-    system = CreepingBody(problem, materials)
-    _, energies = run(system)
-    strain = BITE.scaled(0.001 / (4 * EDGE))
-    # Work = volume of a half times the integral of stress over strain, on a fine time grid.
-    fine = np.union1d(np.linspace(0.0, 5.3, 20_001), BITE.times)
-    fine = fine[fine <= 5.3]
-    work = 0.0
-    for law in (SOFT, other):
-        middle = law.relaxation(
-            displacement=strain, times=0.5 * (fine[1:] + fine[:-1]), scheme="exact"
-        )
-        work += float(np.sum(middle * np.diff(strain.at(fine)))) * 8 * EDGE**2
-    assert energies[-1, 0] == pytest.approx(work, rel=2e-4)
-
-
 @pytest.mark.parametrize(("scheme", "order"), [("backward_euler", 1.0), ("sdirk2", 2.0)])
 def test_measured_order_with_an_inclusion(scheme, order):
     materials = [
@@ -163,27 +139,6 @@ def test_multigrid_and_factorisation_agree(monkeypatch):
         monkeypatch.setattr(creep_elastic, limit, {2: 0, 3: 0})
     multigrid, _ = run(body(inclusion(32), materials), times=[0.2, 1.0], step=0.1)
     np.testing.assert_allclose(multigrid, direct, atol=1e-8 * np.abs(direct).max())
-
-
-@pytest.mark.parametrize("pace", [1e-6, 1.0, 1e6, 1e12])
-def test_any_length_of_step_is_steady(pace):
-    voigt = ThreeElement.kelvin_voigt(1e5, 3e5)
-    materials = [Material("a", 1e5, 0.3, rheology=voigt), Material("b", 1e6, 0.3)]
-    times = 3.0 * pace * np.arange(1, 11)
-    system = body(inclusion(8), materials)
-    crept, _ = run(system, History.step(), times, step=3.0 * pace)
-    top = crept[:, system.numbering.number[1][4, -2]]
-    assert np.all(np.isfinite(crept))
-    assert np.all(np.diff(top, prepend=0.0) <= 1e-9 * np.abs(top).max())
-
-
-def test_a_nearly_incompressible_body_creeps():
-    rubber = Material("a", 1e5, 0.4999, rheology=SOFT)
-    materials = [rubber, Material("b", 1e6, 0.3)]
-    system = body(inclusion(), materials, plane="strain")
-    _, energies = run(system)
-    work, stored, dissipated, numerical, _ = energies.T
-    np.testing.assert_allclose(work - stored - dissipated - numerical, 0.0, atol=1e-9 * work.max())
 
 
 def test_what_geometric_multigrid_cannot_do_is_handed_on(monkeypatch):

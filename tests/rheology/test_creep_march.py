@@ -93,12 +93,6 @@ def test_a_mass_on_a_spring_swings():
     np.testing.assert_allclose(slopes, 2.0, atol=0.05)
 
 
-def test_a_light_mass_changes_nothing():
-    light = creep(ELEMENT, BITE, times=TIMES, step=0.05, mass=1e-12)
-    none = creep(ELEMENT, BITE, times=TIMES, step=0.05)
-    np.testing.assert_allclose(light.displacement, none.displacement, rtol=1e-9)
-
-
 def test_what_was_not_asked_for_is_refused():
     result = creep(ELEMENT, BITE, times=TIMES)
     assert result.record_at(5.2) == 4

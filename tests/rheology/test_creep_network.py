@@ -37,18 +37,6 @@ def rod():
     )
 
 
-def test_a_rod_creeps_as_its_springs_do():
-    times = np.linspace(0.5, 10.0, 20)
-    result = creep(
-        rod(), History.step(), 10.0, times=times, step=0.5, rheology=ELEMENT,
-        scheme="backward_euler",
-    )  # fmt: skip
-    alone = ELEMENT.creep(force=0.5, times=times)
-    gives = np.cumsum([1.0, 2.0 / 6.0, 2.0])
-    np.testing.assert_allclose(result.displacement[:, 1:, 0], np.outer(alone, gives), rtol=1e-11)
-    np.testing.assert_allclose(result.force, 0.5, rtol=1e-11)
-
-
 def test_each_spring_may_have_its_own_element():
     elements = [ELEMENT, ThreeElement.spring(6.0), ThreeElement.dashpot(1.0)]
     times = np.linspace(0.5, 10.0, 20)
@@ -91,22 +79,6 @@ def test_work_is_stored_dissipated_or_the_schemes_own(scheme, mass):
     np.testing.assert_allclose(left, 0.0, atol=1e-9 * np.abs(result.work).max())
     assert np.all(np.diff(result.dissipated) >= 0.0)
     assert np.abs(result.numerical[-1]) < 0.1 * result.work[-1]
-
-
-@pytest.mark.parametrize("pace", [1e-6, 1e-3, 1.0, 1e3, 1e12])
-def test_any_length_of_step_is_steady(pace):
-    step = 1.5 * pace
-    times = step * np.arange(1, 21)
-    voigt = ThreeElement.kelvin_voigt(2.0, 3.0)
-    for scheme in ("backward_euler", "sdirk2"):
-        result = creep(
-            truss(), History.step(), times[-1], times=times, step=step, rheology=voigt,
-            scheme=scheme,
-        )  # fmt: skip
-        sink = result.displacement[:, 2, 1]
-        assert np.all(np.isfinite(sink))
-        assert np.all(np.diff(sink, prepend=0.0) <= 1e-14)
-        assert sink[-1] >= -0.1118
 
 
 def test_small_loads_follow_the_correspondence_principle():

@@ -149,15 +149,6 @@ def test_an_image_is_read_by_its_colours(tmp_path):
     assert scene.rasterise().T[::-1].tolist() == [[AIR, 0, AIR], [0, 0, RIGID]]
 
 
-def test_hexagons():
-    scene = Scene(
-        body={"lattice": "hexagon", "cells": [3, 4], "cell_size": 0.1, "material": "oak"},
-        sides={"bottom": "rigid"},
-    )
-    assert scene.lattice.kind == "hexagon"
-    assert scene.kinds([[0, 0], [-1, 0], [0, -1]]).tolist() == [0, AIR, RIGID]
-
-
 def test_numpy_numbers_are_numbers():
     scene = plate(
         np.array([4, 2]),

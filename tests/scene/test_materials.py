@@ -22,11 +22,6 @@ def test_every_entry_has_name_density_and_source(entry):
     assert len(entry.source) > 10
 
 
-def test_a_material_is_found_by_name():
-    assert material("steel").youngs_modulus == 206e9
-    assert material("steel").poissons_ratio == 0.3
-
-
 def test_a_near_spelling_is_suggested():
     with pytest.raises(
         ParameterError, match=r"no 'stele' \(did you mean 'steel'\?\); it has steel"

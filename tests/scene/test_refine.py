@@ -36,11 +36,6 @@ def test_a_plate_keeps_its_size():
     assert sized.refine(2).body.size == (0.2, 0.2)
 
 
-def test_by_one_nothing_changes():
-    scene = plate({"point": [0.1, 0.3], "force": [0, -1]})
-    assert scene.refine(1) == scene
-
-
 def test_pictures_repeat_their_cells():
     scene = Scene.from_drawing(
         "#.\n##", legend={"#": "ice", ".": "air"}, cell_size=0.1, sides={"bottom": "rigid"}
@@ -68,13 +63,6 @@ def test_a_load_on_a_surface_cell_becomes_a_load_on_that_surface():
     assert fine.stages == 5
     applied = fine.applied()
     assert applied.cells.tolist() == [[2, 5], [3, 5]]
-    assert applied.direction.tolist() == [3, 3]
-    assert applied.force.tolist() == [[0, -1], [0, -1]]
-
-
-def test_a_load_inside_is_spread_over_the_same_face():
-    applied = plate({"cell": [1, 1], "force": [0, -2]}).refine(2).applied()
-    assert applied.cells.tolist() == [[2, 3], [3, 3]]
     assert applied.direction.tolist() == [3, 3]
     assert applied.force.tolist() == [[0, -1], [0, -1]]
 

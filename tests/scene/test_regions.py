@@ -67,22 +67,6 @@ def test_a_triangle_includes_the_centres_on_its_long_side():
     assert np.array_equal(scene.rasterise() == AIR, i + j <= 3)
 
 
-def test_the_order_of_corners_does_not_matter():
-    corners = [[1, 1], [7, 2], [5, 6], [2, 7]]
-    one = plate({"polygon": corners, "material": "air"})
-    other = plate({"polygon": corners[::-1], "material": "air"})
-    assert np.array_equal(one.rasterise(), other.rasterise())
-
-
-def test_a_ball():
-    scene = plate(
-        {"ball": {"centre": [2, 2, 2], "radius": 1.0}, "material": "air"}, cells=(4, 4, 4)
-    )
-    assert np.argwhere(scene.rasterise() == AIR).tolist() == [
-        [i, j, k] for i in (1, 2) for j in (1, 2) for k in (1, 2)
-    ]
-
-
 def test_the_dark_pixels_of_an_image(tmp_path):
     pixels = np.array([[255, 0], [0, 0]], dtype=np.uint8)
     Image.fromarray(pixels).save(tmp_path / "hole.png")
@@ -100,17 +84,6 @@ def test_a_body_of_regions_only():
     assert np.count_nonzero(scene.kinds(inside) == 0) == 4
     assert np.count_nonzero(scene.rasterise() == 0) == 4
     assert np.all(upper - lower <= 5)
-
-
-def test_regions_over_a_drawing():
-    scene = Scene.from_drawing(
-        "##\n##",
-        legend={"#": "steel"},
-        cell_size=1.0,
-        regions=[{"box": [[0, 0], [1, 1]], "material": "rubber"}],
-        sides={"bottom": "rigid"},
-    )
-    assert picture(scene) == [[0, 0], [1, 0]]
 
 
 def test_hexagons_are_asked_at_their_centres():

@@ -7,8 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 from elastic_scenes import spawned_agents
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from kaju import Scene, solve
 from kaju.errors import ParameterError, SupportError
@@ -82,18 +80,6 @@ def test_agents_that_suit_another_load_keep_their_matrices():
     assert again.found.spawning.balance.strains is first.found.spawning.balance.strains
     assert again.found.spawning.retired == 0
     assert_as_good(again, spawned(turned))
-
-
-def test_the_previous_answer_stays_as_it_was():
-    first = spawned(plate())
-    before = (
-        first.found.spawning.displacement.copy(),
-        first.reactions,
-    )
-    spawned(plate(loads=press(2)), previous=first, tolerance=0.02)
-    np.testing.assert_array_equal(first.found.spawning.displacement, before[0])
-    np.testing.assert_array_equal(first.reactions["bottom"], before[1]["bottom"])
-    assert first.grid.loads == tuple(plate().loads)
 
 
 def test_agents_retire_where_a_load_has_gone():
@@ -173,22 +159,6 @@ def test_twice_the_same_gives_the_same():
     np.testing.assert_array_equal(one.lower, other.lower)
 
 
-@settings(max_examples=5, deadline=None)
-@given(st.data())
-def test_any_chain_of_changes_ends_as_good_as_afresh(data):
-    scene, result = plate(), spawned(plate(), tolerance=0.06)
-    for _ in range(4):
-        first = data.draw(st.integers(0, 28))
-        if data.draw(st.booleans()):
-            along = data.draw(st.floats(-2, 2))
-            scene = scene.replace(loads=press(first, (along, -1.0)))
-        else:
-            x, y = (data.draw(st.floats(0.03, high)) for high in (0.17, 0.07))
-            scene = plate(loads=scene.loads).with_region(disk={"centre": [x, y], "radius": 0.015})
-        result = spawned(scene, tolerance=0.06, previous=result)
-    assert_as_good(result, spawned(scene, tolerance=0.06))
-
-
 @pytest.mark.slow
 def test_agents_do_not_pile_up_over_many_moves():
     random, result, ratio = np.random.default_rng(5), None, []
@@ -254,19 +224,6 @@ def test_history_starts_with_the_agents_taken_over(loads):
     assert (again.cause[again.spawn_step == 0] == 0.0).all()
     working = again.family.rows[again.family.working]
     np.testing.assert_array_equal(working["spawn_step"], again.spawn_step)
-
-
-def test_halved_members_stay_so_and_are_told_of():
-    member = Scene.from_drawing(
-        "##......\n##......\n########", legend={"#": "steel", ".": "air"}, cell_size=0.01,
-        sides={"left": "rigid"}, loads=[{"cell": [7, 0], "force": [0.0, -1.0]}],
-    )  # fmt: skip
-    first = spawned(member, tolerance=0.3)
-    other = member.replace(loads=[{"cell": [5, 0], "force": [0.5, -1.0]}])
-    again = spawned(other, tolerance=0.3, previous=first)
-    assert "one cell wide" in again.summary()["notes"][0]
-    fresh = spawned(other, tolerance=0.3)
-    assert again.strain_energy == pytest.approx(fresh.strain_energy, rel=0.1)
 
 
 def test_a_stored_answer_serves_too(tmp_path):

@@ -137,15 +137,6 @@ def test_history_tells_every_generation(model):
     np.testing.assert_allclose(found.family.lower[rows], found.lower)
 
 
-def test_reset_starts_again():
-    model = SpawningModel(block(), 0.2)
-    first = model.run()
-    model.reset()
-    assert (model.generation, model.running) == (0, True)
-    assert all(agent.parent is None for agent in model.agents)
-    assert_same_rows(model.run().family, first.family)
-
-
 def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(spawning_model, "MOST_OBJECTS", 100)
     model = SpawningModel(block(), 0.08)
@@ -156,21 +147,6 @@ def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
     assert model.agent(0) is first
     held = next(agent for agent in model.agents if not agent.alive)
     assert held.children[0].parent is held
-
-
-def test_mesa_collects_what_agents_tell():
-    from mesa import DataCollector
-
-    model = SpawningModel(block(), 0.2)
-    collector = DataCollector(
-        model_reporters={"error": "error_estimate"},
-        agent_reporters={"level": "level", "alive": "alive"},
-    )
-    model.step()
-    collector.collect(model)
-    table = collector.get_agent_vars_dataframe()
-    assert len(table) == len(model.agents)
-    assert table["alive"].all()
 
 
 def test_run_that_may_not_have_enough_agents_says_so():

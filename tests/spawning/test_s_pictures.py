@@ -90,21 +90,6 @@ def test_octree_is_cut_open_where_agents_are_small(solid):
     assert "cut away" in words(figure)
 
 
-def test_hole_in_the_middle_can_be_looked_into():
-    hole = {"material": "air", "box": [[0.25, 0.25, 0.25], [0.75, 0.75, 0.75]]}
-    body = {"size": [1.0] * 3, "cells": [8] * 3, "material": "steel", "regions": [hole]}
-    load = {"region": {"box": [[0.25, 0.25, 1], [0.75, 0.75, 1]]}, "force": [0, 0, -1.0]}
-    scene = Scene(body=body, sides={"bottom": "rigid"}, loads=[load])
-    result = solve(scene, strategy="spawning", tolerance=0.4)
-    view = view_of(result)._replace(planes=(0.5, 0.5))
-    upper = result.lower + result.size[:, None]
-    faces, _, light = seen_faces(scene, view, result.lower, upper)
-    edges = np.linalg.norm(np.diff(faces, axis=1), axis=2)
-    area = edges[:, 0] * edges[:, 1]
-    # Both cuts have lost an eighth of the block's side to the hole.
-    assert area[light == 1.0].sum() == pytest.approx(2 * (0.5 - 0.125))
-
-
 def test_fields_are_drawn_on_the_agents(flat):
     size = np.linalg.norm(flat.displacement, axis=1)
     found = drawn(plot(flat, "displacement"), "map").get_array()
@@ -114,12 +99,6 @@ def test_fields_are_drawn_on_the_agents(flat):
         np.testing.assert_array_equal(found, getattr(flat, what)[:, a, b])
     found = drawn(plot(flat, "von_mises"), "map").get_array()
     np.testing.assert_array_equal(found, flat.von_mises)
-
-
-def test_layers_of_cubes_show_the_fields_of_those_that_they_meet(solid):
-    found = drawn(plot(solid, "von_mises", cut={"x": 0.4}), "map").get_array()
-    met = (solid.lower[:, 0] <= 0.4) & (solid.lower[:, 0] + solid.size > 0.4)
-    np.testing.assert_array_equal(found, solid.von_mises[met])
 
 
 @pytest.mark.parametrize("name", ["flat", "solid"])
@@ -193,12 +172,6 @@ def test_films_have_a_frame_for_each_generation(name, request, tmp_path):
     if name == "solid":
         path = animate(result, tmp_path / "film.gif", cut={"y": 0.4})
         assert durations(path) == count
-
-
-def test_films_of_stored_results_are_the_same(flat, tmp_path):
-    stored = type(flat).load(flat.save(tmp_path / "result.npz"))
-    first, again = (animate(r, tmp_path / "film.gif").read_bytes() for r in (flat, stored))
-    assert first == again
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,9 @@
 """What an agent can tell of itself."""
 
 import networkx as nx
-import numpy as np
 import pytest
-from plates import plate
 
-from kaju import LoadModel, MaterialAgent, PrescribedRule, Scene
+from kaju import LoadModel, PrescribedRule, Scene
 from kaju.agents.boundary_agent import FreeBoundaryAgent, RigidBoundaryAgent, RollerBoundaryAgent
 from kaju.model.transfer.agent_engine import AgentEngine
 
@@ -96,20 +94,6 @@ def test_an_agent_is_woken_by_all_that_reach_it_first():
         stage = LoadModel(scene, engine=engine).run().last
         middle = stage.cells.tolist().index([1, 1])
         assert stage.woken_by[middle] == 2**LEFT + 2**RIGHT
-
-
-class Greedy(MaterialAgent):
-    """Passes on only what goes ahead."""
-
-    def pass_on(self, load):
-        self.model.hand_over(self, load.direction, load._replace(magnitude=0.4 * load.magnitude))
-
-
-def test_a_subclass_changes_the_rule():
-    scene = plate([3, 9], [1, 8], rule=PrescribedRule(threshold=0.1))
-    stage = LoadModel(scene, material_agent=Greedy).run().last
-    assert stage.cells.tolist() == [[1, row] for row in (8, 7, 6, 5)]
-    np.testing.assert_allclose(stage.taken[:, DOWN], [2.0, 0.8, 0.32, 0.128])
 
 
 def test_the_load_path_is_a_graph_of_loads():

@@ -68,17 +68,6 @@ def test_stages_below_the_threshold_are_kept(engine):
 
 
 @ENGINES
-def test_reset_starts_again(engine):
-    model = LoadModel(plate(steps=3), engine=engine)
-    first = model.run()
-    model.reset()
-    assert (model.stage, model.generation, model.running) == (1, 0, True)
-    second = model.run()
-    assert first.summary() | {"seconds": 0} == second.summary() | {"seconds": 0}
-    assert len(second.last.cells) + len(second.last.boundary_cells) == 38
-
-
-@ENGINES
 def test_a_run_can_be_looked_at_half_way(engine):
     model = LoadModel(plate(), engine=engine)
     for _ in range(3):
@@ -99,26 +88,3 @@ def test_history_adds_up_to_what_was_taken(engine):
     first = np.full(len(stage.cells), 99)
     np.minimum.at(first, stage.history.agent, stage.history.generation)
     assert (first == stage.spawn_step).all()
-
-
-def test_a_force_at_an_angle_is_split():
-    scene = pressed([5, 5], [2, 4], [0.6, -0.8], rule=PrescribedRule(threshold=0.5))
-    stage = LoadModel(scene).run().last
-    assert stage.taken[0].tolist() == [0.0, 0.6, 0.8, 0.0]
-    assert stage.ledger.applied == pytest.approx(1.4)
-
-
-def test_a_force_on_a_hexagon_is_split_between_two_normals():
-    scene = pressed(
-        [5, 5], [2, 4], [0.0, -3.0], lattice="hexagon", rule=PrescribedRule(threshold=1.6)
-    )
-    taken = LoadModel(scene).run().last.taken[0]
-    np.testing.assert_allclose(taken, [0, 0, 0, 0, np.sqrt(3), np.sqrt(3)], atol=1e-12)
-
-
-def test_a_giant_plate_costs_what_its_load_reaches():
-    scene = pressed([10**6, 10**6], [500_000, 999_999], rule=PrescribedRule(threshold=1e-6))
-    result = LoadModel(scene).run()
-    assert len(result.last.cells) == 365
-    assert result.last.ledger.imbalance < 1e-12
-    assert result.summary()["max_displacement"] > 0.0

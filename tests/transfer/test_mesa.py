@@ -7,7 +7,6 @@ import subprocess
 import sys
 import weakref
 
-import mesa
 import numpy as np
 import pytest
 from plates import plate as pressed
@@ -74,14 +73,6 @@ def test_the_data_collector_follows_every_step(engine):
     assert (model.space is None) == (engine == "arrays")
 
 
-def test_a_collector_of_ones_own():
-    model = LoadModel(plate())
-    model.datacollector = mesa.DataCollector(agent_reporters={"kept": "kept"})
-    model.run()
-    frame = model.datacollector.get_agent_vars_dataframe()
-    assert frame.loc[model.steps]["kept"].sum() == pytest.approx(model.result().last.ledger.kept)
-
-
 @ENGINES
 def test_until_pauses_and_a_finished_model_counts_nothing(engine):
     model = LoadModel(plate(), engine=engine)
@@ -94,15 +85,6 @@ def test_until_pauses_and_a_finished_model_counts_nothing(engine):
     model.reset()
     assert (model.steps, model.generation, model.running) == (0, 0, True)
     assert len(model.datacollector.get_model_vars_dataframe()) == 0
-
-
-@pytest.mark.skipif(not hasattr(mesa, "batch_run"), reason="Mesa 4 has none yet")
-def test_batch_run():
-    rows = mesa.batch_run(
-        LoadModel, {"scene": plate(), "engine": ["agents", "arrays"]}, display_progress=False
-    )
-    assert [row["material_agents"] for row in rows] == [85, 85]
-    assert rows[0]["load_taken"] == pytest.approx(21.104765625)
 
 
 def sisters():

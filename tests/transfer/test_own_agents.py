@@ -13,12 +13,8 @@ from kaju import (
     PrescribedRule,
     Scene,
     Shares,
-    compare,
-    solve,
 )
 from kaju.errors import ParameterError
-
-DOWN = 2
 
 
 def column(force=-1.0, cells=6, threshold=0.05, alpha=(0.5, 0.8, 0.0), **rule):
@@ -212,9 +208,3 @@ def test_random_shares_come_from_the_seed():
     first = model.run().last.taken
     model.reset()
     np.testing.assert_array_equal(model.run().last.taken, first)
-
-
-def test_own_agents_can_be_compared_with_elasticity():
-    scene = column(-2.0, alpha=(0.5, 0.98, 0.0), threshold=1e-3)
-    misfit = compare(LoadModel(scene, material_agent=Soft).run(), solve(scene))
-    assert np.isfinite(misfit.displacement.misfit)

@@ -135,18 +135,6 @@ def test_a_mirrored_scene_has_the_mirrored_answer(engine, sense):
         np.testing.assert_allclose(moved[image] * [-1.0, 1.0], shift, rtol=1e-9, atol=1e-20)
 
 
-def test_a_triangle_on_the_ground_yields_by_its_own_share():
-    """Alone it is squeezed by e along its height, so its middle, a third up, sinks by e h / 3."""
-    rule = PrescribedRule((0.5, 0.5, 0.25), 1.0, threshold=0.9)
-    result = LoadModel(sheet((5, 1), cell=(2, 0), rule=rule)).run()
-    side = 2.0 * 0.01 / sqrt(3.0)
-    squeezed = 0.5 / (0.5 * side) / STRAIGHT.youngs_modulus
-    np.testing.assert_allclose(result.strain, [[[0.0, 0.0], [0.0, -squeezed]]], atol=1e-20)
-    np.testing.assert_allclose(
-        result.displacement, [[0.0, -squeezed * 0.01 / 3.0]], rtol=1e-12, atol=1e-20
-    )
-
-
 class OutlinedSquares(Lattice):
     """Squares that say no more than they must."""
 
@@ -422,52 +410,6 @@ def test_a_lattice_that_does_not_fit_together_is_refused(lattice, words):
 def test_a_lattice_in_the_plane_takes_two_numbers_of_cells():
     with pytest.raises(SceneError, match="'triangle' has 2 axes"):
         sheet((3, 3, 3))
-
-
-class Diamonds(Lattice):
-    """Squares that stand on a corner; odd rows lie half a diagonal to the right."""
-
-    kind = "diamond"
-    forms = 2
-
-    def form(self, cells):
-        return cells[:, 1] % 2
-
-    def outline(self, form):
-        return self.cell_size / sqrt(2.0) * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]])
-
-    def centres(self, cells):
-        x = cells[:, 0] + 0.5 * (1 + self.form(cells))
-        return self.cell_size * sqrt(2.0) * np.stack([x, 0.5 * (cells[:, 1] + 1)], axis=1)
-
-
-def test_squares_on_a_corner_do_turned_what_squares_do():
-    """A load along a diagonal of the coordinates, far from any boundary."""
-    rule = PrescribedRule(threshold=1e-3)
-    body = {"cell_size": 0.01, "cells": [41, 41], "material": "steel", "allow_floating": True}
-    force = 2.0 / sqrt(2.0)
-    found = []
-    for lattice, cell, load in (
-        ("square", [20, 20], [2.0, 0.0]),
-        (Diamonds, [20, 20], [force, force]),
-    ):
-        scene = Scene(
-            body=body | {"lattice": lattice}, loads=[{"cell": cell, "force": load}], rule=rule
-        )
-        result = LoadModel(scene).run()
-        assert len(result.last.boundary_cells) == 0
-        middles = scene.lattice.centres(result.last.cells) - scene.lattice.centres(np.array([cell]))
-        taken = result.last.taken.sum(axis=1)
-        found.append((middles / 0.01, taken, result.strain))
-    (square, taken, strain), (turned, *others) = found
-    turn = sqrt(0.5) * np.array([[1.0, -1.0], [1.0, 1.0]])
-    order = np.lexsort(np.rint(square).T)
-    other = np.lexsort(np.rint(turned @ turn).T)
-    np.testing.assert_allclose((turned @ turn)[other], square[order], atol=1e-9)
-    np.testing.assert_allclose(others[0][other], taken[order], rtol=1e-12)
-    np.testing.assert_allclose(
-        (turn.T @ others[1] @ turn)[other], strain[order], rtol=1e-9, atol=1e-20
-    )
 
 
 class Rhombi(Lattice):

@@ -74,21 +74,6 @@ def test_the_bounds_enclose_the_dense_spectral_radius(scene):
     assert radius <= certificate.upper + 1e-3
 
 
-def test_power_iteration_narrows_down_two_materials():
-    certificate = stability(Scene(**TWO, rule=PrescribedRule(beta=0.0)))
-    operator = transfer_operator(*_scene_and_transfer(TWO)).toarray()
-    assert certificate.spectral_radius == pytest.approx(
-        np.abs(np.linalg.eigvals(operator)).max(), rel=1e-6
-    )
-    columns = operator.sum(axis=0)
-    assert columns.min() < certificate.spectral_radius < columns.max()
-
-
-def _scene_and_transfer(table):
-    scene = Scene(**table, rule=PrescribedRule(beta=0.0))
-    return scene, Transfer(scene)
-
-
 def test_the_operator_does_what_a_generation_does():
     """T applied to the loads of one generation gives those of the next."""
     scene = Scene(**TWO, rule=PrescribedRule(beta=0.2, threshold=1e-9))

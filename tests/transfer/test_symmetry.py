@@ -58,26 +58,6 @@ def test_a_turned_scene_has_a_turned_result(engine, accumulate):
         )
 
 
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
-def test_a_symmetric_scene_has_a_symmetric_result(engine):
-    result = run("#######\n##...##\n#######", [((3, 2), (0.0, -2.0))], {"bottom": "rigid"}, engine)
-    table = as_table(result)
-    assert len(table) > 10
-    for (column, row), (left, right, down, up, step) in table.items():
-        assert table[6 - column, row] == pytest.approx([right, left, down, up, step], rel=1e-13)
-
-
-@pytest.mark.parametrize("engine", ["agents", "arrays"])
-def test_the_order_of_loads_does_not_matter(engine):
-    loads = [((1, 2), (0.3, -2.0)), ((5, 2), (0.0, -1.0)), ((3, 0), (-1.0, 0.25))]
-    body = "\n".join(["#######"] * 3)
-    one = as_table(run(body, loads, {"bottom": "rigid"}, engine))
-    other = as_table(run(body, loads[::-1], {"bottom": "rigid"}, engine))
-    assert one.keys() == other.keys()
-    for cell, values in one.items():
-        np.testing.assert_allclose(other[cell], values, rtol=1e-13)
-
-
 def test_each_load_by_itself_is_superposition():
     """Judged one by one, two loads do exactly what they do alone, added up."""
     body = "\n".join(["#######"] * 4)

@@ -72,11 +72,6 @@ def test_a_stored_result_is_read_whatever_its_kind(result, tmp_path):
         load_result(tmp_path / "strange.npz")
 
 
-def test_the_file_needs_no_pickle(result, tmp_path):
-    with np.load(result.save(tmp_path / "run"), allow_pickle=False) as archive:
-        assert all(archive[name].dtype != object for name in archive.files)
-
-
 def test_files_that_are_no_results_are_refused(result, tmp_path):
     with pytest.raises(ResultFileError, match="cannot be read: No such file"):
         TransferResult.load(tmp_path / "nothing.npz")

@@ -97,9 +97,3 @@ def test_materials_of_a_file_are_listed(files):
     assert "agar" in told.stdout
     assert "granite" not in told.stdout
     assert "granite" in kaju_says("materials").stdout
-
-
-def test_other_languages_are_refused(files):
-    told = kaju_says("page", files / "block.toml", "--language", "fr", "--out", files / "p.html")
-    assert told.exit_code == 2
-    assert "'en', 'de'" in told.output

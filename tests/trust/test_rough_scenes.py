@@ -1,12 +1,11 @@
 """Scenes that once crashed, never ended or were quietly wrong: right, noted, or refused by name."""
 
-import networkx as nx
 import numpy as np
 import pytest
 
 import kaju
-from kaju import History, Scene, SpringNetwork, ThreeElement, creep, factors, solve
-from kaju.errors import ConvergenceError, KajuError, MechanismError, OutOfMemoryError, SceneError
+from kaju import Scene, factors, solve
+from kaju.errors import ConvergenceError, KajuError, OutOfMemoryError, SceneError
 
 EVERY_WAY = [{}, {"tolerance": 0.05}, {"strategy": "spawning", "tolerance": 0.02}]
 
@@ -40,22 +39,6 @@ def missing(scene, result):
 def test_numbers_that_no_computer_holds_are_refused(extreme, how):
     with pytest.raises(SceneError, match=r"1e-?\d+, beyond the numbers that a computer holds"):
         solve(block(**extreme), **how)
-
-
-def test_creep_of_a_mechanism_names_the_node_that_moves():
-    chain = nx.path_graph(3)
-    for i in range(3):
-        chain.nodes[i].update(pos=(float(i), 0.0), held=i == 0)
-    chain.nodes[2]["force"] = (1e-3, 0.0)
-    nx.set_edge_attributes(chain, 1.0, "stiffness")
-    network = SpringNetwork.from_graph(chain, rest_length=None)
-    with pytest.raises(MechanismError, match="the network is a mechanism: the nodes 1"):
-        creep(
-            network,
-            History.step().hold(3.0),
-            times=[1.0, 3.0],
-            rheology=ThreeElement(K_f=1.0, D_f=1.0, D_d=10.0),
-        )
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import kaju
-from kaju import ElasticRule, History, LoadModel, Scene, creep, solve
+from kaju import LoadModel, Scene, creep, solve
 from kaju.errors import KajuError, ParameterError, ResultError
 from kaju.model.scene.shared_materials import shared_materials
 
@@ -61,21 +61,6 @@ def test_other_things_that_are_no_scene_or_result(tmp_path):
 def test_pictures_name_the_options_that_they_have(what, option, told):
     with pytest.raises(ParameterError, match=f"{option}: .*{told}"):
         kaju.plot(LoadModel(block()).run(), what, **{option: 1})
-
-
-def test_films_and_elastic_pictures_name_theirs(tmp_path):
-    with pytest.raises(ParameterError, match="speed: 'generations' has no such option"):
-        kaju.animate(LoadModel(block()).run(), tmp_path / "film.gif", speed=2)
-    answer = solve(block())
-    for what in ("agents", "displacement", "scene"):
-        with pytest.raises(KajuError, match=r"speed: .* has no such option"):
-            kaju.plot(answer, what, speed=2)
-    run = kaju.ElasticModel(block(rule=ElasticRule(threshold=0.1))).run()
-    with pytest.raises(ParameterError, match="speed: 'stress' has no such option"):
-        kaju.plot(run, "stress", speed=2)
-    course = creep(block(), History.step().hold(1.0))
-    with pytest.raises(ParameterError, match="times: 'deformed' has no such option"):
-        kaju.plot(course, "deformed", times=1)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from kaju.errors import MissingExtraError, ParameterError, ResultFileError
 from kaju.model.network.spring_lattices import triangular
 from kaju.model.scene import Scene
 from kaju.model.study.solving import solve
-from kaju.model.transfer import load_model
 from kaju.model.transfer.load_model import LoadModel
 from kaju.model.transfer.transfer_result import TransferResult
 from kaju.view import animate
@@ -63,19 +62,6 @@ def test_cubes_are_animated_in_space_and_in_sections(tmp_path) -> None:
 def test_networks_have_a_frame_for_each_increment(tmp_path) -> None:
     loaded = triangular(3).solve(5)
     assert len(durations(animate(loaded, tmp_path / "network.gif"))) == 6
-
-
-def test_a_stored_run_is_animated_without_running_again(result, tmp_path, monkeypatch) -> None:
-    stored = TransferResult.load(result.save(tmp_path / "result.npz"))
-
-    def refuse(*_: object, **__: object) -> None:
-        raise AssertionError("the model was run again")
-
-    monkeypatch.setattr(load_model.LoadModel, "__init__", refuse)
-    monkeypatch.setattr(load_model.LoadModel, "step", refuse)
-    for what in ("generations", "stages"):
-        first = animate(stored, tmp_path / "stored.gif", what, bare=True).read_bytes()
-        assert first == animate(result, tmp_path / "fresh.gif", what, bare=True).read_bytes()
 
 
 def test_a_run_in_which_nothing_happens_is_one_frame(tmp_path) -> None:

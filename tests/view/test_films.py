@@ -110,18 +110,6 @@ class Glb:
         return times, self.array(sampler["output"]).reshape(len(times), -1)
 
 
-def test_every_generation_is_a_morph_target(run, tmp_path) -> None:
-    glb = Glb(kaju.animate(run, tmp_path / "run.glb", fps=4.0, hold=1.0))
-    generations = run.last.generations
-    targets = glb.targets()
-    assert len(targets) == generations
-    times, weights = glb.keys()
-    np.testing.assert_allclose(np.diff(times), [*[0.25] * generations, 1.0])
-    np.testing.assert_array_equal(weights[1:-1], np.eye(generations))
-    assert not weights[0].any()
-    np.testing.assert_array_equal(weights[-1], weights[-2])
-
-
 def test_the_last_target_is_the_magnified_displacement(run, tmp_path) -> None:
     glb = Glb(kaju.animate(run, tmp_path / "run.glb", magnification=5e4))
     assert glb.about["asset"]["extras"]["magnification"] == 5e4

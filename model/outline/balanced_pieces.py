@@ -37,14 +37,14 @@ class WholeLeaf(NamedTuple):
     """Leaves that are whole and alike in what hangs on their sides, made of triangles."""
 
     triangles: SplitTriangles
-    own: Ints
-    """Unknowns of the twelve of each triangle: first those of the sides, then of the spokes."""
+    sides: Floats
+    """Their ends in a unit square, counter-clockwise. Shape (n, 2, 2)."""
     matrix: Floats
     """Forces on the sides by displacements of the sides."""
-    inner: Floats
-    """Displacements of the spokes by those of the sides."""
-    hanging: Floats
-    """Displacements of the spokes under the weight, where no side moves."""
+    answer: Floats
+    """Patterns of each triangle by displacements of the sides."""
+    sagging: Floats
+    """Patterns under the weight where no side moves."""
     law: Law
 
 
@@ -66,11 +66,14 @@ def whole_leaf(halved: tuple[bool, ...], law: Law, weight: Point) -> WholeLeaf:
     for rows, part in zip(own, triangles.matrix, strict=True):
         matrix[np.ix_(rows, rows)] += part
     sides, spokes = slice(0, 4 * n), slice(4 * n, 8 * n)
-    inner = np.asarray(-np.linalg.solve(matrix[spokes, spokes], matrix[spokes, sides]), np.float64)
     borne = np.bincount(own.ravel(), triangles.tractions(triangles.sagging).ravel(), 8 * n)
-    hanging = np.asarray(-np.linalg.solve(matrix[spokes, spokes], borne[spokes]), np.float64)
-    outer = matrix[sides, sides] + matrix[sides, spokes] @ inner
-    return WholeLeaf(triangles, own, outer, inner, hanging, law)
+    asked = np.column_stack([matrix[spokes, sides], borne[spokes]])
+    inner = -np.linalg.solve(matrix[spokes, spokes], asked)
+    moved = np.concatenate([np.eye(4 * n, 4 * n + 1), inner])  # the last column by the weight
+    answer = triangles.answer @ moved[own]
+    sagging = answer[..., -1] + triangles.sagging
+    outer = matrix[sides, sides] + matrix[sides, spokes] @ inner[:, :-1]
+    return WholeLeaf(triangles, corners[:, :2], outer, answer[..., :-1], sagging, law)
 
 
 def _ring(low: Point, size: float, halved: tuple[bool, ...]) -> list[Point]:
@@ -120,13 +123,9 @@ class BalancedPieces:
     def _triangulate(
         self, held: list[Held], halved: Flags, near: Flags, laws: tuple[Law, ...]
     ) -> None:
-        leaves = self.leaves
+        leaves, alike = self.leaves, ~near
         self.laws = list(dict.fromkeys([*laws, *(law for of in held for law in of)]))
         first = np.array([self.laws.index(next(iter(of))) if of else -1 for of in held])
-        whole: dict[tuple[int, tuple[bool, ...]], list[int]] = {(0, (False,) * 4): []}  # first
-        for law, *half in np.unique(np.column_stack([first, halved])[~near], axis=0).tolist():
-            rows = np.flatnonzero(~near & (first == law) & (halved == half).all(axis=1))
-            whole[law, tuple(map(bool, half))] = rows.tolist()
         squares, rings = [], []
         for leaf in np.flatnonzero(near).tolist():
             size = float(leaves.size[leaf] * leaves.unit)
@@ -152,7 +151,7 @@ class BalancedPieces:
                 number = self.laws.index(law)
                 split = _with_points_beside(ring, square, lines)
                 if pieces_of is None and len(split) == len(ring):
-                    whole.setdefault((number, tuple(halved[leaf].tolist())), []).append(leaf)
+                    alike[leaf] = True
                     continue
                 made = _triangles_in(split, edge)
                 corners += made
@@ -168,32 +167,35 @@ class BalancedPieces:
         compliance = np.array([law.compliance for law in self.laws])
         self.cut = SplitTriangles(self.corners, compliance[self.law], self.weight)
         x, y = self.weight.tolist()
+        kind = np.where(alike, 16 * first + halved @ [1, 2, 4, 8], -1)
         self.whole = [
-            (whole_leaf(half, self.laws[law], (x, y)), half, np.array(rows, dtype=np.int64))
-            for (law, half), rows in whole.items()
+            (
+                whole_leaf(tuple(k >> s & 1 > 0 for s in range(4)), self.laws[k // 16], (x, y)),
+                np.flatnonzero(kind == k),
+            )
+            for k in np.union1d(kind[alike], 0).tolist()  # 0 in any case, and first
         ]
         self.area = np.zeros(len(leaves))
         np.add.at(self.area, self.owner, self.cut.area)
-        for _, _, rows in self.whole:
-            self.area[rows] = (leaves.size[rows] * leaves.unit) ** 2
+        self.area[alike] = (leaves.size[alike] * leaves.unit) ** 2
 
     def _join(self) -> None:
         """Count the sides: first those of triangles in cut leaves, then those round whole ones."""
         ends = [self.corners[:, [0, 1]], self.corners[:, [1, 2]], self.corners[:, [2, 0]]]
         starts = [np.stack(ends, axis=1).reshape(-1, 2, 2)]
         leaf_of, law_of = [np.repeat(self.owner, 3)], [np.repeat(self.law, 3)]
-        for known, half, rows in self.whole:
-            ring = np.array(_ring((0.0, 0.0), 1.0, half))
-            pairs = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+        for known, rows in self.whole:
             size = self.leaves.size[rows] * self.leaves.unit
-            placed = self.low[rows][:, None, None] + size[:, None, None, None] * pairs
+            placed = self.low[rows][:, None, None] + size[:, None, None, None] * known.sides
             starts.append(placed.reshape(-1, 2, 2))
-            leaf_of.append(np.repeat(rows, len(ring)))
-            law_of.append(np.full(len(rows) * len(ring), self.laws.index(known.law)))
+            leaf_of.append(np.repeat(rows, len(known.sides)))
+            law_of.append(np.full(len(leaf_of[-1]), self.laws.index(known.law)))
         self.ends = np.concatenate(starts)
         self.leaf_of, self.law_of = np.concatenate(leaf_of), np.concatenate(law_of)
         points = np.concatenate([self.ends, self.flat_ends]).reshape(-1, 2)
-        near = cKDTree(points).query_pairs(NEAR, output_type="ndarray")
+        near = cKDTree(points, compact_nodes=False, balanced_tree=False).query_pairs(
+            NEAR, output_type="ndarray"
+        )
         graph = sp.csr_array(
             (np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points), len(points))
         )
@@ -219,8 +221,8 @@ class BalancedPieces:
         """Return element matrices, and the unknowns of each."""
         n = 3 * len(self.owner)
         out = [(self.cut.matrix, self.dofs[:n].reshape(-1, 12))]
-        for known, half, rows in self.whole:
-            size = 4 + sum(half)
+        for known, rows in self.whole:
+            size = len(known.sides)
             dofs = self.dofs[n : n + size * len(rows)].reshape(len(rows), 4 * size)
             n += size * len(rows)
             out.append((np.broadcast_to(known.matrix, (len(rows), 4 * size, 4 * size)), dofs))
@@ -244,20 +246,23 @@ class BalancedPieces:
         self._check_held(blocks, held, force)
         fixed |= self._idle | np.repeat(self.shared == 0, 4)
         cut, (_, dofs), *others = blocks
-        known, _, plain = self.whole[0]
+        known, plain = self.whole[0]
         equal = self.leaves.only(plain), known.matrix, dofs
         joined = JoinedBlocks([cut, *others], fixed, equal)
+        self.patterns = self.cut.sagging.copy()
+        area = (self.leaves.size * self.leaves.unit) ** 2
+        self.whole_patterns = [area[at][:, None, None] * one.sagging for one, at in self.whole]
         moved = np.zeros(count)
         first = 0.0
-        for _ in range(5):  # what is left is that of the stress itself, to the last digit
-            self._stress_of(moved)
+        for _ in range(5):  # the stress of what is left of the load is added, to the last digit
+            self.moments = self._add_stress_of(moved)
             borne = np.bincount(self.dofs.ravel(), self.moments.ravel(), count)
             left = np.where(fixed, 0.0, load - borne)
             first = first or float(np.abs(left).max())
             self.residual = float(np.abs(left).max()) / (first or 1.0)
             if self.residual < 1e-11:
                 break
-            moved += joined.moved(left)
+            moved = joined.moved(left)
         return float(self.energies().sum())
 
     def _check_held(self, blocks: list[tuple[Floats, Ints]], held: Flags, force: Floats) -> None:
@@ -291,33 +296,28 @@ class BalancedPieces:
                 continue
             raise LooseError
 
-    def _stress_of(self, moved: Floats) -> None:
-        """Take the stress that displacements of the sides stand for."""
+    def _add_stress_of(self, moved: Floats) -> Floats:
+        """Add the stress that displacements of the sides stand for; return all its tractions."""
         n = 3 * len(self.owner)
-        local = moved[self.dofs[:n]].reshape(-1, 12)
-        self.patterns = self.cut.sagging + np.einsum("nmi,ni->nm", self.cut.answer, local)
+        local = moved[self.dofs[:n]].reshape(-1, 12, 1)
+        self.patterns += (self.cut.answer @ local)[:, :, 0]
         moments = [self.cut.tractions(self.patterns).reshape(-1, 4)]
-        self.whole_patterns = []
-        for known, half, rows in self.whole:
-            size = 4 + sum(half)
+        for (known, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
+            size = len(known.sides)
             outer = moved[self.dofs[n : n + size * len(rows)]].reshape(len(rows), 4 * size)
             n += size * len(rows)
-            grown = ((self.leaves.size[rows] * self.leaves.unit) ** 2)[:, None]
-            spokes = outer @ known.inner.T + grown * known.hanging
-            local = np.concatenate([outer, spokes], axis=1)[:, known.own]
-            patterns = np.einsum("tmi,nti->ntm", known.triangles.answer, local)
-            patterns += grown[:, :, None] * known.triangles.sagging
-            self.whole_patterns.append(patterns)
+            patterns += np.tensordot(outer, known.answer, (1, 2))
             traction = np.einsum("tim,ntm->nti", known.triangles.moments[:, :4], patterns)
             moments.append(traction.reshape(-1, 4))
-        self.moments = np.concatenate(moments)
+        return np.concatenate(moments)
 
     def energies(self) -> Floats:
         """Return ∫ σ S σ of each leaf."""
         out = np.zeros(len(self.leaves))
         np.add.at(out, self.owner, self.cut.energies(self.patterns))
-        for (known, _, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
-            out[rows] = np.einsum("ntk,tkl,ntl->n", patterns, known.triangles.cost, patterns)
+        for (known, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
+            strains = np.einsum("tkl,ntl->ntk", known.triangles.cost, patterns)
+            out[rows] = np.einsum("ntk,ntk->n", patterns, strains)
         return out
 
     def stress_by_law(self) -> tuple[Floats, Floats]:
@@ -330,12 +330,12 @@ class BalancedPieces:
         at = self.law, self.owner
         np.add.at(area, at, self.cut.area)
         np.add.at(total, at, self.cut.area[:, None] * self.cut.means(self.patterns))
-        for (known, _, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
-            mean = np.einsum("t,tim,ntm->ni", known.triangles.area, known.triangles.mean, patterns)
+        for (known, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
+            stress = known.triangles.area[:, None, None] * known.triangles.mean
             size = self.leaves.size[rows] * self.leaves.unit
             law = self.laws.index(known.law)
             area[law, rows] = size**2
-            total[law, rows] = mean * size[:, None]
+            total[law, rows] = np.tensordot(patterns, stress, ((1, 2), (0, 2))) * size[:, None]
         return area, total
 
     def mean_stress(self) -> Floats:
@@ -363,11 +363,17 @@ def _rings_of(
 
 
 def _lines_round(pieces: list[Corners], joints: list[Point]) -> list[Corners]:
-    points, rings = outlines_of(pieces, joints, NEAR)
+    square = joints[:4]
+    edge = square[1][0] - square[0][0]
+    if len(joints) == 4 and len(pieces) == 1 and area_of(pieces[0]) > LEAST_AREA * edge**2:
+        points = pieces[0]
+        legs = [(x - points[k - 1][0], y - points[k - 1][1]) for k, (x, y) in enumerate(points)]
+        rings = [[k for k, (x, y) in enumerate(legs) if max(abs(x), abs(y)) > NEAR]]
+    else:
+        points, rings = outlines_of(pieces, joints, NEAR)
     if any(area_of([points[k] for k in ring]) < 0.0 for ring in rings):  # round a hole
         known = list(points)
         rings = [ring for piece in pieces for ring in outlines_of([piece], known, NEAR)[1]]
-    square = joints[:4]
     sides = [(0, square[0][0]), (0, square[1][0]), (1, square[0][1]), (1, square[2][1])]
     points = [_on_sides(point, sides) for point in points]
     out = []

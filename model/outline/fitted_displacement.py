@@ -62,18 +62,17 @@ class FittedDisplacement:
         self.elements = whole[[laws.index(next(iter(of))) for of in held]]
         self.elements[cut] = self.shares[cut] = 0.0
         owner, corners, law = _fans(held, laws)
-        if len(owner):
-            first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-            area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
-            share = area / full[owner]
-            for weights in (np.ones((3, 3)) + 3.0 * np.eye(3)) / 6.0:
-                places = self.local(owner, np.einsum("k,nkd->nd", weights, corners))
-                np.add.at(self.shares, owner, area[:, None] / 3.0 * shapes_at(places))
-                rows = strain_rows(places)
-                local = (
-                    rows.transpose(0, 2, 1) @ (share[:, None, None] / 3.0 * stiffness[law]) @ rows
-                )
-                np.add.at(self.elements, owner, local)
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+        each = (np.ones(len(owner)), (owner, np.arange(len(owner))))
+        within = sp.csr_array(each, shape=(len(leaves), len(owner)))
+        for weights in (np.ones((3, 3)) + 3.0 * np.eye(3)) / 6.0:
+            places = self.local(owner, np.einsum("k,nkd->nd", weights, corners))
+            self.shares += np.asarray(within @ (area[:, None] / 3.0 * shapes_at(places)))
+            rows = strain_rows(places)
+            local = rows.transpose(0, 2, 1) @ stiffness[law] @ rows
+            local *= (area / full[owner] / 3.0)[:, None, None]
+            self.elements += np.asarray(within @ local.reshape(-1, 64)).reshape(-1, 8, 8)
         self.area = self.shares.sum(axis=1)
         self.displacement = np.zeros((self.nodes, 2))
 
@@ -157,7 +156,9 @@ class FittedDisplacement:
     def energies(self) -> Floats:
         """Return the work of the stresses of each leaf within the outline: twice its energy."""
         moved = self.displacement[self.corner].reshape(-1, 8)
-        return np.asarray(np.einsum("ni,nij,nj->n", moved, self.elements, moved))
+        return np.asarray(
+            np.einsum("ni,ni->n", moved, (self.elements @ moved[:, :, None])[:, :, 0])
+        )
 
     def strain_at(self, leaf: Ints, points: Floats) -> Floats:
         """Return the strain (xx, yy, 2 xy) at points of leaves, shape (n, 3)."""

@@ -17,7 +17,7 @@ from kaju.model.scene.curves import Point
 from .convex_pieces import Corners, parted
 from .laws import AIR, Law
 from .square_leaves import SquareLeaves
-from .true_shapes import Held, Parts, TrueRegion
+from .true_shapes import Held, Parts, TrueRegion, sides_of
 
 _Painted = list[tuple[Law, Corners]]
 """Convex pieces that fill a square, each of a law."""
@@ -107,7 +107,7 @@ def _split(pieces: list[Corners], parts: Parts) -> tuple[list[Corners], list[Cor
                 continue
             rest: Corners | None = piece
             outside: list[Corners] = []
-            for line in lines:
+            for line in sides_of(part) if lines is None else lines:
                 if rest is None:
                     break
                 rest, other = parted(rest, line)

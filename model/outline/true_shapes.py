@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kaju.arrays import Floats
+from kaju.arrays import Floats, Ints
 from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
 
 from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, keep_apart
@@ -25,8 +25,8 @@ Pieces = list[Corners] | None
 """Convex pieces of a leaf, None for all of it."""
 Held = dict[Law, Pieces]
 """What a leaf holds of each law, nothing of those that are not there."""
-Parts = list[tuple[Corners, list[HalfPlane]]]
-"""Convex parts of a square, each with the lines that bound it."""
+Parts = list[tuple[Corners, list[HalfPlane] | None]]
+"""Convex parts of a square, and lines that part each from the rest; None for all its sides."""
 AT_ONCE = 1_000_000
 """So many pairs of squares and lines are asked in one go."""
 FLAT = 1e-15
@@ -71,9 +71,15 @@ class StraightShape:
             beside = (low < corners[:, 2]).all(axis=1) & (high > corners[:, 0]).all(axis=1)
             asked = at[beside].tolist()
             for k, parts in zip(asked, pocket.parts([squares[k] for k in asked]), strict=True):
-                for _, lines in parts:
-                    left[k] = without(left[k], lines)
-        return [[(piece, _sides(piece)) for piece in left.get(k, ())] for k in range(len(squares))]
+                left[k] = _without_parts(left[k], parts)
+        return [[(piece, None) for piece in left.get(k, ())] for k in range(len(squares))]
+
+
+def _without_parts(pieces: list[Corners], parts: Parts) -> list[Corners]:
+    """Return what is left of convex pieces outside of convex parts."""
+    for part, lines in parts:
+        pieces = pieces and without(pieces, sides_of(part) if lines is None else lines)
+    return pieces
 
 
 class ArcShape:
@@ -85,11 +91,13 @@ class ArcShape:
 
     def __init__(self, arcs: Floats, extent: Point):
         parts = []
-        for arc in arcs:
+        points = arcs[:, :, :2] / arcs[:, :, 2:]
+        ends = zip(points.min(axis=1), points.max(axis=1), ArcFrames(arcs).turn, strict=True)
+        for arc, (low, high, turn) in zip(arcs, ends, strict=True):
             # where an arc meets the sides of the array both polygons do so too
             split = [arc]
             for axis, side in ((a, s) for a in (0, 1) for s in (0.0, float(extent[a]))):
-                if ArcFrames(arc[None]).turn[0] != 0.0:
+                if turn != 0.0 and low[axis] < side < high[axis]:
                     split = [part for one in split for part in _parted_on(one, axis, side)]
             parts += split
         self.arcs = in_triangles(np.array(parts))
@@ -188,7 +196,7 @@ def _hull(corners: Corners) -> list[int]:
     return chain[least:] + chain[:least]
 
 
-def _sides(corners: Corners) -> list[HalfPlane]:
+def sides_of(corners: Corners) -> list[HalfPlane]:
     """Return the half-planes of a convex polygon."""
     planes = []
     for (x0, y0), (x1, y1) in pairwise([*corners, corners[0]]):
@@ -203,7 +211,7 @@ def _relevant(hull: Corners, squares: list[Corners]) -> Iterator[tuple[int, list
 
     Convex polygons without a common point are parted by a side of one of them.
     """
-    planes = _sides(hull)
+    planes = sides_of(hull)
     at = np.array(planes)
     least = np.stack([np.maximum(at[:, :2], 0.0), np.minimum(at[:, :2], 0.0)])  # by corner, axis
     most, least = (np.column_stack([*way, at[:, 2]]) for way in (least[::-1], least))
@@ -277,10 +285,8 @@ class TrueBody:
         return np.concatenate(sides)
 
     def parts(self, squares: list[Corners], outer: bool) -> list[Parts]:
-        """Return convex parts of squares, each with the lines that bound it."""
-        return [
-            [(piece, _sides(piece)) for piece in pieces] for pieces in self.pieces(squares, outer)
-        ]
+        """Return convex parts of squares."""
+        return [[(piece, None) for piece in held] for held in self.pieces(squares, outer)]
 
     def held(self, squares: list[Corners], outer: bool) -> list[Held]:
         """Return what squares hold: no less than the body (outer), or no more."""
@@ -296,13 +302,11 @@ class TrueBody:
             asked = [k for k, at in enumerate(squares) if not (region.solid and held[k] == [at])]
             found = region.shape.parts([squares[k] for k in asked], outer == region.solid)
             for k, parts in zip(asked, found, strict=True):
-                for piece, lines in parts:
-                    if piece == squares[k]:
-                        held[k] = [piece] if region.solid else []
-                        break
-                    held[k] = without(held[k], lines)
-                    if region.solid:
-                        held[k].append(piece)
+                if parts and parts[0][0] == squares[k]:
+                    held[k] = [squares[k]] if region.solid else []
+                elif parts:
+                    held[k] = _without_parts(held[k], parts)
+                    held[k] = held[k] + [part for part, _ in parts if region.solid]
         return held
 
 
@@ -311,40 +315,41 @@ class CutLeaves:
 
     def __init__(self, body: TrueBody | MixedBody):
         self.body = body
-        self._known: dict[tuple[int, int, int], tuple[Held, Held]] = {}
+        self._leaves: SquareLeaves | None = None
+        self._held: list[tuple[Held, Held]] = []
 
     def refined(self, leaves: SquareLeaves) -> list[tuple[Held, Held]]:
         """Return what leaves hold at most and at least, or no softer and no stiffer than it is."""
         boxes = self.body.refine(leaves) if self.body.regions else np.empty((0, 2, 2))
-        keys = np.array(list(self._known), dtype=np.int64).reshape(-1, 3)
-        low, high = keys[:, :2] * leaves.unit, (keys[:, :2] + keys[:, 2:]) * leaves.unit
-        changed = np.zeros(len(keys), dtype=np.bool_)
-        for first, last in boxes:
-            changed |= ((low <= last) & (high >= first)).all(axis=1)
-        for key in keys[changed].tolist():
-            if not _whole(self._known[tuple(key)]):  # within the body, whatever its polygons
-                del self._known[tuple(key)]
-        places = (leaves.x.tolist(), leaves.y.tolist(), leaves.size.tolist())
-        wanted = list(zip(*places, strict=True))
-        asked = [key for key in wanted if key not in self._known and not self._within_whole(*key)]
-        squares = []
-        for key in asked:
-            x0, y0, size = (leaves.unit * place for place in key)
-            squares.append([(x0, y0), (x0 + size, y0), (x0 + size, y0 + size), (x0, y0 + size)])
-        held = [self.body.held(squares, outer) for outer in (True, False)]
-        self._known.update(zip(asked, zip(*held, strict=True), strict=True))
-        return [self._known[key] for key in wanted]
+        before = self._before(leaves, boxes)
+        held = [self._held[k] if k >= 0 else ({}, {}) for k in before.tolist()]
+        asked = np.flatnonzero(before < 0)
+        low = leaves.lower()[asked]
+        high = low + (leaves.size[asked] * leaves.unit)[:, None]
+        squares = [
+            [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+            for (x0, y0), (x1, y1) in zip(low.tolist(), high.tolist(), strict=True)
+        ]
+        outer, inner = (self.body.held(squares, way) for way in (True, False))
+        for k, *both in zip(asked.tolist(), outer, inner, strict=True):
+            held[k] = both[0], both[1]
+        self._leaves, self._held = leaves, held
+        return held
 
-    def _within_whole(self, x: int, y: int, size: int) -> bool:
-        """Tell whether a leaf lies in one within the body, and know it then."""
-        above = 2 * size
-        while above * SquareLeaves.unit <= 1.0:
-            known = self._known.get((x // above * above, y // above * above, above))
-            if known is not None and _whole(known):
-                self._known[x, y, size] = known
-                return True
-            above *= 2
-        return False
+    def _before(self, leaves: SquareLeaves, boxes: Floats) -> Ints:
+        """Return what leaf tells what each one holds: the same or a whole one; -1 for none."""
+        if self._leaves is None:
+            return np.full(len(leaves), -1)
+        known = self._leaves
+        cut = np.array([not _whole(held) for held in self._held])  # the others stay so
+        low, size = known.lower()[cut], known.size[cut, None] * known.unit
+        changed = np.zeros(len(low), dtype=np.bool_)
+        for first, last in boxes:
+            changed |= ((low <= last) & (low + size >= first)).all(axis=1)
+        tells = np.zeros(len(known), dtype=np.int64)  # 0 of leaves of any size, -1 of none
+        tells[cut] = np.where(changed, -1, known.size[cut])
+        at = known.at(leaves.lower())
+        return np.where((tells[at] == 0) | (tells[at] == leaves.size), at, -1)
 
 
 def _whole(held: tuple[Held, Held]) -> bool:

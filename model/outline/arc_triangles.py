@@ -46,6 +46,7 @@ class ArcFrames:
             tip = self.start + along[:, None] * self.first
         self.tip = np.where(self.turn[:, None] != 0.0, tip, 0.5 * (self.start + self.end))
         """Where the end tangents meet."""
+        self.triangles = np.stack([self.start, self.tip, self.end], axis=1)
 
 
 def angle(one: Floats, other: Floats) -> Floats:
@@ -80,7 +81,7 @@ def in_triangles(arcs: Floats) -> Floats:
             raise TouchError
         wide |= (narrow | np.roll(narrow, 1)) & (turn > 0.0)
         if not wide.any():
-            first, second = _near(frames, frames, 0.0)
+            first, second = overlapping(frames.triangles, frames.triangles, 0.0)
             apart = (second - first) % len(arcs)
             kept = (first < second) & (apart > 1) & (apart < len(arcs) - 1)
             first, second = first[kept], second[kept]
@@ -104,7 +105,7 @@ def keep_apart(one: Floats, other: Floats) -> bool:
         return True
     while True:
         a, b = ArcFrames(one), ArcFrames(other)
-        first, second = _near(a, b, CLOSE)
+        first, second = overlapping(a.triangles, b.triangles, CLOSE)
         if not len(first):
             return True
         one, other = one[np.unique(first)], other[np.unique(second)]
@@ -116,31 +117,27 @@ def keep_apart(one: Floats, other: Floats) -> bool:
         one, other = halved(one, split), halved(other, beside)
 
 
-def _near(a: ArcFrames, b: ArcFrames, margin: float) -> tuple[Ints, Ints]:
-    """Return pairs of arcs whose triangles overlap, or are nearer than a margin."""
-    corners = [np.stack([one.start, one.tip, one.end], axis=1) for one in (a, b)]
-    middle = [at.mean(axis=1) for at in corners]
+def overlapping(a: Floats, b: Floats, margin: float) -> tuple[Ints, Ints]:
+    """Return pairs of triangles, shape (n, 3, 2), that overlap or are nearer than a margin."""
+    middle = [at.mean(axis=1) for at in (a, b)]
     reach = [
         np.hypot(*(at - m[:, None]).transpose(2, 0, 1)).max(axis=1)
-        for at, m in zip(corners, middle, strict=True)
+        for at, m in zip((a, b), middle, strict=True)
     ]
     trees = [cKDTree(m) for m in middle]
-    found = trees[0].query_ball_tree(trees[1], reach[0].max() + reach[1].max() + margin)
+    found = trees[0].query_ball_tree(trees[1], reach[0].max() + reach[1].max() + abs(margin))
     first = np.repeat(np.arange(len(found)), [len(row) for row in found])
     second = np.array([k for row in found for k in row], dtype=np.int64)
     close = np.hypot(*(middle[0][first] - middle[1][second]).T)
-    kept = close <= reach[0][first] + reach[1][second] + margin
+    kept = close <= reach[0][first] + reach[1][second] + abs(margin)
     first, second = first[kept], second[kept]
-    p, q = corners[0][first], corners[1][second]
-    axes = []
-    for one, at in ((a, first), (b, second)):
-        for run in (one.end - one.start, one.tip - one.start, one.end - one.tip):
-            run = run[at]
-            axes += [run, np.stack([-run[:, 1], run[:, 0]], axis=1)]
+    p, q = a[first], b[second]
     overlap = np.ones(len(first), dtype=np.bool_)
-    for axis in axes:  # straight lines that separate
-        size = np.hypot(*axis.T)
-        x, y = np.einsum("nkd,nd->nk", p, axis), np.einsum("nkd,nd->nk", q, axis)
-        gap = np.maximum(y.min(axis=1) - x.max(axis=1), x.min(axis=1) - y.max(axis=1))
-        overlap &= (gap <= margin * size) | (size == 0.0)
+    for at in (p, q):
+        for run in (at[:, 2] - at[:, 0], at[:, 1] - at[:, 0], at[:, 2] - at[:, 1]):
+            for axis in (run, np.stack([-run[:, 1], run[:, 0]], axis=1)):  # lines that separate
+                size = np.hypot(*axis.T)
+                x, y = np.einsum("nkd,nd->nk", p, axis), np.einsum("nkd,nd->nk", q, axis)
+                gap = np.maximum(y.min(axis=1) - x.max(axis=1), x.min(axis=1) - y.max(axis=1))
+                overlap &= (gap <= margin * size) | (size == 0.0)
     return first[overlap], second[overlap]

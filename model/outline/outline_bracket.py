@@ -18,6 +18,7 @@ from .mixed_body import MixedBody
 from .outline_problem import OutlineProblem, UnlikeError
 from .square_leaves import SquareLeaves
 from .true_shapes import CutLeaves, TrueBody
+from .weighed_band import WeighedBand
 
 ROUNDING = 1e-7
 """Share by which the bounds are set wider, for coordinates and forces are rounded."""
@@ -118,17 +119,30 @@ def bracket(
     balanced = BalancedPieces(leaves, inner, fitted.halved, near, problem.body.laws, problem.weight)
     try:
         force, held, loaded = problem.on_balanced(balanced)
+        weighed = WeighedBand(problem, balanced) if problem.weight.any() else None
+        excess = np.zeros((fitted.nodes, 2))
+        if weighed is not None:
+            force, excess = force + weighed.force, weighed.excess(fitted)
         upper = balanced.settle(force, held)
         if not balanced.residual <= SMALL_RESIDUAL:
             raise UnlikeError(f"forces balance to {balanced.residual:.1e} only")
     except (LooseError, UnlikeError) as error:
         raise NotYetError(kept[cut], error) from error
-    places = fitted.place
-    lower = fitted.settle(problem.on_fitted(fitted, loaded), problem.held_at(places))
+    acting = problem.on_fitted(fitted, loaded) - excess
+    lower = fitted.settle(acting, problem.held_of(fitted, outer))
     band = problem.band * (fitted.area - balanced.area)
+    borne = _borne(balanced, fitted)
     share = balanced.energies() + fitted.energies() + 2.0 * band
-    share -= 2.0 * _work(balanced, fitted, force)
+    share -= 2.0 * (borne + _work(balanced, fitted, force))
     low, high = lower - band.sum(), upper + band.sum()
+    if weighed is not None and weighed.unborne.any():
+        unsure, unborne = weighed.unsure(fitted), weighed.unborne.sum()
+        done = float(((fitted.weigh(problem.weight) - excess) * fitted.displacement).sum())
+        done -= float((borne + _pushed(balanced, fitted, weighed.force)).sum())
+        low, high = low - 2.0 * unsure, high + 2.0 * (done + unsure)
+        more = 2.0 * (unborne + np.sqrt(unborne * (unborne + max(high - low, 0.0))))
+        high += more
+        share += (more + 4.0 * unsure) * weighed.unborne / unborne
     return OutlineBracket(leaves, low, high, fitted, balanced, share, kept, rounding_of(problem))
 
 
@@ -141,20 +155,38 @@ def rounding_of(problem: OutlineProblem) -> float:
     return float(ROUNDING + ON_LINE * (contrast - 1.0) + OF_LAW * law)
 
 
+def _borne(balanced: BalancedPieces, fitted: FittedDisplacement) -> Floats:
+    """Return the work of the weight within each leaf on the displacement."""
+    whole = np.concatenate([np.empty(0, np.int64), *(rows for _, _, rows in balanced.whole)])
+    moved = fitted.displacement[fitted.corner].mean(axis=1) @ balanced.weight
+    out = np.zeros(len(moved))
+    out[whole] = balanced.area[whole] * moved[whole]
+    for k in range(3):
+        middle = 0.5 * (balanced.corners[:, k] + balanced.corners[:, k - 1])
+        moved = fitted.at(balanced.owner, middle) @ balanced.weight
+        out += np.bincount(balanced.owner, balanced.cut.area / 3.0 * moved, len(out))
+    return out
+
+
 def _work(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:
-    """Return the work of each leaf's tractions on the displacement: ∫ σ : ε(v) within it."""
-    leaf, ends = balanced.leaf_of, balanced.ends
-    moved = fitted.displacement[fitted.corner]
-    out = np.asarray(np.einsum("nk,nkd,d->n", fitted.shares, moved, balanced.weight))
-    at = balanced.on_square
+    """Return the work of each leaf's tractions on the displacement."""
+    leaf, ends, at = balanced.leaf_of, balanced.ends, balanced.on_square
     moved = np.stack([fitted.at(leaf[at], ends[at, k]) for k in (0, 1)], axis=1)
     work = np.einsum("nkd,nkd->n", balanced.moments[at].reshape(-1, 2, 2), moved)
-    out += np.bincount(leaf[at], work, len(out))
-    at = ~at & balanced.alone & force.any(axis=(1, 2))
-    run = ends[at, 1] - ends[at, 0]
+    own = np.where((at | ~balanced.alone)[:, None, None], 0.0, force)
+    return _pushed(balanced, fitted, own) + np.bincount(leaf[at], work, len(balanced.area))
+
+
+def _pushed(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:
+    """Return the work of linear tractions, by their moments, on the displacement of each leaf."""
+    at = np.flatnonzero(force.any(axis=(1, 2)))
+    leaf, start, force = balanced.leaf_of[at], balanced.ends[at, 0], force[at]
+    run = balanced.ends[at, 1] - start
+    out = np.zeros(len(balanced.area))
     for g in 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0):
-        moved = fitted.at(leaf[at], ends[at, 0] + g * run)
-        out += np.bincount(leaf[at], (force[at, 0] * moved).sum(axis=1), len(out))
+        traction = (2.0 - 3.0 * g) * force[:, 0] + (3.0 * g - 1.0) * force[:, 1]
+        work = (traction * fitted.at(leaf, start + g * run)).sum(axis=1)
+        out += np.bincount(leaf, work, len(out))
     return out
 
 

@@ -15,7 +15,7 @@ from .fitted_displacement import FittedDisplacement
 from .laws import Law
 from .mixed_body import MixedBody
 from .square_leaves import SquareLeaves
-from .true_shapes import TrueBody, TrueShape
+from .true_shapes import Held, TrueBody, TrueShape
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
@@ -86,7 +86,7 @@ class OutlineProblem:
     pressed_sides: dict[str, float] = field(default_factory=dict)
     outlines: tuple[LoadedOutline, ...] = ()
     weight: Floats = field(default_factory=lambda: np.zeros(2))
-    """Force on a unit of area, shape (2,): proved within straight outlines."""
+    """Force on a unit of area, shape (2,)."""
     strain: float = 1.0
     """What loads of 1 stand for: stress over Young's modulus."""
 
@@ -124,6 +124,23 @@ class OutlineProblem:
             for axis in axes:
                 held[:, axis] |= self._on_side(name, points)
         return held
+
+    def held_of(self, field: FittedDisplacement, held: list[Held]) -> Flags:
+        """Tell which components supports hold at the corners of leaves, shape (nodes, 2).
+
+        Only those of leaves do of which a piece lies along the support.
+        """
+        fixed = np.zeros((field.nodes, 2), dtype=np.bool_)
+        for name, axes in self.held.items():
+            axis, upper = SIDES[name]
+            wall = self.shape[axis] if upper else 0.0
+            on = self._on_side(name, field.place)[field.corner]
+            for leaf in np.flatnonzero(on.any(axis=1)).tolist():
+                pieces = [piece for of in held[leaf].values() for piece in of or ()]
+                along = [sum(abs(at[axis] - wall) < ON_BORDER for at in piece) for piece in pieces]
+                if None in held[leaf].values() or max(along, default=0) > 1:
+                    fixed[np.ix_(field.corner[leaf][on[leaf]], axes)] = True
+        return fixed
 
     def on_balanced(
         self, pieces: BalancedPieces

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import gcd
 from time import perf_counter
@@ -17,7 +18,7 @@ from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.regions import Region
 from kaju.model.scene.shapes import OutlinedShape
 
-from .arc_triangles import TouchError, keep_apart
+from .arc_triangles import ArcFrames, TouchError, keep_apart
 from .balanced_pieces import LooseError
 from .laws import AIR, Law
 from .mixed_body import MixedBody, MixedRegion
@@ -106,12 +107,7 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
                     f"loads.{number}.outline: {load.outline!r} is loaded already; give one load"
                 )
             one = regions[which]
-            for other, beside in enumerate(regions):
-                if other != which and not keep_apart(one.shape.arcs, beside.shape.arcs):
-                    raise SceneError(
-                        f"loads.{number}.outline: {load.outline!r} meets the outline of "
-                        f"regions.{other}; a loaded outline is proved where it is alone"
-                    )
+            _check_alone(regions, which, f"loads.{number}.outline: {load.outline!r}", "load")
             _check_body_ends(scene, which, f"loads.{number}.outline")
             # stresses as strains of the modulus, forces as such over edges
             what = (load.outline, one.shape, one.solid)
@@ -140,6 +136,9 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
         density = scene.cell_materials[0].density
         assert density is not None
         weight = density * edge / modulus * np.array(scene.body.gravity, dtype=np.float64)
+        for number, one in enumerate(regions):
+            if ArcFrames(one.shape.arcs).turn.any():
+                _check_alone(regions, number, f"body.gravity: regions.{number} bends and", "weight")
     acting: list[ArrayLike] = [
         *pulled.values(),
         *pressed_sides.values(),
@@ -164,6 +163,18 @@ def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:
         strain,
     )
     return problem, edge
+
+
+def _check_alone(
+    regions: Sequence[TrueRegion | MixedRegion], which: int, what: str, borne: str
+) -> None:
+    """Refuse what an outline bears where it meets another one."""
+    for other, beside in enumerate(regions):
+        if other != which and not keep_apart(regions[which].shape.arcs, beside.shape.arcs):
+            raise SceneError(
+                f"{what} meets the outline of regions.{other}; a {borne} is proved along outlines "
+                "that are alone: draw both as one path"
+            )
 
 
 def _check_body_ends(scene: Scene, which: int, where: str) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Floats
 
 Point = tuple[float, float]
 
@@ -90,14 +90,6 @@ def flattened(arcs: Floats, count: int) -> Floats:
 def cross(a: Floats, b: Floats) -> Floats:
     """Return the sine of the angles between vectors, times their lengths."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
-def bent(arcs: Floats) -> Flags:
-    """Tell which arcs leave their chords by more than rounding."""
-    points = arcs[..., :2] / arcs[..., 2:]
-    chord = points[:, 3] - points[:, 0]
-    off = np.abs(cross(points[:, 1:3] - points[:, :1], chord[:, None])).max(axis=1)
-    return np.asarray(off > 1e-9 * (chord**2).sum(axis=1))
 
 
 def crossings(arc: Floats, axis: int, value: float) -> Floats:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from kaju.agents.materials import suggestion
 from kaju.errors import SceneError
 
 from .contents import NOT_BODY
-from .curves import bent
-from .shapes import OutlinedShape
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -53,6 +51,10 @@ def check_outlines(scene: Scene) -> None:
                 f"sides.{name}: with true outlines a side is moved, or loads act; which bounds "
                 f"hold for both is not known. Leave loads out, or {TAKES}"
             )
+    if solid and scene.body.gravity is not None and any(scene.body.gravity):
+        raise SceneError(
+            f"body.gravity: is not known with true outlines in space; leave it out, or {TAKES}"
+        )
     _check_loads(scene)
 
 
@@ -72,18 +74,6 @@ def _check_regions(scene: Scene) -> None:
             )
         if region.name is not None and region.name in names:
             raise SceneError(f"{where}.name: {region.name!r} is another region's name")
-        if scene.body.gravity is not None and any(scene.body.gravity):
-            if scene.lattice.dimension == 3:
-                raise SceneError(
-                    f"body.gravity: is not known with true outlines in space; leave it out, or "
-                    f"{TAKES}"
-                )
-            shape = cast(OutlinedShape, region.shape_in(scene.lattice, where))
-            if any(bent(arcs).any() for arcs in shape.outline()):
-                raise SceneError(
-                    f"body.gravity: is proved within straight outlines only, and regions.{number} "
-                    f"bends; leave gravity out, or {TAKES}"
-                )
         names += [region.name] if region.name is not None else []
     if scene.body.material in _HOLDS:
         raise SceneError(

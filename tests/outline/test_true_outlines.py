@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import kaju
 from kaju.model.outline import joined_blocks, outline_bracket
@@ -15,6 +17,7 @@ from kaju.model.outline.outline_bracket import bracket
 from kaju.model.outline.outlined_scene import problem_of
 from kaju.model.outline.split_triangle import SplitTriangles
 from kaju.model.outline.square_leaves import SquareLeaves
+from kaju.model.outline.weighed_band import WeighedBand
 
 E, NU, THICKNESS = 206e9, 0.3, 0.01
 STEEL = {"youngs_modulus": E, "poissons_ratio": NU}
@@ -338,6 +341,88 @@ def test_weight_is_that_of_cells_where_both_are_one_body() -> None:
     assert cells.energy_bounds[0] < true.energy_bounds[1]
 
 
+def heavy(shapes: list[tuple[dict[str, Any], str]], gravity: tuple[float, float], cells: int = 4):
+    """Return a body of curves that is clamped on the left, under its weight alone."""
+    regions = [shape | {"material": of, "outline": "true"} for shape, of in shapes]
+    body = {"size": [0.1, 0.1], "cells": [cells, cells], "thickness": THICKNESS}
+    body |= {"material": "air" if shapes[0][1] == "rock" else "rock", "regions": regions}
+    rock = {"youngs_modulus": 1e9, "poissons_ratio": 0.2, "density": 2400.0}
+    return kaju.Scene(
+        body=body | {"gravity": list(gravity)},
+        materials={"rock": rock},
+        sides={"left": "rigid", "bottom": "roller"},
+    )
+
+
+def round_hole(x: float, y: float, radius: float) -> tuple[dict[str, Any], str]:
+    """Return a disk of air."""
+    return {"disk": {"centre": [x, y], "radius": radius}}, "air"
+
+
+def quarter(radius: float) -> tuple[dict[str, Any], str]:
+    """Return a disk round the lower left corner."""
+    return {"disk": {"centre": [0.0, 0.0], "radius": radius}}, "rock"
+
+
+def oval(x: float, y: float, angle: float) -> tuple[dict[str, Any], str]:
+    """Return an ellipse of air, turned."""
+    return {"ellipse": {"centre": [0.05, 0.05], "radii": [x, y], "angle": angle}}, "air"
+
+
+SMALL, LARGE = st.floats(0.005, 0.02), st.floats(0.01, 0.035)
+CURVED = st.one_of(
+    st.tuples(st.builds(oval, LARGE, LARGE, st.floats(0.0, 90.0))),
+    st.tuples(st.builds(quarter, st.floats(0.05, 0.099))),
+    st.tuples(st.builds(quarter, st.floats(0.07, 0.099)), st.builds(round_hole, *3 * [SMALL])),
+)
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@given(shapes=CURVED, way=st.floats(0.0, 6.28), cells=st.integers(2, 7))
+def test_weight_along_curves_lies_within_on_all_grids(shapes, way, cells) -> None:
+    gravity = (9.81 * np.cos(way), 9.81 * np.sin(way))
+    bounds = [
+        kaju.solve(heavy(list(shapes), gravity, count), tolerance=tolerance).energy_bounds
+        for tolerance, count in ((0.3, cells), (0.09, cells % 3 + 4))
+    ]
+    lower, upper = zip(*bounds, strict=True)
+    assert max(lower) < min(upper)
+
+
+def test_weight_along_curves_that_meet_is_refused() -> None:
+    crossing = [round_hole(0.05, 0.05, 0.02), round_hole(0.06, 0.06, 0.02)]
+    with pytest.raises(kaju.KajuError, match=r"body\.gravity: regions\.0 .*alone"):
+        kaju.solve(heavy(crossing, (0.0, -9.81)))
+
+
+@pytest.mark.parametrize("shape", [quarter(0.083), round_hole(0.05, 0.05, 0.031)])
+def test_both_polygons_bear_the_weight_within_curves_and_the_gap_is_of_second_order(shape) -> None:
+    problem, edge = problem_of(heavy([shape], (2.0, -9.81)))
+    radius, cut = shape[0]["disk"]["radius"] / edge, shape[1] == "air"
+    area = 16.0 - np.pi * radius**2 if cut else np.pi * radius**2 / 4
+    middle = 2.0 if cut else 4.0 * radius / (3.0 * np.pi)
+    wx, wy = problem.weight
+    leaves, gaps = SquareLeaves.first(problem.shape), []
+    for _ in range(3):
+        leaves = leaves.split(np.ones(len(leaves), dtype=np.bool_))
+        found = bracket(problem, leaves)
+        gaps.append(found.upper / found.lower - 1.0)
+        assert found.share.sum() == pytest.approx(found.upper - found.lower, rel=1e-6)
+        band, fitted = WeighedBand(problem, found.balanced), found.fitted
+        outer = fitted.weigh(problem.weight) - band.excess(fitted)
+        for motion, work in (
+            (0.0 * fitted.place + [1.0, 0.0], area * wx),
+            (0.0 * fitted.place + [0.0, 1.0], area * wy),
+            (fitted.place @ [[0.0, 1.0], [-1.0, 0.0]], area * middle * (wy - wx)),
+        ):
+            fitted.displacement = motion
+            inner = outline_bracket._borne(found.balanced, fitted)
+            inner += outline_bracket._pushed(found.balanced, fitted, band.force)
+            assert inner.sum() == pytest.approx(work, rel=1e-8)
+            assert (outer * motion).sum() == pytest.approx(work, rel=1e-8)
+    assert (np.array(gaps[:-1]) / gaps[1:] > 3.3).all(), gaps
+
+
 def test_what_hangs_on_nothing_has_no_weight_that_is_borne() -> None:
     with pytest.raises(kaju.KajuError, match="could move"):
         kaju.solve(strip([0.0, -9.81], sides={"bottom": "rigid"}), tolerance=0.2)
@@ -387,7 +472,6 @@ HOLE = disk(0.05, 0.05, 0.02, "air", "hole")
 @pytest.mark.parametrize(
     ("change", "key"),
     [
-        ({"body.gravity": [0.0, -9.81]}, "body.gravity"),
         ({"body.lattice": "hexagon"}, "body.lattice"),
         ({"sides.left": {"stiffness": 1e9}}, "sides.left"),
         ({"body.regions": [HOLE | {"material": "rigid"}]}, "body.regions.0.material"),

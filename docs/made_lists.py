@@ -73,4 +73,5 @@ def _table(rows: list[tuple[str, str]]) -> list[str]:
 
 
 def _plain(text: str | None) -> str:
-    return " ".join((text or "").replace("|", "or").split())
+    words = " ".join((text or "").replace("|", "or").split())
+    return re.sub(r"(?<!\w)(--[\w-]+)", r"`\1`", words)

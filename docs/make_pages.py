@@ -120,7 +120,7 @@ def make_lesson(of: Lesson, folder: Path) -> list[Path]:
 
 
 def make_gallery(folder: Path) -> list[Path]:
-    """Write the pages of `gallery.md`, whose examples say what is asked; return them."""
+    """Write the pages of `gallery.md` and of the first screen; return them."""
     bridge = load_scene(EXAMPLES / "bridge" / "bridge.toml")
     notch = load_scene(EXAMPLES / "notch" / "notch.toml")
     shown = {
@@ -128,7 +128,8 @@ def make_gallery(folder: Path) -> list[Path]:
         "bone": GrowthModel(bridge, rule="remodelling", volume=0.3),
         "notch": FractureModel(notch, strength=50e6, scatter=0.2),
     }
-    return [export_page(model.run(), folder / f"{name}.html") for name, model in shown.items()]
+    plate = export_page(lesson("find-its-way").scenes[0], folder / "plate.html")
+    return [plate, *(export_page(shown[name].run(), folder / f"{name}.html") for name in shown)]
 
 
 def make(folder: Path) -> list[Path]:

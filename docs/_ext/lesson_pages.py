@@ -1,7 +1,7 @@
 """Lessons show their page, and names in backticks lead to what they name.
 
 A lesson stays one text: under its title comes the page that runs it, and its code blocks, which
-the tests read, fold. Lists that no hand keeps are put in as `made_lists` makes them.
+the tests read, and its answers fold. Lists that no hand keeps are put in by `made_lists`.
 """
 
 import re
@@ -24,6 +24,7 @@ FOLDED = {
     "toml try": "Change this",
 }
 _FENCE = re.compile(r"^```(toml \w+)\n(.*?)^```\n", re.M | re.S)
+_HINT = re.compile(r"^(\s+\*Hint:\*)", re.M)
 
 
 _PAGE = re.compile(r"\[([^\]]+)\]\(((?:\.\./)?pages/[^)]+)\)")
@@ -36,7 +37,9 @@ def show_lesson(app: Sphinx, docname: str, source: list[str]) -> None:
     if not docname.startswith("lessons/"):
         return
     name = docname.removeprefix("lessons/")
-    text = _FENCE.sub(_folded, source[0])
+    text = _HINT.sub(r"\n\1", _FENCE.sub(_folded, source[0]))
+    text, heading, answers = text.partition("## For the teacher\n")
+    text += f"{heading}\n::::{{dropdown}} The answers\n{answers}\n::::\n"
     if (Path(app.srcdir) / "pages" / f"{name}.html").is_file():
         headline, _, rest = text.partition("\n")
         frame = FRAME.format(name=name, title=headline.removeprefix("# "))
@@ -77,5 +80,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Register both."""
     app.add_role("public_name", public_name)
     app.connect("source-read", show_lesson)
+    app.connect("env-get-outdated", lambda *_: ["commands", "formats", "stability"])
     app.connect("autodoc-process-docstring", escape_bars)
     return {"parallel_read_safe": True}

@@ -6,9 +6,11 @@ the entry is a stand-in for one direction and small strains, and its source says
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib.resources import files
 from math import isfinite
 
 from kaju.errors import ParameterError
@@ -73,90 +75,12 @@ class Material:
             )
 
 
-_KAYE_LABY = "G. W. C. Kaye, T. H. Laby, Tables of Physical and Chemical Constants, 2.2.2"
-_WOOD = "USDA Forest Products Laboratory, Wood Handbook (FPL-GTR-190), tables 5-2 and 5-3"
+def _library() -> dict[str, Material]:
+    text = files("kaju.agents").joinpath("materials.toml").read_text(encoding="utf-8")
+    return {name: Material(name, **entries) for name, entries in tomllib.loads(text).items()}
 
-_ENTRIES = (
-    Material("steel", 206e9, 0.3, 7850.0, "JSME Mechanical Engineers' Handbook: mild steel"),
-    Material("aluminium", 70.3e9, 0.345, 2700.0, _KAYE_LABY),
-    Material("copper", 129.8e9, 0.343, 8960.0, _KAYE_LABY),
-    Material("lead", 16.1e9, 0.44, 11340.0, _KAYE_LABY),
-    Material("glass", 71.3e9, 0.22, 2500.0, _KAYE_LABY + ": crown glass"),
-    Material(
-        "concrete", 33e9, 0.2, 2400.0, "EN 1992-1-1 table 3.1: class C30/37, secant, uncracked"
-    ),
-    Material(
-        "granite",
-        73.8e9,
-        0.22,
-        2650.0,
-        "R. E. Goodman, Introduction to Rock Mechanics, table 6.1: Nevada Test Site granite",
-    ),
-    Material(
-        "ice",
-        9.33e9,
-        0.325,
-        917.0,
-        "P. H. Gammon et al., Journal of Glaciology 29 (1983) 433: polycrystal at -16 °C",
-    ),
-    Material(
-        "oak",
-        12.3e9,
-        0.369,
-        760.0,
-        _WOOD + ": white oak, 12 % moisture; along the grain, an isotropic stand-in",
-    ),
-    Material(
-        "cork",
-        20e6,
-        0.05,
-        170.0,
-        "L. J. Gibson, K. E. Easterling, M. F. Ashby, Proceedings of the Royal Society A 377 "
-        "(1981) 99: radial direction, an isotropic stand-in",
-    ),
-    Material(
-        "rubber",
-        2e6,
-        0.499,
-        930.0,
-        "M. F. Ashby, Materials Selection in Mechanical Design, appendix A: natural rubber, "
-        "small strains",
-    ),
-    Material(
-        "bone",
-        17e9,
-        0.3,
-        1900.0,
-        "D. T. Reilly, A. H. Burstein, Journal of Biomechanics 8 (1975) 393: compact bone along "
-        "its axis, with the customary ν; an isotropic stand-in",
-    ),
-    Material(
-        "cartilage",
-        0.68e6,
-        0.1,
-        1100.0,
-        "K. A. Athanasiou et al., Journal of Orthopaedic Research 9 (1991) 330: human lateral "
-        "condyle drained of fluid (aggregate modulus 0.70 MPa)",
-    ),
-    Material(
-        "soft tissue",
-        10e3,
-        0.49,
-        1050.0,
-        "P. N. T. Wells, H.-D. Liang, Journal of the Royal Society Interface 8 (2011) 1521: "
-        "order of magnitude of relaxed tissue and of gelatine phantoms",
-    ),
-    Material(
-        "noodle",
-        70e3,
-        0.49,
-        1100.0,
-        "Studies on the Rheological Property of Korean Noodles I (1983): cooked wheat flour "
-        "noodle in creep, 7.0e5 dyn/cm²; ν and density of mostly water",
-    ),
-)
 
-LIBRARY: dict[str, Material] = {entry.name: entry for entry in _ENTRIES}
+LIBRARY = _library()
 """The named materials, by name."""
 
 

@@ -15,14 +15,13 @@ from kaju.model.network import SpringNetwork
 from kaju.model.network.assembler import Assembler
 from kaju.model.network.equilibrium import tangent_error
 from kaju.model.network.linear import GivesWayError
-from kaju.model.results.archive import Archive
 from kaju.model.scene import Scene
 from kaju.stepping import Until
 
 from .breaking_network import check_breakable
 from .fracture_result import COLUMNS, FractureResult
 from .strength import Measure, drawn_strengths
-from .subject import body_of, default_measure, parts_of, subject_archive, subject_from
+from .subject import body_of, default_measure, parts_of
 
 PARTED = "parted: what is left hardly resists the load, or not at all"
 UNBROKEN = "nothing that is left is pulled: at no load will more break"
@@ -255,15 +254,6 @@ class FractureModel(SteppedModel):
     def checkpoint_options(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the model's plain arguments, and those that no file can hold."""
         return self._options | {"strength": np.asarray(self._strength).tolist()}, {}
-
-    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return what breaks as arrays and plain values."""
-        return subject_archive(self.subject)
-
-    @staticmethod
-    def checkpoint_subject(archive: Archive) -> Any:
-        """Return what `checkpoint_parts` took apart."""
-        return subject_from(archive)
 
 
 def _breakable(subject: SpringNetwork | Scene) -> SpringNetwork | Scene:

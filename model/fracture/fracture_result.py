@@ -18,10 +18,11 @@ from kaju.model.network.springs import spring_lengths_and_directions
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import BREAKS
 from kaju.model.results.result import Check, Result
+from kaju.model.results.subjects import subject_archive, subject_from
 from kaju.model.scene import Scene
 
 from .strength import Measure
-from .subject import body_of, parts_of, subject_archive, subject_from
+from .subject import body_of, parts_of
 from .weakening import WeakeningBody
 
 if TYPE_CHECKING:

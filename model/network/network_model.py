@@ -16,12 +16,11 @@ from kaju._mesa import FixedAgent, Model, Network
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, TangentError
 from kaju.mesa_model import SteppedModel
-from kaju.model.results.archive import Archive
 from kaju.stepping import Until
 
 from .increments import IncrementalLoading
 from .linear import Method
-from .network_result import NetworkResult, Scheme, network_archive, network_from
+from .network_result import NetworkResult, Scheme
 from .springs import SpringNetwork
 
 _AGENTS_UP_TO = 10_000
@@ -181,15 +180,6 @@ class NetworkModel(SteppedModel):
             "agents": bool(self.node_agents),
         }
         return options, {}
-
-    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the network as arrays and plain values."""
-        return network_archive(self.network)
-
-    @staticmethod
-    def checkpoint_subject(archive: Archive) -> Any:
-        """Return the network that `checkpoint_parts` took apart."""
-        return network_from(archive)
 
     def figures(self) -> dict[str, float]:
         """Return what is noted after every step: lengths (m), energy (J)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from time import perf_counter
 from typing import Any, Literal
 
@@ -13,8 +12,6 @@ from numpy.typing import ArrayLike
 from kaju.errors import ParameterError, ResultError
 from kaju.mesa_model import SteppedModel
 from kaju.model.network import SpringNetwork
-from kaju.model.network.network_result import network_archive, network_from
-from kaju.model.results.archive import Archive
 from kaju.model.rheology.element import ThreeElement
 from kaju.model.rheology.load_history import History
 from kaju.model.scene import Scene
@@ -219,21 +216,3 @@ class CreepModel(SteppedModel):
         if self._mass is not None:
             options["mass"] = np.asarray(self._mass).tolist()
         return options, {"rheology": self._rheology}
-
-    def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return what creeps as arrays and plain values."""
-        if isinstance(self.subject, Scene):
-            text, arrays = self.subject.to_archive()
-            return arrays, {"scene": text}
-        if isinstance(self.subject, SpringNetwork):
-            return network_archive(self.subject)
-        return {}, {"element": asdict(self.subject)}
-
-    @staticmethod
-    def checkpoint_subject(archive: Archive) -> Any:
-        """Return what `checkpoint_parts` took apart."""
-        if "element" in archive.about:
-            return ThreeElement(**archive.value("element", dict[str, float]))
-        if "scene" in archive.about:
-            return Scene.from_archive(archive.value("scene", str), archive.arrays)
-        return network_from(archive)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 from kaju._mesa import DataCollector, Model
 from kaju.errors import ParameterError, ResultFileError
 from kaju.model.results.archive import Archive, open_archive, reading, write_archive
+from kaju.model.results.subjects import subject_archive, subject_from
 from kaju.model.scene import Scene
 from kaju.stepping import Answer, Until, step_to_end
 
@@ -189,14 +190,9 @@ class SteppedModel(Model):
         raise NotImplementedError
 
     def checkpoint_parts(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the model's scene as arrays and plain values."""
-        text, arrays = self.scene.to_archive()
-        return arrays, {"scene": text}
-
-    @staticmethod
-    def checkpoint_subject(archive: Archive) -> Any:
-        """Return the scene that `checkpoint_parts` took apart."""
-        return Scene.from_archive(archive.value("scene", str), archive.arrays)
+        """Return what the model is of, such as its scene, as arrays and plain values."""
+        names = ("subject", "network", "scene")
+        return subject_archive(next(getattr(self, name) for name in names if hasattr(self, name)))
 
     def save_checkpoint(self, path: str | Path) -> Path:
         """Write what it takes to go on from here later: continuing is as never having stopped.
@@ -252,7 +248,7 @@ class SteppedModel(Model):
                 )
             described = archive.value("subject", dict[str, Any])
             parts = Archive(target, archive.part(_SUBJECT), described)
-            subject = cls.checkpoint_subject(parts)
+            subject = subject_from(parts)
             wanted = archive.value("own", dict[str, str])
             steps, figures = archive.value("steps", int), archive.about["figures"]
         _check_own(target, wanted, own)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from kaju.errors import KajuError, needing
 from kaju.mesa_model import SteppedModel
 from kaju.model.results.archive import Archive
+from kaju.model.results.subjects import subject_from
 
 from .export import MODULES, joined, packed_page, page_html
 from .live import Session, Watched, sessions_of
@@ -61,7 +62,7 @@ def _so_far(of: Any) -> Any:
 
 def _again(of: Any) -> Any:
     subject = Archive(Path(), *of.checkpoint_parts())
-    return of.again(of.checkpoint_subject(subject))
+    return of.again(subject_from(subject))
 
 
 def _picture(of: Any) -> str:

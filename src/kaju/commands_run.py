@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import Enum
-from functools import partial
+from inspect import Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,7 +40,87 @@ if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
 
-def solve_on_processes(scene: Scene, folder: Path, console: Console, **how: Any) -> bool:
+@dataclass(frozen=True)
+class Task:
+    """What a verb is to do: with which scene, where its results go, and how it speaks."""
+
+    file: Path
+    scene: Scene
+    folder: Path
+    console: Console
+    pictures: Drawn
+    force: bool
+
+    def write(self, compute: Callable[[], Result]) -> Result:
+        """Compute a result, print its key figures and write its folder.
+
+        After Ctrl-C (exit code 130), or a missed tolerance, what there is is written without
+        pictures.
+        """
+        from kaju.model.results.result import Result
+
+        from .output import Folder
+
+        console, target = self.console, Folder(self.folder, self.force)
+        try:
+            result = compute()
+        except KeyboardInterrupt as stop:
+            best = getattr(stop, "best", None)
+            if isinstance(best, Result):
+                console.figures(best.summary())
+                console.files(target.write(best, Drawn.NONE))
+                typer.echo(f"{NOTE}; it is in {target.path}", err=True)
+            else:
+                typer.echo("interrupted before there was anything to keep", err=True)
+            raise typer.Exit(130) from None
+        except ConvergenceError as error:
+            if isinstance(error.best, Result):
+                console.files(target.write(error.best, Drawn.NONE))
+            raise
+        console.figures(result.summary())
+        written = target.write(result, self.pictures)
+        console.files(written)
+        if self.pictures is not Drawn.NONE:
+            console.say(f"look first at {target.story(written, result)}")
+        return result
+
+
+def of_a_scene(ending: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a function of a `Task` and of options of its own be a verb, with the options of all.
+
+    `ending`: what the folder of its results is called behind the scene's name.
+    """
+
+    def verb(do: Callable[..., None]) -> Callable[..., None]:
+        def command(
+            scene: SceneFile,
+            out: Out = None,
+            settings: Settings = None,
+            pictures: Draw = Drawn.ONE,
+            no_pictures: DrawNone = False,
+            force: Force = False,
+            as_json: Json = False,
+            quiet: Quiet = False,
+            **own: Any,
+        ) -> None:
+            console, described = Console(as_json, quiet), scene_of(scene, settings)
+            folder = out or Path(f"{scene.stem}-{ending}")
+            do(
+                Task(scene, described, folder, console, drawn_by(pictures, no_pictures), force),
+                **own,
+            )
+
+        shared = list(signature(command, eval_str=True).parameters.values())[:-1]
+        every = [*shared, *list(signature(do, eval_str=True).parameters.values())[1:]]
+        command.__name__, command.__doc__ = do.__name__, do.__doc__
+        command.__annotations__ = {each.name: each.annotation for each in every}
+        command.__signature__ = Signature(every)  # type: ignore[attr-defined]  # what Typer reads
+        return command
+
+    return verb
+
+
+def solve_on_processes(task: Task, **how: Any) -> bool:
     """Solve a scene and write it in pieces; False, with nothing done, if this process is alone."""
     from kaju.model.scale.pieces import PiecedResult
     from kaju.model.scale.solve_petsc import communicator, solve_petsc, together
@@ -47,19 +128,19 @@ def solve_on_processes(scene: Scene, folder: Path, console: Console, **how: Any)
     comm = communicator()
     if comm.Get_size() == 1:
         return False
-    speaks = comm.Get_rank() == 0
+    speaks, folder = comm.Get_rank() == 0, task.folder
     try:
         together(comm, lambda: _check_new(folder))
         try:
-            result, missed = solve_petsc(scene, **how), None
+            result, missed = solve_petsc(task.scene, **how), None
         except ConvergenceError as error:
             result, missed = error.best, error  # type: ignore[assignment]
         assert isinstance(result, PiecedResult)
         if speaks:
-            console.figures(result.summary())
+            task.console.figures(result.summary())
         result.save(folder)
         if speaks:
-            console.files(sorted(folder.iterdir()))
+            task.console.files(sorted(folder.iterdir()))
         if missed is not None:
             raise missed
     except KajuError:
@@ -139,9 +220,9 @@ def demo(
     from kaju.model.transfer.load_transfer import LoadTransfer
 
     console, folder = Console(as_json, quiet), out or Path("kaju-demo")
-    drawn = drawn_by(pictures, no_pictures)
-    scene = Scene.from_toml(worked_plate())
-    result = into_folder(folder, console, lambda: _watched(scene, console), drawn, force)
+    scene, drawn = Scene.from_toml(worked_plate()), drawn_by(pictures, no_pictures)
+    task = Task(Path("plate.toml"), scene, folder, console, drawn, force)
+    result = task.write(lambda: _watched(scene, console))
     if drawn is not Drawn.NONE:
         from kaju.view import animate
 
@@ -150,17 +231,11 @@ def demo(
         console.say(animate(low, folder / "ground.gif"))
 
 
+@of_a_scene("result")
 def run(
-    scene: SceneFile,
-    out: Out = None,
-    settings: Settings = None,
-    pictures: Draw = Drawn.ONE,
-    no_pictures: DrawNone = False,
-    force: Force = False,
+    task: Task,
     allow_unstable: AllowUnstable = False,
     resolution: Resolution = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
     strategy: Misplaced = None,
     tolerance: Misplaced = None,
 ) -> None:
@@ -173,90 +248,39 @@ def run(
         if value is not None:
             raise ParameterError(
                 f"--{name}: `kaju run` lets agents act by the scene's rule; for the answer of "
-                f"elasticity: kaju solve {scene} --{name} {value}"
+                f"elasticity: kaju solve {task.file} --{name} {value}"
             )
-    console, described = Console(as_json, quiet), scene_of(scene, settings)
-    if resolution is not None:
-        described = described.refine(resolution)
-    answer = partial(_watched, described, console, allow_unstable)
-    folder = out or Path(f"{scene.stem}-result")
-    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
+    scene = task.scene if resolution is None else task.scene.refine(resolution)
+    task.write(lambda: _watched(scene, task.console, allow_unstable))
 
 
+@of_a_scene("solved")
 def solve(
-    scene: SceneFile,
-    out: Out = None,
-    settings: Settings = None,
-    pictures: Draw = Drawn.ONE,
-    no_pictures: DrawNone = False,
-    force: Force = False,
+    task: Task,
     resolution: Resolution = None,
     strategy: Strategy = StrategyName.AUTO,
     tolerance: Tolerance = None,
     at: Places = None,
     engine: Engine = EngineName.KAJU,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Solve a scene as linear elasticity, whatever its rule.
 
     Writes summary.json, result.npz and pictures. With a tolerance the error is kept below it;
     without one the scene's own cells are solved.
     """
-    console, described = Console(as_json, quiet), scene_of(scene, settings)
-    folder = out or Path(f"{scene.stem}-solved")
-    if engine is EngineName.PETSC:
-        how = {"tolerance": tolerance, "resolution": resolution}
-        if solve_on_processes(described, folder, console, **how):
-            return
+    pieces = engine is EngineName.PETSC
+    if pieces and solve_on_processes(task, tolerance=tolerance, resolution=resolution):
+        return
 
     def answer() -> Result:
         from kaju.model.study.solving import solve as solve_scene
 
-        found: Result
-        if engine is EngineName.PETSC:
-            found = solve_scene(described, tolerance, resolution, strategy.value, engine="petsc")
-        else:
-            found = solve_scene(described, tolerance, resolution, strategy.value, places_of(at))
-        console.say("solved as linear elasticity")
+        more: dict[str, Any] = {"engine": "petsc"} if pieces else {"tolerance_at": places_of(at)}
+        found = solve_scene(task.scene, tolerance, resolution, strategy.value, **more)
+        task.console.say("solved as linear elasticity")
         return found
 
-    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
-
-
-def into_folder(
-    folder: Path, console: Console, compute: Callable[[], Result], pictures: Drawn, force: bool
-) -> Result:
-    """Compute a result, print its key figures and write its folder.
-
-    After Ctrl-C (exit code 130), or a missed tolerance, what there is is written without pictures.
-    """
-    from kaju.model.results.result import Result
-
-    from .output import Folder
-
-    target = Folder(folder, force)
-    try:
-        result = compute()
-    except KeyboardInterrupt as stop:
-        best = getattr(stop, "best", None)
-        if isinstance(best, Result):
-            console.figures(best.summary())
-            console.files(target.write(best, Drawn.NONE))
-            typer.echo(f"{NOTE}; it is in {target.path}", err=True)
-        else:
-            typer.echo("interrupted before there was anything to keep", err=True)
-        raise typer.Exit(130) from None
-    except ConvergenceError as error:
-        if isinstance(error.best, Result):
-            console.files(target.write(error.best, Drawn.NONE))
-        raise
-    console.figures(result.summary())
-    written = target.write(result, pictures)
-    console.files(written)
-    if pictures is not Drawn.NONE:
-        console.say(f"look first at {target.story(written, result)}")
-    return result
+    task.write(answer)
 
 
 THE_RULE = """\
@@ -303,26 +327,15 @@ Step = Annotated[
 ]
 
 
-def creep(
-    scene: SceneFile,
-    out: Out = None,
-    settings: Settings = None,
-    hold: Hold = None,
-    duration: Duration = None,
-    step: Step = None,
-    pictures: Draw = Drawn.ONE,
-    no_pictures: DrawNone = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@of_a_scene("creep")
+def creep(task: Task, hold: Hold = None, duration: Duration = None, step: Step = None) -> None:
     """Let a scene creep under its history: its materials give, flow, and recover.
 
     Writes summary.json, result.npz and pictures: displacement, stress and energies over time,
     and the body at the end. `kaju animate` makes a film of the folder.
     """
-    console, described = Console(as_json, quiet), scene_of(scene, settings)
-    if (described.history is None) == (hold is None):
+    scene = task.scene
+    if (scene.history is None) == (hold is None):
         raise ParameterError(
             "--hold: a scene without [history] needs --hold SECONDS, such as --hold 10"
             if hold is None
@@ -333,15 +346,14 @@ def creep(
         from kaju.model.rheology.creeping import creep as let_creep
         from kaju.model.rheology.load_history import History
 
-        history = History.step().hold(hold) if hold is not None else described.history
-        found = let_creep(described, history, duration, step=step)
-        console.say(f"the body of the {described.rule.kind} rule in time")
-        if not any(material.rheology for material in described.cell_materials):
-            console.say("no material has a rheology: all of them are elastic, nothing creeps")
+        history = History.step().hold(hold) if hold is not None else scene.history
+        found = let_creep(scene, history, duration, step=step)
+        task.console.say(f"the body of the {scene.rule.kind} rule in time")
+        if not any(material.rheology for material in scene.cell_materials):
+            task.console.say("no material has a rheology: all of them are elastic, nothing creeps")
         return found
 
-    folder = out or Path(f"{scene.stem}-creep")
-    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
+    task.write(answer)
 
 
 class MeasureName(Enum):
@@ -353,10 +365,9 @@ class MeasureName(Enum):
     ENERGY = "energy"
 
 
+@of_a_scene("broken")
 def break_(
-    scene: SceneFile,
-    out: Out = None,
-    settings: Settings = None,
+    task: Task,
     strength: Annotated[
         float, typer.Option(help="Mean strength of springs or cells: N, Pa, a share, or J.")
     ] = 1.0,
@@ -372,11 +383,6 @@ def break_(
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the strengths.")] = 0,
     most: Annotated[int | None, typer.Option(min=1, help="End after so many breaks.")] = None,
-    pictures: Draw = Drawn.ONE,
-    no_pictures: DrawNone = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Load a body until it parts: its cells break, one at a time; of hexagons the springs.
 
@@ -384,7 +390,6 @@ def break_(
     pictures: the crack, load and displacement, avalanches. `kaju animate` makes a film of the
     folder.
     """
-    console, described = Console(as_json, quiet), scene_of(scene, settings)
 
     def answer() -> Result:
         from kaju.model.fracture.fracture_model import FractureModel
@@ -392,13 +397,12 @@ def break_(
         spread = 0.1 if scatter is None else scatter
         asked = None if measure is None else measure.value
         options: dict[str, Any] = {"measure": asked, "scatter": spread}
-        model = FractureModel(described, strength=strength, most_breaks=most, seed=seed, **options)
+        model = FractureModel(task.scene, strength=strength, most_breaks=most, seed=seed, **options)
         broken = model.run()
-        console.say(f"{broken.parts}s of the body break: {broken.outcome}")
+        task.console.say(f"{broken.parts}s of the body break: {broken.outcome}")
         return broken
 
-    folder = out or Path(f"{scene.stem}-broken")
-    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
+    task.write(answer)
 
 
 class GrowthRuleName(Enum):
@@ -409,10 +413,9 @@ class GrowthRuleName(Enum):
     STRESS = "stress"
 
 
+@of_a_scene("grown")
 def grow(
-    scene: SceneFile,
-    out: Out = None,
-    settings: Settings = None,
+    task: Task,
     rule: Annotated[
         GrowthRuleName, typer.Option(help="How cells grow by what they feel.")
     ] = GrowthRuleName.COMPLIANCE,
@@ -429,27 +432,20 @@ def grow(
         float, typer.Option(help="Cells over which compliance averages.", min=0.0)
     ] = 2.4,
     steps: Annotated[int, typer.Option(min=1, help="End after so many steps.")] = 100,
-    pictures: Draw = Drawn.ONE,
-    no_pictures: DrawNone = False,
-    force: Force = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Let a body grow where it carries and fade where it does not.
 
     Every cell of material has a density, which changes step by step. Writes summary.json,
     result.npz and pictures: the design and its history. `kaju animate` makes a film of the folder.
     """
-    console, described = Console(as_json, quiet), scene_of(scene, settings)
 
     def answer() -> Result:
         from kaju.model.growth.growth_model import GrowthModel
 
         share = 0.5 if volume is None else volume
         options: dict[str, Any] = {"volume": share, "filter_radius": radius, "most_steps": steps}
-        grown = GrowthModel(described, rule=rule.value, **options).run()
-        console.say(f"cells grow by the rule of {rule.value}: {grown.outcome}")
+        grown = GrowthModel(task.scene, rule=rule.value, **options).run()
+        task.console.say(f"cells grow by the rule of {rule.value}: {grown.outcome}")
         return grown
 
-    folder = out or Path(f"{scene.stem}-grown")
-    into_folder(folder, console, answer, drawn_by(pictures, no_pictures), force)
+    task.write(answer)

@@ -29,11 +29,10 @@ from .style import (
     FAINT,
     FORCE,
     INK,
-    LINE,
     add_polygons,
-    caption,
     colour_bar,
     figure_of,
+    frame_curves,
     label_axis,
     legend,
     new_axes,
@@ -103,10 +102,8 @@ def plot_load_and_displacement(result: FractureResult, ax: Axes | None = None) -
     label_axis(ax.yaxis, "load", list(force), "N")
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=0.0)
-    ax.grid(color=LINE, lw=0.4)
-    ax.legend(fontsize=8, framealpha=1.0, edgecolor="white")
-    caption(ax, f"Load and displacement while {result.parts}s break", [result.outcome])
-    return ax
+    title = f"Load and displacement while {result.parts}s break"
+    return frame_curves(ax, title, [result.outcome])
 
 
 def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
@@ -122,13 +119,12 @@ def plot_avalanches(result: FractureResult, ax: Axes | None = None) -> Axes:
     if found.any():
         power = per_size[found][0] * (middle / middle[found][0]) ** -2.5
         ax.loglog(middle, power, ls="--", lw=1.0, color=FAINT, label="size$^{-5/2}$")
-        ax.legend(fontsize=8, framealpha=1.0, edgecolor="white")
         ax.set_ylim(bottom=0.5 * per_size[found].min())
     ax.set_xlabel(f"{result.parts}s that break in one avalanche")
     ax.set_ylabel("avalanches of that size")
-    ax.grid(color=LINE, lw=0.4)
-    caption(ax, "Avalanches", [f"{counted(len(sizes), 'avalanche')} before the last one"])
-    return ax
+    return frame_curves(
+        ax, "Avalanches", [f"{counted(len(sizes), 'avalanche')} before the last one"]
+    )
 
 
 def _plot_broken_cells(

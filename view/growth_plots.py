@@ -17,11 +17,10 @@ from .section import Section, section_of
 from .style import (
     FAINT,
     INK,
-    LINE,
     add_polygons,
-    caption,
     colour_bar,
     figure_of,
+    frame_curves,
     label_axis,
     new_axes,
 )
@@ -83,15 +82,13 @@ def plot_growth(result: GrowthResult, ax: Axes | None = None) -> Axes:
     label_axis(ax.yaxis, "compliance", list(result.compliances), "J")
     ax.set_xlabel("step")
     ax.set_ylim(bottom=0.0)
-    ax.grid(color=LINE, lw=0.4)
     other = ax.twinx()
     other.plot(steps, result.volumes, lw=1.0, ls="--", color=FAINT, label="volume")
     other.set_ylim(0.0, 1.0)
     other.set_ylabel("share of the volume", color=FAINT)
     lines = [*ax.get_lines(), *other.get_lines()]
-    ax.legend(handles=lines, fontsize=8, framealpha=1.0, edgecolor="white")
-    caption(ax, "Compliance and volume while a body grows", [result.outcome])
-    return ax
+    title = "Compliance and volume while a body grows"
+    return frame_curves(ax, title, [result.outcome], handles=lines)
 
 
 def growing_body(result: GrowthResult, cut: Mapping[str, float] | None = None) -> Reel:

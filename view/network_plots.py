@@ -30,6 +30,7 @@ from .style import (
     colour_bar,
     figure_of,
     fit_figure,
+    frame_curves,
     label_axis,
     legend,
     new_axes,
@@ -241,10 +242,7 @@ def plot_response(result: NetworkResult, ax: Axes | None = None) -> Axes:
     label_axis(ax.yaxis, "displacement", list(moved), "m")
     ax.set_xlim(left=0.0)
     ax.set_ylim(bottom=0.0)
-    ax.grid(color=LINE, lw=0.4)
-    ax.legend(fontsize=8, loc="upper left", framealpha=1.0, edgecolor="white")
-    caption(ax, "Displacement along the load path", [])
-    return ax
+    return frame_curves(ax, "Displacement along the load path", [], loc="upper left")
 
 
 def increments(

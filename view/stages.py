@@ -13,7 +13,7 @@ from kaju.errors import ParameterError
 from kaju.model.transfer.transfer_result import TransferResult
 
 from .agents import threshold_of
-from .style import FAINT, FORCE, INK, LINE, caption, label_axis, new_axes, new_figure
+from .style import FAINT, FORCE, INK, frame_curves, label_axis, new_axes, new_figure
 from .units import counted, quantity
 
 Growing = Literal["displacement", "agents"]
@@ -69,11 +69,9 @@ def plot_stages(
     ax.set_xlim(0.0, 1.04 * float(load.max(initial=0.0)) or 1.0)
     grown = float(values.max(initial=0.0))
     ax.set_ylim(0.0, 1.06 * grown or 1.0)
-    ax.grid(color=LINE, lw=0.4)
-    ax.legend(fontsize=8, loc="upper left", framealpha=1.0, edgecolor="white")
     quiet = "no load exceeds γ: nothing happens"
-    caption(ax, _TITLES[quantity_shown], [] if grown else [quiet])
-    return ax
+    notes = [] if grown else [quiet]
+    return frame_curves(ax, _TITLES[quantity_shown], notes, loc="upper left")
 
 
 _TITLES = {"displacement": "Displacement against load", "agents": "Agents against load"}

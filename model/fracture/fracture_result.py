@@ -302,7 +302,5 @@ class FractureResult(Result):
         return cls(
             subject=subject,
             **archive.columns(BREAKS, {"parts": parts_of(subject)}),
-            measure=archive.value("measure", Measure),
-            outcome=archive.value("outcome", str),
-            seconds=archive.value("seconds", float),
+            **archive.values(measure=Measure, outcome=str, seconds=float),
         )

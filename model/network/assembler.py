@@ -4,9 +4,8 @@ Everything that changes from one state to the next comes in as arrays over the s
 tension and their stiffness. So elastic springs, and springs that creep for one time step,
 are assembled by the same code with other numbers.
 
-The tangent is made of blocks: one for every node, and one for every pair of nodes that a
-spring joins, which stands at two mirrored places. Only the blocks change; which of their
-numbers goes where in the sparse matrix does not. Nodes are eliminated by nested dissection: cut
+The tangent is the sum of the springs' own matrices. Only their numbers change; which of them is
+added where in the sparse matrix does not. Nodes are eliminated by nested dissection: cut
 in two halves across their longest side, again and again, those along the cut after both halves.
 For a lattice in the plane the factors then hold O(n log n) numbers.
 
@@ -136,69 +135,33 @@ class Pattern(NamedTuple):
     """Rows of the entries, column by column."""
     pointer: NDArray[np.int32]
     """Where each column starts."""
-    source: NDArray[np.intp]
-    """For every entry, which number of the blocks it is."""
-    pair: Ints
-    """For every spring, the pair of nodes it joins."""
-    nodes: int
-    pairs: int
+    number: NDArray[np.intp]
+    """Which numbers of the springs' own matrices, all in a row, count."""
+    entry: NDArray[np.intp]
+    """To which entry each of them is added."""
 
-    def fill(self, network: SpringNetwork, blocks: Floats) -> csc_array:
+    def fill(self, blocks: Floats) -> csc_array:
         """Return the tangent whose springs have the blocks (m, dimension, dimension)."""
-        dimension = network.dimension
-        summed = np.empty((dimension, dimension, self.nodes + self.pairs))
-        for a in range(dimension):
-            for b in range(a, dimension):
-                values = np.ascontiguousarray(blocks[:, a, b])
-                summed[a, b, : self.nodes] = np.bincount(
-                    network.springs[:, 0], values, self.nodes
-                ) + np.bincount(network.springs[:, 1], values, self.nodes)
-                summed[a, b, self.nodes :] = -np.bincount(self.pair, values, self.pairs)
-                summed[b, a] = summed[a, b]
-        data = summed.ravel()[self.source]
+        signs = np.array([[1.0, -1.0], [-1.0, 1.0]])  # of the two ends
+        own = signs[:, None, :, None] * blocks[:, None, :, None, :]
+        data = np.bincount(self.entry, own.ravel()[self.number], len(self.indices))
         size = len(self.pointer) - 1
         return csc_array((data, self.indices, self.pointer), shape=(size, size))
 
 
-def tangent_pattern(network: SpringNetwork, order: Ints) -> Pattern:
-    """Work out the pattern for nodes eliminated in an order (n,)."""
-    nodes, dimension = network.positions.shape
-    rank = np.empty(nodes, dtype=np.int64)
-    rank[order] = np.arange(nodes)
-    low, high, pair = _pairs(rank[network.springs], nodes)
-    # Blocks in the matrix by row and column, and the block in the storage each one is.
-    row = np.concatenate([np.arange(nodes), low, high])
-    column = np.concatenate([np.arange(nodes), high, low])
-    block = np.concatenate([order, *(2 * [nodes + np.arange(len(low))])])
-    sort = np.argsort(column * nodes + row)
-    row, column, block = row[sort], column[sort], block[sort]
-
-    free = ~network.held[order]
-    number = (np.cumsum(free) - 1).reshape(free.shape)  # of every free coordinate
-    place_in_node = np.cumsum(free, axis=1) - 1
-    height = free.sum(axis=1)  # rows that a node's blocks have
-    above = np.cumsum(height[row]) - height[row]  # entries above a block in its column
-    above -= above[np.searchsorted(column, column)]
-    column_height = np.bincount(column, height[row], nodes).astype(np.int64)
-    pointer = np.concatenate([[0], np.cumsum(np.repeat(column_height, height))])
-
-    indices = np.empty(pointer[-1], dtype=np.int32)
-    source = np.empty(pointer[-1], dtype=np.intp)
-    for a in range(dimension):
-        for b in range(dimension):
-            kept = np.flatnonzero(free[row, a] & free[column, b])
-            i, j = row[kept], column[kept]
-            place = pointer[number[j, b]] + above[kept] + place_in_node[i, a]
-            indices[place] = number[i, a]
-            source[place] = (a * dimension + b) * (nodes + len(low)) + block[kept]
-    return Pattern(indices, pointer.astype(np.int32), source, pair, nodes, len(low))
-
-
-def _pairs(ends: Ints, nodes: int) -> tuple[Ints, Ints, Ints]:
-    """Lower and higher end of every pair that is joined, and the pair of every spring."""
-    low, high = np.minimum(*ends.T), np.maximum(*ends.T)
-    joined, pair = np.unique(low * nodes + high, return_inverse=True)
-    return joined // nodes, joined % nodes, pair
+def tangent_pattern(network: SpringNetwork, free: Ints) -> Pattern:
+    """Work out the pattern for free coordinates in an order."""
+    row = np.full(network.positions.size, -1)
+    row[free] = np.arange(len(free))
+    ends = row.reshape(network.positions.shape)[network.springs].reshape(len(network.springs), -1)
+    column = np.broadcast_to(ends[:, None, :], (*ends.shape, ends.shape[1]))
+    across = np.broadcast_to(ends[:, :, None], column.shape)
+    number = np.flatnonzero((column >= 0) & (across >= 0))
+    place = (column.ravel()[number] * len(free)) + across.ravel()[number]
+    filled, entry = np.unique(place, return_inverse=True)
+    pointer = np.searchsorted(filled, len(free) * np.arange(len(free) + 1))
+    indices = filled % max(len(free), 1)
+    return Pattern(indices.astype(np.int32), pointer.astype(np.int32), number, entry.ravel())
 
 
 class Assembler:
@@ -214,7 +177,7 @@ class Assembler:
         order = elimination_order(network.positions, network.springs)
         coordinates = (dimension * order[:, None] + np.arange(dimension)).ravel()
         self.free: Ints = coordinates[~network.held.ravel()[coordinates]]
-        self._pattern = tangent_pattern(network, order)
+        self._pattern = tangent_pattern(network, self.free)
 
     def geometry(self, displacement: Floats) -> Geometry:
         """Return lengths, directions and elongations under a displacement (n, dimension)."""
@@ -226,7 +189,7 @@ class Assembler:
 
     def tangent(self, geometry: Geometry, tension: Floats, stiffness: Floats) -> csc_array:
         """Return how the free nodes resist small displacements (N/m), shape (f, f)."""
-        return self._pattern.fill(self.network, self._blocks(geometry, tension, stiffness))
+        return self._pattern.fill(self._blocks(geometry, tension, stiffness))
 
     def force_change(
         self, geometry: Geometry, tension: Floats, stiffness: Floats, displacement: Floats

@@ -311,9 +311,7 @@ class NetworkResult(Result):
         return cls(
             network=network,
             **archive.columns(RECORDS, sizes_of_network(network)),
-            scheme=archive.value("scheme", Scheme),
-            method=archive.value("method", str),
-            seconds=archive.value("seconds", float),
+            **archive.values(scheme=Scheme, method=str, seconds=float),
         )
 
 

@@ -168,8 +168,7 @@ class Reference:
         with reading(path):
             return cls(
                 **archive.columns(REFERENCE, {}),
-                strain_energy=archive.value("strain_energy", float | None),
-                source=archive.value("source", str),
+                **archive.values(strain_energy=float | None, source=str),
             )
 
 

@@ -23,43 +23,20 @@ if TYPE_CHECKING:
     from kaju.model.scale.pieces import PiecedResult
     from kaju.model.transfer.load_model import LoadModel
 
+    AnyElastic = ElasticResult | OutlineResult | PiecedResult
+
 Strategy = Literal["auto", "uniform", "spawning"]
 STRATEGIES = ("auto", "uniform", "spawning")
 
 
+# The overloads only say which subject gives which result; options are checked by name below.
 @overload
-def solve(
-    subject: Scene | LoadModel | str | Path,
-    tolerance: float | None = None,
-    resolution: int | None = None,
-    strategy: Strategy = "auto",
-    tolerance_at: ToleranceAt | None = None,
-    previous: ElasticResult | None = None,
-    stage: int | None = None,
-    *,
-    stiffness: ArrayLike | None = None,
-    most_agents: int | None = None,
-    engine: None = None,
-) -> ElasticResult: ...
+def solve(subject: Scene, *how: Any, engine: Literal["petsc"], **more: Any) -> AnyElastic: ...
 @overload
-def solve(
-    subject: Scene,
-    tolerance: float | None = None,
-    resolution: int | None = None,
-    strategy: Strategy = "auto",
-    *,
-    stage: int | None = None,
-    engine: Literal["petsc"],
-) -> ElasticResult | PiecedResult: ...
+def solve(subject: Scene | LoadModel | str | Path, *how: Any, **more: Any) -> ElasticResult: ...
 @overload
-def solve(
-    subject: SpringNetwork | NetworkModel,
-    tolerance: float | None = None,
-    *,
-    increments: int | None = None,
-    method: str | None = None,
-) -> NetworkResult: ...
-def solve(
+def solve(subject: SpringNetwork | NetworkModel, *how: Any, **more: Any) -> NetworkResult: ...
+def solve(  # type: ignore[misc]
     subject: Scene | SpringNetwork | NetworkModel | LoadModel | str | Path,
     tolerance: float | None = None,
     resolution: int | None = None,
@@ -73,7 +50,7 @@ def solve(
     engine: Literal["petsc"] | None = None,
     increments: int | None = None,
     method: str | None = None,
-) -> ElasticResult | OutlineResult | PiecedResult | NetworkResult:
+) -> AnyElastic | NetworkResult:
     """Return how a body or a network of springs answers its loads.
 
     Parameters

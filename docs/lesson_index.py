@@ -7,7 +7,6 @@ reads how far somebody has got from the browser's own storage, where the lessons
 from __future__ import annotations
 
 import html
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,28 +23,6 @@ STEPS = (
 """Colours of a quantity: far from the paper is more."""
 LOAD, RULE, ELASTIC, SLEEPING = "#b33a08", "#0b5cad", "#a11a5b", "#d5d9de"
 WIDTH, HEIGHT = 280, 112
-WORDS = {
-    "title": {"en": "kaju lessons", "de": "kaju-Stunden", "ja": "kaju の授業"},
-    "subtitle": {
-        "en": "How a load finds its way, cell by cell",
-        "de": "Wie eine Last ihren Weg findet, Zelle für Zelle",
-        "ja": "荷重が道を見つけるようすを、セルからセルへ",
-    },
-    "age": {"en": "age {n}+", "de": "ab {n} Jahren", "ja": "{n} 歳から"},
-    "ages": {"en": "Age", "de": "Alter", "ja": "年齢"},
-    "all": {"en": "all", "de": "alle", "ja": "すべて"},
-    "minutes": {"en": "{n} min", "de": "{n} Min.", "ja": "{n} 分"},
-    "done": {
-        "en": "{n} of 4 steps",
-        "de": "{n} von 4 Schritten",
-        "ja": "4 段階のうち {n}",
-    },
-    "count": {
-        "en": "{n} lessons, each one file that needs no network",
-        "de": "{n} Stunden, jede eine Datei, die kein Netz braucht",
-        "ja": "{n} の授業。どれも一つのファイルで、ネットワークは要りません",
-    },
-}
 
 
 def write_index(folder: Path) -> Path:
@@ -53,8 +30,7 @@ def write_index(folder: Path) -> Path:
     lessons = [lesson(name) for name in ORDER]
     cards = "\n".join(_card(found) for found in lessons)
     ages = sorted({found.age for found in lessons})
-    told = json.dumps({"words": WORDS, "ages": ages}, ensure_ascii=False).replace("<", "\\u003c")
-    page = TEMPLATE.replace("{{cards}}", cards).replace("{{told}}", told)
+    page = TEMPLATE.replace("{{cards}}", cards).replace("{{ages}}", str(ages))
     target = folder / "index.html"
     target.write_text(page, encoding="utf-8")
     return target

@@ -302,5 +302,7 @@ class FractureResult(Result):
         return cls(
             subject=subject,
             **archive.columns(BREAKS, {"parts": parts_of(subject)}),
-            **archive.values(measure=Measure, outcome=str, seconds=float),
+            measure=archive.value("measure", Measure),
+            outcome=archive.value("outcome", str),
+            seconds=archive.value("seconds", float),
         )

@@ -218,7 +218,11 @@ class GrowthResult(BodyResult):
         return cls(
             scene=scene,
             stage=stage,
+            rule=archive.value("rule", str),
             **columns,
-            **archive.values(rule=str, volume=float, holds_volume=bool, filter_radius=float),
-            **archive.values(outcome=str, seconds=float),
+            volume=archive.value("volume", float),
+            holds_volume=archive.value("holds_volume", bool),
+            filter_radius=archive.value("filter_radius", float),
+            outcome=archive.value("outcome", str),
+            seconds=archive.value("seconds", float),
         )

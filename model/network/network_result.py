@@ -311,7 +311,9 @@ class NetworkResult(Result):
         return cls(
             network=network,
             **archive.columns(RECORDS, sizes_of_network(network)),
-            **archive.values(scheme=Scheme, method=str, seconds=float),
+            scheme=archive.value("scheme", Scheme),
+            method=archive.value("method", str),
+            seconds=archive.value("seconds", float),
         )
 
 

@@ -160,10 +160,6 @@ class Archive:
                 inside, told.removeprefix("should "), f"is {first['input']!r:.40}"
             ) from error
 
-    def values(self, **forms: Any) -> dict[str, Any]:
-        """Return plain values by their names, each of its form."""
-        return {name: self.value(name, form) for name, form in forms.items()}
-
     def record(self, name: str, kind: type) -> dict[str, Any]:
         """Return the plain fields of a dataclass, which `plain_of` has listed."""
         found: dict[str, Any] = self.value(name, TypedDict(kind.__name__, _plain(kind)))  # type: ignore[operator]

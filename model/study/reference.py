@@ -168,7 +168,8 @@ class Reference:
         with reading(path):
             return cls(
                 **archive.columns(REFERENCE, {}),
-                **archive.values(strain_energy=float | None, source=str),
+                strain_energy=archive.value("strain_energy", float | None),
+                source=archive.value("source", str),
             )
 
 

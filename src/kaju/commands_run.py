@@ -276,7 +276,7 @@ def solve(
         from kaju.model.study.solving import solve as solve_scene
 
         more: dict[str, Any] = {"engine": "petsc"} if pieces else {"tolerance_at": places_of(at)}
-        found = solve_scene(task.scene, tolerance, resolution, strategy.value, **more)
+        found: Result = solve_scene(task.scene, tolerance, resolution, strategy.value, **more)
         task.console.say("solved as linear elasticity")
         return found
 

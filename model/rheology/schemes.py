@@ -38,7 +38,7 @@ from kaju.errors import ParameterError
 from kaju.model.rheology.load_history import History
 
 
-class Law(Protocol):
+class ElementLaw(Protocol):
     """The three numbers of one element, or three arrays for many."""
 
     @property
@@ -57,7 +57,7 @@ class Laws(NamedTuple):
     D_d: Floats
 
     @classmethod
-    def of(cls, elements: Iterable[Law]) -> Laws:
+    def of(cls, elements: Iterable[ElementLaw]) -> Laws:
         """Gather single elements."""
         table = np.array([(e.K_f, e.D_f, e.D_d) for e in elements], dtype=np.float64)
         return cls(*np.ascontiguousarray(table.reshape(-1, 3).T))
@@ -125,7 +125,7 @@ def scheme(name: str) -> Scheme:
     return SCHEMES[name]
 
 
-def as_spring(law: Law, step: float, state: Stretch) -> tuple[Floats, Floats]:
+def as_spring(law: ElementLaw, step: float, state: Stretch) -> tuple[Floats, Floats]:
     """Return stiffness and rest of the spring that an element is over an implicit step (s).
 
     Its stiffness is 1/(C h) with C = 1/D_d + 1/(K_f h + D_f).
@@ -136,7 +136,7 @@ def as_spring(law: Law, step: float, state: Stretch) -> tuple[Floats, Floats]:
     return np.asarray(stiffness), np.asarray(rest)
 
 
-def force_at_rate(law: Law, step: float, state: Stretch, rate: ArrayLike) -> Floats:
+def force_at_rate(law: ElementLaw, step: float, state: Stretch, rate: ArrayLike) -> Floats:
     """Return the force at the end of an implicit step with a given rate of elongation.
 
     The same as `as_spring`, written without the elongation, so that no digits are lost when
@@ -147,7 +147,7 @@ def force_at_rate(law: Law, step: float, state: Stretch, rate: ArrayLike) -> Flo
     return np.asarray(stiffness * (step * np.asarray(rate) + state.q * (law.K_f / voigt)))
 
 
-def rates(law: Law, step: float, state: Stretch, force: Floats) -> Stretch:
+def rates(law: ElementLaw, step: float, state: Stretch, force: Floats) -> Stretch:
     """Return the rates of both parts in an implicit step that ends under `force`."""
     return Stretch(
         np.asarray((force - law.K_f * state.q) / (law.K_f * step + law.D_f)),
@@ -160,13 +160,13 @@ def moved(state: Stretch, rate: Stretch, time: float) -> Stretch:
     return Stretch(state.q + time * rate.q, state.d + time * rate.d)
 
 
-def stored_energy(law: Law, state: Stretch) -> float:
+def stored_energy(law: ElementLaw, state: Stretch) -> float:
     """Return Σ K_f q²/2 (J), the energy that the springs can give back."""
     return float(np.sum(0.5 * law.K_f * np.square(state.q)))
 
 
 def stage_energy(
-    law: Law, method: Scheme, step: float, weight: float, force: Floats, rate: Stretch
+    law: ElementLaw, method: Scheme, step: float, weight: float, force: Floats, rate: Stretch
 ) -> Energy:
     """Return what one stage of a step of length `step` adds to the balance."""
     share = weight * step
@@ -178,7 +178,9 @@ def stage_energy(
     )
 
 
-def march(law: Law, history: History, times: Floats, method: Scheme, driven_by: str) -> Floats:
+def march(
+    law: ElementLaw, history: History, times: Floats, method: Scheme, driven_by: str
+) -> Floats:
     """Step one element along a history; return the displacement, or the force, at `times` (s)."""
     nodes = np.union1d(times, [c for c in history.times if c < times[-1]])
     nodes = np.union1d(nodes, [0.0])

@@ -157,10 +157,8 @@ def rounding_of(problem: OutlineProblem) -> float:
 
 def _borne(balanced: BalancedPieces, fitted: FittedDisplacement) -> Floats:
     """Return the work of the weight within each leaf on the displacement."""
-    whole = np.concatenate([np.empty(0, np.int64), *(rows for _, _, rows in balanced.whole)])
-    moved = fitted.displacement[fitted.corner].mean(axis=1) @ balanced.weight
-    out = np.zeros(len(moved))
-    out[whole] = balanced.area[whole] * moved[whole]
+    out = balanced.area * (fitted.displacement[fitted.corner].mean(axis=1) @ balanced.weight)
+    out[balanced.owner] = 0.0  # those that are not whole
     for k in range(3):
         middle = 0.5 * (balanced.corners[:, k] + balanced.corners[:, k - 1])
         moved = fitted.at(balanced.owner, middle) @ balanced.weight

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -13,8 +14,37 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # The tests start many processes: each would compile all over again what none may keep.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+def compile_in_one_worker():
+    """Let a worker that needs a loop which another one compiles wait, and load what that kept."""
+    import fcntl
+
+    from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.dispatcher import Dispatcher
+
+    usual, mine = Dispatcher.compile, set()
+
+    def compile_or_load(loop, signature):
+        source = loop.py_func.__code__.co_filename
+        with global_compiler_lock:  # of this worker's threads
+            if source in mine or not Path(source).exists():
+                return usual(loop, signature)
+            mine.add(source)
+            try:
+                with Path(source).open() as lock:
+                    fcntl.flock(lock, fcntl.LOCK_EX)
+                    return usual(loop, signature)
+            finally:
+                mine.remove(source)
+
+    Dispatcher.compile = compile_or_load
+
+
 if "PYTEST_XDIST_WORKER" in os.environ:  # others use the other processors
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    if os.name == "posix":
+        compile_in_one_worker()
 
 # Machines differ in speed: a slow example is no failure.
 settings.register_profile(

@@ -152,7 +152,7 @@ def test_springs_that_are_let_go_come_to_rest(scheme):
     np.testing.assert_allclose(result.displacement[3:], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("apart", [3e-17, 1e-14, 1e-10])
+@pytest.mark.parametrize("apart", [3e-17, 1e-10])
 @pytest.mark.parametrize("pace", [{"tolerance": 1e-3}, {"step": 0.1}])
 def test_times_that_differ_by_rounding_are_one(apart, pace):
     history = History().ramp(1.0, duration=0.2).hold(5.0)

@@ -84,7 +84,7 @@ def scenes(draw):
     return Scene(**parts, rule=draw(rules))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(scenes())
 def test_a_text_and_an_archive_give_the_same_scene(scene):
     assert Scene.from_archive(*scene.to_archive()) == scene
@@ -97,9 +97,7 @@ def test_a_text_and_an_archive_give_the_same_scene(scene):
 
 def test_a_drawing_stays_a_drawing():
     text = Scene.from_drawing(
-        "..##..\n.####.\n======\n",
-        legend={".": "air", "#": "rubber", "=": "rigid"},
-        cell_size=0.01,
+        "..##..\n.####.\n======\n", legend={".": "air", "#": "rubber", "=": "rigid"}, cell_size=0.01
     ).to_toml()
     assert 'drawing = """\n..##..\n.####.\n======\n"""' in text
     assert '"." = "air"' in text

@@ -171,22 +171,6 @@ def test_agents_do_not_pile_up_over_many_moves():
     assert np.mean(ratio) < 1.2
 
 
-def test_three_dimensions():
-    block = Scene(
-        body={"size": [0.1, 0.1, 0.1], "cells": [8, 8, 8], "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [[0.0, 0.0, 0.1], [0.025, 0.025, 0.1]]}, "force": [0, 0, -1.0]}],
-    )
-    first = spawned(block, tolerance=0.2)
-    load = {"region": {"box": [[0.05, 0.05, 0.1], [0.075, 0.1, 0.1]]}, "force": [0.1, 0.0, -1.0]}
-    moved = block.replace(loads=[load]).with_region(box=[[0.0, 0.0, 0.0], [0.025, 0.025, 0.05]])
-    again, fresh = spawned(moved, tolerance=0.2, previous=first), spawned(moved, tolerance=0.2)
-    gap = again.strain_energy / fresh.strain_energy - 1
-    assert abs(gap) < again.error_estimate**2 + fresh.error_estimate**2
-    assert again.agents < 1.3 * fresh.agents
-    np.testing.assert_allclose(again.reactions["bottom"], [-0.1, 0.0, 1.0], atol=1e-9)
-
-
 @pytest.mark.parametrize("loads", [press(force=(0.3, -2.0)), press(4)])
 def test_a_tolerance_of_the_displacement_goes_on_too(loads):
     first = spawned(plate(), tolerance=0.005, tolerance_at="displacement")

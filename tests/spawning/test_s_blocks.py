@@ -79,7 +79,10 @@ def test_forces_and_loads_are_those_of_single_agents(name):
     assert np.count_nonzero(load) == np.count_nonzero(balance.load[free])
 
 
-@pytest.mark.parametrize(("real", "rounding"), [(np.float64, 1e-12), (np.float32, 1e-6)])
+@pytest.mark.parametrize(
+    ("real", "rounding"),
+    [(np.float32, 1e-6), pytest.param(np.float64, 1e-12, marks=pytest.mark.slow)],
+)
 @pytest.mark.parametrize("name", ["plate", "pierced", "cube with another"])
 def test_a_cycle_is_symmetric(name, real, rounding):
     blocks, _ = random_blocks(BODIES[name]())

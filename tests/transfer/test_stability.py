@@ -60,7 +60,7 @@ def test_a_share_of_one_never_ends():
     assert stage.outcome == "stopped after max_generations = 30 with loads on their way"
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(scene=scenes())
 def test_the_bounds_enclose_the_dense_spectral_radius(scene):
     try:

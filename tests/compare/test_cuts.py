@@ -55,9 +55,7 @@ def test_elasticity_carries_all_of_it_at_every_cut(how):
 def test_no_layer_ends_within_an_agent():
     cells = {"cells": [64, 64], "cell_size": 0.01, "material": "steel"}
     scene = Scene(
-        body=cells,
-        sides={"bottom": "rigid"},
-        loads=[{"cell": [32, 63], "force": [0.0, -2.0]}],
+        body=cells, sides={"bottom": "rigid"}, loads=[{"cell": [32, 63], "force": [0.0, -2.0]}]
     )
     answer = solve(scene, strategy="spawning", tolerance=0.3)
     assert answer.size.max() == pytest.approx(0.08)

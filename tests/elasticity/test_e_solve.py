@@ -5,10 +5,7 @@ import pytest
 from elastic_cases import make_problem
 
 from kaju import Scene
-from kaju.errors import (
-    ConvergenceError,
-    SupportError,
-)
+from kaju.errors import ConvergenceError, SupportError
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.solve import solve

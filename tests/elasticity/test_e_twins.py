@@ -9,11 +9,7 @@ from elastic_cases import make_problem
 from kaju.model.elastic import sweeps
 from kaju.model.elastic.hierarchy import Hierarchy
 from kaju.model.elastic.problem import ACTIVE
-from kaju.model.elastic.staggered import (
-    Numbering,
-    internal_force,
-    stiffness_matrix,
-)
+from kaju.model.elastic.staggered import Numbering, internal_force, stiffness_matrix
 
 CASES = [
     ((32, 16), {"bottom": "rigid"}),

@@ -39,7 +39,7 @@ def test_a_notched_body_parts_where_it_is_notched(tmp_path):
     height = ends[:, :, 1].mean()
     assert 0.02 < height < 0.055
     assert sorted(path.name for path in (tmp_path / "broken").iterdir()) == [
-        *("crack.png", "result.npz", "summary.json"),
+        *("crack.png", "result.npz", "summary.json")
     ]
 
 

@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 
 import kaju
 from kaju.model.fracture import breaking_network
-from kaju.model.network.spring_lattices import (
-    cut,
-    jittered,
-    pulled,
-    random_geometric,
-    triangular,
-)
+from kaju.model.network.spring_lattices import cut, jittered, pulled, random_geometric, triangular
 
 
 def test_three_fibres():

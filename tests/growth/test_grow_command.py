@@ -32,7 +32,7 @@ def test_the_bridge_grows(tmp_path):
     assert density[30:50, 1].min() > 0.9
     assert density[20:60, 5:12].mean() < 0.2 < density[20:60, 25:].mean()
     assert sorted(path.name for path in out.iterdir()) == [
-        *("design.png", "result.npz", "summary.json"),
+        *("design.png", "result.npz", "summary.json")
     ]
     assert "the volume is held" in told("check", out)
 

@@ -42,11 +42,7 @@ def test_the_load_path_runs_evenly_through_its_stages():
 @pytest.mark.parametrize(
     ("changes", "error", "message"),
     [
-        (
-            {"positions": SQUARE * [1.0, np.nan]},
-            ParameterError,
-            r"positions\[0, 1\]: must be",
-        ),
+        ({"positions": SQUARE * [1.0, np.nan]}, ParameterError, r"positions\[0, 1\]: must be"),
         ({"stiffness": [1, 1, -3, 1, 1]}, ParameterError, "stiffness of spring 2 .* got -3"),
         ({"stiffness": [1, 1, np.inf, 1, 1]}, ParameterError, r"stiffness\[2\]"),
         ({"rest_length": -1.0}, ParameterError, "rest_length of spring 0"),

@@ -80,6 +80,16 @@ def test_the_state_does_not_depend_on_the_path():
     assert detour.displacement[-1] == pytest.approx(slowly.displacement[-1], abs=1e-12)
 
 
+def test_unloaded_it_comes_back():
+    network = triangular(6, force=0.15)
+    cycle = network.with_loads(np.stack([network.forces[-1], 0.0 * network.forces[-1]]))
+    result = cycle.solve(4)
+    assert np.abs(result.displacement[4]).max() > 0.05
+    assert np.abs(result.displacement[-1]).max() < 1e-13
+    assert result.strain_energy() < 1e-25
+    assert result.work() == pytest.approx(0.0, abs=1e-6 * result.work(1))
+
+
 def test_the_work_done_is_stored():
     result = triangular(6, force=0.15).solve(32)
     assert result.work() == pytest.approx(result.strain_energy(), rel=1e-9)
@@ -156,11 +166,7 @@ def test_without_correction_a_given_displacement_is_met_too():
 def test_springs_stretched_from_the_start_settle_first():
     """A middle node between two springs of rest lengths ½ and 1 goes where they pull alike."""
     network = SpringNetwork.build(
-        [[0, 0], [1, 0], [2, 0]],
-        [[0, 1], [1, 2]],
-        1.0,
-        [0.5, 1.0],
-        held=[[1, 1], [0, 1], [1, 1]],
+        [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]], 1.0, [0.5, 1.0], held=[[1, 1], [0, 1], [1, 1]]
     )
     result = network.solve(1)
     assert result.displacement[0, 1, 0] == pytest.approx(-0.25)

@@ -83,10 +83,7 @@ def test_a_model_that_buckles_stops_at_what_it_reached():
 
 def test_springs_side_by_side_are_one_neighbour():
     network = SpringNetwork.build(
-        [[0, 0], [1, 0]],
-        [[0, 1], [1, 0]],
-        held=[[1, 1], [0, 1]],
-        forces=[[0, 0], [0.1, 0]],
+        [[0, 0], [1, 0]], [[0, 1], [1, 0]], held=[[1, 1], [0, 1]], forces=[[0, 0], [0.1, 0]]
     )
     model = NetworkModel(network, increments=1)
     assert len(list(model.node_agents[0].cell.neighborhood)) == 1

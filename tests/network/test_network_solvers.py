@@ -14,12 +14,7 @@ from kaju.model.network import (
     tangent_solver,
     triangular,
 )
-from kaju.model.network.linear import (
-    DirectSolver,
-    GivesWayError,
-    MultigridSolver,
-    rigid_body_modes,
-)
+from kaju.model.network.linear import DirectSolver, GivesWayError, MultigridSolver, rigid_body_modes
 
 
 @pytest.mark.parametrize(

@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 
 import kaju
-from kaju import (
-    ElasticModel,
-    History,
-    LoadModel,
-    Scene,
-    SpawningModel,
-    ThreeElement,
-    creep,
-    solve,
-)
+from kaju import ElasticModel, History, LoadModel, Scene, SpawningModel, ThreeElement, creep, solve
 from kaju.errors import SceneError
 from kaju.model.network import jittered, pulled, triangular
 from kaju.view.page.export import packed_page

@@ -71,11 +71,7 @@ def test_the_twin_makes_the_same_agents_take_the_same_loads(pairs):
         scale = last.taken.max(initial=1e-300)
         pushed, pulled = last.taken - last.pulled, last.pulled
         taken = np.hstack([pushed, pulled]) if scene.rule.sense else pushed
-        for name, values in [
-            ("taken", taken),
-            ("passed", last.passed),
-            ("dropped", last.dropped),
-        ]:
+        for name, values in [("taken", taken), ("passed", last.passed), ("dropped", last.dropped)]:
             expected = values[order].ravel()
             np.testing.assert_allclose(twin[name], expected, rtol=0, atol=1e-12 * scale)
         ledger = last.ledger

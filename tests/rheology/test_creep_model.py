@@ -78,11 +78,7 @@ def test_it_collects_time_and_every_part_of_the_work():
 
 @pytest.mark.parametrize(
     ("subject", "own"),
-    [
-        (DOUGH, {}),
-        (slab(rheology=CREEPING), {}),
-        (triangular(3, force=0.01), {"rheology": DOUGH}),
-    ],
+    [(DOUGH, {}), (slab(rheology=CREEPING), {}), (triangular(3, force=0.01), {"rheology": DOUGH})],
     ids=["element", "scene", "network"],
 )
 def test_it_is_saved_and_goes_on(tmp_path, subject, own):

@@ -51,9 +51,7 @@ def test_one_material_follows_the_correspondence_principle():
     assert np.abs(static).max() > 0.0
     for record, grown in enumerate(growth):
         np.testing.assert_allclose(
-            result.displacement_at(points, record),
-            grown * static,
-            atol=2e-5 * np.abs(static).max(),
+            result.displacement_at(points, record), grown * static, atol=2e-5 * np.abs(static).max()
         )
 
 

@@ -55,12 +55,7 @@ def test_creep_relaxation_and_recovery_never_turn_back(scheme, pace):
     assert np.all(force >= -rounding)
 
 
-@given(
-    st.floats(1e-6, 1e12),
-    st.floats(0.0, 1e6),
-    st.floats(1e-6, 1e6),
-    st.floats(1e-6, 1e6),
-)
+@given(st.floats(1e-6, 1e12), st.floats(0.0, 1e6), st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))
 def test_any_element_gives_steadily_and_stays_below_its_limit(pace, spring, damper, flow):
     element = ThreeElement(spring, damper, flow)
     step = pace * damper / max(spring, 1e-6)

@@ -121,11 +121,7 @@ def test_cubes_from_a_file_of_codes(tmp_path):
     codes = np.zeros((2, 3, 4), dtype=np.uint8)
     codes[0] = 1
     np.save(tmp_path / "body.npy", codes)
-    scene = Scene.from_array(
-        tmp_path / "body.npy",
-        legend={1: "steel", 0: "rigid"},
-        cell_size=0.1,
-    )
+    scene = Scene.from_array(tmp_path / "body.npy", legend={1: "steel", 0: "rigid"}, cell_size=0.1)
     assert scene.lattice.kind == "cube"
     assert (scene.plane, scene.thickness) == (None, 1.0)
     assert scene.rasterise()[0].tolist() == [[0] * 4] * 3

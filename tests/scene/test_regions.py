@@ -87,11 +87,7 @@ def test_a_body_of_regions_only():
 
 
 def test_hexagons_are_asked_at_their_centres():
-    scene = plate(
-        {"box": [[0, 0], [1.2, 10]], "material": "air"},
-        cells=(3, 2),
-        lattice="hexagon",
-    )
+    scene = plate({"box": [[0, 0], [1.2, 10]], "material": "air"}, cells=(3, 2), lattice="hexagon")
     # centres at x = 0.5, 1.5, 2.5 in the even row and 1.0, 2.0, 3.0 in the odd one
     assert picture(scene) == [[AIR, 0, 0], [AIR, 0, 0]]
 

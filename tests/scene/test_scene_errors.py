@@ -148,10 +148,7 @@ REGIONS = [
     ({"disk": {"centre": [0.1, 0.1], "radius": 1e-3}, "material": "air"}, "holds no cell's centre"),
     ({"polygon": [[0, 0], [1, 1]], "material": "air"}, "polygon: must have at least 3 entries"),
     ({"polygon": [[0, 0], [0, 1], [0, 2]], "material": "air"}, "corners lie on one line"),
-    (
-        {"image": {"file": "no.png"}, "material": "air"},
-        "file: no.png: cannot be read: No such",
-    ),
+    ({"image": {"file": "no.png"}, "material": "air"}, "file: no.png: cannot be read: No such"),
 ]
 
 

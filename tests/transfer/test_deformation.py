@@ -49,6 +49,20 @@ def test_both_senses_squeeze():
     assert down.stress[0, 1, 1] == up.stress[0, 1, 1] < 0.0
 
 
+@pytest.mark.parametrize("held", [("bottom",), ("top",), ("top", "bottom"), ()])
+def test_displacements_are_summed_from_what_holds_the_line(held):
+    displacement, strain, _ = by_row(column(dict.fromkeys(held, "rigid")))
+    elongation = H * strain[:, 1, 1]
+    if len(held) == 2:
+        elongation -= elongation.mean()  # the misfit is spread
+    expected = np.cumsum(elongation) - 0.5 * elongation
+    if held == ("top",):
+        expected -= elongation.sum()
+    elif not held:
+        expected -= expected[2]  # the middle stays
+    np.testing.assert_allclose(displacement[:, 1], expected, rtol=1e-12, atol=1e-18)
+
+
 def test_cells_no_load_reached_stay_where_they_are():
     result = column({"bottom": "rigid"}, rows=40, load_row=20)
     at = np.array([[0.5 * H, (row + 0.5) * H] for row in (25, 39)])
@@ -65,10 +79,7 @@ def test_a_gap_in_a_line_separates_runs():
         materials={"jelly": JELLY},
         legend={"#": "jelly", ".": "air"},
         sides={"bottom": "rigid"},
-        loads=[
-            {"cell": [0, 4], "force": [0.0, -2.0]},
-            {"cell": [0, 1], "force": [0.0, -2.0]},
-        ],
+        loads=[{"cell": [0, 4], "force": [0.0, -2.0]}, {"cell": [0, 1], "force": [0.0, -2.0]}],
         rule=PrescribedRule(alpha=(0.5, 0.0, 0.0), beta=1.0),
     )
     result = LoadModel(scene).run()

@@ -11,14 +11,7 @@ import numpy as np
 import pytest
 from plates import plate as pressed
 
-from kaju import (
-    ElasticModel,
-    ElasticRule,
-    LoadModel,
-    NetworkModel,
-    PrescribedRule,
-    SpawningModel,
-)
+from kaju import ElasticModel, ElasticRule, LoadModel, NetworkModel, PrescribedRule, SpawningModel
 from kaju.errors import ParameterError
 from kaju.model.network import triangular
 

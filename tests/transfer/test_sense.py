@@ -13,12 +13,7 @@ DOWN, UP = 2, 3
 
 def column(force, rule=STRAIGHT, cells=4, **side):
     return Scene(
-        body={
-            "cell_size": 0.01,
-            "cells": [1, cells],
-            "material": "steel",
-            "allow_floating": True,
-        },
+        body={"cell_size": 0.01, "cells": [1, cells], "material": "steel", "allow_floating": True},
         sides={"bottom": "rigid"} | side,
         loads=[{"side": "top", "force": [0.0, force]}],
         rule=rule,
@@ -105,8 +100,7 @@ def test_rollers_answer_across_and_punches_by_their_own_name(engine):
 
 @ENGINES
 @pytest.mark.parametrize(
-    ("threshold", "found"),
-    [(1e-2, (8, 34, 4, 12.879375)), (1e-3, (11, 85, 13, 21.104765625))],
+    ("threshold", "found"), [(1e-2, (8, 34, 4, 12.879375)), (1e-3, (11, 85, 13, 21.104765625))]
 )
 def test_the_plate_has_the_literal_rules_counts_at_other_places(engine, threshold, found):
     results = [LoadModel(plate(-2.0, s, threshold), engine=engine).run() for s in (True, False)]

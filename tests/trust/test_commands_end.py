@@ -53,12 +53,7 @@ def test_a_working_folder_that_is_gone_is_named(folder):
     words = " ".join([*COMMAND, "check", str(folder / "s.toml")])
     gone.mkdir()
     done = subprocess.run(
-        f"rmdir {gone}; {words}",
-        shell=True,
-        cwd=gone,
-        capture_output=True,
-        text=True,
-        timeout=120,
+        f"rmdir {gone}; {words}", shell=True, cwd=gone, capture_output=True, text=True, timeout=120
     )
     assert is_one_sentence(done)
 

@@ -13,7 +13,7 @@ from kaju.errors import KajuError
 
 COMPILER = shutil.which("cc")
 pytestmark = [
-    pytest.mark.skipif(COMPILER is None or sys.platform != "linux", reason="needs cc on Linux"),
+    pytest.mark.skipif(COMPILER is None or sys.platform != "linux", reason="needs cc on Linux")
 ]
 SOURCE = Path(__file__).parents[1] / "support" / "refusing.c"
 SCENE = """

@@ -156,12 +156,7 @@ def mixed(first, second, cells=8):
         for name, ratio in (("one", first), ("two", second))
     }
     upper = {"box": [[0.0, side / 2], [side, side]], "material": "two"}
-    body = {
-        "size": [side, side],
-        "cells": [cells, cells],
-        "material": "one",
-        "regions": [upper],
-    }
+    body = {"size": [side, side], "cells": [cells, cells], "material": "one", "regions": [upper]}
     loads = [{"cell": [cells // 2, cells - 1], "force": [0.0, -2.0]}]
     return plate(body=body, materials=materials, loads=loads)
 

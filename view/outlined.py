@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.collections import PolyCollection
+
+from kaju.model.scene.curves import flattened
+from kaju.model.scene.shapes import OutlinedShape
 
 from .style import caption, colour_bar, label_axis, new_axes
 from .units import quantity
@@ -30,7 +33,13 @@ def plot_cut_agents(result: OutlineResult, ax: Axes | None = None) -> Axes:
     whole = ~result.cut
     lines = PolyCollection(list(edges[whole]), facecolors="none", edgecolors="white", lw=0.3)
     ax.add_collection(lines)
-    extent = result.scene.lattice.extent
+    scene = result.scene
+    if len(scene.cell_materials) > 1:  # agents have one colour on both sides of an outline
+        for number, region in enumerate(scene.body.regions):
+            shape = cast(OutlinedShape, region.shape_in(scene.lattice, f"body.regions.{number}"))
+            drawn = [flattened(arcs, 16) for arcs in shape.outline()]
+            ax.add_collection(PolyCollection(drawn, facecolors="none", edgecolors="black", lw=0.8))
+    extent = scene.lattice.extent
     ax.set(xlim=(0.0, extent[0]), ylim=(0.0, extent[1]), aspect="equal")
     label_axis(ax.xaxis, "x", [0.0, extent[0]], "m")
     label_axis(ax.yaxis, "y", [0.0, extent[1]], "m")

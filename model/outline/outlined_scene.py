@@ -22,7 +22,7 @@ from .arc_triangles import ArcFrames, TouchError, keep_apart
 from .balanced_pieces import LooseError
 from .laws import AIR, Law
 from .mixed_body import MixedBody, MixedRegion
-from .outline_bracket import OutlineBracket, spawn
+from .outline_bracket import OutlineBracket, error_between, rounding_of, spawn
 from .outline_problem import SIDES, LoadedOutline, OutlineProblem, UnlikeError
 from .outline_result import OutlineResult
 from .true_shapes import TrueBody, TrueRegion, TrueShape, nested
@@ -56,6 +56,14 @@ def solve_outlined(scene: Scene, tolerance: float | None, most_agents: int | Non
     start = perf_counter()
     tolerance = TOLERANCE if tolerance is None else float(tolerance)
     problem, edge = problem_of(scene)
+    rounding = rounding_of(problem)
+    left = error_between((1.0 - rounding, 1.0 + rounding))
+    if len(problem.body.laws) > 1 and left > tolerance:
+        raise SceneError(
+            f"body.regions: materials this unlike leave an error of {left:.2g} to rounding alone, "
+            f"above the tolerance of {tolerance:g}; take a larger one, rigid sides for what is all "
+            "but rigid, or air for what is all but air"
+        )
 
     def result(found: OutlineBracket) -> OutlineResult:
         return OutlineResult.of(scene, problem, found, edge, tolerance, perf_counter() - start)

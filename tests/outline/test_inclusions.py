@@ -304,6 +304,11 @@ def test_what_is_not_proved_of_two_materials_is_refused(change: dict, words: str
         kaju.solve(plate(**change.get("body", {})).replace(**change.get("scene", {})))
 
 
+def test_materials_too_unlike_for_the_tolerance_are_refused_before_agents_spawn() -> None:
+    with pytest.raises(kaju.KajuError, match="to rounding alone"):
+        kaju.solve(plate(1e9), tolerance=0.1)
+
+
 def test_there_is_no_traction_between_materials_along_a_hole() -> None:
     answer = kaju.solve(plate(regions=[disk(0.31, "air", "hole")]), tolerance=0.2)
     with pytest.raises(kaju.KajuError, match="no two materials"):

@@ -32,7 +32,7 @@ from .volume_field import LOCKING, VolumeField
 
 SETTLED = 0.015
 """Share of the estimated error that the iteration may leave, and that is added to the bound."""
-MOST_PROVED = {2: 500_000, 3: 100_000}
+MOST_PROVED = {2: 1_000_000, 3: 100_000}
 """Of more boxes bounds are worked out only when they are asked for."""
 CROSSED = 1e-6
 """Share by which rounding may cross the bounds of an exact answer."""
@@ -41,7 +41,7 @@ MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
 FEW = {2: 20_000, 3: 4_000}
 """So many boxes may be spent in any case: a second or two."""
-PROVED_AT = {2: 0.71, 3: 0.9}
+PROVED_AT = {2: 0.65, 3: 0.9}
 """Of the estimate: what bounds mostly say, until they have been asked."""
 
 

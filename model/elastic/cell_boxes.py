@@ -59,7 +59,8 @@ def boxes_of_cells(
     shear = {}
     for (a, b), tau in stress.edges.items():
         ends = np.add.outer([0, cells.steps[a]], [0, cells.steps[b]])
-        shear[a, b] = cells.laid(tau)[cells.told + ends[..., None]]
+        whole = tau + problem.surface_shear.get((a, b), 0.0)
+        shear[a, b] = cells.laid(whole)[cells.told + ends[..., None]]
     return Boxes(
         np.ones(len(cells.told)),
         Moduli(*cells.law[:, cells.kinds[cells.told]]),

@@ -36,8 +36,10 @@ def sharp_corners(scene: Scene) -> Floats:
     cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1)
     kinds = scene.kinds(cells.reshape(-1, 2)).reshape(cells.shape[:-1])
     around = np.stack([kinds[:-1, :-1], kinds[1:, :-1], kinds[1:, 1:], kinds[:-1, 1:]], axis=-1)
-    patterns, which = np.unique(around.reshape(-1, 4), axis=0, return_inverse=True)
-    sharp = np.array([bool(_reason(_sides(scene, pattern))) for pattern in patterns])
+    least, base = int(around.min()), int(np.ptp(around)) + 1
+    patterns, which = np.unique((around - least) @ base ** np.arange(4), return_inverse=True)
+    kinds = patterns[:, None] // base ** np.arange(4) % base + least
+    sharp = np.array([bool(_reason(_sides(scene, four))) for four in kinds])
     found = sharp[which.reshape(around.shape[:2])]
     return np.asarray(np.argwhere(found) * lattice.cell_size, dtype=np.float64)
 

@@ -71,6 +71,9 @@ class State(Protocol):
     def choose(self, part: Floats, allowed: float) -> Flags:
         """Choose who spawns."""
 
+    def choose_for_energy(self, part: Floats, allowed: float) -> Flags:
+        """Choose who spawns for the energy norm."""
+
 
 class Aim(Protocol):
     """Something that the tolerance can be about."""
@@ -88,7 +91,7 @@ class EnergyAim:
     def look(self, spawner: State) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
-        chosen = spawner.choose(spawner.square, allowed)
+        chosen = spawner.choose_for_energy(spawner.square, allowed)
         return Aimed(spawner.error, spawner.square, chosen, allowed)
 
     def bounded(self, spawner: State) -> Aimed:

@@ -324,6 +324,11 @@ class BlockSpawner(Spawner):
         return np.asarray(forest.size[forest.leaves] <= self.ground.smallest)
 
     @property
+    def sharp(self) -> Ints:
+        """Which blocks are at points where stress has no limit."""
+        return np.unique(self.blocks.forest.holding(self.ground.sharp)[0])
+
+    @property
     def generations(self) -> Records:
         """The steps so far."""
         return Records(self.records)

@@ -22,6 +22,7 @@ from kaju.model.elastic.staggered import axis_pairs
 from . import block_kernels as kernels
 from .balance import Balance
 from .composite import Composite
+from .curvature import SINGULAR
 from .forest import ACROSS, COARSE, REFINED, Forest, corners, ways
 from .pages import PLACES, Pages, surroundings
 
@@ -304,9 +305,15 @@ class BlockBalance:
         block = forest.leaves[:, None]
         alike = forest.kinds[block, ahead] == forest.kinds[block, middle]
         next_to = np.where(alike, forest.beside[block, ahead], -1)
-        around = (next_to, *law, self.layout.stride)
-        found = kernels.curvature(u, forest.leaves, *around, squares, loads)
-        return np.asarray(found)
+        around = (*law, self.layout.stride)
+        found = np.asarray(kernels.curvature(u, forest.leaves, next_to, *around, squares, loads))
+        row, cell = forest.holding(forest.ground.sharp)
+        own = np.empty((len(row), len(forest.corners)))
+        kernels.curvature(u, forest.leaves[row], next_to[row], *around, own, loads[:0])
+        np.add.at(found, row, (SINGULAR - 1.0) * own[np.arange(len(row)), cell])
+        if len(squares):
+            squares[row, cell] *= SINGULAR
+        return found
 
     def follow(self, old: Floats, rim: Ints) -> Floats:
         """Return the displacement interpolated to this forest from what it has grown from."""

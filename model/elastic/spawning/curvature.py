@@ -25,6 +25,10 @@ from .composite import Composite
 from .edges import Gradient
 from .field import known_slopes, oriented, slope_weights
 
+SINGULAR = 6.0
+"""Where stress grows without limit towards a point, the agents round it are off by more than their
+curvature tells: bounds say by 4 to 25 times its square."""
+
 
 class Ahead(NamedTuple):
     """Leaves and their neighbours along an axis, of the same material.
@@ -214,4 +218,6 @@ def indicate(balance: Balance, u: Floats) -> Indicator:
     curvature, grid = Curvature(balance), balance.grid
     bends = curvature.of(u)
     load = grid.length**grid.dimension * curvature.push(bends)
-    return Indicator(curvature.energy(bends, bends), load)
+    square = curvature.energy(bends, bends)
+    square[grid.leaves.holding(grid.ground.sharp)] *= SINGULAR
+    return Indicator(square, load)

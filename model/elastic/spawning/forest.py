@@ -257,6 +257,15 @@ class Forest:
         found[small] = np.isin(keys(lower[small] // cell), keys(loaded))
         return found
 
+    def holding(self, points: Ints) -> tuple[Ints, Ints]:
+        """Return the agents that hold any of some unit cells: which of the `leaves`, and place."""
+        lower, size = self.lower[self.leaves], self.size[self.leaves]
+        at = np.searchsorted(morton(lower), morton(np.maximum(points, 0)), side="right") - 1
+        place = (points - lower[at]) // size[at, None]
+        held = ((place >= 0) & (place < ACROSS)).all(axis=1)
+        found = np.unique(np.column_stack([at, place])[held], axis=0)
+        return found[:, 0], found[:, 1:] @ ACROSS ** np.arange(self.dimension)[::-1]
+
     def with_neighbours(self, block: Ints) -> Ints:
         """Return leaf blocks and all those that touch them, in order."""
         marked = np.zeros(len(self), dtype=np.bool_)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from itertools import product
 from math import ceil, log2
 from typing import NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
+from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.tractions import Portions
@@ -72,6 +74,14 @@ class Ground:
     def kinds_of(self, boxes: Ints, exponent: int) -> Ints:
         """Return the kinds of boxes of 2^exponent of the scene's cells, or MIXED."""
         return self._purity.kinds(boxes, exponent)
+
+    @cached_property
+    def sharp(self) -> Ints:
+        """The unit cells round points at which stress has no limit, shape (n, dimension)."""
+        corner = np.rint(sharp_corners(self.scene) / self.scene.lattice.cell_size)
+        if not len(corner):
+            return np.empty((0, self.dimension), dtype=np.int64)
+        return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
 
     @property
     def loaded(self) -> Ints:

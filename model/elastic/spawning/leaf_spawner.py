@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kaju.arrays import Flags
+from kaju.arrays import Flags, Ints
 from kaju.model.elastic.bracket import Bracket
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ACTIVE
@@ -70,6 +70,11 @@ class LeafSpawner(Spawner):
     def smallest(self) -> Flags:
         """Which agents are as small as may be."""
         return np.asarray(self.leaves.size <= self.ground.smallest)
+
+    @property
+    def sharp(self) -> Ints:
+        """Which agents are at points where stress has no limit."""
+        return self.leaves.holding(self.ground.sharp)
 
     def outcome(self) -> Spawning:
         """Return the agents as they are."""

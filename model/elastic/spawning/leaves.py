@@ -79,6 +79,11 @@ class Leaves:
         held &= (points - self.lower[at] < self.size[at, None]).all(axis=1)
         return np.where(held, at, -1)
 
+    def holding(self, points: Ints) -> Ints:
+        """Return the leaves that hold any of some unit cells."""
+        at = np.unique(self.find(points))
+        return np.asarray(at[at >= 0])
+
     def split(self, chosen: Flags, step: int, cause: Floats) -> Leaves:
         """Return the leaves with the chosen ones replaced by their children."""
         # `cause` gives, per leaf, what is noted with its children.

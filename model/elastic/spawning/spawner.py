@@ -8,7 +8,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
 from kaju.model.elastic.krylov import Iteration
 
@@ -21,12 +21,15 @@ from .leaves import Leaves
 from .nested import NestedMultigrid
 
 MOST_GENERATIONS = 60
-TELLING, FAR = 500, 100.0
+TELLING, FAR = 500, 600.0
 """From so many agents on they tell how many more it takes; so many times too many are not tried."""
 TOLD = 1e-5
 """Share of the applied forces that may be left on agents without a word."""
-ASKED = 4_000
-"""So many at most are asked for bounds before they have settled: more take too long."""
+ASKED = {2: 0, 3: 4_000}
+"""So many at most are asked for bounds before they have settled: more take too long, and in the
+plane bounds say much the same everywhere."""
+EARLY = 0.1
+"""Of the error allowed: what those at points without a limit of stress may keep together."""
 LEAST_SHARE = 0.5
 """Of the estimate, that bounds are expected to be."""
 FIRST_GUESS = 0.3
@@ -79,6 +82,11 @@ class Spawner(ABC):
     @abstractmethod
     def smallest(self) -> Flags:
         """Which of those who spawn together are as small as may be."""
+
+    @property
+    @abstractmethod
+    def sharp(self) -> Ints:
+        """Which of those who spawn together are at points where stress has no limit."""
 
     @property
     @abstractmethod
@@ -147,10 +155,21 @@ class Spawner(ABC):
         """Choose who spawns: those with the largest parts in an error (see `choose_among`)."""
         return choose_among(part, allowed, self.smallest, BULK[self.ground.dimension])
 
+    def choose_for_energy(self, part: Floats, allowed: float) -> Flags:
+        """Choose who spawns for the energy norm: first those where stress has no limit."""
+        chosen = self.choose(part, allowed)
+        if chosen.any():
+            # They are few, and each step takes half of their error at most: in the end all others
+            # would settle once more for them.
+            at, own = self.sharp, np.zeros(len(part))
+            own[at] = part[at]
+            chosen |= choose_among(own, EARLY * allowed, self.smallest, 1.0)
+        return chosen
+
     def _expect(self) -> None:
         """Ask bounds once, long before the end, for which share of the estimate they will be."""
         known = self._share != PROVED_AT[self.ground.dimension]
-        some = TELLING <= self.agents <= ASKED
+        some = TELLING <= self.agents <= ASKED[self.ground.dimension]
         if known or not some or not self.target < self.error < inf:
             return
         bracket = self._bounds(settled=False)
@@ -217,7 +236,8 @@ class Spawner(ABC):
         if isinstance(self.bracket, Bracket):
             self._share = min(self.bracket.error / max(self.error, self.tolerance), 1.0)
             shares, allowed = unproved(self.bracket, self.tolerance)
-            chosen = self.choose(shares.reshape(len(self.square), -1).sum(axis=1), allowed)
+            shares = shares.reshape(len(self.square), -1).sum(axis=1)
+            chosen = self.choose_for_energy(shares, allowed)
             if self._worth(chosen):
                 self.aimed, self.finished = self.aimed._replace(chosen=chosen), False
                 return

@@ -47,8 +47,8 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
     law = Moduli(moduli.stretch[kind], moduli.lateral[kind], moduli.shear[kind])
     shear = {}
     for pair, edges in grid.edges.items():
-        tau = edges.modulus * sum(fields.slopes[pair])
-        shear[pair] = np.ascontiguousarray(np.moveaxis(tau[edges.of_leaf], 0, 2))
+        tau = fields.edge_shear[pair][edges.of_leaf]
+        shear[pair] = np.ascontiguousarray(np.moveaxis(tau, 0, 2))
     forces = grid.ground.forces(leaves)
     within = forces.direction < 0
     body = np.zeros((d, n))

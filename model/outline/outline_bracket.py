@@ -157,7 +157,8 @@ def rounding_of(problem: OutlineProblem) -> float:
 
 def _borne(balanced: BalancedPieces, fitted: FittedDisplacement) -> Floats:
     """Return the work of the weight within each leaf on the displacement."""
-    out = balanced.area * (fitted.displacement[fitted.corner].mean(axis=1) @ balanced.weight)
+    mean = fitted.displacement[fitted.corner].mean(axis=1)
+    out = np.asarray(balanced.area * (mean @ balanced.weight))
     out[balanced.owner] = 0.0  # those that are not whole
     for k in range(3):
         middle = 0.5 * (balanced.corners[:, k] + balanced.corners[:, k - 1])

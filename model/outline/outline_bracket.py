@@ -164,7 +164,7 @@ def _borne(balanced: BalancedPieces, fitted: FittedDisplacement) -> Floats:
         middle = 0.5 * (balanced.corners[:, k] + balanced.corners[:, k - 1])
         moved = fitted.at(balanced.owner, middle) @ balanced.weight
         out += np.bincount(balanced.owner, balanced.cut.area / 3.0 * moved, len(out))
-    return out
+    return np.asarray(out)
 
 
 def _work(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats) -> Floats:

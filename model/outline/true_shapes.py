@@ -290,8 +290,9 @@ class TrueBody:
 
     def held(self, squares: list[Corners], outer: bool) -> list[Held]:
         """Return what squares hold: no less than the body (outer), or no more."""
+        whole: Held = {self.law: None}
         return [
-            {self.law: None if pieces == [square] else pieces} if pieces else {}
+            whole if pieces == [square] else {self.law: pieces} if pieces else {}
             for square, pieces in zip(squares, self.pieces(squares, outer), strict=True)
         ]
 

@@ -25,9 +25,9 @@ from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 from . import sweeps
 from .krylov import best_of, dot
-from .moduli import REENTRANT_WEIGHT, Moduli
+from .moduli import Moduli
 from .problem import ElasticProblem, FaceFields, rim_layer
-from .staggered import compact
+from .staggered import Numbering, modulus_between, stiffness_matrix
 from .stencils import Stencil, Terms, coarsening, finest_entries
 
 FIRST = 4
@@ -103,7 +103,8 @@ class Hierarchy:
         laws = len(self.levels) - stencils
         self._sweeps = [by_law] * laws + by_stencil + by_stencil[-1:] * stencils
         self._parity = np.resize([1.0, 0.0], max(level.arrays[3][2] for level in self.levels) + 2)
-        self._direct = _Direct(self.levels[-1])
+        own = replace(problem, moduli=moduli)
+        self._direct = _Direct(self.levels[-1], of_parents(own, laws - 1) if few else None)
 
     @property
     def depth(self) -> int:
@@ -234,46 +235,25 @@ class Hierarchy:
 
 
 class _Direct:
-    """The smallest level: its inverse, or the factors of a full box."""
+    """The smallest level: its inverse, or the factors of a full box by its problem."""
 
-    def __init__(self, level: Level) -> None:
-        inverse = _spread(level.arrays[1], level.arrays)
-        self._there = np.flatnonzero(inverse)
-        self._number = np.full(len(inverse), -1)
-        self._number[self._there] = np.arange(len(self._there))
-        self._solve = self._by_law(level) if level.stencil is None else self._by_stencil(level)
+    def __init__(self, level: Level, problem: ElasticProblem | None) -> None:
+        self._there = np.flatnonzero(_spread(level.arrays[1], level.arrays))
+        if problem is None:
+            self._solve = self._by_stencil(level)
+        else:
+            matrix = stiffness_matrix(problem, Numbering(problem.face_states()))
+            self._solve = factors_of(matrix).solve
 
     def solve(self, load: Floats) -> Floats:
         x = np.zeros_like(load)
         x[self._there] = self._solve(load[self._there])
         return x
 
-    def _by_law(self, level: Level) -> Callable[[Floats], Floats]:
-        law, inverse, _, box, _ = level.arrays
-        rows, columns, values = [], [], []
-        n, steps = box[sweeps.SIZE], np.array([0, box[2], 1])
-        for sign, *operands in _made(box):
-            parts = np.array(operands).reshape(4, 3)
-            one, two, x, y = parts @ steps + n * parts[:, 0]
-            here = self._there[(one <= self._there) & (self._there < one + box[sweeps.SIZE])]
-            here = here[self._number[here - one + two] >= 0]
-            place = here - one
-            value = (sign or -0.5) * (law[place + x] + law[place + y])
-            faces = self._number[here], self._number[place + two]
-            # Of two components only the first one's entries are told.
-            mirrored = abs(two - one) > box[sweeps.SIZE] // 2
-            for row, column in [faces, faces[::-1]][: 1 + mirrored]:
-                rows.append(row)
-                columns.append(column)
-                values.append(1.0 / inverse[here] if sign == 2 else value)
-        places = np.concatenate(rows), np.concatenate(columns)
-        solve: Callable[[Floats], Floats] = factors_of(
-            compact(*places, np.concatenate(values), (len(self._there),) * 2)
-        ).solve
-        return solve
-
     def _by_stencil(self, level: Level) -> Callable[[Floats], Floats]:
         assert level.stencil is not None
+        number = np.full(level.u.size, -1)
+        number[self._there] = np.arange(len(self._there))
         data, _, _, box, like = level.arrays
         planes, rows, length = box[:3]
         coefficients = data.reshape(-1, box[sweeps.ENTRIES], length)
@@ -283,9 +263,9 @@ class _Direct:
             here = self._there[(a * n <= self._there) & (self._there < (a + 1) * n)]
             other = here + (b - a) * n + (way[0] * rows + way[1]) * length + way[2]
             spot = here - a * n + (p * rows + q) * length + j
-            some = self._number[other] >= 0
+            some = number[other] >= 0
             value = coefficients[like[spot // length], entry, spot % length]
-            matrix[self._number[here[some]], self._number[other[some]]] = value[some]
+            matrix[number[here[some]], number[other[some]]] = value[some]
         size = np.sqrt(matrix.diagonal())
         matrix /= np.outer(size, size)
         matrix[np.diag_indices_from(matrix)] += GUARD
@@ -348,7 +328,14 @@ def _by_law(
     body = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in rim.shape)
     kinds[body] = rim
     law, inverse = np.zeros((2 + d * (d - 1) // 2, n)), np.zeros(d * n)
-    _lay_moduli(kinds.ravel(), _table(moduli), law, steps)
+    beyond = -min(AIR, RIGID, ROLLER, FOUNDATION)  # kinds that are no material count from the end
+    for modulus, row in zip((moduli.stretch, moduli.lateral), law, strict=False):
+        np.pad(modulus, (0, beyond)).take(kinds.ravel(), out=row, mode="wrap")
+    first = int(steps.sum())
+    for a, b in combinations(range(d), 2):  # each edge's four cells lie behind it
+        back = (0, steps[a], steps[b], steps[a] + steps[b])
+        around = np.stack([kinds.ravel()[first - k : n - k] for k in back])
+        law[1 + a + b, first:] = modulus_between(around, moduli.shear)
     for (a, b), values in (edges or {}).items():  # one further than the cells along a and b
         further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
         places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
@@ -422,9 +409,9 @@ def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
         if last:
             return levels
         cells = tuple(n // 2 for n in cells)
-        rim = np.ascontiguousarray(rim[..., _every_second(rim.shape[-1])])
+        rim = np.ascontiguousarray(rim[..., _every(2, rim.shape[-1])])
         moduli = Moduli(*(2.0 ** (d - 2) * values for values in moduli))
-        spring = tuple(2.0 ** (d - 1) * v[..., _every_second(v.shape[-1])] for v in spring)
+        spring = tuple(2.0 ** (d - 1) * v[..., _every(2, v.shape[-1])] for v in spring)
 
 
 def outside_of(problem: ElasticProblem) -> Floats:
@@ -434,18 +421,18 @@ def outside_of(problem: ElasticProblem) -> Floats:
     return np.array([(-1.0, 0.0) if end == RIGID else (2.0, -1.0) for end in ends])
 
 
-def of_parents(problem: ElasticProblem) -> ElasticProblem:
-    """Return a full box on cells twice as large."""
-    d = problem.dimension
+def of_parents(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
+    """Return a full box on cells twice as large, or so many times."""
+    d, wide = problem.dimension, 2.0**times
 
     def halved(values: NDArray[Any]) -> NDArray[Any]:
-        return np.ascontiguousarray(values[np.ix_(*[_every_second(n) for n in values.shape])])
+        return np.ascontiguousarray(values[np.ix_(*[_every(2**times, n) for n in values.shape])])
 
     return replace(
         problem,
         kinds=halved(problem.kinds),
-        moduli=Moduli(*(2.0 ** (d - 2) * values for values in problem.moduli)),
-        spring=tuple(2.0 ** (d - 1) * halved(values) for values in problem.spring),
+        moduli=Moduli(*(wide ** (d - 2) * values for values in problem.moduli)),
+        spring=tuple(wide ** (d - 1) * halved(values) for values in problem.spring),
     )
 
 
@@ -457,29 +444,10 @@ def _described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
     return values
 
 
-def _every_second(count: int) -> Ints:
-    """Return the places of every second face along an axis, the rim's included."""
+def _every(step: int, count: int) -> Ints:
+    """Return the places of every second face, or so, along an axis, the rim's included."""
     # Along the normal the last face is one of them, across it the last two have one parent.
-    return np.array([0, *range(1, count - 1, 2), count - 1])
-
-
-def _lay_moduli(kinds: NDArray[np.int32], table: Floats, law: Floats, steps: Ints) -> None:
-    """Write C₁₁, C₁₂ and the moduli of the edges: see `staggered.edge_modulus`."""
-    first = int(steps.sum())
-    law[:2, first:] = table[kinds[first:], :2].T
-    stiff = np.isfinite(table[:, 2])
-    compliance = np.where(stiff, table[:, 2], 0.0)[kinds]
-    # Cells of each sort are counted in digits of their own: of material, rigid ones, air.
-    digit = ((stiff & (table[:, 4] == 0.0)) + 5 * table[:, 4] + 25 * table[:, 3]).astype(np.uint8)
-    digits, factor = digit[kinds], np.zeros(101)
-    factor[[4, 3 + 5, 2 + 10, 1 + 15]], factor[3 + 25] = 4.0, 3.0 * REENTRANT_WEIGHT
-    for a, b in combinations(range(len(steps)), 2):
-        back = (0, steps[a], steps[b], steps[a] + steps[b])
-        places = [slice(first - k, len(kinds) - k) for k in back]
-        c, n = ([values[place] for place in places] for values in (compliance, digits))
-        share = factor[(n[0] + n[1]) + (n[2] + n[3])]
-        total = (c[0] + c[1]) + (c[2] + c[3])
-        np.divide(share, total, out=law[1 + a + b, first:], where=share > 0.0)
+    return np.array([0, *range(1, count - 1, step), count - 1])
 
 
 def _lay_faces(code: NDArray[np.int8], law: Floats, steps: Ints, inverse: Floats) -> None:
@@ -518,18 +486,6 @@ def _go_on(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
                     ghost[...] = 0.0
                 else:
                     ghost[...] = near * one + far * two
-
-
-def _table(moduli: Moduli) -> Floats:
-    """Return what `_lay_moduli` wants to know of every kind of cell."""
-    table = np.zeros((len(moduli.shear) - min(AIR, RIGID, ROLLER, FOUNDATION), 5))
-    table[:, 2] = np.inf
-    count = len(moduli.shear)
-    table[:count, 0], table[:count, 1] = moduli.stretch, moduli.lateral
-    table[:count, 2] = 1.0 / moduli.shear
-    table[RIGID, 2] = 0.0
-    table[AIR, 3] = table[RIGID, 4] = 1.0
-    return table
 
 
 def _lay_beds(rim: NDArray[np.int32], spring: FaceFields, stretch: Floats) -> None:

@@ -172,6 +172,11 @@ class CellAgents:
         state = problem, solution.displacement, solution.algebraic, self.grid, self.stage
         return bracket_of(boxes_of_cells(*state))
 
+    @property
+    def energy_bounds(self) -> tuple[float, float] | None:
+        """Bounds (J) of an energy without any of a stress: of true outlines in space only."""
+        return None
+
     def placed(self, points: Floats, cells: Ints) -> tuple[Ints, Floats]:
         """Return the agents in or on which points (m) lie, and where in each, from 0 to 1."""
         place, inside = self._within(points, cells)

@@ -282,7 +282,7 @@ class ElasticResult(BodyResult):
         """
         found = self.found.bracket
         if isinstance(found, str):
-            return getattr(self.found, "energy_bounds", None)  # of true outlines in space
+            return self.found.energy_bounds
         unit, energy = self._energy_unit, self.strain_energy
         return min(found.lower * unit, energy), max(found.upper * unit, energy)
 

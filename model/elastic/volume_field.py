@@ -54,11 +54,6 @@ class VolumeField:
         self._shear = 2.0 * self.boxes.law.shear
         self.displacement = np.where(np.isnan(self._given), self.displacement, self._given)
 
-    @property
-    def jumps(self) -> bool:
-        """Whether supports contradict; the field to begin with has been asked."""
-        return False
-
     def _data(self, v: Floats, flux: Floats | float) -> Floats:
         """Return the data of boxes, shape (boxes, 24)."""
         n = len(self.boxes.size)
@@ -72,7 +67,7 @@ class VolumeField:
         """Return the derivatives of all boxes' energies by their data."""
         out = np.empty_like(data)
         for box, straight in self._groups:
-            out[box] = data[box] @ _form(straight).shear
+            out[box] = data[box] @ _form(straight)[0]
         return np.asarray(self._shear[:, None] * out)
 
     def _gathered(self, by_data: Floats) -> Floats:
@@ -88,7 +83,7 @@ class VolumeField:
         force = (boxes.body * boxes.size**2).T
         by_data = np.empty((len(force), 24))
         for box, straight in self._groups:
-            by_data[box] = force[box] @ _form(straight).mean
+            by_data[box] = force[box] @ _form(straight)[1]
         self._load += self._gathered(by_data)
         normal = load.force[np.arange(len(load.side)), load.side // 2]
         sides = float(np.vdot(normal, self._flux[load.box, load.side].mean(axis=1)))
@@ -98,7 +93,7 @@ class VolumeField:
         """Let the corners sink by conjugate gradients; see `CompatibleField.settle`."""
         own = np.empty((len(self.boxes.size), 24))
         for box, straight in self._groups:
-            own[box] = _form(straight).shear.diagonal()
+            own[box] = _form(straight)[0].diagonal()
         diagonal = self._gathered(self._shear[:, None] * own)
         free = np.isnan(self._given) & (diagonal > 0.0)
         weight = np.where(free, 1.0 / np.where(free, diagonal, 1.0), 0.0)
@@ -174,13 +169,6 @@ class VolumeField:
         return np.asarray(mean / self.boxes.size[:, None, None])
 
 
-class _Form(NamedTuple):
-    """What follows from the data of a box of unit edge."""
-
-    shear: Floats  # The integral of ε:ε is data·shear·data. Shape (24, 24)
-    mean: Floats  # Mean displacement. Shape (2, 24)
-
-
 class _Least(NamedTuple):
     """The field of least energy in a box of unit edge, by its data."""
 
@@ -191,10 +179,10 @@ class _Least(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _form(straight: int) -> _Form:
-    """Return the form of boxes with some sides straight, a bit for each."""
+def _form(straight: int) -> tuple[Floats, Floats]:
+    """Return ∫ε:ε and the mean displacement of boxes with some sides straight, a bit for each."""
     least, slaves = _least(), _slaves(straight)
-    return _Form(slaves.T @ least.shear @ slaves, least.mean @ slaves)
+    return slaves.T @ least.shear @ slaves, least.mean @ slaves
 
 
 @lru_cache(maxsize=16)

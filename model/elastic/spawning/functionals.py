@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from itertools import product
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from .balance import Balance
 from .composite import Composite
 from .field import interpolation
 from .ground import Ground, LeafForces
-from .leaf_places import Parts, Site, Spots, site_of
-from .quantities import Deflection, Quantity, Reaction, Stress, component_of, ways_of
+from .leaf_places import Parts, Spots, site_of
+from .quantities import Deflection, Place, Quantity, Reaction, Stress, component_of, ways_of
 
 NEGLIGIBLE = 0.01
 """Of the largest: the error of a smaller value is told relative to this share."""
@@ -41,36 +42,43 @@ class Value(NamedTuple):
     walls: Floats | None = None
 
 
-class Functional(Protocol):
-    """A quantity, asked grid by grid; `ways` has a row for each of its components."""
+class Functional(ABC):
+    """A quantity of a place, asked grid by grid; `ways` has a row for each of its components."""
 
     ways: Floats
 
+    def __init__(self, at: Place, ground: Ground) -> None:
+        self._name, self._site = f"{at}", site_of(at, ground)
+
     def coarse(self, grid: Composite) -> Flags:
         """Tell which leaves are too large for the quantity to be seen."""
-
-    def of(self, fields: AgentFields) -> Value:
-        """Return the quantity, and what it depends on."""
-
-    def parts(self, grid: Composite) -> Parts | str:
-        """Return what its place is made up of; in words why no energy bounds it."""
-
-    def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
-        """Return, for every component, the forces whose work it is."""
-
-
-class _Displaced:
-    """The mean displacement of a place, along some directions."""
-
-    def __init__(self, quantity: Deflection, ground: Ground) -> None:
-        self._name, self._site = f"{quantity.at}", site_of(quantity.at, ground)
-        self.ways = ways_of(quantity.along, ground.dimension)
-
-    def coarse(self, grid: Composite) -> Flags:
         return self._site.coarse(grid)
 
     def parts(self, grid: Composite) -> Parts | str:
+        """Return what its place is made up of; in words why no energy bounds it."""
         return self._site.parts(grid)
+
+    @abstractmethod
+    def of(self, fields: AgentFields) -> Value:
+        """Return the quantity, and what it depends on."""
+
+    @abstractmethod
+    def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
+        """Return, for every component, the forces whose work it is."""
+
+    def _spots(self, grid: Composite) -> Spots:
+        spots = self._site.spots(grid)
+        if not len(spots.leaf):
+            raise ParameterError(f"tolerance_at: there is no body at {self._name}")
+        return spots
+
+
+class _Displaced(Functional):
+    """The mean displacement of a place, along some directions."""
+
+    def __init__(self, quantity: Deflection, ground: Ground) -> None:
+        super().__init__(quantity.at, ground)
+        self.ways = ways_of(quantity.along, ground.dimension)
 
     def loads(self, grid: Composite, parts: Parts) -> list[LeafForces]:
         share = parts.share[:, None]
@@ -78,7 +86,7 @@ class _Displaced:
 
     def of(self, fields: AgentFields) -> Value:
         grid = fields.balance.grid
-        spots = _spots(self._site, grid, self._name)
+        spots = self._spots(grid)
         moved = displacement_at(fields, spots.points, spots.leaf)
         value = self.ways @ (spots.weight @ moved)
         doubt = float(np.linalg.norm(self.ways @ (spots.weight @ _bulge(fields, spots, moved))))
@@ -92,21 +100,18 @@ class _Displaced:
         return Value(value, _scale(value, largest), self.ways @ along, doubt)
 
 
-class _Stressed:
+class _Stressed(Functional):
     """The mean stress of a place: a component, or the equivalent stress."""
 
     def __init__(self, quantity: Stress, ground: Ground) -> None:
-        self._name, self._site = f"{quantity.at}", site_of(quantity.at, ground)
+        super().__init__(quantity.at, ground)
         self._component = component_of(quantity.component, ground.dimension)
         self.ways = np.ones((1, 1))
-
-    def coarse(self, grid: Composite) -> Flags:
-        return self._site.coarse(grid)
 
     def parts(self, grid: Composite) -> Parts | str:
         if self._component is None:
             return "the equivalent stress is no linear quantity, and only such are bounded"
-        found = self._site.parts(grid)
+        found = super().parts(grid)
         if not isinstance(found, str) and (found.side >= 0).any():
             return "no energy bounds the stress of a surface; ask for the mean of a box at it"
         return found
@@ -139,7 +144,7 @@ class _Stressed:
 
     def of(self, fields: AgentFields) -> Value:
         balance = fields.balance
-        spots = _spots(self._site, balance.grid, self._name)
+        spots = self._spots(balance.grid)
         stress = stress_at(fields, spots.points, spots.leaf)
         found, slope = self._measured(stress, balance.grid, spots)
         value = np.array([spots.weight @ found])
@@ -166,7 +171,7 @@ class _Stressed:
         return found, 1.5 * own / np.maximum(found, 1e-300)[:, None, None]
 
 
-class _Supported:
+class _Supported(Functional):
     """The force of a support on the body."""
 
     def __init__(self, quantity: Reaction, ground: Ground) -> None:
@@ -240,13 +245,6 @@ def plain(value: Floats) -> float | Floats:
 
 def _scale(value: Floats, largest: float) -> float:
     return max(float(np.linalg.norm(value)), NEGLIGIBLE * largest)
-
-
-def _spots(site: Site, grid: Composite, name: str) -> Spots:
-    spots = site.spots(grid)
-    if not len(spots.leaf):
-        raise ParameterError(f"tolerance_at: there is no body at {name}")
-    return spots
 
 
 def _bulge(fields: AgentFields, spots: Spots, middle: Floats) -> Floats:

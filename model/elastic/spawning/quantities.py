@@ -24,8 +24,17 @@ DISPLACEMENT = "displacement"
 """The displacement, wherever it is furthest off."""
 
 
+class _Told:
+    """A quantity with its place and direction as tuples, whatever they are told as."""
+
+    def __post_init__(self) -> None:
+        for name, told in {"at": _place, "along": _way}.items():
+            if hasattr(self, name):
+                object.__setattr__(self, name, told(getattr(self, name)))
+
+
 @dataclass(frozen=True)
-class Deflection:
+class Deflection(_Told):
     """The displacement of a place.
 
     Parameters
@@ -53,14 +62,9 @@ class Deflection:
     at: Place
     along: str | tuple[float, ...] | None = None
 
-    def __post_init__(self) -> None:
-        """Take lists and arrays as tuples."""
-        object.__setattr__(self, "at", _place(self.at))
-        object.__setattr__(self, "along", _way(self.along))
-
 
 @dataclass(frozen=True)
-class Stress:
+class Stress(_Told):
     """A stress at a place.
 
     Parameters
@@ -87,13 +91,9 @@ class Stress:
     at: Place
     component: str
 
-    def __post_init__(self) -> None:
-        """Take lists and arrays as tuples."""
-        object.__setattr__(self, "at", _place(self.at))
-
 
 @dataclass(frozen=True)
-class Reaction:
+class Reaction(_Told):
     """The force of a support on the body.
 
     Parameters
@@ -118,10 +118,6 @@ class Reaction:
 
     side: str
     along: str | tuple[float, ...] | None = None
-
-    def __post_init__(self) -> None:
-        """Take lists and arrays as tuples."""
-        object.__setattr__(self, "along", _way(self.along))
 
 
 Quantity = Deflection | Stress | Reaction

@@ -248,10 +248,8 @@ def walls_beside(grid: Composite, leaf: Ints) -> Floats:
     d = grid.dimension
     given = np.full((len(leaf), 2 * d, d), np.nan)
     for side in range(2 * d):
-        bare = np.flatnonzero(grid.beside[leaf, side] < 0)
-        point = grid.beyond(side, leaf[bare])
-        kind = grid.ground.kinds_at(point)
+        kind = grid.kinds[leaf, side]
         held = (kind == RIGID) | (kind == DISPLACED)
-        moved = (kind == DISPLACED) & grid.outside(point, side)
-        given[bare[held], side] = np.where(moved[held, None], grid.ground.given(side), 0.0)
+        moved = (kind[held] == DISPLACED) & grid.outer[leaf[held], side]
+        given[held, side] = np.where(moved[:, None], grid.ground.given(side), 0.0)
     return given

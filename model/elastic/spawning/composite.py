@@ -16,9 +16,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.problem import ACTIVE, FIXED
 from kaju.model.elastic.staggered import Pair, axis_pairs
-from kaju.model.scene.kinds import DISPLACED, FOUNDATION, RIGID, ROLLER
+from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
 
 from .edges import Edges, lay_edges
 from .ground import Ground
@@ -32,6 +33,8 @@ class Composite:
     beside: Ints  # A leaf on each side, -1 for none. Shape (leaves, 2·dimension)
     # The leaf's own face on each side, -1 where smaller ones take its place. Shape as `beside`
     master: Ints
+    # Leaves and sides with smaller ones before them, and these, in the order of `corner_ends`
+    hanging: tuple[Ints, Ints, Ints]
     mean: sp.csr_array  # Displacement of the leaves' sides. Shape (leaves · 2·dimension, faces)
     axis: Ints  # Normal of every face. Shape (faces,)
     place: Floats  # Middle (units). Shape (faces, dimension)
@@ -97,25 +100,30 @@ class Composite:
 
     def _mean_of_faces(self) -> sp.csr_array:
         """Return the sides' displacements by those of faces, smaller ones counting alike."""
-        d, many = self.dimension, 1 << (self.dimension - 1)
-        whole = self.master.ravel() >= 0
+        self.hanging = self._smaller_beside()
+        _, side, fine = self.hanging
+        whole, many = self.master.ravel() >= 0, fine.shape[1]
         start = np.append(0, np.cumsum(np.where(whole, 1, many)))
         face, weight = np.empty(start[-1], dtype=np.int64), np.ones(start[-1])
         face[start[:-1][whole]] = self.master.ravel()[whole]
-        leaf, side = np.nonzero(self.master < 0)
-        at = start[:-1][~whole]
-        for part in range(many):
-            point = self.leaves.lower[leaf]
-            for axis in range(d):
-                # The digits of a part tell in which halves it lies along the other axes.
-                digit = part >> (axis - (axis > side // 2)).astype(np.int64) & 1
-                step = np.where(side % 2, self.leaves.size[leaf], -1)
-                half = digit * self.leaves.size[leaf] // 2
-                point[:, axis] += np.where(side // 2 == axis, step, half)
-            face[at + part] = self.master[self.leaves.find(point), side ^ 1]
-            weight[at + part] = 1.0 / many
+        at = start[:-1][~whole, None] + np.arange(many)
+        face[at], weight[at] = self.master[fine, side[:, None] ^ 1], 1.0 / many
         shape = (len(whole), len(self.owner))
         return sp.csr_array((weight, face.astype(np.int32), start.astype(np.int32)), shape=shape)
+
+    def _smaller_beside(self) -> tuple[Ints, Ints, Ints]:
+        """Return leaves with smaller ones before a side, the side, and these as `corner_ends`."""
+        leaf, side = np.nonzero(self.master < 0)
+        d, each, size = self.dimension, np.arange(len(leaf)), self.leaves.size[leaf]
+        lower = self.leaves.lower[leaf]
+        lower[each, side // 2] += np.where(side % 2, size, -1)
+        across = np.array([[k for k in range(d) if k != axis] for axis in range(d)])[side // 2]
+        fine = np.empty((len(leaf), 1 << (d - 1)), dtype=np.int64)
+        for part, end in enumerate(corner_ends(d - 1)):
+            point = lower.copy()
+            np.add.at(point, (each[:, None], across), end * (size // 2)[:, None])
+            fine[:, part] = self.leaves.find(point)
+        return leaf, side, fine
 
     def _past(self, side: int) -> Ints:
         """Return the unit cell beyond the lower corner of a side of every leaf."""
@@ -124,28 +132,33 @@ class Composite:
         point[:, axis] += self.leaves.size if upper else -1
         return point
 
-    def beyond(self, side: int, leaf: Ints) -> Ints:
-        """Return unit cells beyond a side of leaves."""
-        return self._past(side)[leaf]
+    @cached_property
+    def kinds(self) -> Ints:
+        """What lies beyond every side: a material, or what is there instead. Shape as `beside`."""
+        found = self.leaves.kind[self.beside].astype(np.int64)
+        for side, beside in enumerate(self.beside.T):
+            bare = np.flatnonzero(beside < 0)
+            found[bare, side] = self.ground.kinds_at(self._past(side)[bare])
+        return found
+
+    @cached_property
+    def outer(self) -> Flags:
+        """Which sides are those of the array. Shape as `beside`."""
+        ends = np.asarray(self.ground.scene.lattice.shape) * self.ground.cell
+        lower, upper = self.leaves.lower, self.leaves.lower + self.leaves.size[:, None]
+        return np.stack([lower == 0, upper >= ends], axis=2).reshape(self.beside.shape)
 
     def _hold_faces(self) -> None:
-        d = self.dimension
-        self.state = np.full(self.size, ACTIVE, dtype=np.int8)
-        self.value, self.spring = np.zeros(self.size), np.zeros(self.size)
-        self.support = np.full(self.size, -1, dtype=np.int64)
-        for side in range(2 * d):
-            bare = np.flatnonzero((self._side == side) & (self.beside[self.owner, side] < 0))
-            point = self._past(side)[self.owner[bare]]
-            kind = self.ground.kinds_at(point)
-            outside = self.outside(point, side)
-            held = np.isin(kind, (RIGID, DISPLACED, ROLLER))
-            self.state[bare[held]] = FIXED
-            moved = np.isin(kind, (DISPLACED, ROLLER))
-            self.value[bare[moved]] = self.ground.given(side)[side // 2]
-            bed = bare[kind == FOUNDATION]
-            self.spring[bed] = self.ground.bed(side) * self.area[bed]
-            some = held | (kind == FOUNDATION)
-            self.support[bare[some]] = np.where(outside[some], side, 2 * d)
+        own, sides = (self.owner, self._side), range(2 * self.dimension)
+        kind = np.where(self.beside[own] < 0, self.kinds[own], AIR)
+        held, bedded = np.isin(kind, (RIGID, DISPLACED, ROLLER)), kind == FOUNDATION
+        self.state = np.where(held, FIXED, ACTIVE).astype(np.int8)
+        given = np.array([self.ground.given(side)[side // 2] for side in sides])
+        self.value = np.where(np.isin(kind, (DISPLACED, ROLLER)), given[self._side], 0.0)
+        bed = np.array([self.ground.bed(side) for side in sides])
+        self.spring = np.where(bedded, bed[self._side] * self.area, 0.0)
+        support = np.where(self.outer[own], self._side, len(sides))
+        self.support = np.where(held | bedded, support, -1)
 
     def outside(self, point: Ints, side: int) -> Flags:
         """Tell which unit cells lie beyond a side of the array."""

@@ -124,24 +124,16 @@ def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
 
 def beside_rigid_cells(grid: Composite) -> Flags:
     """Tell which leaves touch rigid cells inside the array, of which a single one is a pin."""
-    beside = np.zeros(len(grid.leaves), dtype=np.bool_)
-    for side in range(2 * grid.dimension):
-        bare = np.flatnonzero(grid.beside[:, side] < 0)
-        point = grid.beyond(side, bare)
-        beside[bare] |= (grid.ground.kinds_at(point) == RIGID) & ~grid.outside(point, side)
-    return beside
+    return np.asarray(((grid.kinds == RIGID) & ~grid.outer).any(axis=1))
 
 
 def slender(grid: Composite) -> Flags:
     """Tell which leaves can slide past a neighbour because no edge between them carries shear."""
     n, d = len(grid.leaves), grid.dimension
     loose = np.zeros(n, dtype=np.bool_)
-    rigid = np.zeros((n, 2 * d), dtype=np.bool_)
+    rigid = np.isin(grid.kinds, (RIGID, DISPLACED))
     pinned = np.zeros((n, d), dtype=np.bool_)
     for side in range(2 * d):
-        bare = np.flatnonzero(grid.beside[:, side] < 0)
-        kind = grid.ground.kinds_at(grid.beyond(side, bare))
-        rigid[bare, side] = (kind == RIGID) | (kind == DISPLACED)
         fixed = (grid.master[:, side] >= 0) & (grid.state[grid.master[:, side]] == FIXED)
         pinned[:, side // 2] |= fixed
     for side in range(2 * d):

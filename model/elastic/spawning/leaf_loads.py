@@ -115,7 +115,7 @@ class _Entering:
         """Enter forces along `axis` by the side `side`, which is normal to another axis."""
         # The faces that they drag lie half a leaf below the side: there is a moment with them.
         normal, upper = divmod(side, 2)
-        kind = self._kind_beyond(leaf, side)
+        kind = self.grid.kinds[leaf, side]
         held, inside = _holds(kind), kind >= 0
         for end in (0, 1):
             self.push(leaf, 2 * axis + end, np.where(held, 0.0, 0.5) * value)
@@ -163,7 +163,7 @@ class _Entering:
         for end, edge in enumerate(outer):
             np.add.at(self._shear[_pair(axis, normal)], edge, stress)
             runs_on = self._free(dragged, edge, normal)
-            walled = ~runs_on & _holds(self._kind_beyond(leaf, 2 * axis + end))
+            walled = ~runs_on & _holds(self.grid.kinds[leaf, 2 * axis + end])
             self._tilt(dragged, edge, np.where(runs_on, -0.5 * moment, 0.0))
             pull = np.where(walled, (2 * end - 1) * moment / length, 0.0)
             self.push(leaf, 2 * normal + upper, pull)
@@ -177,7 +177,7 @@ class _Entering:
         """Move a force on a wall from half a leaf beyond it to the wall."""
         edge = dragged.inner[end]
         both = self._two_sided(dragged, edge, dragged.axis)
-        there = both | _holds(self._kind_beyond(dragged.leaf, dragged.opposite))
+        there = both | _holds(self.grid.kinds[dragged.leaf, dragged.opposite])
         self._lift(dragged, edge, np.where(there, -0.5 * dragged.moment, 0.0))
 
     def _make_up(self, dragged: _Dragged) -> Floats:
@@ -186,7 +186,7 @@ class _Entering:
         turns = np.stack(
             [self._free(dragged, e, axis) & self._free(dragged, e, normal) for e in dragged.inner]
         )
-        kind = self._kind_beyond(dragged.leaf, dragged.opposite)
+        kind = self.grid.kinds[dragged.leaf, dragged.opposite]
         lifts = ~turns.any(axis=0) & (_holds(kind) | (kind >= 0))
         for edge, turn in zip(dragged.inner, turns, strict=True):
             share = turn / np.maximum(2 * turns.sum(axis=0), 1) * moment
@@ -199,7 +199,7 @@ class _Entering:
         """Enter moments by ∂u/∂n at edges of the opposite side, where a wall may lie beyond."""
         self._slope(dragged, edge, weight)
         side = dragged.opposite
-        held = _holds(self._kind_beyond(dragged.leaf, side))
+        held = _holds(self.grid.kinds[dragged.leaf, side])
         pull = np.where(held, self._sums(dragged, edge, dragged.axis)[0] * weight, 0.0)
         self._into_wall(dragged.leaf, side, dragged.axis, -pull)
 
@@ -233,18 +233,9 @@ class _Entering:
         held = abs(self._rows(dragged, edge, component)) @ (self.grid.state != ACTIVE)
         return np.asarray(self._two_sided(dragged, edge, component) & (held == 0))
 
-    def _kind_beyond(self, leaf: Ints, side: int) -> Ints:
-        """Return what lies beyond a side of leaves."""
-        beside = self.grid.beside[leaf, side]
-        bare = beside < 0
-        kind = self.grid.leaves.kind[beside]
-        kind[bare] = self.grid.ground.kinds_at(self.grid.beyond(side, leaf[bare]))
-        return np.asarray(kind)
-
     def _into_wall(self, leaf: Ints, side: int, axis: int, value: Floats) -> None:
         """Enter forces along an axis into what lies beyond a side of leaves."""
-        outside = self.grid.outside(self.grid.beyond(side, leaf), side)
-        wall = np.where(outside, side, 2 * self.grid.dimension)
+        wall = np.where(self.grid.outer[leaf, side], side, 2 * self.grid.dimension)
         np.add.at(self._wall[:, axis], wall, value)
 
 

@@ -54,11 +54,8 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
     body = np.zeros((d, n))
     np.add.at(body.T, forces.leaf[within], forces.force[within])
     loads = Loads(forces.leaf[~within], forces.direction[~within], forces.force[~within])
-    beside, beyond = grid.beside.T.copy(), np.empty((2 * d, n), dtype=np.int64)
-    for side in range(2 * d):
-        beyond[side] = _kinds_beyond(grid, side)
-        beside[side][grid.master[:, side] < 0] = -1  # smaller ones: they are told as hanging
-    hanging = _hanging(grid)
+    beside = np.where(grid.master < 0, -1, grid.beside).T.copy()  # smaller ones are hanging
+    beyond, hanging = grid.kinds.T, Hanging(*grid.hanging)
     uneven = _round_corners(grid)
     uneven[hanging.box] = True
     along = np.abs(loads.force).sum(axis=1) > np.abs(
@@ -82,29 +79,6 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
         fields.sides.T,
         forces.uneven or Portions.none(d),
     )
-
-
-def _kinds_beyond(grid: Composite, side: int) -> Ints:
-    beside = grid.beside[:, side]
-    kind = grid.leaves.kind[beside].astype(np.int64)
-    bare = np.flatnonzero(beside < 0)
-    kind[bare] = grid.ground.kinds_at(grid.beyond(side, bare))
-    return np.asarray(kind)
-
-
-def _hanging(grid: Composite) -> Hanging:
-    """Return the sides of leaves with smaller ones before them."""
-    box, side = np.nonzero(grid.master < 0)
-    leaves, each, d = grid.leaves, np.arange(len(box)), grid.dimension
-    lower = leaves.lower[box]
-    lower[each, side // 2] += np.where(side % 2, leaves.size[box], -1)
-    axes = np.array([[k for k in range(d) if k != axis] for axis in range(d)])[side // 2]
-    fine = []
-    for end in corner_ends(d - 1):
-        at = lower.copy()
-        np.add.at(at, (each[:, None], axes), end * (leaves.size[box] // 2)[:, None])
-        fine.append(leaves.find(at))
-    return Hanging(box, side, np.stack(fine, axis=1))
 
 
 def _round_corners(grid: Composite) -> Flags:
@@ -135,8 +109,7 @@ def _held(grid: Composite, beyond: Ints) -> list[Held]:
                 continue
             value = np.zeros((len(at), grid.dimension))
             if kind != RIGID:
-                outside = grid.outside(grid.beyond(side, at), side)
-                value[outside] = grid.ground.given(side)
+                value[grid.outer[at, side]] = grid.ground.given(side)
             found.append(Held(side, at, ROLLER if kind == ROLLER else RIGID, value))
     return found
 

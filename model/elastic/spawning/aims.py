@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats
 from kaju.model.elastic.bracket import Bracket
-
-from .balance import Balance
-from .curvature import Indicator
-from .nested import NestedMultigrid
 
 BULK = {2: 0.85, 3: 0.75}
 """The agents that spawn children stand for this share of the error (Dörfler 1996)."""
@@ -49,54 +45,6 @@ class Aimed(NamedTuple):
     allowed: float  # What all may contribute together
     answers: tuple[Answer, ...] = ()
     """The quantities that the tolerance is about, if it is about any."""
-
-
-class State(Protocol):
-    """Agents that have settled: see `spawner.Spawner`. Only single ones have the last four."""
-
-    tolerance: float
-    energy: float
-    error: float
-    square: Floats
-    aimed: Aimed
-    balance: Balance
-    displacement: Floats
-    indicator: Indicator
-    hierarchy: NestedMultigrid
-
-    @property
-    def target(self) -> float:
-        """The estimated error to reach."""
-
-    def choose(self, part: Floats, allowed: float) -> Flags:
-        """Choose who spawns."""
-
-    def choose_for_energy(self, part: Floats, allowed: float) -> Flags:
-        """Choose who spawns for the energy norm."""
-
-
-class Aim(Protocol):
-    """Something that the tolerance can be about."""
-
-    def look(self, spawner: State) -> Aimed:
-        """Return how far off the agents are, after they have settled."""
-
-    def bounded(self, spawner: State) -> Aimed:
-        """Return the same with what is certain of it."""
-
-
-class EnergyAim:
-    """The error in the energy norm, over the whole body."""
-
-    def look(self, spawner: State) -> Aimed:
-        """Return how far off the agents are, after they have settled."""
-        allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
-        chosen = spawner.choose_for_energy(spawner.square, allowed)
-        return Aimed(spawner.error, spawner.square, chosen, allowed)
-
-    def bounded(self, spawner: State) -> Aimed:
-        """Return the same: bounds of the energy are looked for by the agents themselves."""
-        return spawner.aimed
 
 
 def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:

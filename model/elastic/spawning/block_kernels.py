@@ -253,53 +253,32 @@ def hand_down(u, blocks, parent, octant, ties):
 
 
 @njit(cache=True)
-def go_on(u, blocks, beside, rim, table, stride):
+def go_on(u, blocks, beside, rim, table, ghosts, back):
     """Let displacements go on beyond blocks: as in their neighbours, or as `rim` says."""
+    # `back` is the transpose: what lies beyond blocks is added to what it follows from.
     d, n = u.shape[1:]
+    start, at, inward = ghosts
+    if not back:
+        for k in blocks:
+            borrow(u.reshape(-1), d, n, k, beside, np.int64(0), len(u), table)
     for k in blocks:
-        borrow(u.reshape(-1), d, n, k, beside, np.int64(0), len(u), table)
-    for k in blocks:
-        for side in range(2 * d):
+        x = u[k].reshape(-1)
+        for turn in range(2 * d):
+            side = 2 * d - 1 - turn if back else turn
             if rim[k, side] == 0:
                 continue
-            b, upper = side // 2, side % 2
-            step = -stride[b] if upper else stride[b]
-            for a in range(d):
-                if a == b:
-                    continue
-                x = u[k, a]
-                for i in range(n):
-                    if (i // stride[b]) % SIDE == upper * (SIDE - 1):
-                        if rim[k, side] == 2:
-                            x[i] = -x[i + step]
-                        else:
-                            x[i] = 2.0 * x[i + step] - x[i + 2 * step]
-
-
-@njit(cache=True)
-def come_back(u, blocks, beside, rim, table, stride):
-    """Add what lies beyond blocks to what it follows from: the transpose of `go_on`."""
-    d, n = u.shape[1:]
-    for k in blocks:
-        for side in range(2 * d - 1, -1, -1):
-            if rim[k, side] == 0:
-                continue
-            b, upper = side // 2, side % 2
-            step = -stride[b] if upper else stride[b]
-            for a in range(d):
-                if a == b:
-                    continue
-                x = u[k, a]
-                for i in range(n):
-                    if (i // stride[b]) % SIDE == upper * (SIDE - 1):
-                        if rim[k, side] == 2:
-                            x[i + step] -= x[i]
-                        else:
-                            x[i + step] += 2.0 * x[i]
-                            x[i + 2 * step] -= x[i]
-                        x[i] = 0.0
-    for k in blocks[::-1]:
-        give_back(u.reshape(-1), d, n, k, beside, table)
+            near, far = (2.0, -1.0) if rim[k, side] == 1 else (-1.0, 0.0)
+            for t in range(start[side], start[side + 1]):
+                i, one, two = at[t], at[t] + inward[side], at[t] + 2 * inward[side]
+                if back:
+                    x[one] += near * x[i]
+                    x[two] += far * x[i]
+                    x[i] = 0.0
+                else:
+                    x[i] = near * x[one] + far * x[two]
+    if back:
+        for k in blocks[::-1]:
+            give_back(u.reshape(-1), d, n, k, beside, table)
 
 
 @njit(cache=True, fastmath=True)
@@ -322,44 +301,6 @@ def pull_rows(f, first, last, start, column, value, stress, sign):
         s = sign * stress[row]
         for t in range(start[row], start[row + 1]):
             f[column[t]] += value[t] * s
-
-
-@njit(cache=True, fastmath=True)
-def dot(x, y, leaves):
-    """Return x·y over leaf blocks."""
-    total = 0.0
-    for k in leaves:
-        a, b = x[k].ravel(), y[k].ravel()
-        part = 0.0
-        for i in range(len(a)):
-            part += a[i] * b[i]
-        total += part
-    return total
-
-
-@njit(cache=True, fastmath=True)
-def descend(x, r, p, q, leaves, length):
-    """Go along p; return the square of the residual that is left."""
-    total = 0.0
-    for k in leaves:
-        a, b, c, e = x[k].ravel(), r[k].ravel(), p[k].ravel(), q[k].ravel()
-        part = 0.0
-        for i in range(len(a)):
-            a[i] += length * c[i]
-            w = b[i] - length * e[i]
-            b[i] = w
-            part += w * w
-        total += part
-    return total
-
-
-@njit(cache=True, fastmath=True)
-def turn(p, z, leaves, share):
-    """Make z + share·p the new direction."""
-    for k in leaves:
-        a, b = p[k].ravel(), z[k].ravel()
-        for i in range(len(a)):
-            a[i] = b[i] + share * a[i]
 
 
 @njit(cache=True)

@@ -8,8 +8,6 @@ places in the fastest memory. The first level is one of equal cells, with the hi
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
-from math import inf, sqrt
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.hierarchy import Hierarchy
-from kaju.model.elastic.krylov import Iteration
+from kaju.model.elastic.krylov import Iteration, conjugate_gradients, dot
 from kaju.model.elastic.problem import ElasticProblem
 from kaju.model.elastic.supports import check_supports
 from kaju.model.scene.kinds import AIR
@@ -145,16 +143,12 @@ class BlockMultigrid:
         inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=mask)
         self._inverse, self._extra = self._rounded(inverse, STIFF * extra)
 
-    @cached_property
-    def _directions(self) -> Floats:
-        return np.zeros((3, *self.balance.shape))
-
     def precondition(self, residual: Floats) -> NDArray[Any]:
         """Return one V-cycle's answer to a residual; it is overwritten by the next one."""
         balance, forest, rows = self.balance, self.balance.forest, self._rows
         layout, page, u, load = balance.layout, balance.page[0], self._u, self._load
         start, octant = forest.start, forest.octant
-        around = (layout.layer, layout.stride)
+        around = (layout.layer, layout.ghosts)
         strains = (rows.start, rows.column, rows.value)
         stress, force = self._stress, load.ravel()
         kernels.begin(u, load, residual, forest.leaf)
@@ -170,11 +164,13 @@ class BlockMultigrid:
                 u, load, *blocks, forest.parent, octant, forest.beside, page, self._pages,
                 self._scale, layout.layer, self._ties,
             )  # fmt: skip
-            kernels.come_back(load, self._parents[level - 1], forest.beside, self.rim, *around)
+            parents = self._parents[level - 1]
+            kernels.go_on(load, parents, forest.beside, self.rim, *around, True)
         self.root.solve(force, u.ravel())
         for level in range(1, forest.depth):
             some = (rows.level[level], rows.level[level + 1])
-            kernels.go_on(u, self._parents[level - 1], forest.beside, self.rim, *around)
+            parents = self._parents[level - 1]
+            kernels.go_on(u, parents, forest.beside, self.rim, *around, False)
             blocks_of = np.arange(start[level], start[level + 1])
             kernels.hand_down(u, blocks_of, forest.parent, octant, self._ties)
             before = stress[some[0] : some[1]].copy()
@@ -193,37 +189,21 @@ class BlockMultigrid:
         )  # fmt: skip
 
     def solve(
-        self,
-        load: Floats,
-        u: Floats,
-        done: Callable[[Iteration], bool],
-        most: int = 100,
-        onward: bool = False,
+        self, load: Floats, u: Floats, done: Callable[[Iteration], bool], most: int = 100
     ) -> Iteration:
         """Solve for the displacement in place, by conjugate gradients."""
-        # The cycle that tells how far it is off may be gone along as well, `onward`.
-        balance, leaves = self.balance, self.balance.forest.leaves
-        p, q, r = self._directions
-        balance.apply(u, r)
-        np.subtract(load, r, out=r)
-        loaded = balance.loaded
-        scale = sqrt(kernels.dot(load, load, loaded)) or 1.0
-        square, before, energy = kernels.dot(r, r, leaves), 1.0, 0.0
-        run = Iteration(u)
-        for step in range(most + 1):
-            z = self.precondition(r)
-            product = kernels.dot(r, z, leaves)
-            if step % 4 == 0 or energy <= 0.0:
-                energy = kernels.dot(load, u, loaded)
-            run.residuals.append(sqrt(square) / scale)
-            run.errors.append(sqrt(max(product, 0.0) / energy) if energy > 0.0 else inf)
-            if done(run) or product <= 0.0:
-                run.converged = True
-                if onward:
-                    kernels.turn(u, z, leaves, 1.0)
-                break
-            kernels.turn(p, z, leaves, product / before if step else 0.0)
-            before = product
-            length = product / balance.apply(p, q)
-            square = kernels.descend(u, r, p, q, leaves, length)
-        return run
+        shape, loaded = self.balance.shape, self.balance.loaded
+        given = load[loaded].ravel()
+
+        def apply(x: Floats) -> Floats:
+            force = np.zeros(shape)
+            self.balance.apply(x.reshape(shape), force)
+            return force.ravel()
+
+        def precondition(residual: Floats) -> Floats:
+            return self.precondition(residual.reshape(shape)).ravel().astype(np.float64)
+
+        def energy(x: Floats) -> float:
+            return dot(given, x.reshape(shape)[loaded].ravel())
+
+        return conjugate_gradients(apply, precondition, load.ravel(), u.ravel(), done, most, energy)

@@ -2,36 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import overload
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bracket import Bracket
-from kaju.model.elastic.krylov import Iteration
+from kaju.model.elastic.krylov import Iteration, dot
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
 from kaju.stopping import stopped
 
-from . import block_kernels as kernels
 from .agent_fields import AgentFields
-from .aims import Aim, Aimed
+from .aims import Aimed
 from .balance import Balance
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
 from .curvature import Indicator
-from .forest import ACROSS, Forest, first_forest
-from .generations import Generation, Spawning
+from .forest import Forest, first_forest
+from .generations import Spawning
 from .ground import Ground
 from .leaf_spawner import LeafSpawner
-from .leaves import Leaves, morton
+from .leaves import Leaves
 from .mirror import mirrors, symmetrise
 from .nested import WORST, relative_error
-from .spawner import Spawner
+from .spawner import Aim, Spawner
 from .tree_boxes import bracket_of_agents
 
 LAST = 1e-9
@@ -67,50 +64,10 @@ def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
     if rubber or unusual or contrast > CONTRAST or expected < FIRST:
         return None
     forest = first_forest(ground)
-    if forest is None or forest.agents > SPREAD * expected:
+    if forest is None or forest.count > SPREAD * expected:
         return None
-    few = expected < MANY[ground.dimension] and forest.agents < FIRST
+    few = expected < MANY[ground.dimension] and forest.count < FIRST
     return None if few else forest
-
-
-@dataclass(frozen=True, eq=False)
-class BlockGeneration:
-    """One step of spawning, agents told by their blocks; see `Generation`."""
-
-    error: float
-    energy: float
-    iterations: int
-    forest: Forest
-    load: NDArray[np.float32]
-    chosen: Flags
-
-    def generation(self) -> Generation:
-        """Return it agent by agent."""
-        cells, many = self.forest.cells(self.forest.leaves), len(self.forest.corners)
-        return Generation(
-            self.forest.agents, self.error, self.energy, self.iterations, self.error,
-            cells.code, cells.size, self.load.ravel().astype(np.float64),
-            np.repeat(self.chosen, many),
-        )  # fmt: skip
-
-
-class Records(Sequence[Generation]):
-    """Generations, laid out agent by agent when they are asked for."""
-
-    def __init__(self, records: Sequence[BlockGeneration] = ()) -> None:
-        self.records = list(records)
-
-    def __len__(self) -> int:
-        return len(self.records)
-
-    @overload
-    def __getitem__(self, at: int) -> Generation: ...
-    @overload
-    def __getitem__(self, at: slice) -> list[Generation]: ...
-    def __getitem__(self, at: int | slice) -> Generation | list[Generation]:
-        if isinstance(at, slice):
-            return [record.generation() for record in self.records[at]]
-        return self.records[at].generation()
 
 
 class BlockSpawning(Spawning):
@@ -119,42 +76,24 @@ class BlockSpawning(Spawning):
     What stands agent by agent is laid out when it is asked for.
     """
 
-    def __init__(self, spawner: BlockSpawner) -> None:
-        self.blocks, self.u = spawner.blocks, spawner.displacement
-        self.root = spawner.root
-        self.energy, self.error = spawner.energy, spawner.error
-        self.residuals, self.levels = spawner.residuals, spawner.blocks.forest.depth
-        self.reached = spawner.reached
-        self.stopped = "" if self.reached else spawner.stopped
-        self.notes = list(spawner.notes)
-        self.bracket = spawner.bracket
-        self._allowed = spawner.aimed.allowed
-        self._records = list(spawner.records)
+    def __init__(
+        self, blocks: BlockBalance, u: Floats, root: Root, allowed: float, **ended: Any
+    ) -> None:
+        self.blocks, self.u, self.root, self._allowed = blocks, u, root, allowed
+        self.retired = 0
+        vars(self).update(ended)
 
     @cached_property
     def leaves(self) -> Leaves:
-        """The agents."""
-        forest = self.blocks.forest
-        cells, cause = forest.cells(forest.leaves), self._causes()
-        return replace(cells, cause=cause.ravel())
-
-    def _causes(self) -> Floats:
-        """Return for every agent the load (N) for which it spawned, block by block."""
-        forest, d = self.blocks.forest, self.blocks.forest.dimension
-        many, force = len(forest.corners), forest.ground.scales.force
-        leaves = forest.leaves
-        found = np.repeat(forest.cause[leaves][:, None], many, axis=1)
-        for step in np.unique(forest.step[leaves]):
-            here = np.flatnonzero((forest.step[leaves] == step) & (forest.cause[leaves] > 0))
-            if step == 0 or not len(here):
-                continue
-            before, block = self._records[step - 1], leaves[here]
-            code = morton(before.forest.lower[before.forest.leaves])
-            parent = np.searchsorted(code, morton(forest.lower[forest.parent[block]]))
-            # In the order of the codes the cells of an octant follow one another.
-            cell = forest.octant[block][:, None] * (many >> d) + (np.arange(many) >> d)
-            found[here] = before.load[parent[:, None], cell] * force
-        return found
+        """The agents, with the loads (N) for which they spawned."""
+        cells = self.blocks.forest.agents
+        cause, unit = cells.cause.copy(), self.ground.scales.force
+        for step in range(1, len(self.generations)):
+            before = self.generations[step - 1]
+            here = np.flatnonzero((cells.step == step) & (cause > 0))
+            parent = np.searchsorted(before.code, cells.code[here], side="right") - 1
+            cause[here] = before.load[parent] * unit
+        return replace(cells, cause=cause)
 
     @property
     def ground(self) -> Ground:
@@ -164,11 +103,6 @@ class BlockSpawning(Spawning):
     @cached_property
     def _window(self) -> Window:
         return Window(self.blocks.forest, self.blocks.forest.leaves)
-
-    @property
-    def generations(self) -> Records:  # type: ignore[override]
-        """The steps of spawning."""
-        return Records(self._records)
 
     @property
     def balance(self) -> Balance:  # type: ignore[override]
@@ -227,26 +161,13 @@ class BlockSpawning(Spawning):
     @cached_property
     def indicator(self) -> Indicator:  # type: ignore[override]
         """What each agent leaves unbalanced."""
-        square = agents_errors(self.blocks, self.u).square
-        load = self._records[-1].load
-        return Indicator(square, load.ravel().astype(np.float64))
+        return self.blocks.indicator(self.u)
 
     @property
     def aimed(self) -> Aimed:  # type: ignore[override]
         """The error that the tolerance is about, and who contributes to it."""
-        nobody = np.zeros(self.blocks.forest.agents, dtype=np.bool_)
+        nobody = np.zeros(self.blocks.forest.count, dtype=np.bool_)
         return Aimed(self.error, self.indicator.square, nobody, self._allowed)
-
-
-def agents_errors(blocks: BlockBalance, u: Floats) -> Indicator:
-    """Return what every agent of the leaf blocks leaves unbalanced."""
-    forest, u = blocks.forest, u.copy()
-    blocks.everywhere(u)
-    shape = (len(forest.leaves), len(forest.corners))
-    squares, loads = np.empty(shape), np.empty(shape)
-    blocks.errors(u, squares, loads)
-    order = forest.corners @ ACROSS ** np.arange(forest.dimension)[::-1]
-    return Indicator(squares[:, order].ravel(), loads[:, order].ravel())
 
 
 def spawner_of(
@@ -258,7 +179,7 @@ def spawner_of(
 ) -> Spawner:
     """Return agents that will spawn: in blocks, where these can do what is asked."""
     forest = blocks_for(ground, tolerance) if aim is None else None
-    if forest is not None and forest.agents <= most_agents:
+    if forest is not None and forest.count <= most_agents:
         before = previous if isinstance(previous, BlockSpawning) else None
         return BlockSpawner(forest, tolerance, most_agents, before)
     return LeafSpawner(ground, tolerance, most_agents, aim, previous)
@@ -292,7 +213,6 @@ class BlockSpawner(Spawner):
     ) -> None:
         super().__init__(forest.ground, tolerance, most_agents)
         self._rest = CYCLE[forest.dimension]
-        self.records: list[BlockGeneration] = []
         self._mirrors: tuple[int, ...] = ()
         if previous is None:
             blocks = BlockBalance(forest)
@@ -309,12 +229,6 @@ class BlockSpawner(Spawner):
     @property
     def leaves(self) -> Leaves:
         """The agents of this generation."""
-        forest = self.blocks.forest
-        return forest.cells(forest.leaves)
-
-    @property
-    def agents(self) -> int:
-        """How many agents there are."""
         return self.blocks.forest.agents
 
     @property
@@ -328,14 +242,11 @@ class BlockSpawner(Spawner):
         """Which blocks are at points where stress has no limit."""
         return np.unique(self.blocks.forest.holding(self.ground.sharp)[0])
 
-    @property
-    def generations(self) -> Records:
-        """The steps so far."""
-        return Records(self.records)
-
     def outcome(self) -> BlockSpawning:
         """Return the agents as they are."""
-        return BlockSpawning(self)
+        levels = self.blocks.forest.depth
+        own = (self.blocks, self.displacement, self.root, self.aimed.allowed)
+        return BlockSpawning(*own, **self._ended(levels))
 
     def _stand(self, blocks: BlockBalance, old: Floats | None = None) -> None:
         """Take blocks for the agents of this generation, `old` being how those before moved."""
@@ -349,7 +260,7 @@ class BlockSpawner(Spawner):
         before = self.blocks.forest
         marked = np.zeros(len(before), dtype=np.bool_)
         marked[before.leaves[chosen]] = True
-        self._stand(BlockBalance(before.refined(marked, len(self.records))), self.displacement)
+        self._stand(BlockBalance(before.refined(marked, len(self.generations))), self.displacement)
 
     def _settle(self, *, for_good: bool) -> Iteration:
         share = min(ON_THE_WAY * self.error, WORST)  # of which one more cycle leaves a part
@@ -359,30 +270,23 @@ class BlockSpawner(Spawner):
                 return self._rest * run.errors[-1] <= share
             return max(run.residuals[-1], run.errors[-1]) <= LAST
 
-        load, u, onward = self.blocks.load, self.displacement, not for_good
-        run = self.multigrid.solve(load, u, done, onward=onward)
+        load, u = self.blocks.load, self.displacement
+        run = self.multigrid.solve(load, u, done)
         if not run.converged and self.multigrid.real is not np.float64:
             self.multigrid = BlockMultigrid(self.blocks, self.root, np.float64)
-            run = self.multigrid.solve(load, u, done, onward=onward)
+            run = self.multigrid.solve(load, u, done)
         symmetrise(self.blocks, u, self._mirrors)
-        self._look((self._rest if onward else 1.0) * run.errors[-1])
+        self._look(self._rest * run.errors[-1])
         return run
 
     def _look(self, algebraic: float) -> None:
-        forest, u = self.blocks.forest, self.displacement
-        self.energy = 0.5 * float(kernels.dot(self.blocks.load, u, self.blocks.loaded))
+        u, loaded = self.displacement, self.blocks.loaded
+        self.energy = 0.5 * dot(self.blocks.load[loaded].ravel(), u[loaded].ravel())
         self.blocks.everywhere(u)
-        loads = np.empty((len(forest.leaves), len(forest.corners)), dtype=np.float32)
-        self.square = self.blocks.errors(u, np.empty((0, 0)), loads)
-        order = forest.corners @ ACROSS ** np.arange(forest.dimension)[::-1]
-        self._loads = loads[:, order]
+        self.square, self.left = self.blocks.errors(u)
         self.error = float(np.hypot(relative_error(self.square, self.energy), algebraic))
         self.aimed = self.aim.look(self)
 
     def _bounds(self, *, settled: bool = True) -> Bracket | str:
         window = Window(self.blocks.forest, self.blocks.forest.leaves)
         return bracket_of_agents(window.balance, window.displacement(self.displacement), settled)
-
-    def _remember(self, iterations: int, chosen: Flags) -> None:
-        cost = (self.error, self.energy, iterations + 1)  # a cycle is gone along as well
-        self.records.append(BlockGeneration(*cost, self.blocks.forest, self._loads, chosen))

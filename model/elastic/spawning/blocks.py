@@ -22,7 +22,7 @@ from kaju.model.elastic.staggered import axis_pairs
 from . import block_kernels as kernels
 from .balance import Balance
 from .composite import Composite
-from .curvature import SINGULAR
+from .curvature import SINGULAR, Indicator
 from .forest import ACROSS, COARSE, REFINED, Forest, corners, ways
 from .pages import PLACES, Pages, surroundings
 
@@ -34,6 +34,8 @@ class Layout(NamedTuple):
     # Ways, and for each the faces that a neighbour owns, and where they are there; then the same
     # for the last faces of neighbours at corners (`_ends`)
     layer: tuple[Ints, ...]
+    # For every side where the faces beyond it begin, these, and the step to the next within
+    ghosts: tuple[Ints, Ints, Ints]
     # For every child: fine faces, faces of the parent, and weights; then the faces that lie between
     # two such, and how far apart these are
     ties: tuple[Ints, Ints, Ints, Floats, Ints]
@@ -62,7 +64,15 @@ def layout(dimension: int) -> Layout:
     layer = (np.array(way), np.array(start), np.concatenate(into), np.concatenate(source))
     ends = _ends(d, stride, place)
     ties, halves = _ties(d, stride), _halves(d, stride)
-    return Layout(stride, layer + ends, ties, halves)
+    beyond = [
+        np.flatnonzero(place[:, b] == upper * (PLACES - 1)) + a * PLACES**d
+        for b, upper, a in product(range(d), (0, 1), range(d))
+        if a != b
+    ]
+    each = (d - 1) * PLACES ** (d - 1)
+    inward = np.repeat(stride, 2) * np.tile([1, -1], d)
+    ghosts = (each * np.arange(2 * d + 1), np.concatenate(beyond), inward)
+    return Layout(stride, layer + ends, ghosts, ties, halves)
 
 
 def _ends(d: int, stride: Ints, place: Ints) -> tuple[Ints, Ints]:
@@ -295,8 +305,9 @@ class BlockBalance:
                 u[large[:, None], a, first] = u[forest.beside[large, way][:, None], a, last]
         kernels.borrow_all(u, forest.beside, self.layout.layer)
 
-    def errors(self, u: Floats, squares: Floats, loads: Floats | NDArray[np.float32]) -> Floats:
-        """Return the squares of the leaf blocks' errors; see `block_kernels.curvature`."""
+    def errors(self, u: Floats, squares: Floats | None = None) -> tuple[Floats, Floats]:
+        """Return the squares of the leaf blocks' errors, and what each agent leaves unbalanced."""
+        # `squares` may take those of the agents; see `block_kernels.curvature`.
         forest, moduli = self.forest, self.forest.ground.moduli
         lateral = np.maximum(moduli.lateral[forest.kind], 0.0)
         law = (lateral, moduli.shear[forest.kind], self.scale)
@@ -306,6 +317,8 @@ class BlockBalance:
         alike = forest.kinds[block, ahead] == forest.kinds[block, middle]
         next_to = np.where(alike, forest.beside[block, ahead], -1)
         around = (*law, self.layout.stride)
+        loads = np.empty((len(block), len(forest.corners)))
+        squares = np.empty((0, 0)) if squares is None else squares
         found = np.asarray(kernels.curvature(u, forest.leaves, next_to, *around, squares, loads))
         row, cell = forest.holding(forest.ground.sharp)
         own = np.empty((len(row), len(forest.corners)))
@@ -313,7 +326,15 @@ class BlockBalance:
         np.add.at(found, row, (SINGULAR - 1.0) * own[np.arange(len(row)), cell])
         if len(squares):
             squares[row, cell] *= SINGULAR
-        return found
+        return found, loads[:, forest.rows].ravel()
+
+    def indicator(self, u: Floats) -> Indicator:
+        """Return what every agent of the leaf blocks leaves unbalanced."""
+        u = u.copy()
+        self.everywhere(u)
+        squares = np.empty((len(self.forest.leaves), len(self.forest.corners)))
+        load = self.errors(u, squares)[1]
+        return Indicator(squares[:, self.forest.rows].ravel(), load)
 
     def follow(self, old: Floats, rim: Ints) -> Floats:
         """Return the displacement interpolated to this forest from what it has grown from."""
@@ -325,8 +346,8 @@ class BlockBalance:
             block = np.arange(forest.start[level], forest.start[level + 1])
             fresh = block[~known[block]]
             parents = np.unique(forest.parent[fresh])
-            around = (self.layout.layer, self.layout.stride)
-            kernels.go_on(u, parents, forest.beside, rim, *around)
+            around = (self.layout.layer, self.layout.ghosts)
+            kernels.go_on(u, parents, forest.beside, rim, *around, False)
             kernels.hand_down(u, fresh, forest.parent, forest.octant, self.layout.ties)
         kernels.clean(u, forest.leaf, self.page[1], self.pages.mask)
         return u

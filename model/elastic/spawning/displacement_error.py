@@ -29,11 +29,12 @@ from kaju.model.elastic.krylov import Iteration, dot
 from kaju.model.elastic.problem import ACTIVE
 
 from .agent_fields import AgentFields, displacement_at
-from .aims import SPARE, Aimed, State
+from .aims import SPARE, Aimed
 from .balance import Balance
 from .composite import Composite
 from .curvature import Curvature, Indicator
 from .nested import NestedMultigrid, settle
+from .spawner import Aim, Spawner
 
 FAR, LOCAL = 1.6, 1.1
 """Factors of the two parts."""
@@ -141,10 +142,10 @@ def _missing_displacement(
     return off * (work / whole if whole > 0.0 else 0.0)
 
 
-class DisplacementAim:
+class DisplacementAim(Aim):
     """The largest displacement error anywhere, relative to the largest displacement."""
 
-    def look(self, spawner: State) -> Aimed:
+    def look(self, spawner: Spawner) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         balance, square = spawner.balance, spawner.indicator.square
         error = displacement_error(
@@ -161,10 +162,6 @@ class DisplacementAim:
         part = far * _share(square) + local * _share(error.local**2)
         allowed = wanted / error.largest if error.largest > 0.0 else 1.0
         return Aimed(error.largest, part, chosen, allowed * float(part.sum()))
-
-    def bounded(self, spawner: State) -> Aimed:
-        """Return the same: there is no bound of the largest displacement error."""
-        return spawner.aimed
 
 
 def _follows_badly(error: DisplacementError, wanted: float) -> Flags:

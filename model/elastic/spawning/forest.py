@@ -114,9 +114,19 @@ class Forest:
         return self.kinds[:, 3**self.dimension // 2]
 
     @property
-    def agents(self) -> int:
+    def count(self) -> int:
         """Number of agents."""
         return int(len(self.leaves) * ACROSS**self.dimension)
+
+    @cached_property
+    def agents(self) -> Leaves:
+        """All agents, in the order of their Morton codes."""
+        return self.cells(self.leaves)
+
+    @property
+    def rows(self) -> Ints:
+        """Where a block's agents stand in an array over its places, in the order of their codes."""
+        return self.corners @ ACROSS ** np.arange(self.dimension)[::-1]
 
     def loaded_by(self, ground: Ground) -> Forest:
         """Return the same blocks, as the first ones, on other ground of the same body."""

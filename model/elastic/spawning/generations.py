@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -44,11 +43,11 @@ class Spawning:
     balance: Balance  # The last generation's grid
     displacement: Floats  # Shape (faces,)
     indicator: Indicator  # What each agent leaves unbalanced
+    aimed: Aimed  # The error that the tolerance is about, and who contributes to it
     energy: float
     error: float
     """Estimated error in the energy norm, relative."""
-    aimed: Aimed  # The error that the tolerance is about, and who contributes to it
-    generations: Sequence[Generation]
+    generations: list[Generation]
     residuals: list[float]
     """History of the last generation's iteration."""
     levels: int  # Levels of the last multigrid cycle

@@ -25,7 +25,7 @@ from kaju.model.elastic.boxes import Boxes
 from kaju.model.elastic.krylov import Iteration, dot
 
 from .agent_fields import AgentFields
-from .aims import SPARE, Aim, Aimed, Answer, State
+from .aims import SPARE, Aimed, Answer
 from .balance import Balance
 from .curvature import Curvature
 from .displacement_error import DisplacementAim
@@ -43,6 +43,7 @@ from .quantities import (
     quantities_of,
     quantity_from,
 )
+from .spawner import Aim, Spawner
 from .tree_boxes import boxes_of_agents
 
 FACTOR = 1.25
@@ -127,14 +128,14 @@ class Influence:
         self._off = min(off, 1.0)
 
 
-class GoalAim:
+class GoalAim(Aim):
     """The largest relative error of some quantities."""
 
     def __init__(self, quantities: tuple[Quantity, ...], ground: Ground) -> None:
         self._functionals = [functional_of(quantity, ground) for quantity in quantities]
         self._influences = [[Influence() for _ in f.ways] for f in self._functionals]
 
-    def look(self, spawner: State) -> Aimed:
+    def look(self, spawner: Spawner) -> Aimed:
         """Return how far off the agents are, after they have settled."""
         grid = spawner.balance.grid
         large = np.any([f.coarse(grid) for f in self._functionals], axis=0)
@@ -153,7 +154,7 @@ class GoalAim:
             parts.append(part / scale)
         return _aimed(spawner, answers, parts)
 
-    def bounded(self, spawner: State) -> Aimed:
+    def bounded(self, spawner: Spawner) -> Aimed:
         """Return the answers with what is certain of them."""
         # Where agents lie on both sides of the rim of a place these have to spawn first.
         grid = spawner.balance.grid
@@ -175,7 +176,7 @@ class GoalAim:
         return found if found.part.any() else found._replace(part=spawner.aimed.part)
 
     def _between(
-        self, spawner: State, own: Boxes, number: int, place: Parts
+        self, spawner: Spawner, own: Boxes, number: int, place: Parts
     ) -> list[Between] | str:
         """Hold the components of a quantity between bounds; in words why that is not possible."""
         found, error = [], float(spawner.indicator.square.sum())
@@ -203,7 +204,7 @@ def _certain(answer: Answer, found: list[Between] | str) -> Answer:
 class _Felt:
     """The errors of agents that have settled, as quantities feel them."""
 
-    def __init__(self, spawner: State) -> None:
+    def __init__(self, spawner: Spawner) -> None:
         self._balance, self._hierarchy = spawner.balance, spawner.hierarchy
         self._square = spawner.indicator.square
         self._curvature = Curvature(spawner.balance)
@@ -231,7 +232,7 @@ class _Felt:
         return errors, part
 
 
-def _aimed(spawner: State, answers: list[Answer], parts: list[Floats]) -> Aimed:
+def _aimed(spawner: Spawner, answers: list[Answer], parts: list[Floats]) -> Aimed:
     """Return what is left to do for the quantities that are not within the tolerance."""
     wanted = SPARE * spawner.tolerance
     worst = max(answer.relative_error for answer in answers)

@@ -10,16 +10,15 @@ from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.solver import lost_digits, rounding_notes
 
-from .aims import Aim
 from .balance import Balance
 from .composite import Composite
 from .curvature import Indicator, indicate
-from .generations import Generation, Spawning
+from .generations import Spawning
 from .ground import Ground
 from .held import HALVED, first_agents
 from .leaves import Leaves
 from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
-from .spawner import Spawner
+from .spawner import Aim, Spawner
 from .tree_boxes import bracket_of_agents
 
 ALGEBRAIC_SHARE = 0.05
@@ -40,7 +39,6 @@ class LeafSpawner(Spawner):
         previous: Spawning | None = None,
     ) -> None:
         super().__init__(ground, tolerance, most_agents, aim)
-        self._generations: list[Generation] = []
         if previous is None:
             self.balance, self.notes = first_agents(ground)
             self.displacement = self.balance.grid.value.copy()
@@ -52,19 +50,9 @@ class LeafSpawner(Spawner):
         self.hierarchy = NestedMultigrid(self.balance)
 
     @property
-    def generations(self) -> list[Generation]:
-        """The steps so far."""
-        return self._generations
-
-    @property
     def leaves(self) -> Leaves:
         """The agents of this generation."""
         return self.balance.grid.leaves
-
-    @property
-    def agents(self) -> int:
-        """How many agents there are."""
-        return len(self.leaves)
 
     @property
     def smallest(self) -> Flags:
@@ -78,11 +66,8 @@ class LeafSpawner(Spawner):
 
     def outcome(self) -> Spawning:
         """Return the agents as they are."""
-        return Spawning(
-            self.balance, self.displacement, self.indicator, self.energy, self.error,
-            self.aimed, list(self.generations), self.residuals, self.hierarchy.depth, self.reached,
-            "" if self.reached else self.stopped, list(self.notes), bracket=self.bracket,
-        )  # fmt: skip
+        own = (self.balance, self.displacement, self.indicator, self.aimed)
+        return Spawning(*own, **self._ended(self.hierarchy.depth))
 
     def _spawn(self, chosen: Flags) -> None:
         number, leaves = len(self.generations), self.leaves
@@ -97,7 +82,7 @@ class LeafSpawner(Spawner):
         share = LAST if for_good else ALGEBRAIC_SHARE * self.error
         run = settle(self.balance, self.hierarchy, self.displacement, share)
         self.indicator = indicate(self.balance, self.displacement)
-        self.square = self.indicator.square
+        self.square, self.left = self.indicator
         self.energy = energy_of(self.balance, self.displacement)
         self.error = float(np.hypot(relative_error(self.square, self.energy), run.errors[-1]))
         self.aimed = self.aim.look(self)
@@ -117,8 +102,3 @@ class LeafSpawner(Spawner):
 
     def _bounds(self, *, settled: bool = True) -> Bracket | str:
         return bracket_of_agents(self.balance, self.displacement, settled)
-
-    def _remember(self, iterations: int, chosen: Flags) -> None:
-        leaves, load = self.leaves, self.indicator.load
-        cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
-        self.generations.append(Generation(*cost, leaves.code, leaves.size, load, chosen))

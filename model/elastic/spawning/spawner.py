@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from math import inf, isfinite
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
 from kaju.model.elastic.krylov import Iteration
 
-from .aims import BULK, Aim, Aimed, EnergyAim, choose_among, unproved
+from .aims import BULK, SPARE, Aimed, choose_among, unproved
 from .balance import Balance
 from .curvature import Indicator
 from .generations import Generation, Spawning
@@ -36,18 +36,34 @@ FIRST_GUESS = 0.3
 """Of the first generation's error."""
 
 
+class Aim:
+    """What the tolerance is about: the error in the energy norm, unless a subclass says else."""
+
+    def look(self, spawner: Spawner) -> Aimed:
+        """Return how far off the agents are, after they have settled."""
+        allowed = 2 * spawner.energy * (SPARE * spawner.target) ** 2
+        chosen = spawner.choose_for_energy(spawner.square, allowed)
+        return Aimed(spawner.error, spawner.square, chosen, allowed)
+
+    def bounded(self, spawner: Spawner) -> Aimed:
+        """Return the same with what is certain of it, if that is not for the agents to find."""
+        return spawner.aimed
+
+
 class Spawner(ABC):
     """Agents that settle, look for what they leave unbalanced, and spawn, step by step.
 
     They spawn one by one, or the agents of a block together; `most_agents` ends that short of the
     tolerance, which is about the error in the energy norm unless an `aim` is given. `square` is the
-    energy of the error by those who spawn together; `error` the estimate in the energy norm (the
-    target before agents settle); `aimed` the error that the tolerance is about, and who has to
-    spawn for it; `stopped` why there is no step left short of it: "depth", "agents", "iteration" or
-    "blind". Goals ask single agents for `balance`, `displacement`, `indicator` and `hierarchy`.
+    energy of the error by those who spawn together, `left` the load that every agent leaves;
+    `error` the estimate in the energy norm (the target before agents settle); `aimed` the error
+    that the tolerance is about, and who has to spawn for it; `stopped` why there is no step left
+    short of it: "depth", "agents", "iteration" or "blind". Goals ask single agents for `balance`,
+    `displacement`, `indicator` and `hierarchy`.
     """
 
     square: Floats
+    left: Floats
     aimed: Aimed
     balance: Balance
     displacement: Floats
@@ -58,25 +74,22 @@ class Spawner(ABC):
         self, ground: Ground, tolerance: float, most_agents: int, aim: Aim | None = None
     ) -> None:
         self.ground, self.tolerance, self.most_agents = ground, tolerance, most_agents
-        self.aim = aim or EnergyAim()
+        self.aim = aim or Aim()
+        self._of_energy = aim is None
         self.error, self.energy = FIRST_GUESS, 0.0
         self.finished, self.stopped = False, ""
         self.bracket: Bracket | str | None = None
         self.notes: list[str] = []
         self.residuals: list[float] = []
+        self.generations: list[Generation] = []
         self._estimated = 0.0
-        self._share = PROVED_AT[ground.dimension] if isinstance(self.aim, EnergyAim) else 1.0
+        self._share = PROVED_AT[ground.dimension] if self._of_energy else 1.0
         self._chosen: Flags | None = None
 
     @property
     @abstractmethod
     def leaves(self) -> Leaves:
         """The agents of this generation."""
-
-    @property
-    @abstractmethod
-    def generations(self) -> Sequence[Generation]:
-        """The steps so far."""
 
     @property
     @abstractmethod
@@ -87,11 +100,6 @@ class Spawner(ABC):
     @abstractmethod
     def sharp(self) -> Ints:
         """Which of those who spawn together are at points where stress has no limit."""
-
-    @property
-    @abstractmethod
-    def agents(self) -> int:
-        """How many agents there are."""
 
     @abstractmethod
     def outcome(self) -> Spawning:
@@ -109,9 +117,24 @@ class Spawner(ABC):
     def _bounds(self, *, settled: bool = True) -> Bracket | str:
         """Hold the true energy between two that can be computed; estimate them if not settled."""
 
-    @abstractmethod
-    def _remember(self, iterations: int, chosen: Flags) -> None:
-        """Note this generation."""
+    @property
+    def agents(self) -> int:
+        """How many agents there are."""
+        return len(self.leaves)
+
+    def _ended(self, levels: int) -> dict[str, Any]:
+        """Return what is to be told of agents as they are, with so many levels of multigrid."""
+        return {
+            "energy": self.energy,
+            "error": self.error,
+            "generations": list(self.generations),
+            "residuals": self.residuals,
+            "levels": levels,
+            "reached": self.reached,
+            "stopped": "" if self.reached else self.stopped,
+            "notes": list(self.notes),
+            "bracket": self.bracket,
+        }
 
     @property
     def target(self) -> float:
@@ -146,10 +169,17 @@ class Spawner(ABC):
             said = self._rounding()
             self.notes += said if self.finished else []
         self.residuals = runs[-1].residuals
-        nobody = np.zeros(len(self.square), dtype=np.bool_)
         self._chosen = None if self.finished else self.aimed.chosen
-        chosen = nobody if self._chosen is None else self._chosen
-        self._remember(sum(run.iterations for run in runs), chosen)
+        self._remember(sum(run.iterations for run in runs))
+
+    def _remember(self, iterations: int) -> None:
+        """Note this generation."""
+        leaves, chosen = self.leaves, np.zeros(len(self.square), dtype=np.bool_)
+        chosen = np.repeat(
+            chosen if self._chosen is None else self._chosen, len(leaves) // len(chosen)
+        )
+        cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
+        self.generations.append(Generation(*cost, leaves.code, leaves.size, self.left, chosen))
 
     def choose(self, part: Floats, allowed: float) -> Flags:
         """Choose who spawns: those with the largest parts in an error (see `choose_among`)."""
@@ -198,7 +228,7 @@ class Spawner(ABC):
         """Tell whether a tolerance takes far more agents than allowed."""
         # Their number grows at least with the error's fall to the power of the dimension, unless a
         # resolution does not let them be smaller.
-        if self.ground.smallest > 1 or not isinstance(self.aim, EnergyAim):
+        if self.ground.smallest > 1 or not self._of_energy:
             return False
         expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension
         return self.agents >= TELLING and expected > FAR * self.most_agents
@@ -225,7 +255,7 @@ class Spawner(ABC):
             return
         ratio = max(self.aimed.error / self.tolerance, 1.0) ** dimension
         self._estimated = self._estimated or ratio * self.agents
-        if not isinstance(self.aim, EnergyAim):
+        if not self._of_energy:
             self._bound_goals()
             return
         if self.aimed.error > self.target:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -137,7 +136,7 @@ class SpawningModel(SteppedModel):
         self.seconds += perf_counter() - began
 
     @property
-    def history(self) -> Sequence[Generation]:
+    def history(self) -> list[Generation]:
         """The generations so far, loads in scaled units; `result` has them in N."""
         return self.spawner.generations
 

@@ -44,6 +44,7 @@ class TreeAgents:
 
     storage: ClassVar[Literal["tree"]] = "tree"
     stiffness: ClassVar[None] = None
+    energy_bounds: ClassVar[None] = None  # There are none without those of a stress
     method: ClassVar[str] = "spawning"  # How the equations were solved
     spawning: Spawning  # Agents, displacements and history
     stage: int | None
@@ -252,7 +253,7 @@ class TreeAgents:
             balance,
             u,
             indicate(balance, u),
-            aimed=Aimed(error, part, nobody, allowed, answers),
+            Aimed(error, part, nobody, allowed, answers),
             generations=_generations_of(archive, (1 << 62) if d == 2 else (1 << 61)),
             **archive.record("spawning", Spawning),
         )
@@ -329,6 +330,6 @@ def tree_of_cells(agents: CellAgents) -> TreeAgents:
         agents.count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, nobody
     )
     spawning = Spawning(
-        balance, u, indicator, energy, error, aimed, [only], list(agents.residuals), 1, True, ""
+        balance, u, indicator, aimed, energy, error, [only], list(agents.residuals), 1, True, ""
     )
     return TreeAgents(spawning, agents.stage)

@@ -5,7 +5,7 @@ import pytest
 from elastic_cases import cube, make_problem, pixel_body, plate, press
 from scipy.sparse.linalg import spsolve
 
-from kaju.model.elastic import hierarchy
+from kaju.model.elastic import staggered
 from kaju.model.elastic.solver import solve_problem
 from kaju.model.elastic.staggered import Numbering, stiffness_matrix
 
@@ -133,7 +133,7 @@ def test_half_of_its_modulus_is_the_best_for_a_reentrant_corner(monkeypatch):
     top = [[i, 31] for i in range(16)]
     errors = {}
     for weight in (0.0, 0.5, 0.75):
-        monkeypatch.setattr(hierarchy, "REENTRANT_WEIGHT", weight)
+        monkeypatch.setattr(staggered, "REENTRANT_WEIGHT", weight)
         problem = make_problem(
             kinds,
             [(1.0, 0.3)],

@@ -15,9 +15,9 @@ from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import INSIDE
 
 from .composite import Composite
+from .edges import sum_rows
 from .ground import Ground
 from .leaf_loads import FaceLoads, face_loads
-from .rows import stiffness_of, sum_rows
 
 
 class Balance:
@@ -96,7 +96,18 @@ class Balance:
         """Return the forces on faces by displacements of these faces: symmetric."""
         # `faces` are all of them unless some are given.
         faces = np.arange(self.grid.size) if faces is None else faces
-        matrix = stiffness_of(self.strains, faces, *self._moduli, self.grid.dimension)
+        along, cross, shear = self._moduli
+        n, d = len(along), self.grid.dimension
+        own = self.strains if len(faces) == self.grid.size else self.strains[:, faces]
+        stretches = [own[axis * n : (axis + 1) * n] for axis in range(d)]
+        # Beside its own part, each stretch has one in the change of volume.
+        rows = sp.csr_array(sp.vstack([own, sum(stretches[1:], start=stretches[0])], format="csr"))
+        modulus = np.concatenate([*[along - cross] * d, shear, cross])
+        stress = sp.csr_array(
+            (rows.data * np.repeat(modulus, np.diff(rows.indptr)), rows.indices, rows.indptr),
+            shape=rows.shape,
+        )
+        matrix = sp.csr_array(rows.T.tocsr() @ stress)
         bed = self.grid.spring[faces]
         return sp.csr_array(matrix + sp.diags_array(bed)) if bed.any() else matrix
 

@@ -193,15 +193,15 @@ class BlockMultigrid:
     ) -> Iteration:
         """Solve for the displacement in place, by conjugate gradients."""
         shape, loaded = self.balance.shape, self.balance.loaded
-        given = load[loaded].ravel()
+        given, force, answer = load[loaded].ravel(), np.zeros(shape), np.empty(shape)
 
         def apply(x: Floats) -> Floats:
-            force = np.zeros(shape)
             self.balance.apply(x.reshape(shape), force)
             return force.ravel()
 
         def precondition(residual: Floats) -> Floats:
-            return self.precondition(residual.reshape(shape)).ravel().astype(np.float64)
+            np.copyto(answer, self.precondition(residual.reshape(shape)))
+            return answer.ravel()
 
         def energy(x: Floats) -> float:
             return dot(given, x.reshape(shape)[loaded].ravel())

@@ -13,7 +13,6 @@ from kaju.model.elastic.bracket import Bracket
 from kaju.model.elastic.krylov import Iteration, dot
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
-from kaju.stopping import stopped
 
 from .agent_fields import AgentFields
 from .aims import Aimed
@@ -45,6 +44,10 @@ AT_ONCE = 2_000
 """Blocks of which the stresses are worked out at a time."""
 MANY, FIRST = {2: 12_000, 3: 3_000}, 3_000
 """Of fewer expected agents each may as well stand for itself, unless there are so many first."""
+MOST_AGENTS = {2: 4_000_000, 3: 400_000}
+"""What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
+IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
+"""The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
 CONTRAST = 100.0
 """Of materials, up to which the parents' own stiffness serves as a coarse level."""
 
@@ -173,32 +176,17 @@ class BlockSpawning(Spawning):
 def spawner_of(
     ground: Ground,
     tolerance: float,
-    most_agents: int,
+    most_agents: int | None,
     aim: Aim | None = None,
     previous: Spawning | None = None,
 ) -> Spawner:
     """Return agents that will spawn: in blocks, where these can do what is asked."""
     forest = blocks_for(ground, tolerance) if aim is None else None
-    if forest is not None and forest.count <= most_agents:
+    most = most_agents or (MOST_AGENTS if forest is None else IN_BLOCKS)[ground.dimension]
+    if forest is not None and forest.count <= most:
         before = previous if isinstance(previous, BlockSpawning) else None
-        return BlockSpawner(forest, tolerance, most_agents, before)
-    return LeafSpawner(ground, tolerance, most_agents, aim, previous)
-
-
-def spawn(
-    ground: Ground,
-    tolerance: float,
-    most_agents: int,
-    aim: Aim | None = None,
-    previous: Spawning | None = None,
-) -> Spawning:
-    """Solve with agents that are small only where the error asks for it; see `Spawner`."""
-    spawner = spawner_of(ground, tolerance, most_agents, aim, previous)
-    while not spawner.finished:
-        spawner.step()
-        if stopped():
-            break
-    return spawner.outcome()
+        return BlockSpawner(forest, tolerance, most, before)
+    return LeafSpawner(ground, tolerance, most, aim, previous)
 
 
 class BlockSpawner(Spawner):

@@ -167,18 +167,16 @@ class BlockRows(NamedTuple):
 class Window:
     """Some agents of a forest as a composite grid: where all they touch is among them, as in it.
 
-    `block` is the block of every agent, and `corner` which of `Forest.corners` it is.
+    Of the blocks, in the order of their codes, all agents, or those `chosen`, shape (blocks,
+    agents). `block` is the block of every one, and `corner` which of `Forest.corners` it is.
     """
 
     def __init__(self, forest: Forest, block: Ints, chosen: Flags | None = None) -> None:
-        if chosen is None:
-            chosen = np.ones((len(block), len(forest.corners)), dtype=np.bool_)
-        cells = forest.cells(block).only(chosen.ravel())
         many = len(forest.corners)
-        at = np.flatnonzero(chosen.ravel())
-        order = np.argsort(cells.code, kind="stable")
-        self.leaves = cells.only(order)
-        self.block, self.corner = block[at[order] // many], at[order] % many
+        at = np.arange(many * len(block)) if chosen is None else np.flatnonzero(chosen)
+        self.block, self.corner = block[at // many], at % many
+        whole = block is forest.leaves and chosen is None
+        self.leaves = forest.agents if whole else forest.cells(block).only(at)
         self._forest = forest
 
     @cached_property

@@ -28,8 +28,8 @@ from kaju.model.scene.lattice import Cells
 from kaju.model.scene.selection import AppliedLoads
 from kaju.stopping import stopped
 
-from .block_spawner import FEWEST, SPREAD
-from .solve_spawning import MOST_AGENTS, solve_spawning
+from .block_spawner import FEWEST, MOST_AGENTS, SPREAD
+from .solve_spawning import solve_spawning
 
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
 """An agent, spawned generation by generation, costs as much as so many equal cells."""

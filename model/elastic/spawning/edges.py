@@ -19,7 +19,6 @@ from kaju.model.elastic.staggered import Pair, modulus_between
 from kaju.model.scene.kinds import AIR, DISPLACED
 
 from .leaves import Leaves, morton
-from .rows import sum_rows
 
 if TYPE_CHECKING:
     from .composite import Composite
@@ -242,3 +241,13 @@ def _with_concave_corners(edges: Edges, around: Ints, size: Ints) -> Edges:
         matrix = sp.csr_array(sp.vstack([gradient.matrix, right], format="csr")[order])
         changed.append(replace(gradient, matrix=matrix, constant=constant))
     return replace(edges, gradients=(changed[0], changed[1]), weight=edges.weight * share)
+
+
+def sum_rows(matrix: sp.csr_array, index: Ints, weight: Floats) -> sp.csr_array:
+    """Return a matrix of weighted sums of rows of another: `index`, shape (n, terms)."""
+    # An index may be any number where its weight is zero.
+    some = weight != 0.0
+    start = np.append(0, np.cumsum(some.sum(axis=1))).astype(np.int32)
+    shape = (len(index), matrix.shape[0])
+    rows = sp.csr_array((weight[some], index[some].astype(np.int32), start), shape=shape)
+    return sp.csr_array(rows @ matrix)

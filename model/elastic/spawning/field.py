@@ -8,8 +8,7 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 
 from .composite import Composite
-from .edges import Edges, Gradient
-from .rows import sum_rows
+from .edges import Edges, Gradient, sum_rows
 
 
 def interpolation(

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 from time import perf_counter
 
+import numpy as np
+
 from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import Scene
 from kaju.stopping import NOTE, stopped
 
-from .block_spawner import blocks_for, spawn
+from .block_spawner import spawner_of
 from .generations import Spawning
 from .goals import Asked, aim_of, asked
-from .ground import ground_of
-from .previous import check_previous, count_retired, serves
+from .ground import Ground, ground_of
+from .leaves import Leaves
 from .quantities import ToleranceAt
 from .tree_agents import TreeAgents
 
-MOST_AGENTS = {2: 4_000_000, 3: 400_000}
-"""What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
-IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
-"""The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
 CONTRAST = 1e4
 """Of materials, from which on estimates of what a tolerance is about were seen to fail."""
 
@@ -55,44 +53,26 @@ def solve_spawning(
     goals = asked(tolerance_at)
     check_numbers(tolerance, resolution, stage, most_agents)
     ground = ground_of(scene, stage, resolution)
-    in_blocks = goals is None and blocks_for(ground, tolerance) is not None
-    most = IN_BLOCKS if in_blocks else MOST_AGENTS
-    limit = most_agents or most[ground.dimension]
     start_from = None
     if previous is not None and before is not None:
         check_previous(before.ground, ground)
         alike = goals == previous.tolerance_at and tolerance <= (previous.tolerance or 0.0)
         start_from = before if alike and serves(before, ground) else None
-    spawning = spawn(ground, tolerance, limit, aim_of(goals, ground), start_from)
+    spawner = spawner_of(ground, tolerance, most_agents, aim_of(goals, ground), start_from)
+    while not spawner.finished and not (spawner.generations and stopped()):
+        spawner.step()
+    spawning = spawner.outcome()
     if before is not None:
         spawning.retired = count_retired(before.leaves, spawning.leaves)
     spawning.notes += [note] if note else []
-    seconds = perf_counter() - start
-    how = (scene, stage, tolerance, resolution)
-    return answer_of(spawning, *how, limit, seconds, goals)
-
-
-def answer_of(
-    spawning: Spawning,
-    scene: Scene,
-    stage: int | None,
-    tolerance: float,
-    resolution: int | None,
-    limit: int,
-    seconds: float,
-    tolerance_at: Asked = None,
-) -> ElasticResult:
-    """Return agents that have ended as a result."""
     spawning.notes += [NOTE] if stopped() else []
-    spawning.notes += rest_of(spawning, tolerance, resolution)
-    spawning.notes += doubts_of(spawning, tolerance_at)
-    found = TreeAgents(spawning, stage)
-    result = ElasticResult(scene, stage, found, seconds, tolerance, resolution, tolerance_at)
+    seconds = perf_counter() - start
+    result = answer_of(spawning, scene, stage, tolerance, resolution, goals, seconds)
     if spawning.stopped == "agents":
         raise ConvergenceError(
             f"solve: {result.agents} agents leave an estimated error of "
             f"{spawning.aimed.error:.2g}, and a tolerance of {tolerance:g} needs more than the "
-            f"{limit} allowed; take a larger tolerance, or allow more by "
+            f"{spawner.most_agents} allowed; take a larger tolerance, or allow more by "
             "most_agents. The error's `best` holds the result so far",
             result.residuals,
             result,
@@ -106,6 +86,22 @@ def answer_of(
             result,
         )
     return result
+
+
+def answer_of(
+    spawning: Spawning,
+    scene: Scene,
+    stage: int | None,
+    tolerance: float,
+    resolution: int | None,
+    tolerance_at: Asked,
+    seconds: float,
+) -> ElasticResult:
+    """Return agents as they are as a result, with what there is to be said of them."""
+    spawning.notes += rest_of(spawning, tolerance, resolution)
+    spawning.notes += doubts_of(spawning, tolerance_at)
+    found = TreeAgents(spawning, stage)
+    return ElasticResult(scene, stage, found, seconds, tolerance, resolution, tolerance_at)
 
 
 def _continued(
@@ -153,3 +149,39 @@ def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> lis
     if resolution is None:
         remedy = "look for a point that is almost a hinge, where stiff parts touch at a corner"
     return [f"the smallest agents allowed leave {above}; {remedy}"]
+
+
+def check_previous(previous: Ground, ground: Ground) -> None:
+    """Refuse agents that stand on other cells."""
+    cells = [
+        f"{' x '.join(map(str, g.scene.lattice.shape))} cells of {g.scene.lattice.cell_size:g} m"
+        for g in (previous, ground)
+    ]
+    if previous.scene.lattice != ground.scene.lattice:
+        raise ParameterError(
+            f"previous: its agents stand on {cells[0]}, those of the scene on {cells[1]}; solve "
+            "without it, or at the same resolution"
+        )
+
+
+def serves(previous: Spawning, ground: Ground) -> bool:
+    """Tell whether agents may begin as those of a previous answer ended."""
+    # Where body or places of the loads have changed, others are soon found afresh, and are fewer.
+    before, leaves, scene = previous.ground, previous.leaves, ground.scene
+    sides = [scene.side_condition(name) for name in scene.lattice.sides]
+    moved = any(side.displacement is not None for side in sides)
+    return (
+        scene.same_body(before.scene)
+        and ground.loaded_where(before)
+        and not (moved and ground.scales != before.scales)
+        and int(leaves.size.min()) >= ground.smallest
+        and not ground.unevenly_loaded(leaves).any()
+    )
+
+
+def count_retired(before: Leaves, now: Leaves) -> int:
+    """Return for how many agents a larger one stands now."""
+    at = np.maximum(np.searchsorted(now.code, before.code, side="right") - 1, 0)
+    inside = before.lower - now.lower[at]
+    here = np.all((inside >= 0) & (inside < now.size[at, None]), axis=1)
+    return int(np.count_nonzero(here & (now.size[at] > before.size)))

@@ -19,8 +19,7 @@ from .generations import Generation
 from .goals import aim_of, asked
 from .ground import ground_of
 from .quantities import ToleranceAt
-from .solve_spawning import MOST_AGENTS, doubts_of, rest_of
-from .tree_agents import TreeAgents
+from .solve_spawning import answer_of, rest_of
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
@@ -100,7 +99,7 @@ class SpawningModel(SteppedModel):
         self.scene, self.stage = scene, stage
         self.tolerance, self.resolution = tolerance, resolution
         self.ground = ground_of(scene, stage, resolution)
-        self.most_agents = most_agents or MOST_AGENTS[self.ground.dimension]
+        self.most_agents: int | None = most_agents
         self._tolerance_at, self.tolerance_at = tolerance_at, asked(tolerance_at)
         self._objects: list[SpawningAgent] = []
         self.reset()
@@ -113,8 +112,8 @@ class SpawningModel(SteppedModel):
             agent.remove()
         self._objects = []
         aim = aim_of(self.tolerance_at, self.ground)
-        how = (self.ground, self.tolerance, self.most_agents, aim)
-        self.spawner = spawner_of(*how)
+        self.spawner = spawner_of(self.ground, self.tolerance, self.most_agents, aim)
+        self.most_agents = self.spawner.most_agents
         metre = self.ground.scene.lattice.cell_size / self.ground.cell
         self.family = Family(self.ground.dimension, metre)
         leaves = self.spawner.leaves
@@ -239,8 +238,5 @@ class SpawningModel(SteppedModel):
         if not self.generation:
             raise ResultError("result: no agent has settled yet; take a step first")
         spawning = self.spawner.outcome()
-        spawning.notes += rest_of(spawning, self.tolerance, self.resolution)
-        spawning.notes += doubts_of(spawning, self.tolerance_at)
-        found = TreeAgents(spawning, self.stage)
-        asked = (self.tolerance, self.resolution, self.tolerance_at)
-        return ElasticResult(self.scene, self.stage, found, self.seconds, *asked)
+        how = (self.scene, self.stage, self.tolerance, self.resolution, self.tolerance_at)
+        return answer_of(spawning, *how, self.seconds)

@@ -36,6 +36,19 @@ class Loads(NamedTuple):
     side: Ints
     force: Floats
 
+    @property
+    def dragged(self) -> Ints:
+        """Boxes with forces along a side."""
+        across = np.arange(self.force.shape[1]) == self.side[:, None] // 2
+        return self.box[(self.force * ~across).any(axis=1)]
+
+
+def entered(box: Ints, way: Ints, force: Floats, boxes: int) -> tuple[Floats, Loads]:
+    """Return the forces that act within boxes, shape (d, boxes), and those that enter by sides."""
+    within, body = way < 0, np.zeros((force.shape[1], boxes))
+    np.add.at(body.T, box[within], force[within])
+    return body, Loads(box[~within], way[~within], force[~within])
+
 
 class Held(NamedTuple):
     """Sides of boxes at a wall: which, RIGID or ROLLER, and how it moves, shape (n, dimension)."""

@@ -21,6 +21,7 @@ from .boxes import (
     Loads,
     Mesh,
     corner_ends,
+    entered,
     filled_by,
     parted,
     whole_mesh,
@@ -49,10 +50,8 @@ def boxes_of_cells(
     applied = grid.applied(stage)
     place = applied.cells - np.asarray(grid.bounds()[0], dtype=np.int64) + 1 + PAD
     box = cells.number[place @ cells.steps]
-    force, within = applied.force / problem.scales.force, applied.direction < 0
-    body = np.zeros((d, len(cells.told)))
-    np.add.at(body.T, box[within], force[within])
-    loads = Loads(box[~within], applied.direction[~within], force[~within])
+    force = applied.force / problem.scales.force
+    body, loads = entered(box, applied.direction, force, len(cells.told))
     portions = portions_of_cells(applied, problem.scales.force)
     faces = [cells.laid(values) for values in u]
     nothing = np.zeros(0, dtype=np.int64)
@@ -123,9 +122,7 @@ class _Cells:
             air = np.logical_or.reduce([kind == AIR for kind in around])
             edge = one + two + np.flatnonzero((bodies == 3) & air)
             found[edge - np.array(back)[:, None]] = True
-        along = loads.force.copy()
-        along[np.arange(len(along)), loads.side // 2] = 0.0
-        found[self.told[loads.box[along.any(axis=1)]]] = True
+        found[self.told[loads.dragged]] = True
         return found[self.told]
 
     def mesh(self, faces: list[Floats]) -> Mesh:

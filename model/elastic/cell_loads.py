@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 from kaju.model.scene.selection import AppliedLoads
 
@@ -68,23 +68,14 @@ def _turn(problem: ElasticProblem, side: int, cells: Ints, moment: Floats) -> No
             _make_up(problem, first, second, end, cells[some], 0.5 * twist[some])
 
 
-def _add(
-    field: Floats,
-    cells: Ints,
-    axis: int,
-    offset: int | Ints,
-    value: Floats,
-) -> None:
-    index = list(cells.T)
-    index[axis] = index[axis] + offset
-    np.add.at(field, tuple(index), value)
+def _add(field: Floats, cells: Ints, axis: int, offset: int | Ints, value: Floats) -> None:
+    np.add.at(field, tuple(moved(cells, axis, offset).T), value)
 
 
 def _drag(problem: ElasticProblem, axis: int, side: int, cells: Ints, value: Floats) -> None:
     """Enter forces along `axis` by the side `side` (normal to another axis) of cells."""
     normal, upper = divmod(side, 2)
-    beyond = cells.copy()
-    beyond[:, normal] += 2 * upper - 1
+    beyond = moved(cells, normal, 2 * upper - 1)
     kind = problem.kinds[tuple(beyond.T)]
     # Smooth walls take no shear either: all of it stays with the body; ground takes it all.
     free, held = np.isin(kind, (AIR, ROLLER, FOUNDATION)), kind == RIGID
@@ -110,10 +101,7 @@ def _record_shear(
     shape = tuple(n + (a in pair) for a, n in enumerate(problem.kinds.shape))
     field = problem.surface_shear.setdefault(pair, np.zeros(shape))
     for end in (0, 1):
-        index = list(cells.T)
-        index[axis] = index[axis] + end
-        index[normal] = index[normal] + upper
-        np.add.at(field, tuple(index), 0.5 * stress)
+        _add(field, moved(cells, normal, upper), axis, end, 0.5 * stress)
 
 
 def _couple(
@@ -131,15 +119,12 @@ def _couple(
     # shear then leaves every corner in balance; what of the moment is lost at an end is made up for
     # inside.
     state = problem.face_states()[normal]
-    surface = cells.copy()
-    surface[:, normal] += upper
+    surface = moved(cells, normal, upper)
     field = problem.force[normal]
     lost = np.zeros_like(moment)
     running = []
     for step in (-1, 1):
-        beside, beyond = surface.copy(), cells.copy()
-        beside[:, axis] += step
-        beyond[:, axis] += step
+        beside, beyond = moved(surface, axis, step), moved(cells, axis, step)
         runs_on = state[tuple(beside.T)] == ACTIVE
         walled = dragged & ~runs_on & (problem.kinds[tuple(beyond.T)] == RIGID)
         there = np.where(runs_on, 0.5, np.where(walled, 1.0, 0.0))
@@ -161,26 +146,20 @@ def _couple(
 
 def _edge_below(cells: Ints, axis: int, normal: int, upper: int, step: int) -> Ints:
     """Return the edge at one end of cells, one row below the surface."""
-    edge = cells.copy()
-    edge[:, axis] += step > 0
-    edge[:, normal] += 1 - upper
-    return edge
+    return moved(moved(cells, axis, int(step > 0)), normal, 1 - upper)
 
 
 def _along(problem: ElasticProblem, component: int, across: int, edge: Ints, least: int) -> Flags:
     """Tell whether both faces of one component at edges are FIXED or ACTIVE at least."""
-    before = edge.copy()
-    before[:, across] -= 1
+    before = moved(edge, across, -1)
     state = problem.face_states()[component]
     return np.asarray((state[tuple(before.T)] >= least) & (state[tuple(edge.T)] >= least))
 
 
 def _tilt(problem: ElasticProblem, component: int, across: int, edge: Ints, moment: Floats) -> None:
     """Add +moment·∂u/∂x at edges: u is one component, x the axis across its faces."""
-    before = edge.copy()
-    before[:, across] -= 1
-    np.add.at(problem.force[component], tuple(before.T), -moment)
-    np.add.at(problem.force[component], tuple(edge.T), moment)
+    _add(problem.force[component], edge, across, -1, -moment)
+    _add(problem.force[component], edge, across, 0, moment)
 
 
 def _make_up(
@@ -202,9 +181,7 @@ def _make_up(
             for edge in edges
         ]
     )
-    below = cells.copy()
-    below[:, normal] += 1 - 2 * upper
-    kind = problem.kinds[tuple(below.T)]
+    kind = problem.kinds[tuple(moved(cells, normal, 1 - 2 * upper).T)]
     lifts = ~turns.any(axis=0) & ((kind >= 0) | (kind == RIGID))
     for edge, turn in zip(edges, turns, strict=True):
         share = np.where(lifts, 0.5, turn / np.maximum(turns.sum(axis=0), 1)) * moment

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import ParameterError, ResultError
+from kaju.errors import ResultError
 from kaju.model.scene.body_cells import body_cells
 
+from .arguments import check_numbers
 from .cell_agents import CellAgents
 from .staggered import Pair, axis_pairs
 
@@ -163,11 +164,7 @@ class EqualArrays:
 
 def arrays_of(result: ElasticResult, resolution: int | None) -> EqualArrays:
     """Return an answer as arrays; see `ElasticResult.cells`."""
-    whole = isinstance(resolution, (int, np.integer)) and not isinstance(resolution, bool)
-    if resolution is not None and not (whole and resolution >= 1):
-        raise ParameterError(
-            f"resolution: must be a whole number from 1 upwards, got {resolution!r}"
-        )
+    check_numbers(None, resolution)
     division = result.subdivision if resolution is None else int(resolution)
     lower, upper = result.grid.bounds()
     # Cells of the grid that are not whole cells of the arrays round the box up.

@@ -8,12 +8,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.scene.kinds import RIGID
 
 from .moduli import Moduli
 from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields
-from .staggered import Pair, Strains, axis_pairs, cell_modulus, cut, strains, stresses
+from .staggered import Pair, Strains, axis_pairs, cell_modulus, ends, strains, stresses
 
 SURFACE_SHARE = 0.5
 """Weight of the surface's own slope against that of the line through the faces below."""
@@ -61,9 +61,7 @@ def _edge_values(
 def _sides(field: Floats, axis: int) -> tuple[Floats, Floats]:
     """Return the neighbours below and above every place between faces; NaN beyond the ends."""
     width = [(1, 1) if a == axis else (0, 0) for a in range(field.ndim)]
-    padded = np.pad(field, width, constant_values=np.nan)
-    low, high = (cut(field.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
-    return padded[low], padded[high]
+    return ends(np.pad(field, width, constant_values=np.nan), axis)
 
 
 def _surface_shear_strain(problem: ElasticProblem, axis: int, across: int) -> Floats | float:
@@ -82,8 +80,7 @@ def _surface_shear_strain(problem: ElasticProblem, axis: int, across: int) -> Fl
 def _walls(problem: ElasticProblem, axis: int) -> Flags:
     """Tell which faces are ghosts inside rigid ground or at its edge."""
     width = [(1, 1) if a == axis else (0, 0) for a in range(problem.dimension)]
-    kinds = np.pad(problem.kinds, width, mode="edge")
-    low, high = (kinds[cut(kinds.ndim, axis, s)] for s in (slice(None, -1), slice(1, None)))
+    low, high = ends(np.pad(problem.kinds, width, mode="edge"), axis)
     rigid = (low == RIGID) | (high == RIGID)
     return np.asarray(rigid & (low < 0) & (high < 0), dtype=np.bool_)
 
@@ -93,18 +90,14 @@ def _between(field: Floats, axis: int, wall: Flags) -> tuple[Floats, Flags]:
     # Beside a wall the wall's own value holds, for it lies half a cell nearer than a face.
     low, high = _sides(field, axis)
     padded = np.pad(wall, [(1, 1) if a == axis else (0, 0) for a in range(wall.ndim)])
-    low_wall = padded[cut(wall.ndim, axis, slice(None, -1))]
-    high_wall = padded[cut(wall.ndim, axis, slice(1, None))]
+    low_wall, high_wall = ends(padded, axis)
     mean = 0.5 * (low + high)
     mean = np.where(low_wall & ~high_wall, low, np.where(high_wall & ~low_wall, high, mean))
-    before, _ = _sides(low, axis)
-    _, after = _sides(high, axis)
-    before = before[cut(low.ndim, axis, slice(None, -1))]
-    after = after[cut(low.ndim, axis, slice(1, None))]
+    before, after = ends(_sides(low, axis)[0], axis)[0], ends(_sides(high, axis)[1], axis)[1]
     from_low = np.where(np.isnan(before), low, 1.5 * low - 0.5 * before)
     from_high = np.where(np.isnan(after), high, 1.5 * high - 0.5 * after)
-    ends = np.where(np.isnan(high), from_low, from_high)
-    return np.where(np.isnan(mean), ends, mean), low_wall | high_wall
+    last = np.where(np.isnan(high), from_low, from_high)
+    return np.where(np.isnan(mean), last, mean), low_wall | high_wall
 
 
 def cell_means(problem: ElasticProblem, u: FaceFields) -> Floats:
@@ -138,8 +131,8 @@ def cell_tensor(problem: ElasticProblem, parts: Strains) -> Floats:
 
 
 def _mean_along(values: Floats, axis: int) -> Floats:
-    low, high = (cut(values.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
-    return np.asarray(0.5 * (values[low] + values[high]))
+    low, high = ends(values, axis)
+    return np.asarray(0.5 * (low + high))
 
 
 def strain_of(stress: Floats, moduli: Moduli, kinds: Ints) -> Floats:
@@ -193,9 +186,7 @@ def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Ints, local: Floa
 def _between_edges(tau: Floats, pair: Pair, cells: Ints, local: Floats) -> Floats:
     total: Floats = np.zeros(len(cells))
     for first, second in product((0, 1), repeat=2):
-        at = cells.copy()
-        at[:, pair[0]] += first
-        at[:, pair[1]] += second
+        at = moved(moved(cells, pair[0], first), pair[1], second)
         a, b = local[:, pair[0]], local[:, pair[1]]
         total += np.where(first, a, 1 - a) * np.where(second, b, 1 - b) * tau[tuple(at.T)]
     return total

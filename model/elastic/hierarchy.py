@@ -399,8 +399,8 @@ def _plain_levels(problem: ElasticProblem, moduli: Moduli) -> list[Level]:
     # what is beyond a rigid one is its mirror image.
     d, cells = problem.dimension, problem.shape
     outside = outside_of(problem)
-    rim = _described(problem.kinds, cells)
-    spring = tuple(_described(values, cells) for values in problem.spring)
+    rim = described(problem.kinds, cells[:-1])
+    spring = tuple(described(values, cells[:-1]) for values in problem.spring)
     levels: list[Level] = []
     while True:
         last = any(n % 2 or n < FEWEST for n in cells)
@@ -436,9 +436,9 @@ def of_parents(problem: ElasticProblem, times: int = 1) -> ElasticProblem:
     )
 
 
-def _described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
-    """Return the values of those cells or faces of a full box that others are like."""
-    for axis, size in enumerate(cells[:-1]):
+def described(values: NDArray[Any], cells: tuple[int, ...]) -> NDArray[Any]:
+    """Return the values of those cells, or faces, of a full box that the others are like."""
+    for axis, size in enumerate(cells):
         ends = [*range(1 + ALIKE // 2), *range(1 + ALIKE // 2 + size - ALIKE, values.shape[axis])]
         values = values.take(ends, axis)
     return values

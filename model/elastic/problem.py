@@ -195,7 +195,7 @@ def problem_of(
     problem = ElasticProblem(
         kinds=rim,
         moduli=moduli_of(table[:, 0] / scales.modulus, table[:, 1], plane),
-        force=_face_zeros(rim),
+        force=face_zeros(rim),
         fixed=fixed,
         spring=spring,
         surface_shear={},
@@ -208,7 +208,8 @@ def problem_of(
     return problem
 
 
-def _face_zeros(rim: NDArray[np.int32]) -> FaceFields:
+def face_zeros(rim: NDArray[np.int32]) -> FaceFields:
+    """Return 0 on all faces of cells, the rim's included."""
     axes = range(rim.ndim)
     return tuple(np.zeros([n + (a == axis) for a, n in enumerate(rim.shape)]) for axis in axes)
 
@@ -235,7 +236,7 @@ def _side_fields(
     rim: NDArray[np.int32], sides: Mapping[str, Side], scales: Scales
 ) -> tuple[FaceFields, FaceFields]:
     """Return the given displacements and the foundation's stiffness of all faces, scaled."""
-    fixed, spring = _face_zeros(rim), _face_zeros(rim)
+    fixed, spring = face_zeros(rim), face_zeros(rim)
     for name, side in sides.items():
         index = SIDES[rim.ndim].index(name)
         value = np.asarray(side[1], dtype=np.float64)

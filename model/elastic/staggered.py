@@ -14,7 +14,7 @@ twice μ at a wall, which is the one-sided gradient over half a cell.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -46,6 +46,12 @@ def cut(dimension: int, axis: int, part: slice) -> tuple[slice, ...]:
     index = [slice(None)] * dimension
     index[axis] = part
     return tuple(index)
+
+
+def ends(values: NDArray[Any], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return what is at the lower and the upper end of every step along an axis: views."""
+    low, high = (cut(values.ndim, axis, part) for part in (slice(None, -1), slice(1, None)))
+    return values[low], values[high]
 
 
 def cell_modulus(problem: ElasticProblem, per_material: Floats) -> Floats:
@@ -97,13 +103,7 @@ def energy_of_cells(problem: ElasticProblem, u: FaceFields) -> Floats:
 
 def around_edges(padded: NDArray[np.generic], pair: Pair) -> list[NDArray[np.generic]]:
     """Return the four cells round every edge."""
-    low, high = slice(None, -1), slice(1, None)
-    d = padded.ndim
-    return [
-        padded[cut(d, pair[0], first)][cut(d, pair[1], second)]
-        for first in (low, high)
-        for second in (low, high)
-    ]
+    return [corner for side in ends(padded, pair[0]) for corner in ends(side, pair[1])]
 
 
 def strains(u: FaceFields) -> Strains:
@@ -143,15 +143,15 @@ def force_of(problem: ElasticProblem, u: FaceFields, stress: Strains) -> FaceFie
     forces = []
     for axis, values in enumerate(u):
         force = problem.spring[axis] * values
-        low, high = (cut(values.ndim, axis, s) for s in (slice(None, -1), slice(1, None)))
-        force[high] += stress.cells[axis]
-        force[low] -= stress.cells[axis]
+        low, high = ends(force, axis)
+        high += stress.cells[axis]
+        low -= stress.cells[axis]
         for pair, tau in stress.edges.items():
             if axis in pair:
                 across = pair[0] + pair[1] - axis
-                inner = tau[cut(values.ndim, across, slice(None))]
-                force += inner[cut(values.ndim, across, slice(None, -1))]
-                force -= inner[cut(values.ndim, across, slice(1, None))]
+                before, behind = ends(tau, across)
+                force += before
+                force -= behind
         forces.append(force)
     return tuple(forces)
 
@@ -216,18 +216,16 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
     blocks = []
     solid = problem.kinds >= 0
     for axis in range(d):
-        number = numbering.number[axis]
-        low = number[cut(d, axis, slice(None, -1))][solid]
-        high = number[cut(d, axis, slice(1, None))][solid]
-        blocks.append(_differences(numbering.size, [(low, -1.0), (high, 1.0)]))
+        low, high = ends(numbering.number[axis], axis)
+        blocks.append(_differences(numbering.size, [(low[solid], -1.0), (high[solid], 1.0)]))
     for pair in axis_pairs(d):
         stiff = edge_modulus(problem, pair) > 0
         terms = []
         for axis, across in (pair, pair[::-1]):
             width = [(1, 1) if a == across else (0, 0) for a in range(d)]
             number = np.pad(numbering.number[axis], width, constant_values=-1)
-            terms.append((number[cut(d, across, slice(None, -1))][stiff], -1.0))
-            terms.append((number[cut(d, across, slice(1, None))][stiff], 1.0))
+            low, high = ends(number, across)
+            terms += [(low[stiff], -1.0), (high[stiff], 1.0)]
         blocks.append(_differences(numbering.size, terms))
     return sp.csr_array(sp.vstack(blocks, format="csr"))
 

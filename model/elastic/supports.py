@@ -15,13 +15,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.errors import SupportError
 from kaju.model.scene.kinds import FOUNDATION, RIGID
 
-from .hierarchy import is_box
+from .hierarchy import described, is_box
 from .problem import ACTIVE, FIXED, ElasticProblem
-from .staggered import axis_pairs, cut, edge_modulus
+from .staggered import axis_pairs, cut, edge_modulus, ends
 
 FREE = 1e-6
 """A motion that strains what holds a body by less (in cells, moved by a cell) is free."""
@@ -41,13 +41,18 @@ def check_supports(
         if motion:
             cell = np.argwhere(parts == part)[0] - 1
             first = np.zeros(problem.dimension, int) if origin is None else np.asarray(origin)
-            place = ", ".join(str(int(i)) for i in (cell + first) // division)
-            held_by = "nothing holds" if not len(rows) else "the supports do not hold"
-            raise SupportError(
-                f"sides: {held_by} the part of the body with cell ({place}): it could "
-                f"{motion}; hold it by a rigid cell or side, or join it to the rest by a face "
-                "(cells that touch at a corner are not joined)"
-            )
+            raise unheld((cell + first) // division, motion, touched=len(rows) > 0)
+
+
+def unheld(cell: Ints, motion: str, touched: bool = True) -> SupportError:
+    """Return what is to be said of a body of which the part with a cell could move freely."""
+    place = ", ".join(str(int(i)) for i in cell)
+    held_by = "the supports do not hold" if touched else "nothing holds"
+    return SupportError(
+        f"sides: {held_by} the part of the body with cell ({place}): it could {motion}; hold it by "
+        "a rigid cell or side, or join it to the rest by a face (cells that touch at a corner are "
+        "not joined)"
+    )
 
 
 def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
@@ -62,17 +67,8 @@ def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
 
 def _miniature(problem: ElasticProblem) -> ElasticProblem:
     """Return a small box that is held as the large one is."""
-    keep = np.r_[0:3, -3:0]
-    d = problem.dimension
-
-    faces = [np.r_[0:3, -4:0], keep]
-    spring = tuple(
-        np.ascontiguousarray(values[np.ix_(*[faces[int(a != axis)] for a in range(d)])])
-        for axis, values in enumerate(problem.spring)
-    )
-    return replace(
-        problem, kinds=np.ascontiguousarray(problem.kinds[np.ix_(*[keep] * d)]), spring=spring
-    )
+    spring = tuple(described(values, problem.shape) for values in problem.spring)
+    return replace(problem, kinds=described(problem.kinds, problem.shape), spring=spring)
 
 
 def _free_motion(rows: Floats, dimension: int) -> str:
@@ -104,9 +100,7 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
             cell = np.argwhere(stopped[cut(d, axis, face)])
             cell = cell[parts[tuple(cell.T)] > 0]
             owners.append(parts[tuple(cell.T)].astype(np.int64))
-            at = cell.copy()
-            at[:, axis] += face.start or 0
-            rows.append(_motions(at, axis, d))
+            rows.append(_motions(moved(cell, axis, face.start or 0), axis, d))
     for pair in combinations(range(d), 2):
         owner, strained = _gripped(problem, parts, states, pair)
         owners.append(owner)
@@ -134,21 +128,18 @@ def _gripped(
     near = np.zeros([n + (a in pair) for a, n in enumerate(problem.kinds.shape)], dtype=np.bool_)
     for axis, across in (pair, pair[::-1]):
         held = states[axis] == FIXED
-        near[cut(d, across, slice(None, -1))] |= held
-        near[cut(d, across, slice(1, None))] |= held
+        for side in ends(near, across):
+            side |= held
     edge = np.argwhere(near & (edge_modulus(problem, pair) > 0))
     rows = np.zeros((len(edge), d + d * (d - 1) // 2))
     owner = np.zeros(len(edge), dtype=np.int32)
     for axis, across in (pair, pair[::-1]):
         for step in (-1, 0):
-            face = edge.copy()
-            face[:, across] += step
+            face = moved(edge, across, step)
             held = states[axis][tuple(face.T)] == FIXED
             rows += np.where(held, 2.0 * step + 1.0, 0.0)[:, None] * _motions(face, axis, d)
             for side in (-1, 0):
-                cell = face.copy()
-                cell[:, axis] += side
-                owner = np.maximum(owner, parts[tuple(cell.T)])
+                owner = np.maximum(owner, parts[tuple(moved(face, axis, side).T)])
     some = rows.any(axis=1)
     return owner[some].astype(np.int64), rows[some]
 
@@ -172,7 +163,7 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
             if across == axis:
                 continue
             stiff = edges[min(axis, across), max(axis, across)][cut(d, axis, slice(1, -1))]
-            carries = stiff[cut(d, across, slice(None, -1))] | stiff[cut(d, across, slice(1, None))]
+            carries = np.logical_or(*ends(stiff, across))
             pinned = _pinned(states[across], across) | (problem.kinds == RIGID)
             loose = both & ~carries & ~(pinned[low] & pinned[high])
             if loose.any():
@@ -181,8 +172,5 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
 
 
 def _pinned(state: NDArray[np.int8], axis: int) -> Flags:
-    d = state.ndim
-    fixed = state != ACTIVE
-    return np.asarray(
-        fixed[cut(d, axis, slice(None, -1))] | fixed[cut(d, axis, slice(1, None))], dtype=np.bool_
-    )
+    low, high = ends(state != ACTIVE, axis)
+    return np.asarray(low | high, dtype=np.bool_)

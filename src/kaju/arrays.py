@@ -21,3 +21,10 @@ def all_largest(values: Floats) -> Ints:
     """Return the indices of all values that equal the largest one, but for rounding."""
     found = np.flatnonzero(values >= values.max() - TIE * np.abs(values).max())
     return found if len(found) else np.array([values.argmax()])  # infinities, or no numbers
+
+
+def moved(points: Ints, axis: int, by: int | Ints | Flags) -> Ints:
+    """Return points by their indices, shape (n, dimension), moved along an axis."""
+    points = points.copy()
+    points[:, axis] += by
+    return points

@@ -8,10 +8,12 @@ it yields by δ the boundary agent has given back cδ.
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import scipy.sparse as sp
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, moved
 from kaju.model.elastic.problem import ElasticProblem
 from kaju.model.elastic.staggered import axis_pairs, edge_modulus
 from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
@@ -109,14 +111,9 @@ def _beside(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
         for along, across in (pair, pair[::-1]):
             faces = np.flatnonzero(axis == along)
             for upper in (0, 1):
-                edge = index[faces].copy()
-                edge[:, across] += upper
-                around = []
-                for step in ((0, 0), (1, 0), (0, 1), (1, 1)):
-                    cell = edge.copy()
-                    cell[:, along] -= step[0]
-                    cell[:, across] -= step[1]
-                    around.append(cell)
+                edge = moved(index[faces], across, upper)
+                steps = product((0, -1), repeat=2)
+                around = [moved(moved(edge, across, b), along, a) for b, a in steps]
                 kinds = np.stack([problem.kinds[tuple(cell.T)] for cell in around])
                 counted = (kinds >= 0) | (kinds == RIGID)
                 total = np.where(kinds >= 0, compliance[np.maximum(kinds, -1)], 0.0).sum(axis=0)

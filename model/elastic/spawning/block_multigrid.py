@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.hierarchy import Hierarchy
 from kaju.model.elastic.krylov import Iteration, conjugate_gradients, dot
-from kaju.model.elastic.problem import ElasticProblem
+from kaju.model.elastic.problem import ElasticProblem, face_zeros
 from kaju.model.elastic.supports import check_supports
 from kaju.model.scene.kinds import AIR
 
@@ -46,10 +46,10 @@ class Root:
         for axis in range(d):
             kinds = kinds.repeat(ACROSS, axis=axis)
         rim = kinds[(slice(ACROSS - 1, 1 - ACROSS),) * d]
-        shapes = [[n + (a == b) for b, n in enumerate(rim.shape)] for a in range(d)]
-        nothing = tuple(np.zeros(shape) for shape in shapes)
+        rim = np.ascontiguousarray(rim, dtype=np.int32)
+        nothing, fields = face_zeros(rim), face_zeros(rim)
         self.problem = ElasticProblem(
-            np.ascontiguousarray(rim, dtype=np.int32), ground.moduli, nothing, nothing, nothing, {},
+            rim, ground.moduli, nothing, nothing, nothing, {},
             ground.scales, ground.scene.plane,
         )  # fmt: skip
         self._hierarchy = Hierarchy(self.problem)
@@ -59,11 +59,10 @@ class Root:
         number: Ints = np.asarray(np.ravel_multi_index(tuple(at.T), balance.shape))
         place: Ints = np.stack(np.unravel_index(at[:, 2], (PLACES,) * d), axis=1)
         cell: Ints = block[at[:, 0]] * ACROSS + place
-        fields = [np.zeros(shape) for shape in shapes]
         for axis in range(d):
             own = at[:, 1] == axis
             fields[axis][tuple(cell[own].T)] = number[own] + 1.0
-        vector = self._hierarchy.gather(tuple(fields))
+        vector = self._hierarchy.gather(fields)
         self._index = np.flatnonzero(vector)
         self._place = vector[self._index].astype(np.int64) - 1
         self._load = np.zeros_like(vector)

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.problem import ACTIVE, FIXED
 from kaju.model.elastic.staggered import Pair, axis_pairs
@@ -128,9 +128,7 @@ class Composite:
     def _past(self, side: int) -> Ints:
         """Return the unit cell beyond the lower corner of a side of every leaf."""
         axis, upper = divmod(side, 2)
-        point = self.leaves.lower.copy()
-        point[:, axis] += self.leaves.size if upper else -1
-        return point
+        return moved(self.leaves.lower, axis, self.leaves.size if upper else -1)
 
     @cached_property
     def kinds(self) -> Ints:

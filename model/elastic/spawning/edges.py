@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.elastic.staggered import Pair, modulus_between
 from kaju.model.scene.kinds import AIR, DISPLACED
 
@@ -120,10 +120,7 @@ def _look_round(leaves: Leaves, point: Ints, a: int, b: int) -> Ints:
     """Return the leaves in the four quadrants round points."""
     found = []
     for first, second in product((-1, 0), repeat=2):
-        cell = point.copy()
-        cell[:, a] += first
-        cell[:, b] += second
-        found.append(leaves.find(cell))
+        found.append(leaves.find(moved(moved(point, a, first), b, second)))
     return np.stack(found)
 
 

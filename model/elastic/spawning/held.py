@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.errors import SupportError
 from kaju.model.elastic.problem import FIXED
+from kaju.model.elastic.supports import unheld
 from kaju.model.scene.kinds import DISPLACED, RIGID
 
 from .balance import Balance
@@ -32,12 +32,7 @@ def check_held(balance: Balance) -> None:
     if loose is not None:
         leaf, motion = loose
         grid = balance.grid
-        place = ", ".join(str(int(i)) for i in grid.leaves.lower[leaf] // grid.ground.cell)
-        raise SupportError(
-            f"sides: the supports do not hold the part of the body with cell ({place}): it "
-            f"could {motion}; hold it by a rigid cell or side, or join it to the rest by a "
-            "face (cells that touch at a corner are not joined)"
-        )
+        raise unheld(grid.leaves.lower[leaf] // grid.ground.cell, motion)
 
 
 def loose_part(balance: Balance) -> tuple[int, str] | None:

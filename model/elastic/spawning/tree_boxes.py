@@ -12,9 +12,9 @@ from kaju.model.elastic.boxes import (
     Boxes,
     Hanging,
     Held,
-    Loads,
     Mesh,
     corner_ends,
+    entered,
     filled_by,
     parted,
     whole_mesh,
@@ -50,18 +50,12 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
         tau = fields.edge_shear[pair][edges.of_leaf]
         shear[pair] = np.ascontiguousarray(np.moveaxis(tau, 0, 2))
     forces = grid.ground.forces(leaves)
-    within = forces.direction < 0
-    body = np.zeros((d, n))
-    np.add.at(body.T, forces.leaf[within], forces.force[within])
-    loads = Loads(forces.leaf[~within], forces.direction[~within], forces.force[~within])
+    body, loads = entered(forces.leaf, forces.direction, forces.force, n)
     beside = np.where(grid.master < 0, -1, grid.beside).T.copy()  # smaller ones are hanging
     beyond, hanging = grid.kinds.T, Hanging(*grid.hanging)
     uneven = _round_corners(grid)
     uneven[hanging.box] = True
-    along = np.abs(loads.force).sum(axis=1) > np.abs(
-        loads.force[np.arange(len(loads.side)), loads.side // 2]
-    )
-    uneven[loads.box[along]] = True
+    uneven[loads.dragged] = True
     return Boxes(
         grid.length,
         law,

@@ -40,7 +40,7 @@ class Loads(NamedTuple):
     def dragged(self) -> Ints:
         """Boxes with forces along a side."""
         across = np.arange(self.force.shape[1]) == self.side[:, None] // 2
-        return self.box[(self.force * ~across).any(axis=1)]
+        return np.asarray(self.box[(self.force * ~across).any(axis=1)])
 
 
 def entered(box: Ints, way: Ints, force: Floats, boxes: int) -> tuple[Floats, Loads]:

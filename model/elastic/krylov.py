@@ -80,14 +80,13 @@ def conjugate_gradients(
     """Solve a symmetric positive definite system (Hestenes & Stiefel 1952)."""
     # `done` sees the history after every step and decides. The error estimate is √(r·Br) for a
     # preconditioner B that is spectrally close to the inverse, over √(energy(solution)), by default
-    # √(load·solution).
+    # √(load·solution). What `apply` returns is overwritten.
     x = np.zeros_like(load) if start is None else start
     r = load.copy() if start is None else load - apply(x)
     scale = float(np.sqrt(dot(load, load))) or 1.0
     run = Iteration(x, held_back=float(dot(x, r)), left=r)
     p: Floats | None = None
     # Not BLAS: its threads would wait for each other for longer than these sums take.
-    scaled = np.empty_like(load)
     square, previous = float(dot(r, r)), 1.0
     for step in range(most + 1):
         run.residuals.append(float(np.sqrt(square)) / scale)
@@ -108,15 +107,16 @@ def conjugate_gradients(
         if step == most or product <= 0.0 or stopped():
             return run
         if p is None:
-            p = z.copy()
+            p = np.array(z, dtype=np.float64)
         else:
             p *= product / previous
             p += z
         previous = product
         q = apply(p)
         length = product / float(dot(p, q))
-        x += np.multiply(p, length, out=scaled)
-        r -= np.multiply(q, length, out=scaled)
+        q *= length
+        r -= q
+        x += np.multiply(p, length, out=q)
         square = float(dot(r, r))
     return run
 

@@ -128,8 +128,8 @@ def _gripped(
     near = np.zeros([n + (a in pair) for a, n in enumerate(problem.kinds.shape)], dtype=np.bool_)
     for axis, across in (pair, pair[::-1]):
         held = states[axis] == FIXED
-        for side in ends(near, across):
-            side |= held
+        for end in ends(near, across):
+            end |= held
     edge = np.argwhere(near & (edge_modulus(problem, pair) > 0))
     rows = np.zeros((len(edge), d + d * (d - 1) // 2))
     owner = np.zeros(len(edge), dtype=np.int32)

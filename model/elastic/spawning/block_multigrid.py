@@ -46,10 +46,10 @@ class Root:
         for axis in range(d):
             kinds = kinds.repeat(ACROSS, axis=axis)
         rim = kinds[(slice(ACROSS - 1, 1 - ACROSS),) * d]
-        rim = np.ascontiguousarray(rim, dtype=np.int32)
-        nothing, fields = face_zeros(rim), face_zeros(rim)
+        cells = np.ascontiguousarray(rim, dtype=np.int32)
+        nothing, fields = face_zeros(cells), face_zeros(cells)
         self.problem = ElasticProblem(
-            rim, ground.moduli, nothing, nothing, nothing, {},
+            cells, ground.moduli, nothing, nothing, nothing, {},
             ground.scales, ground.scene.plane,
         )  # fmt: skip
         self._hierarchy = Hierarchy(self.problem)
@@ -192,15 +192,15 @@ class BlockMultigrid:
     ) -> Iteration:
         """Solve for the displacement in place, by conjugate gradients."""
         shape, loaded = self.balance.shape, self.balance.loaded
-        given, force, answer = load[loaded].ravel(), np.zeros(shape), np.empty(shape)
+        given, force = load[loaded].ravel(), np.empty(shape)
 
         def apply(x: Floats) -> Floats:
+            force[:] = 0.0  # also on parents, whose displacements mean nothing
             self.balance.apply(x.reshape(shape), force)
             return force.ravel()
 
         def precondition(residual: Floats) -> Floats:
-            np.copyto(answer, self.precondition(residual.reshape(shape)))
-            return answer.ravel()
+            return self.precondition(residual.reshape(shape)).ravel()
 
         def energy(x: Floats) -> float:
             return dot(given, x.reshape(shape)[loaded].ravel())

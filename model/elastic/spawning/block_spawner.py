@@ -220,6 +220,11 @@ class BlockSpawner(Spawner):
         return self.blocks.forest.agents
 
     @property
+    def agents(self) -> int:
+        """How many agents there are."""
+        return self.blocks.forest.count
+
+    @property
     def smallest(self) -> Flags:
         """Which blocks are as small as may be."""
         forest = self.blocks.forest

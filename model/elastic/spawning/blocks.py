@@ -175,8 +175,8 @@ class Window:
         many = len(forest.corners)
         at = np.arange(many * len(block)) if chosen is None else np.flatnonzero(chosen)
         self.block, self.corner = block[at // many], at % many
-        whole = block is forest.leaves and chosen is None
-        self.leaves = forest.agents if whole else forest.cells(block).only(at)
+        cells = forest.cells(block)
+        self.leaves = cells if chosen is None else cells.only(at)
         self._forest = forest
 
     @cached_property

@@ -118,7 +118,7 @@ class Forest:
         """Number of agents."""
         return int(len(self.leaves) * ACROSS**self.dimension)
 
-    @cached_property
+    @property
     def agents(self) -> Leaves:
         """All agents, in the order of their Morton codes."""
         return self.cells(self.leaves)

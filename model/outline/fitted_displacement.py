@@ -16,6 +16,8 @@ from .true_shapes import Held
 
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 _ROW = np.int64(1) << 31
+HOLD = 1e-12
+"""Share of its stiffness that keeps a part from floating; any displacement bounds from below."""
 _GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 
@@ -143,7 +145,10 @@ class FittedDisplacement:
         tie, own, diagonal = tie[:, kept], own[kept][:, kept], diagonal[kept]
         scale = 1.0 / np.sqrt(diagonal)
         scaled = sp.diags_array(scale) @ own @ sp.diags_array(scale)
-        factors = factors_of(scaled)
+        try:
+            factors = factors_of(scaled)
+        except RuntimeError:  # a part hangs on nothing, and no force moves it
+            factors = factors_of(scaled + HOLD * sp.eye_array(scaled.shape[0]))
         asked = scale * (tie.T @ force.ravel())
         found = factors.solve(asked)
         found += factors.solve(asked - scaled @ found)

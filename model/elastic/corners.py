@@ -32,7 +32,11 @@ def sharp_corners(scene: Scene) -> Floats:
     lattice = scene.lattice
     if lattice.dimension != 2 or lattice.kind != "square" or lattice.size > MOST_CELLS:
         return np.empty((0, 2))
-    ranges = [np.arange(-1, n + 1) for n in lattice.shape]
+    # A full box has none but at its own corners.
+    ranges = [
+        np.array([-1, 0, n - 1, n]) if scene.uniform else np.arange(-1, n + 1)
+        for n in lattice.shape
+    ]
     cells = np.stack(np.meshgrid(*ranges, indexing="ij"), axis=-1)
     kinds = scene.kinds(cells.reshape(-1, 2)).reshape(cells.shape[:-1])
     around = np.stack([kinds[:-1, :-1], kinds[1:, :-1], kinds[1:, 1:], kinds[:-1, 1:]], axis=-1)
@@ -41,7 +45,8 @@ def sharp_corners(scene: Scene) -> Floats:
     kinds = patterns[:, None] // base ** np.arange(4) % base + least
     sharp = np.array([bool(_reason(_sides(scene, four))) for four in kinds])
     found = sharp[which.reshape(around.shape[:2])]
-    return np.asarray(np.argwhere(found) * lattice.cell_size, dtype=np.float64)
+    corner = [own[1:][at] for own, at in zip(ranges, np.nonzero(found), strict=True)]
+    return np.asarray(np.stack(corner, axis=1) * lattice.cell_size, dtype=np.float64)
 
 
 def singular_at(scene: Scene, point: Floats, stage: int | None = None) -> str:

@@ -510,9 +510,16 @@ def _parents(fine: Level, depth: int) -> Level:
     coefficients, inverse = np.zeros(described * len(stencil.entries)), np.zeros(d * described)
     if d == 2:
         sums = (sums[0], sums[1], sums[1])
-    terms = tuple(part for step in sums for part in (step.place, step.weight, step.rows))
-    made = _made(fine.arrays[3])
-    sweeps.galerkin(fine.arrays, made, terms, box, rows, stencil.own, coefficients, inverse)
+    places, ways = [step.place for step in sums], [step.rows for step in sums]
+    ends, starts = (np.cumsum([0, *map(len, parts)]) for parts in (places, ways))
+    weight = np.concatenate([step.weight for step in sums])
+    joined = np.concatenate(places), weight, np.concatenate(ways), ends, starts
+    made, length = _made(fine.arrays[3]), int(fine.arrays[3][sweeps.LENGTH])
+    few = 0 if fine.stencil else len(sums[0].rows) * len(made)
+    first, second = sums[0].sums, sums[1].sums
+    sizes = few * length, (4 * first + second) * length, max(first, second) * length
+    room = (*map(np.zeros, sizes), np.zeros(int(starts[-1]) + 4, dtype=np.int64))
+    sweeps.galerkin(fine.arrays, made, joined, box, rows, stencil.own, room, coefficients, inverse)
     arrays = (coefficients, inverse, _flat(stencil, box), box, rows)
     space = d * int(box[sweeps.SIZE])
     return Level(cells, arrays, stencil, np.zeros(space), np.zeros(space), _NO_OUTSIDE)

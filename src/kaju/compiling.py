@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-__all__ = ["along", "njit", "part"]
+__all__ = ["along", "inlined", "njit", "part"]
 
 log = logging.getLogger("kaju")
 _one_at_a_time = RLock()
@@ -51,45 +51,38 @@ def njit(**how: Any) -> Callable[[Callable[..., Any]], Any]:
     return partial(Loop, make=partial(_compile, how))
 
 
+_PLAIN: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+"""Without checks of divisors, and without a door for C: less to be compiled."""
+
+
 def _compile(how: dict[str, Any], function: Callable[..., Any]) -> Any:
     import numba
 
-    return numba.njit(**how)(function)
+    return numba.njit(**_PLAIN, **how)(function)
 
 
-_closed: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-part: Any = njit(cache=True, fastmath=True, **_closed)
+part: Any = njit(fastmath=True, no_cpython_wrapper=True)
 """Decorates loops that only other loops call: the doors for Python take long to be compiled."""
+
+inlined: Any = njit(inline="always", fastmath=True)
+"""Decorates loops that one other calls, in one place: they are compiled as part of that alone."""
 
 
 def _along(_typing, array, start):  # type: ignore[no-untyped-def]
-    """Return what lies in an array's memory from one entry on, axis after axis, as a vector.
+    """Point to an array's memory from one entry on, axis after axis.
 
-    A slice without its checks, which take half of the time that loops over many rows need to be
-    compiled. Only for arrays that outlive it: a loop's arguments.
+    A slice without its checks and without a count of who holds it, which take most of the time
+    that loops over many rows need to be compiled. Only for arrays that outlive it.
     """
     from numba import types
-    from numba.np.arrayobj import populate_array
 
-    vector = types.Array(array.dtype, 1, "C")
+    pointer = types.CPointer(array.dtype)  # type: ignore[no-untyped-call]
 
     def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        kind = signature.args[0]
-        whole = context.make_array(kind)(context, builder, arguments[0])
-        part = context.make_array(vector)(context, builder)
-        size = context.get_abi_sizeof(context.get_data_type(kind.dtype))
-        stride = context.get_constant(types.intp, size)
-        populate_array(
-            part,
-            data=builder.gep(whole.data, [arguments[1]]),
-            shape=[whole.nitems],
-            strides=[stride],
-            itemsize=stride,
-            meminfo=None,
-        )  # type: ignore[no-untyped-call]
-        return part._getvalue()
+        whole = context.make_array(signature.args[0])(context, builder, arguments[0])
+        return builder.gep(whole.data, [arguments[1]])
 
-    return vector(array, types.intp), build
+    return pointer(array, types.intp), build
 
 
 def _intrinsic(function: Callable[..., Any]) -> Any:

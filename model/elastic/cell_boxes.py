@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import permutations
 from typing import Any
 
@@ -35,8 +34,6 @@ PAD = 1
 """Cells around the rim; one more after it."""
 KINDS = 5
 """Kinds of cells that are no material: they count from the end of a table."""
-AT_ONCE = 10_000
-"""So many corners are looked at at a time."""
 
 
 def boxes_of_cells(
@@ -140,8 +137,7 @@ class _Cells:
         start = np.empty((len(known) + len(double), len(ends[0])))
         stretch = self.law[0][self.kinds]
         stiff = [stretch + np.roll(stretch, step) for step in self.steps]
-        for part in np.array_split(np.arange(len(known)), len(known) // AT_ONCE + 1):
-            start[part] = _starts(faces, stiff, self.steps, known[part])
+        start[: len(known)] = _starts(faces, stiff, self.steps)[known]
         if len(double):
             twice = np.zeros(len(start), dtype=np.bool_)
             twice[double] = twice[len(known) :] = True
@@ -188,36 +184,25 @@ class _Cells:
         return found
 
 
-_Line = tuple[Sequence[Floats] | Floats, Sequence[Floats] | Floats]
-
-
-def _starts(faces: list[Floats], stiff: list[Floats], steps: Ints, corner: Ints) -> Floats:
+def _starts(faces: list[Floats], stiff: list[Floats], steps: Ints) -> Floats:
     """Return how corners move: as the faces round them, stiff ones counting more."""
-    start = np.zeros((len(corner), len(faces)))
+    start = np.zeros((len(faces[0]), len(faces)))
     for a, normal in enumerate(steps):
         across = [step for step in steps if step != normal]
-
-        def line(place: Ints, step: int, a: int = a) -> _Line:
-            at = place + step * np.arange(-2, 2)[:, None]
-            return faces[a][at], stiff[a][at]
-
         # In space along the one axis first, and along the other: so no axis is another's better.
-        for first, *others in permutations(across):
-            if others:
-                lines = [line(corner + k * others[0], first) for k in range(-2, 2)]
-                weights = [w[1] + w[2] for _, w in lines]
-                value = _half_way([_half_way(*row) for row in lines], weights)
-            else:
-                value = _half_way(*line(corner, first))
+        for order in permutations(across):
+            value, weight = faces[a], stiff[a]
+            for step in order:
+                value, weight = _half_way(value, weight, step)
             start[:, a] += value / len(across)
     return start
 
 
-def _half_way(v: Sequence[Floats] | Floats, w: Sequence[Floats] | Floats) -> Floats:
-    """Return the weighted mean half-way between four in a row; a line's end is prolonged."""
-    low, high = w[1] > 0.0, w[2] > 0.0
-    weight = np.where(low & high, w[1] + w[2], 1.0)
+def _half_way(value: Floats, weight: Floats, step: int) -> tuple[Floats, Floats]:
+    """Return weighted means of what is before and behind places; a line's end is prolonged."""
+    v, w = ([np.roll(each, k * step) for k in (2, 1, 0, -1)] for each in (value, weight))
+    low, high, both = w[1] > 0.0, w[2] > 0.0, w[1] + w[2]
     after = np.where(w[3] > 0.0, 1.5 * v[2] - 0.5 * v[3], v[2])
     before = np.where(w[0] > 0.0, 1.5 * v[1] - 0.5 * v[0], v[1])
-    ends = np.where(high, after, before)
-    return np.where(low & high, (w[1] * v[1] + w[2] * v[2]) / weight, ends)
+    between = (w[1] * v[1] + w[2] * v[2]) / np.where(both > 0.0, both, 1.0)
+    return np.where(low & high, between, np.where(high, after, before)), both

@@ -72,8 +72,10 @@ def work_of(stress, field, v):
 
 
 @pytest.mark.parametrize("how", [{"strategy": "uniform", "resolution": 2}, {"tolerance": 0.15}])
-@pytest.mark.parametrize("sides", [{"bottom": "rigid"}, {"left": "rigid", "bottom": "roller"}])
-@pytest.mark.parametrize("loads", [INNER, DRAGGED])
+@pytest.mark.parametrize(
+    ("loads", "sides"),
+    [(INNER, {"bottom": "rigid"}), (DRAGGED, {"left": "rigid", "bottom": "roller"})],
+)
 @pytest.mark.parametrize(
     "rows", [["aa..", "aa..", "aaaa", "aaaa"], ["bb..", "ab..", "aabb", "b.aa"], ["aaaa"] * 4]
 )

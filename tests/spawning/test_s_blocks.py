@@ -6,12 +6,15 @@ from plates import plate as pressed
 from spawning_bodies import BRASS, STEEL, blotched, drawn, pierced, quarter, ragged
 
 from kaju import solve
+from kaju.model.elastic.compatible import CompatibleField
 from kaju.model.elastic.spawning.agent_fields import AgentFields
+from kaju.model.elastic.spawning.block_boxes import boxes_of_blocks
 from kaju.model.elastic.spawning.block_multigrid import BlockMultigrid
 from kaju.model.elastic.spawning.blocks import BlockBalance, Window
 from kaju.model.elastic.spawning.curvature import indicate
 from kaju.model.elastic.spawning.forest import first_forest
 from kaju.model.elastic.spawning.ground import ground_of
+from kaju.model.elastic.spawning.tree_boxes import boxes_of_agents
 
 
 @pytest.fixture(autouse=True)
@@ -126,6 +129,32 @@ def test_what_is_looked_up_near_by_is_what_all_agents_say(name):
     total = sum(result.reactions.values())
     applied = result.scene.applied(None).force.sum(axis=0)
     np.testing.assert_allclose(total, -applied, atol=1e-9 * np.abs(applied).max())
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_bounds_are_told_what_all_agents_say(name):
+    blocks, window = random_blocks(BODIES[name]())
+    u = blocks.zeros()
+    u.ravel()[blocks.unknowns] = np.random.default_rng(4).normal(size=len(blocks.unknowns))
+    blocks.everywhere(u)
+    ours = boxes_of_blocks(blocks, u)
+    theirs = boxes_of_agents(window.balance, window.displacement(u))
+    for one, other in zip(said_of(ours), said_of(theirs), strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-13 * np.abs(other).max(initial=0.0))
+    ends = []
+    for boxes in (ours, theirs):
+        field = CompatibleField(boxes)
+        held = np.linalg.norm(field.force(field.displacement))
+        ends.append([*field.energies(), field.work(), held])
+    np.testing.assert_allclose(*ends, rtol=1e-9)
+
+
+def said_of(boxes):
+    """Return what boxes are, but for the numbers of their nodes."""
+    held = [column for held in boxes.held for column in held]
+    plain = (boxes.size, *boxes.law, boxes.sigma, *boxes.shear.values(), boxes.body, boxes.beside)
+    others = (boxes.kind, boxes.uneven, boxes.moved, *boxes.hanging, *boxes.loads)
+    return *plain, *others, *held, boxes.mesh.start[boxes.mesh.corner]
 
 
 def test_blocks_ask_for_no_more_than_the_tolerance():

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.bracket import Bracket
+from kaju.model.elastic.boxes import Boxes
+from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.elastic.krylov import Iteration, dot
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
@@ -17,6 +18,7 @@ from kaju.model.scene.kinds import RIGID, ROLLER
 from .agent_fields import AgentFields
 from .aims import Aimed
 from .balance import Balance
+from .block_boxes import boxes_of_blocks
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
 from .curvature import Indicator
@@ -28,7 +30,6 @@ from .leaves import Leaves
 from .mirror import mirrors, symmetrise
 from .nested import WORST, relative_error
 from .spawner import Aim, Spawner
-from .tree_boxes import bracket_of_agents
 
 LAST = 1e-9
 """The last generation's forces balance to this share of the loads."""
@@ -151,6 +152,12 @@ class BlockSpawning(Spawning):
             fields, agent = self.near(agent)
             parts.append(fields.stress[agent])
         return np.concatenate(parts)
+
+    def boxes(self) -> Boxes:
+        """Return the agents as bounds see them."""
+        u = self.u.copy()
+        self.blocks.everywhere(u)
+        return boxes_of_blocks(self.blocks, u)
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""
@@ -281,5 +288,4 @@ class BlockSpawner(Spawner):
         self.aimed = self.aim.look(self)
 
     def _bounds(self, *, settled: bool = True) -> Bracket | str:
-        window = Window(self.blocks.forest, self.blocks.forest.leaves)
-        return bracket_of_agents(window.balance, window.displacement(self.displacement), settled)
+        return bracket_of(boxes_of_blocks(self.blocks, self.displacement), settled)

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.boxes import Boxes
 from kaju.model.elastic.bracket import Bracket
 
 from .agent_fields import AgentFields
@@ -15,6 +16,7 @@ from .balance import Balance
 from .curvature import Indicator
 from .ground import Ground
 from .leaves import Leaves
+from .tree_boxes import boxes_of_agents
 
 
 class Generation(NamedTuple):
@@ -89,6 +91,10 @@ class Spawning:
     def stress(self) -> Floats:
         """Stress tensors of the agents, shape (agents, dimension, dimension)."""
         return self.fields.stress
+
+    def boxes(self) -> Boxes:
+        """Return the agents as bounds see them."""
+        return boxes_of_agents(self.balance, self.displacement)
 
     def reactions(self) -> dict[str, Floats]:
         """Return the force of every support on the body."""

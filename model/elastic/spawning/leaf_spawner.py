@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kaju.arrays import Flags, Ints
-from kaju.model.elastic.bracket import Bracket
+from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.solver import lost_digits, rounding_notes
@@ -19,7 +19,7 @@ from .held import HALVED, first_agents
 from .leaves import Leaves
 from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
 from .spawner import Aim, Spawner
-from .tree_boxes import bracket_of_agents
+from .tree_boxes import boxes_of_agents
 
 ALGEBRAIC_SHARE = 0.05
 """Every generation is solved to this share of its estimated error, the last one further."""
@@ -101,4 +101,4 @@ class LeafSpawner(Spawner):
         return rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
 
     def _bounds(self, *, settled: bool = True) -> Bracket | str:
-        return bracket_of_agents(self.balance, self.displacement, settled)
+        return bracket_of(boxes_of_agents(self.balance, self.displacement), settled)

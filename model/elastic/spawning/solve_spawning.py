@@ -10,6 +10,7 @@ from kaju.errors import ConvergenceError, ParameterError
 from kaju.model.elastic.arguments import TOLERANCE, check_numbers
 from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.scene import Scene
+from kaju.model.scene.lattice import Lattice
 from kaju.stopping import NOTE, stopped
 
 from .block_spawner import spawner_of
@@ -55,7 +56,7 @@ def solve_spawning(
     ground = ground_of(scene, stage, resolution)
     start_from = None
     if previous is not None and before is not None:
-        check_previous(before.ground, ground)
+        check_previous(before.ground.scene.lattice, ground.scene.lattice)
         alike = goals == previous.tolerance_at and tolerance <= (previous.tolerance or 0.0)
         start_from = before if alike and serves(before, ground) else None
     spawner = spawner_of(ground, tolerance, most_agents, aim_of(goals, ground), start_from)
@@ -151,16 +152,16 @@ def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> lis
     return [f"the smallest agents allowed leave {above}; {remedy}"]
 
 
-def check_previous(previous: Ground, ground: Ground) -> None:
+def check_previous(previous: Lattice, lattice: Lattice) -> None:
     """Refuse agents that stand on other cells."""
     cells = [
-        f"{' x '.join(map(str, g.scene.lattice.shape))} cells of {g.scene.lattice.cell_size:g} m"
-        for g in (previous, ground)
+        f"{' x '.join(map(str, one.shape))} cells of {one.cell_size:g} m"
+        for one in (previous, lattice)
     ]
-    if previous.scene.lattice != ground.scene.lattice:
+    if previous != lattice:
         raise ParameterError(
             f"previous: its agents stand on {cells[0]}, those of the scene on {cells[1]}; solve "
-            "without it, or at the same resolution"
+            "without it, or on the same cells"
         )
 
 

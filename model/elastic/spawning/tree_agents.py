@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError, ResultFileError
+from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.problem import Scales
 from kaju.model.results.archive import Archive, plain_of
@@ -29,10 +30,8 @@ from .ground import Ground, ground_of
 from .leaf_places import located
 from .leaves import Leaves
 from .nested import relative_error
-from .tree_boxes import bracket_of_agents
 
 if TYPE_CHECKING:
-    from kaju.model.elastic.bracket import Bracket
     from kaju.model.elastic.cell_agents import CellAgents
 
 _LEAVES = ("lower", "size", "kind", "step", "cause")
@@ -107,10 +106,8 @@ class TreeAgents:
     @cached_property
     def bracket(self) -> Bracket | str:
         """What is certain about the answer; in words why nothing is, where nothing is."""
-        spawning = self.spawning
-        if spawning.bracket is not None:
-            return spawning.bracket
-        return bracket_of_agents(spawning.balance, spawning.displacement)
+        found = self.spawning.bracket
+        return bracket_of(self.spawning.boxes()) if found is None else found
 
     def history(self) -> dict[str, Any]:
         """Return how the agents came to be."""

@@ -17,9 +17,7 @@ from kaju.model.elastic.boxes import (
     entered,
     filled_by,
     parted,
-    whole_mesh,
 )
-from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.tractions import Portions
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
@@ -27,16 +25,6 @@ from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 from .agent_fields import AgentFields, corner_values
 from .balance import Balance
 from .composite import Composite
-from .leaves import morton
-
-
-def bracket_of_agents(balance: Balance, u: Floats, settled: bool = True) -> Bracket | str:
-    """Hold the true energy between two that can be computed; see `bracket_of`."""
-    leaves = balance.grid.leaves
-    across = int((leaves.lower + leaves.size[:, None]).max()) // int(leaves.size.min())
-    if across >= 1 << (30 if balance.grid.dimension == 2 else 20):
-        return "the smallest agents are too small beside the body to number their corners"
-    return bracket_of(boxes_of_agents(balance, u), settled)
 
 
 def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
@@ -124,12 +112,16 @@ def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     thirds = np.array(list(product((0, 1, 2), repeat=d)))
     middles = (thirds == 1).sum(axis=1)
 
-    # In halves of the smallest leaf: codes have no room for halves of the units themselves.
+    # Corners count in halves of the smallest leaf. Their numbers may overflow, but not to the same:
+    # no body is so wide.
     half = int(leaves.size.min()).bit_length() - 1
+    row = (2 * int((leaves.lower + leaves.size[:, None]).max()) >> half) + 1
 
     def keys(leaf: Ints, third: Ints) -> Ints:
-        points = 2 * leaves.lower[leaf] + third[:, None] * leaves.size[leaf, None]
-        return morton((points >> half).reshape(-1, d)).reshape(len(third), len(leaf))
+        number = np.zeros((len(third), len(leaf)), dtype=np.int64)
+        for lower, thirds in zip(leaves.lower[leaf].T, third.T, strict=True):
+            number = number * row + ((2 * lower + thirds[:, None] * leaves.size[leaf]) >> half)
+        return number
 
     large, small = _unlike_neighbours(grid)
     between = keys(large, thirds[(middles > 0) & (middles < d)])
@@ -146,16 +138,17 @@ def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     nodes, double = parted(nodes, octants, filled_by(nodes, octants, len(first)))
     corner, count = np.stack(nodes[: len(ends)]), len(first) + len(double)
     start = _at_corners(grid, fields, law, corner, count)
-    if not len(cut):
-        return whole_mesh(corner, grid.length, start)
+    # The first part of a box that is cut stands in its place, the others after all boxes.
     lattice = np.stack(nodes[len(ends) :]).reshape(*[3] * d, len(cut))
-    whole = np.ones(n, dtype=np.bool_)
-    whole[cut] = False
     cut_up = [lattice[tuple(slice(i, i + 2) for i in end)] for end in ends]
-    element = [corner[:, whole], *(part.reshape(len(ends), -1) for part in cut_up)]
-    parts = np.empty(corner.shape, dtype=np.int64)
-    parts[:, whole] = np.arange(n - len(cut))
-    parts[:, cut] = n - len(cut) + np.arange(len(ends) * len(cut)).reshape(len(ends), -1)
+    more = n + np.arange((len(ends) - 1) * len(cut)).reshape(len(ends) - 1, len(cut))
+    parts = np.tile(np.arange(n), (len(ends), 1))
+    parts[1:, cut] = more
+    owner = np.concatenate([np.arange(n), np.tile(cut, len(more))])
+    element = np.empty((len(ends), len(owner)), dtype=np.int64)
+    element[:, :n] = corner
+    for part, elements in zip(cut_up, (cut, *more), strict=True):
+        element[:, elements] = part.reshape(len(ends), len(cut))
     slave, masters = [], []
     for third, many in zip(thirds, middles, strict=True):
         if 0 < many < d:
@@ -167,16 +160,9 @@ def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     own[corner] = True
     middle, at = np.unique(np.concatenate(slave), return_index=True)
     straight = ~own[middle]
-    return Mesh(
-        corner,
-        np.concatenate(element, axis=1),
-        np.concatenate([np.flatnonzero(whole), np.tile(cut, len(ends))]),
-        np.concatenate([grid.length[whole], np.tile(0.5 * grid.length[cut], len(ends))]),
-        parts,
-        middle[straight],
-        np.concatenate(masters, axis=1)[:, at[straight]],
-        start,
-    )
+    ends_of = np.concatenate(masters, axis=1)[:, at[straight]]
+    edge = np.where(parts[0] == parts[-1], 1.0, 0.5)[owner] * grid.length[owner]
+    return Mesh(corner, element, owner, edge, parts, middle[straight], ends_of, start)
 
 
 def _unlike_neighbours(grid: Composite) -> tuple[Ints, Ints]:

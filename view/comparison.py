@@ -326,7 +326,7 @@ def plot_error(
     cut: Mapping[str, float] | None = None,
 ) -> Axes:
     """Draw where the error is, as a share of the reference's largest value."""
-    pair, scene = pair_of(comparison, quantity), comparison.result.scene
+    pair, scene = pair_of(comparison, quantity), comparison.cells
     cells = scene.lattice.locate(comparison.points)
     worst = cells[first_largest(pair.error)]
     if scene.lattice.dimension == 3 and cut is None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from matplotlib.collections import PolyCollection
 
+from kaju.errors import ParameterError
 from kaju.model.scene.curves import flattened
 from kaju.model.scene.shapes import OutlinedShape
 
@@ -19,9 +20,16 @@ if TYPE_CHECKING:
     from kaju.model.outline.outline_result import OutlineResult
 
 
-def plot_cut_agents(result: OutlineResult, ax: Axes | None = None) -> Axes:
+def plot_cut_agents(
+    result: OutlineResult, ax: Axes | None = None, *, generation: int | None = None
+) -> Axes:
     """Draw what each agent holds of the body, in the colour of its equivalent stress."""
     ax = new_axes(ax)
+    if generation is not None:
+        last = len(result.earlier)
+        if not 0 <= generation <= last:
+            raise ParameterError(f"generation: must lie between 0 and {last}, got {generation}")
+        result = result.generations[generation]
     agent, pieces = result.pieces()
     value = result.von_mises[agent]
     squares = PolyCollection(pieces, array=value, cmap="viridis", edgecolors="face", lw=0.1)

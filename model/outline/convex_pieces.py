@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from itertools import pairwise
+from math import hypot
 
 from kaju.model.scene.curves import Point
 
@@ -12,6 +13,8 @@ Corners = list[Point]
 """Corners of a polygon, counter-clockwise."""
 HalfPlane = tuple[float, float, float]
 """a, b, c: all points with a x + b y <= c; (a, b) has length 1."""
+Parts = list[tuple[Corners, list[HalfPlane] | None]]
+"""Convex parts of a square, and lines that part each from the rest; None for all its sides."""
 
 ON_LINE = 1e-9
 """Points this near to a line (in edges of the first agents) lie on it."""
@@ -66,19 +69,36 @@ def within(corners: Corners, planes: Iterable[HalfPlane]) -> Corners | None:
     return left
 
 
-def without(pieces: list[Corners], planes: list[HalfPlane]) -> list[Corners]:
-    """Return what is left of convex pieces outside of the common part of half-planes."""
-    left: list[Corners] = []
-    for piece in pieces:
-        rest: Corners | None = piece
-        outside: list[Corners] = []
-        for plane in planes:
-            if rest is None:
-                break
-            rest, beyond = parted(rest, plane)
-            outside += [] if beyond is None else [beyond]
-        left += [piece] if rest is None else outside
-    return left
+def sides_of(corners: Corners) -> list[HalfPlane]:
+    """Return the half-planes of a convex polygon."""
+    planes = []
+    for (x0, y0), (x1, y1) in pairwise([*corners, corners[0]]):
+        length = hypot(x1 - x0, y1 - y0)
+        a, b = (y1 - y0) / length, (x0 - x1) / length
+        planes.append((a, b, a * x0 + b * y0))
+    return planes
+
+
+def split(pieces: list[Corners], parts: Parts) -> tuple[list[Corners], list[Corners]]:
+    """Return what of convex pieces lies within parts, and beyond them all."""
+    inside, left = [], pieces
+    for part, lines in parts:
+        beyond: list[Corners] = []
+        for piece in left:
+            if piece == part:
+                inside.append(piece)
+                continue
+            rest: Corners | None = piece
+            outside: list[Corners] = []
+            for line in sides_of(part) if lines is None else lines:
+                if rest is None:
+                    break
+                rest, other = parted(rest, line)
+                outside += [] if other is None else [other]
+            beyond += [piece] if rest is None else outside
+            inside += [] if rest is None else [rest]
+        left = beyond
+    return inside, left
 
 
 def outlines_of(

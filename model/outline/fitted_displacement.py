@@ -18,7 +18,7 @@ CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 _ROW = np.int64(1) << 31
 HOLD = 1e-12
 """Share of its stiffness that keeps a part from floating; any displacement bounds from below."""
-_GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 
 def shapes_at(local: Floats) -> Floats:
@@ -52,7 +52,7 @@ class FittedDisplacement:
     def __init__(self, leaves: SquareLeaves, held: list[Held]):
         self.leaves = leaves
         self._number_corners()
-        points = np.array([(x, y) for x in _GAUSS for y in _GAUSS])
+        points = np.array([(x, y) for x in GAUSS for y in GAUSS])
         rows = strain_rows(points)
         laws = list(dict.fromkeys(law for of in held for law in of))
         stiffness = np.array([law.stiffness for law in laws]).reshape(-1, 3, 3)

@@ -9,15 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
-from kaju.arrays import Floats
-from kaju.model.scene.curves import Point
-
-from .convex_pieces import Corners, parted
+from .convex_pieces import Corners, Parts, split
 from .laws import AIR, Law
-from .square_leaves import SquareLeaves
-from .true_shapes import Held, Parts, TrueRegion, sides_of
+from .true_shapes import Held, OfRegions, TrueRegion
 
 _Painted = list[tuple[Law, Corners]]
 """Convex pieces that fill a square, each of a law."""
@@ -31,7 +25,7 @@ class MixedRegion(TrueRegion):
 
 
 @dataclass(frozen=True)
-class MixedBody:
+class MixedBody(OfRegions):
     """A box of a law, and regions of others that cover it one after the other."""
 
     law: Law
@@ -47,15 +41,6 @@ class MixedBody:
         """What the body is made of."""
         laws = dict.fromkeys([self.law, *(region.law for region in self.regions)])
         return tuple(law for law in laws if law != AIR)
-
-    def refine(self, leaves: SquareLeaves) -> Floats:
-        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
-        return np.concatenate([region.shape.refine(leaves) for region in self.regions])
-
-    def part_along(self, way: Point) -> None:
-        """Take ends of arcs where these run along a direction."""
-        for region in self.regions:
-            region.shape.part_along(way)
 
     def held(self, squares: list[Corners], outer: bool) -> list[Held]:
         """Return what squares hold of each law: all of it no softer than it is, or no stiffer."""
@@ -87,32 +72,10 @@ def _covered(
     """
     for before, piece in painted:
         either = before.with_other(law, stiffer)
-        inside, outside = _split([piece], core if either == before else reach)
+        inside, outside = split([piece], core if either == before else reach)
         band: list[Corners] = []
         if either not in (before, law):
-            inside, band = _split(inside, core)
+            inside, band = split(inside, core)
         yield from ((law, part) for part in inside)
         yield from ((either, part) for part in band)
         yield from ((before, part) for part in outside)
-
-
-def _split(pieces: list[Corners], parts: Parts) -> tuple[list[Corners], list[Corners]]:
-    """Return what of convex pieces lies within parts, and beyond them all."""
-    inside, left = [], pieces
-    for part, lines in parts:
-        beyond: list[Corners] = []
-        for piece in left:
-            if piece == part:
-                inside.append(piece)
-                continue
-            rest: Corners | None = piece
-            outside: list[Corners] = []
-            for line in sides_of(part) if lines is None else lines:
-                if rest is None:
-                    break
-                rest, other = parted(rest, line)
-                outside += [] if other is None else [other]
-            beyond += [piece] if rest is None else outside
-            inside += [] if rest is None else [rest]
-        left = beyond
-    return inside, left

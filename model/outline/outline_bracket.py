@@ -13,7 +13,7 @@ from kaju.errors import ConvergenceError
 from .arc_triangles import ArcFrames
 from .balanced_pieces import SMALL_RESIDUAL, BalancedPieces, LooseError
 from .convex_pieces import ON_LINE
-from .fitted_displacement import FittedDisplacement
+from .fitted_displacement import GAUSS, FittedDisplacement
 from .mixed_body import MixedBody
 from .outline_problem import OutlineProblem, UnlikeError
 from .square_leaves import SquareLeaves
@@ -182,7 +182,7 @@ def _pushed(balanced: BalancedPieces, fitted: FittedDisplacement, force: Floats)
     leaf, start, force = balanced.leaf_of[at], balanced.ends[at, 0], force[at]
     run = balanced.ends[at, 1] - start
     out = np.zeros(len(balanced.area))
-    for g in 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0):
+    for g in GAUSS:
         traction = (2.0 - 3.0 * g) * force[:, 0] + (3.0 * g - 1.0) * force[:, 1]
         work = (traction * fitted.at(leaf, start + g * run)).sum(axis=1)
         out += np.bincount(leaf, work, len(out))
@@ -193,9 +193,12 @@ def spawn(
     problem: OutlineProblem,
     tolerance: float,
     most: int,
+    before: SquareLeaves | None = None,
     tell: Callable[[OutlineBracket], None] = lambda found: None,
 ) -> OutlineBracket:
     """Return bounds whose error is within a tolerance, leaves split where the gap is.
+
+    They begin as small as those before, if there are any; all bounds on the way are told.
 
     Raises
     ------
@@ -207,6 +210,8 @@ def spawn(
     if not problem.held_whole:
         raise LooseError
     leaves, cutting = SquareLeaves.first(problem.shape), CutLeaves(problem.body)
+    if before is not None:
+        leaves = leaves.as_small_as(before)
     patience = 6
     while True:
         try:

@@ -11,7 +11,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import rigid_motions
 
 from .balanced_pieces import NEAR, BalancedPieces
-from .fitted_displacement import FittedDisplacement
+from .fitted_displacement import GAUSS, FittedDisplacement
 from .laws import Law
 from .mixed_body import MixedBody
 from .square_leaves import SquareLeaves
@@ -23,7 +23,6 @@ ON_BORDER = 1e-8
 """Middles of sides this near to an outline (in edges of the first agents) lie on it."""
 LEVEL = 1e-9
 """Sine of the angle to a force below which a side is along it."""
-_GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 
 @dataclass(frozen=True)
@@ -225,7 +224,7 @@ class OutlineProblem:
             run = ends[:, 1] - ends[:, 0]
             weight = 0.5 * np.hypot(run[:, 0], run[:, 1])[:, None] * traction
             inward = np.array([0.5, 0.5]) * self.shape - ends.mean(axis=1)
-            for g in _GAUSS:
+            for g in GAUSS:
                 at = ends[:, 0] + g * run
                 leaf = field.leaves.at(at + 1e-9 * inward)
                 out += field.spread(leaf, at, weight)
@@ -237,7 +236,7 @@ class OutlineProblem:
             leaf = field.leaves.at(ends.mean(axis=1) + inward)
             if (leaf < 0).any():
                 raise UnlikeError(one.name)
-            for g in _GAUSS:
+            for g in GAUSS:
                 out += field.spread(leaf, ends[:, 0] + g * run, 0.5 * outward @ one.stress)
         return out
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -44,7 +45,38 @@ _CLOSED = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OutlineResult(Result):
+class CutAgents:
+    """Agents of one generation; see the attributes of `OutlineResult`."""
+
+    x: Ints
+    y: Ints
+    width: Ints
+    corner_displacement: Floats
+    mean_stress: Floats
+    area: Floats
+    energy_bounds: tuple[float, float]
+
+    @classmethod
+    def standing(
+        cls, scene: Scene, problem: OutlineProblem, found: OutlineBracket, edge: float
+    ) -> CutAgents:
+        """Return the agents that bounds stand for, in units."""
+        level = problem.strain * scene.cell_materials[0].youngs_modulus
+        unit = 0.5 * level * scene.thickness * edge**2 * problem.strain
+        low, high = found.bounds
+        return cls(
+            found.leaves.x,
+            found.leaves.y,
+            found.leaves.size,
+            edge * problem.strain * found.fitted.displacement[found.fitted.corner],
+            level * found.balanced.mean_stress(),
+            edge**2 * found.balanced.area,
+            (float(low * unit), float(high * unit)),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OutlineResult(Result, CutAgents):
     """Linear elasticity of a plane body with true outlines: agents whole or cut, and both bounds.
 
     Attributes
@@ -73,6 +105,8 @@ class OutlineResult(Result):
         and the stress counter-clockwise along it that acts on the region (Pa). Shape (n, 2).
     notes : tuple of str
         What a reader should know.
+    earlier : tuple of CutAgents
+        The agents of the generations before; see `generations`.
 
     Examples
     --------
@@ -92,20 +126,15 @@ class OutlineResult(Result):
     """
 
     kind: ClassVar[str] = "true outlines"
+    name: ClassVar[str] = "true outlines"  # beside another answer
     scene: Scene
     seconds: float
     tolerance: float
     first_edge: float
-    x: Ints
-    y: Ints
-    width: Ints
-    corner_displacement: Floats
-    mean_stress: Floats
-    area: Floats
-    energy_bounds: tuple[float, float]
     hoops: dict[str, Floats]
     tractions: dict[str, Floats]
     notes: tuple[str, ...]
+    earlier: tuple[CutAgents, ...] = ()
 
     @classmethod
     def of(
@@ -116,14 +145,12 @@ class OutlineResult(Result):
         edge: float,
         tolerance: float,
         seconds: float,
+        generations: Sequence[CutAgents],
     ) -> OutlineResult:
-        """Return the answer that bounds stand for, in units."""
+        """Return the answer that bounds stand for, the last of the generations, in units."""
         level = problem.strain * scene.cell_materials[0].youngs_modulus
-        unit = 0.5 * level * scene.thickness * edge**2 * problem.strain
-        low, high = found.bounds
-        bounds = (float(low * unit), float(high * unit))
-        leaves, balanced = found.leaves, found.balanced
-        hoops, tractions, notes = {}, {}, []
+        loose = int(found.balanced.loose.sum())
+        hoops, tractions, notes = {}, {}, _loose_note(loose)
         for region, true in zip(scene.body.regions, problem.body.regions, strict=True):
             if region.name is not None:
                 along, met = _hoop_stress(true, problem, found, level, edge)
@@ -132,21 +159,22 @@ class OutlineResult(Result):
                 if met.any():
                     tractions[region.name] = along[:, 4:]
         return cls(
-            scene,
-            seconds,
-            tolerance,
-            edge,
-            leaves.x,
-            leaves.y,
-            leaves.size,
-            edge * problem.strain * found.fitted.displacement[found.fitted.corner],
-            level * balanced.mean_stress(),
-            edge**2 * balanced.area,
-            bounds,
-            hoops,
-            tractions,
-            (*_loose_note(int(balanced.loose.sum())), *notes),
+            **vars(generations[-1]),
+            scene=scene,
+            seconds=seconds,
+            tolerance=tolerance,
+            first_edge=edge,
+            hoops=hoops,
+            tractions=tractions,
+            notes=tuple(notes),
+            earlier=tuple(generations[:-1]),
         )
+
+    @property
+    def generations(self) -> tuple[OutlineResult, ...]:
+        """The answers of all generations of agents, this one the last; none but it has hoops."""
+        alone: dict[str, Any] = {"hoops": {}, "tractions": {}, "notes": (), "earlier": ()}
+        return (*(replace(self, **vars(one), **alone) for one in self.earlier), self)
 
     @property
     def _unit(self) -> float:
@@ -212,15 +240,11 @@ class OutlineResult(Result):
 
     def _ratios(self) -> Floats:
         """Return Poisson's ratio of each agent in plane strain: that of its larger part."""
-        materials = self.scene.cell_materials
-        if len(materials) == 1:
-            return np.full(self.agents, materials[0].poissons_ratio)
-        found = []
-        for of in self._held()[0]:
-            area = {law: sum(map(area_of, pieces or ())) for law, pieces in of.items()}
-            law = max(area, key=lambda law: area[law])
-            found.append(0.5 * (1.0 - law.shear / law.bulk))
-        return np.array(found)
+        laws = [
+            max(of, key=lambda law, of=of: sum(map(area_of, of[law] or ())))  # type: ignore[misc]
+            for of in self._held()[0]
+        ]
+        return np.array([0.5 * (1.0 - law.shear / law.bulk) for law in laws])
 
     @property
     def strain_energy(self) -> float:
@@ -236,6 +260,14 @@ class OutlineResult(Result):
     def tolerance_kept(self) -> str:
         """Whether `error_bound` is within the tolerance: "proved", else "missed"."""
         return "proved" if self.error_bound <= self.tolerance else "missed"
+
+    def holds(self, points: Floats) -> Flags:
+        """Tell which points (m), shape (n, 2), lie in the body or on its outline."""
+        return np.asarray(self._found(points)[0] >= 0)
+
+    def material_at(self, points: Floats) -> Ints:
+        """Return which of the scene's materials is at points (m) of the body, shape (n,)."""
+        return self._placed(points)[2]
 
     def displacement_at(self, points: Floats) -> Floats:
         """Return the displacement (m) at points (m) of the body, both of shape (n, 2).
@@ -310,10 +342,15 @@ class OutlineResult(Result):
         return self.hoops[name]
 
     def _placed(self, points: Floats) -> tuple[Ints, Floats, Ints]:
-        """Return of each point its agent, where in it the point lies, from 0 to 1, and what of.
+        """Return of points the agent, where in it they lie, from 0 to 1, and of which material."""
+        agent, material = self._found(points)
+        if (agent < 0).any():
+            where = ", ".join(f"{c:g}" for c in points[np.argmax(agent < 0)])
+            raise ResultError(f"points: ({where}) m lies outside the body")
+        return agent, (points - self.lower[agent]) / self.size[agent, None], material
 
-        That is the number of its material.
-        """
+    def _found(self, points: Floats) -> tuple[Ints, Ints]:
+        """Return of points the agent, -1 outside of the body, and the number of the material."""
         from .outlined_scene import laws_of
 
         points = np.asarray(points, dtype=np.float64)
@@ -332,11 +369,7 @@ class OutlineResult(Result):
         leaves = SquareLeaves(self.x, self.y, self.width, (1, 1))
         # those on the upper sides of the array belong to the last agents
         at = np.minimum(points, extent * (1.0 - 1e-12)) / self.first_edge
-        agent = leaves.at(at)
-        if not (inside & (agent >= 0)).all():
-            where = ", ".join(f"{c:g}" for c in points[np.argmin(inside & (agent >= 0))])
-            raise ResultError(f"points: ({where}) m lies outside the body")
-        return agent, (points - self.lower[agent]) / self.size[agent, None], material
+        return np.where(inside, leaves.at(at), -1), material
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
@@ -346,6 +379,7 @@ class OutlineResult(Result):
             "plane": self.scene.plane,
             "agents": self.agents,
             "agents_cut": int(self.cut.sum()),
+            "generations": len(self.earlier) + 1,
             "smallest_agent": float(size.min()),
             "largest_agent": float(size.max()),
             "strain_energy": self.strain_energy,
@@ -396,11 +430,17 @@ class OutlineResult(Result):
     def _stored(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         text, scene_arrays = self.scene.to_archive()
         arrays: dict[str, NDArray[Any]] = {name: getattr(self, name) for name in OUTLINE_AGENTS}
+        for number, one in enumerate(self.earlier):
+            arrays |= {f"earlier.{number}.{name}": getattr(one, name) for name in OUTLINE_AGENTS}
         arrays |= {f"hoop.{name}": found for name, found in self.hoops.items()}
         arrays |= {f"traction.{name}": found for name, found in self.tractions.items()}
         arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
         numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
-        bounds = {"lower_energy": self.energy_bounds[0], "upper_energy": self.energy_bounds[1]}
+        bounds: dict[str, Any] = {
+            "lower_energy": self.energy_bounds[0],
+            "upper_energy": self.energy_bounds[1],
+        }
+        bounds |= {"earlier_energies": [one.energy_bounds for one in self.earlier]}
         return arrays, {"scene": text, "notes": list(self.notes), **numbers, **bounds}
 
     @classmethod
@@ -425,6 +465,14 @@ class OutlineResult(Result):
                 for name in archive.part("traction.")
             },
             notes=tuple(archive.value("notes", list[str])),
+            earlier=tuple(
+                CutAgents(
+                    **archive.columns(OUTLINE_AGENTS, {}, f"earlier.{number}."), energy_bounds=both
+                )
+                for number, both in enumerate(
+                    archive.value("earlier_energies", list[tuple[float, float]])
+                )
+            ),
         )
 
 

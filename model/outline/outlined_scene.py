@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from kaju.errors import ConvergenceError, SceneError, SupportError
 from kaju.model.elastic.problem import Scales
+from kaju.model.elastic.spawning.solve_spawning import check_previous
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
 from kaju.model.scene.regions import Region
@@ -24,7 +25,8 @@ from .laws import AIR, Law
 from .mixed_body import MixedBody, MixedRegion
 from .outline_bracket import OutlineBracket, error_between, rounding_of, spawn
 from .outline_problem import SIDES, LoadedOutline, OutlineProblem, UnlikeError
-from .outline_result import OutlineResult
+from .outline_result import CutAgents, OutlineResult
+from .square_leaves import SquareLeaves
 from .true_shapes import TrueBody, TrueRegion, TrueShape, nested
 
 TOLERANCE = 0.01
@@ -33,29 +35,22 @@ FIRST = 8
 """First agents along the longer side, where the cells' number has such a divisor."""
 
 
-def solve_outlined(scene: Scene, tolerance: float | None, most_agents: int | None) -> OutlineResult:
-    """Return the answer to a scene with true outlines, proved to a tolerance.
-
-    Parameters
-    ----------
-    scene : Scene
-    tolerance : float or None
-        Error in the energy norm, relative; 0.01 unless given.
-    most_agents : int or None
-        Give up above; 100,000 unless given.
-
-    Raises
-    ------
-    SupportError
-        If the body, or a loaded part of it, could move without straining.
-    ConvergenceError
-        If the tolerance takes too many agents; `best` holds the result so far.
-    SceneError
-        If a loaded outline meets another one, or does not bound the body.
-    """
+def solve_outlined(
+    scene: Scene,
+    tolerance: float | None,
+    most_agents: int | None,
+    previous: OutlineResult | None = None,
+) -> OutlineResult:
+    """Return the answer to a scene with true outlines, proved to a tolerance; see `kaju.solve`."""
     start = perf_counter()
-    tolerance = TOLERANCE if tolerance is None else float(tolerance)
+    if tolerance is None:
+        tolerance = TOLERANCE if previous is None else previous.tolerance
     problem, edge = problem_of(scene)
+    before = None
+    if previous is not None:
+        check_previous(previous.scene.lattice, scene.lattice)
+        if _serves(previous, scene) and tolerance <= previous.tolerance:
+            before = SquareLeaves(previous.x, previous.y, previous.width, problem.shape)
     rounding = rounding_of(problem)
     left = error_between((1.0 - rounding, 1.0 + rounding))
     if len(problem.body.laws) > 1 and left > tolerance:
@@ -65,11 +60,17 @@ def solve_outlined(scene: Scene, tolerance: float | None, most_agents: int | Non
             "but rigid, or air for what is all but air"
         )
 
+    generations: list[CutAgents] = []
+
+    def tell(found: OutlineBracket) -> None:
+        generations.append(CutAgents.standing(scene, problem, found, edge))
+
     def result(found: OutlineBracket) -> OutlineResult:
-        return OutlineResult.of(scene, problem, found, edge, tolerance, perf_counter() - start)
+        how = problem, found, edge, tolerance, perf_counter() - start
+        return OutlineResult.of(scene, *how, generations)
 
     try:
-        return result(spawn(problem, tolerance, most_agents or MOST_AGENTS))
+        return result(spawn(problem, tolerance, most_agents or MOST_AGENTS, before, tell))
     except ConvergenceError as error:
         best = result(cast(OutlineBracket, error.best))
         raise ConvergenceError(str(error), error.residuals, best) from None
@@ -84,6 +85,15 @@ def solve_outlined(scene: Scene, tolerance: float | None, most_agents: int | Non
             "touch the lines between agents, or are covered by another region, do so: move one "
             "by a little; so does plane strain where Poisson's ratio is all but 1/2"
         ) from None
+
+
+def _serves(previous: OutlineResult, scene: Scene) -> bool:
+    """Tell whether agents may begin as those of a previous answer ended."""
+    places = [
+        ({(load.side, load.outline) for load in one.loads}, any(one.body.gravity or ()))
+        for one in (previous.scene, scene)
+    ]
+    return scene.same_body(previous.scene) and places[0] == places[1]
 
 
 def problem_of(scene: Scene) -> tuple[OutlineProblem, float]:

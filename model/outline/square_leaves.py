@@ -69,6 +69,13 @@ class SquareLeaves:
         within = (dx >= 0) & (dy >= 0) & (dx < size) & (dy < size)
         return np.where(within, found, -1)
 
+    def as_small_as(self, others: SquareLeaves) -> SquareLeaves:
+        """Return the leaves, halved where others within them are smaller."""
+        leaves = self
+        while (larger := leaves.size[at := leaves.at(others.lower())] > others.size).any():
+            leaves = leaves.split(np.isin(np.arange(len(leaves)), at[larger]))
+        return leaves
+
     def split(self, halvings: Flags | Ints) -> SquareLeaves:
         """Return the leaves halved so many times each, and others that became too large."""
         leaves, left = self, halvings.astype(np.int64)

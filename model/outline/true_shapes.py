@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ from kaju.arrays import Floats, Ints
 from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
 
 from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, keep_apart
-from .convex_pieces import ON_LINE, Corners, HalfPlane, area_of, within, without
+from .convex_pieces import ON_LINE, Corners, HalfPlane, Parts, area_of, sides_of, split, within
 from .laws import UNIT, Law
 from .square_leaves import SquareLeaves
 
@@ -25,8 +24,6 @@ Pieces = list[Corners] | None
 """Convex pieces of a leaf, None for all of it."""
 Held = dict[Law, Pieces]
 """What a leaf holds of each law, nothing of those that are not there."""
-Parts = list[tuple[Corners, list[HalfPlane] | None]]
-"""Convex parts of a square, and lines that part each from the rest; None for all its sides."""
 AT_ONCE = 1_000_000
 """So many pairs of squares and lines are asked in one go."""
 FLAT = 1e-15
@@ -71,15 +68,8 @@ class StraightShape:
             beside = (low < corners[:, 2]).all(axis=1) & (high > corners[:, 0]).all(axis=1)
             asked = at[beside].tolist()
             for k, parts in zip(asked, pocket.parts([squares[k] for k in asked]), strict=True):
-                left[k] = _without_parts(left[k], parts)
+                left[k] = split(left[k], parts)[1]
         return [[(piece, None) for piece in left.get(k, ())] for k in range(len(squares))]
-
-
-def _without_parts(pieces: list[Corners], parts: Parts) -> list[Corners]:
-    """Return what is left of convex pieces outside of convex parts."""
-    for part, lines in parts:
-        pieces = pieces and without(pieces, sides_of(part) if lines is None else lines)
-    return pieces
 
 
 class ArcShape:
@@ -196,16 +186,6 @@ def _hull(corners: Corners) -> list[int]:
     return chain[least:] + chain[:least]
 
 
-def sides_of(corners: Corners) -> list[HalfPlane]:
-    """Return the half-planes of a convex polygon."""
-    planes = []
-    for (x0, y0), (x1, y1) in pairwise([*corners, corners[0]]):
-        length = hypot(x1 - x0, y1 - y0)
-        a, b = (y1 - y0) / length, (x0 - x1) / length
-        planes.append((a, b, a * x0 + b * y0))
-    return planes
-
-
 def _relevant(hull: Corners, squares: list[Corners]) -> Iterator[tuple[int, list[HalfPlane]]]:
     """Yield squares that hold some of a convex polygon, and its half-planes that cut them there.
 
@@ -245,8 +225,23 @@ class TrueRegion:
     solid: bool
 
 
+class OfRegions:
+    """What regions cover one after the other."""
+
+    regions: tuple[TrueRegion, ...]
+
+    def refine(self, leaves: SquareLeaves) -> Floats:
+        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
+        return np.concatenate([region.shape.refine(leaves) for region in self.regions])
+
+    def part_along(self, way: Point) -> None:
+        """Take ends of arcs where these run along a direction."""
+        for region in self.regions:
+            region.shape.part_along(way)
+
+
 @dataclass(frozen=True)
-class TrueBody:
+class TrueBody(OfRegions):
     """A box of material or of air, and regions that cover it one after the other.
 
     It is a shape again: a ring is a disk in air with a disk of air in it.
@@ -266,15 +261,6 @@ class TrueBody:
     def arcs(self) -> Floats:
         """The arcs of all regions, shape (n, 4, 3)."""
         return np.concatenate([region.shape.arcs for region in self.regions])
-
-    def refine(self, leaves: SquareLeaves) -> Floats:
-        """Take arcs as long as the leaves are large; return boxes of those halved, (n, 2, 2)."""
-        return np.concatenate([region.shape.refine(leaves) for region in self.regions])
-
-    def part_along(self, way: Point) -> None:
-        """Take ends of arcs where these run along a direction."""
-        for region in self.regions:
-            region.shape.part_along(way)
 
     def border(self, outer: bool) -> Floats:
         """Return the sides of regions that do not meet, the body to the left. Shape (n, 2, 2)."""
@@ -306,7 +292,7 @@ class TrueBody:
                 if parts and parts[0][0] == squares[k]:
                     held[k] = [squares[k]] if region.solid else []
                 elif parts:
-                    held[k] = _without_parts(held[k], parts)
+                    held[k] = split(held[k], parts)[1]
                     held[k] = held[k] + [part for part, _ in parts if region.solid]
         return held
 

@@ -129,6 +129,14 @@ class LevelSet:
     """Those of an image: samples are in their middles, and stay the same up to the sides of the
     box. Else the first and the last samples lie on its sides."""
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, LevelSet):
+            return NotImplemented
+        told = [(one.box, one.level, one.pixels is None) for one in (self, other)]
+        return told[0] == told[1] and np.array_equal(self.values, other.values)
+
+    __hash__ = None  # type: ignore[assignment]
+
     @property
     def extent(self) -> tuple[Points, Points]:
         """Lower and upper corner of the box (m)."""

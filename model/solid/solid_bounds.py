@@ -19,12 +19,15 @@ from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import label
+from scipy.ndimage import distance_transform_edt, label
+from scipy.sparse import diags_array
+from scipy.sparse.linalg import LinearOperator, cg
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ConvergenceError, SceneError
 from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.fields import node_displacement
+from kaju.model.elastic.kernels_bilinear import element_stiffness
 from kaju.model.elastic.solve import solve
 
 from .cut_cells import CUT, EMPTY, WHOLE, thick
@@ -62,7 +65,8 @@ def _of_whole_cells(agents: SolidAgents) -> tuple[float, float, str]:
     from .solid_agents import scene_of_cells
 
     whole = thick(agents.sorts == WHOLE)
-    loaded = np.concatenate([chosen.cells for chosen in agents.grid.selections] or [_NOWHERE])
+    none = np.zeros((0, 3), dtype=np.int64)
+    loaded = np.concatenate([none, *(chosen.cells for chosen in agents.grid.selections)])
     parts, _ = label(whole)
     kept = np.unique(parts[tuple(loaded.T)])
     if (parts[tuple(loaded.T)] == 0).any():
@@ -76,9 +80,6 @@ def _of_whole_cells(agents: SolidAgents) -> tuple[float, float, str]:
     if answer.energy_bounds is None:
         return 0.0, inf, answer.no_bound
     return *answer.energy_bounds, ""
-
-
-_NOWHERE = np.zeros((0, 3), dtype=np.int64)
 
 
 class TrilinearField:
@@ -154,17 +155,9 @@ class TrilinearField:
         known[box] = agents.scales.displacement * node_displacement(
             agents.problem, agents.solution.displacement
         )
-        known = known.reshape(-1, 3)
-        elements = np.concatenate([self.whole, self.cut])
-        asked = np.zeros(len(known), dtype=np.bool_)
-        asked[elements] = True
-        for _ in range(max(self.nodes)):
-            missing = np.isnan(known) & asked[:, None]
-            if not missing.any():
-                break
-            mean = _mean_of_known(known, elements)
-            known[missing] = mean[missing]
-        return np.asarray(np.nan_to_num(known))
+        unknown = np.isnan(known).any(axis=-1)
+        near = distance_transform_edt(unknown, return_distances=False, return_indices=True)
+        return np.asarray(np.nan_to_num(known[tuple(near)]).reshape(-1, 3))
 
     def _load(self, agents: SolidAgents) -> Floats:
         """Return the forces (N) on the nodes; those on faces are even."""
@@ -206,62 +199,32 @@ class TrilinearField:
             diagonal = np.diagonal(matrix, axis1=-2, axis2=-1)
             shape = (len(corners), 24)
             own += np.bincount(places, np.broadcast_to(diagonal, shape).ravel(), own.size)
-        own = self.unit * own.reshape(-1, 3)
-        inverse = np.where(self.free & (own > 0.0), 1.0 / np.where(own > 0.0, own, 1.0), 0.0)
-        left = self.load - self.resisted(self.value)
-        step = inverse * left
-        size = float(np.vdot(left, step))
-        for _ in range(STEPS):
-            force = self.resisted(step)
-            stiff = float(np.vdot(step, force))
-            if not stiff > 0.0:
-                break
-            self.value = self.value + size / stiff * step
-            left = left - size / stiff * force
-            better = inverse * left
-            before, size = size, float(np.vdot(left, better))
-            step = better + size / before * step
+        free = np.flatnonzero(self.free.ravel() & (own > 0.0))
 
+        def taken(step: Floats) -> Floats:
+            moved = np.zeros(self.value.size)
+            moved[free] = step
+            return np.asarray(self.resisted(moved.reshape(-1, 3)).ravel()[free])
 
-def _mean_of_known(known: Floats, elements: Ints) -> Floats:
-    """Return for every node the mean of what is known in the cells round it; NaN for nothing."""
-    there = ~np.isnan(known[elements])
-    total, many = np.zeros_like(known), np.zeros_like(known)
-    sums = np.where(there, known[elements], 0.0).sum(axis=1, keepdims=True)
-    counts = there.sum(axis=1, keepdims=True)
-    np.add.at(total, elements, np.broadcast_to(sums, there.shape))
-    np.add.at(many, elements, np.broadcast_to(counts, there.shape))
-    return np.where(many > 0, total / np.where(many > 0, many, 1.0), np.nan)
+        left = (self.load - self.resisted(self.value)).ravel()[free]
+        matrix = LinearOperator((len(free), len(free)), taken, dtype=np.float64)
+        nearly = diags_array(1.0 / (self.unit * own[free]))
+        self.value.ravel()[free] += cg(matrix, left, rtol=1e-14, maxiter=STEPS, M=nearly)[0]
 
 
 @lru_cache(maxsize=8)
 def part_matrices(poisson: float) -> Floats:
     """Return twice the energy of the small cubes of a cell by its corners: (parts³, 24, 24).
 
-    Of the edge 1 and Young's modulus 1, exactly: with two points of Gauss's along every axis.
+    Of the edge 1 and Young's modulus 1; what is trilinear in a cell is so in its parts.
     """
     lateral = poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
     shear = 0.5 / (1.0 + poisson)
-    law = np.zeros((6, 6))
-    law[:3, :3] = lateral
-    law += np.diag([2.0 * shear] * 3 + [shear] * 3)
-    points = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-    within = np.array(list(product(points, repeat=3)))
+    law = lateral + 2.0 * shear, lateral, shear
+    whole = sum(part * of for part, of in zip(law, element_stiffness(3), strict=True))
     found = []
     for part in product(range(PARTS), repeat=3):
-        rows = _strain_rows((np.array(part) + within) / PARTS)
-        found.append(np.einsum("pki,kl,plj->ij", rows, law, rows, optimize=True))
-    return np.array(found) / (8.0 * PARTS**3)
-
-
-def _strain_rows(at: Floats) -> Floats:
-    """Return the strains (xx, yy, zz, yz, xz, xy; shears twice) at places by the corners."""
-    along = np.where(_ENDS == 1, at[:, None], 1.0 - at[:, None])
-    rows = np.zeros((len(at), 6, 8, 3))
-    for axis in range(3):
-        others = [a for a in range(3) if a != axis]
-        slope = (2.0 * _ENDS[:, axis] - 1.0) * along[..., others].prod(axis=-1)
-        rows[:, axis, :, axis] = slope
-        for other in others:
-            rows[:, 6 - axis - other, :, other] = slope
-    return rows.reshape(len(at), 6, 24)
+        at = (np.array(part) + _ENDS[:, None]) / PARTS
+        moved = np.kron(np.where(_ENDS == 1, at, 1.0 - at).prod(axis=-1), np.eye(3))
+        found.append(moved.T @ whole @ moved)
+    return np.array(found) / PARTS

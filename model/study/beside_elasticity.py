@@ -19,6 +19,7 @@ from kaju.agents.rules import ElasticRule
 from kaju.arrays import Floats, first_largest
 from kaju.errors import ParameterError
 from kaju.model.elastic.settling.elastic_model import ElasticModel
+from kaju.model.results.result import BodyResult
 from kaju.model.scene import Scene
 from kaju.model.study.compare import Comparison, compare
 from kaju.model.study.fitting import Fit, elastic_reference, fit_rule
@@ -28,7 +29,6 @@ from kaju.stopping import NOTE, Interrupted
 
 if TYPE_CHECKING:
     from kaju.model.results.cuts import Cuts
-    from kaju.model.results.result import BodyResult
 
 
 CHOSEN = "prescribed rule"
@@ -132,7 +132,8 @@ class BesideElasticity:
     def cuts(self) -> tuple[Cuts, dict[str, Cuts]]:
         """Return the force through every cut across the load: as believed, and of each answer."""
         axis = "xyz"[self.axis]
-        judged = {name: found.result.cuts(axis) for name, found in self.comparisons.items()}
+        answers = {name: found.result for name, found in self.comparisons.items()}
+        judged = {n: one.cuts(axis) for n, one in answers.items() if isinstance(one, BodyResult)}
         return self.believed.cuts(axis), judged
 
     def unreached(self) -> dict[str, float]:

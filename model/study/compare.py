@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError, ResultFileError
+from kaju.model.outline.outline_result import OutlineResult
 from kaju.model.results.archive import open_archive
 from kaju.model.results.result import BodyResult, line_of, load_result
-from kaju.model.scene import Scene
+from kaju.model.scene import Body, Scene
 from kaju.model.scene.body_cells import body_cells
 from kaju.model.scene.filling import CellBox
 from kaju.model.study.reference import Reference
@@ -113,7 +114,12 @@ class Profile:
 MOST_POINTS = 2_000_000
 """Bodies of more cells than this are compared at points that the caller names."""
 
+FINE = 64
+"""Cells along the longer side, in whose middles answers with true outlines are compared."""
+
 _SAME = 1e-9
+
+AnyAnswer = BodyResult | OutlineResult
 
 
 @runtime_checkable
@@ -124,25 +130,72 @@ class Stressed(Protocol):
         """Return stress tensors (Pa) at points (m), shape (n, dimension, dimension)."""
 
 
-def common_points(result: BodyResult, other: BodyResult | Reference) -> Floats:
+def common_points(result: AnyAnswer, other: AnyAnswer | Reference) -> Floats:
     """Return where to compare: the middles of the larger cells, as far as both know them."""
+    coarse, fine = cells_of(result, other)
     if isinstance(other, Reference):
-        centres = cell_centres(result.scene, result.grid)
+        centres = cell_centres(coarse, result)
         known = other.rows(centres) >= 0
         return centres if known.all() else other.points
-    coarse, fine = sorted((result.scene, other.scene), key=lambda s: -s.lattice.cell_size)
-    _same_body(coarse, fine)
-    return cell_centres(coarse, result.grid, other.grid)
+    exact = isinstance(result, OutlineResult) and isinstance(other, OutlineResult)
+    _same_body(coarse, fine, exact)
+    return cell_centres(coarse, result, other)
 
 
-def cell_centres(scene: Scene, *others: Scene) -> Floats:
-    """Return the middles (m) of a scene's cells of material that are body in others too."""
+def cell_centres(scene: Scene, *answers: AnyAnswer) -> Floats:
+    """Return the middles (m) of a scene's cells of material that answers know too."""
     cells = _cells_in(scene.bounds())
     cells = cells[scene.kinds(cells) >= 0]
     points = scene.lattice.centres(cells)
-    for other in others:
-        points = points[body_cells(other, points)[1]]
+    for answer in answers:
+        points = points[holds(answer, points)]
     return points
+
+
+def holds(answer: AnyAnswer, points: Floats) -> Flags:
+    """Tell which points (m) lie in the body of an answer."""
+    if isinstance(answer, OutlineResult):
+        return answer.holds(points)
+    return body_cells(answer.grid, points)[1]
+
+
+def cells_of(result: AnyAnswer, other: AnyAnswer | Reference) -> tuple[Scene, Scene]:
+    """Return the larger and the smaller cells in whose middles answers can be compared."""
+    both = [result, *(() if isinstance(other, Reference) else (other,))]
+    outlined = any(isinstance(answer, OutlineResult) for answer in both)
+    found = [
+        _in_cells(one.scene)
+        if isinstance(one, OutlineResult)
+        else one.grid
+        if outlined
+        else one.scene
+        for one in both
+    ]
+    found.sort(key=lambda scene: -scene.lattice.cell_size)
+    return found[0], found[-1]
+
+
+def _in_cells(scene: Scene) -> Scene:
+    """Return cells of what lies in their middles in a body with true outlines."""
+    many = -(-FINE // max(scene.lattice.shape))
+    lattice = type(scene.lattice)(
+        tuple(many * count for count in scene.lattice.shape), scene.lattice.cell_size / many
+    )
+    centres = lattice.centres(np.indices(lattice.shape).reshape(2, -1).T)
+    codes, legend = np.zeros(len(centres), dtype=np.int16), {"0": str(scene.body.material)}
+    for number, region in enumerate(scene.body.regions, 1):
+        shape = region.shape_in(scene.lattice, f"body.regions.{number - 1}")
+        codes[shape.contains(centres)] = number
+        legend[str(number)] = region.material
+    legend = {code: name for code, name in legend.items() if (codes == int(code)).any()}
+    body = Body(
+        array=codes.reshape(lattice.shape),
+        cell_size=lattice.cell_size,
+        thickness=scene.body.thickness,
+        plane=scene.body.plane,
+        allow_floating=True,
+    )
+    return Scene(body=body, legend=legend, materials=scene.materials)
 
 
 def _cells_in(box: CellBox) -> Ints:
@@ -157,14 +210,9 @@ def _cells_in(box: CellBox) -> Ints:
     return every + lower
 
 
-def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
+def check_comparable(result: AnyAnswer, other: AnyAnswer | Reference) -> None:
     """Refuse what cannot be compared: other dimensions, materials, thickness or loads."""
     for answer in (result, other):
-        if not isinstance(answer, (BodyResult, Reference)):
-            raise ResultError(
-                f"compare: a {type(answer).__name__} has no body of cells; give "
-                "results of load transfer or elasticity, or a Reference"
-            )
         if getattr(answer, "stiffness", None) is not None:
             raise ResultError(
                 "compare: an answer with a field of stiffness is of another body than its scene's; "
@@ -187,7 +235,18 @@ def check_comparable(result: BodyResult, other: BodyResult | Reference) -> None:
     _same_loads(result, other)
 
 
-def _same_loads(result: BodyResult, other: BodyResult) -> None:
+def _same_loads(result: AnyAnswer, other: AnyAnswer) -> None:
+    if isinstance(result, OutlineResult) or isinstance(other, OutlineResult):
+        cells = [answer for answer in (result, other) if isinstance(answer, BodyResult)]
+        whole = all(answer.stage in (None, answer.scene.stages) for answer in cells)
+        ours, theirs = (_described_loads(one.scene, bool(cells)) for one in (result, other))
+        if not whole or ours != theirs:
+            raise ResultError(
+                "compare: beside true outlines both answers must be to the whole of the same "
+                "loads, described alike: the same sides, and in place of an outline a region "
+                "round it; or compare the answers' energies"
+            )
+        return
     totals = [_total_force(answer) for answer in (result, other)]
     largest = max(float(np.abs(total).max(initial=0.0)) for total in totals)
     if np.abs(totals[0] - totals[1]).max(initial=0.0) > 1e-6 * largest:
@@ -198,14 +257,29 @@ def _same_loads(result: BodyResult, other: BodyResult) -> None:
         )
 
 
+def _described_loads(scene: Scene, beside_cells: bool) -> list[str]:
+    """Return loads in words, in one order; outlines by their shape, or beside cells as a region.
+
+    A region by which cells along an outline are chosen is wider than this.
+    """
+    shapes = {region.name: repr(region) for region in scene.body.regions}
+    found = [f"gravity {scene.body.gravity if any(scene.body.gravity or ()) else None}"]
+    for load in scene.loads:
+        told = load.model_dump(exclude_none=True, exclude={"steps", "outline", "region"})
+        if load.outline is not None or load.region is not None:
+            told["region"] = beside_cells or shapes[load.outline]
+        found.append(repr(sorted(told.items())))
+    return sorted(found)
+
+
 def _total_force(result: BodyResult) -> Floats:
     return np.asarray(result.scene.applied(result.stage).force.sum(axis=0))
 
 
-def _same_body(coarse: Scene, fine: Scene) -> None:
+def _same_body(coarse: Scene, fine: Scene, exact: bool = False) -> None:
     """Refuse bodies that differ by more than the steps that cells cut into a slanted surface.
 
-    Such steps lie at a surface, or where materials meet, in both bodies.
+    Such steps lie at a surface, or where materials meet, in both bodies; `exact` ones have none.
     """
     if coarse is fine:
         return
@@ -224,6 +298,7 @@ def _same_body(coarse: Scene, fine: Scene) -> None:
         step = np.zeros(len(points), dtype=np.bool_)
         for normal in coarse.lattice.normals:
             step |= _differ(own, _constants(scene, points + cell * normal))
+        step &= not exact
         if not step.all():
             where = ", ".join(f"{value:.4g}" for value in points[np.argmin(step)])
             raise ResultError(f"compare: the bodies differ: by what is at ({where}) m")
@@ -252,9 +327,9 @@ def _differ(one: Floats, other: Floats) -> Flags:
 class Comparison:
     """How far one answer is from another."""
 
-    result: BodyResult
+    result: AnyAnswer
     """The answer that is judged."""
-    reference: BodyResult | Reference
+    reference: AnyAnswer | Reference
     """The answer that is believed."""
     points: Floats
     """Where they are compared (m). Shape (n, dimension)."""
@@ -270,6 +345,11 @@ class Comparison:
         """What the two answers are, in words."""
         return _name(self.result), _name(self.reference)
 
+    @property
+    def cells(self) -> Scene:
+        """The larger cells of both answers, in whose middles they are compared unless told."""
+        return cells_of(self.result, self.reference)[0]
+
     def along(self, start: Sequence[float], end: Sequence[float], count: int = 101) -> Profile:
         """Return both answers along a line from `start` to `end` (m).
 
@@ -282,8 +362,8 @@ class Comparison:
             points = near_line(self.reference.points, first, way, length)
         else:
             points = first + np.linspace(0.0, length, count)[:, None] * way
-            points = points[body_cells(self.reference.grid, points)[1]]
-        points = points[body_cells(self.result.grid, points)[1]]
+            points = points[holds(self.reference, points)]
+        points = points[holds(self.result, points)]
         if not len(points):
             raise ResultError(
                 "along: no point of the line lies in both bodies, or is known to the reference"
@@ -314,8 +394,8 @@ class Settling(Protocol):
 
 
 def compare(
-    result: BodyResult | Settling,
-    reference: BodyResult | Reference | Settling,
+    result: AnyAnswer | Settling,
+    reference: AnyAnswer | Reference | Settling,
     *,
     points: ArrayLike | None = None,
 ) -> Comparison:
@@ -323,12 +403,13 @@ def compare(
 
     Parameters
     ----------
-    result : BodyResult or ElasticRun
+    result : BodyResult, OutlineResult or ElasticRun
         The answer that is judged: of load transfer, or elastic.
-    reference : BodyResult, ElasticRun or Reference
-        The answer that is believed; on cells of any size.
+    reference : BodyResult, OutlineResult, ElasticRun or Reference
+        The answer that is believed; on cells of any size, or within true outlines.
     points : array, shape (n, dimension), optional
-        Where to compare (m). By default in the middles of the larger cells of the two scenes;
+        Where to compare (m). By default in the middles of the larger cells of the two scenes,
+        within true outlines of 64 along the longer side or more, as far as both bodies reach;
         a `Reference` that does not know these is compared at its own points.
 
     Returns
@@ -371,18 +452,18 @@ def compare(
         )
     if stress is not None and not stress.scale > 0.0:
         stress = None
-    energy = None if stress is None else _energy_error(judged.scene, chosen, stress)
+    energy = None if stress is None else _energy_error(judged, chosen, stress)
     return Comparison(judged, believed, chosen, displacement, stress, energy)
 
 
-def load_answer(path: str | Path) -> BodyResult | Reference:
+def load_answer(path: str | Path) -> AnyAnswer | Reference:
     """Read a saved result or reference, whichever a file or a result's folder holds."""
     source = Path(path) / "result.npz" if Path(path).is_dir() else Path(path)
     if open_archive(source).about["kind"] == "reference":
         return Reference.load(source)
     result = load_result(source)
-    _refuse_outlined(result)
-    if not isinstance(result, BodyResult):
+    _refuse_solid(result)
+    if not isinstance(result, AnyAnswer):
         raise ResultFileError(
             f"{source}: holds a {type(result).__name__}; results of load transfer, of elasticity "
             "and references can be compared"
@@ -390,28 +471,28 @@ def load_answer(path: str | Path) -> BodyResult | Reference:
     return result
 
 
-def _answer(given: BodyResult | Reference | Settling) -> BodyResult | Reference:
-    if isinstance(given, (BodyResult, Reference)):
+def _answer(given: AnyAnswer | Reference | Settling) -> AnyAnswer | Reference:
+    _refuse_solid(given)
+    if isinstance(given, (BodyResult, OutlineResult, Reference)):
         return given
     if isinstance(given, Settling):
         return given.result
-    _refuse_outlined(given)
     raise ResultError(f"compare: results and references can be compared, got {given!r:.80}")
 
 
-def _refuse_outlined(given: object) -> None:
-    """Refuse answers whose body is not made of cells: what lies in both bodies is not known."""
+def _refuse_solid(given: object) -> None:
+    """Refuse solids with true outlines: their cut cells know only means over all of each."""
     scene = getattr(given, "scene", None)
-    if isinstance(scene, Scene) and scene.outlined:
+    if isinstance(scene, Scene) and scene.outlined and scene.lattice.dimension == 3:
         raise ResultError(
-            f"compare: a {type(given).__name__} is of true outlines, which no cells agree with; "
-            "compare its energy_bounds, or ask both answers at points that lie in both bodies "
-            "(displacement_at, stress_at)"
+            "compare: what cells that an outline cuts in space tell are means over all of each, "
+            "which no other answer knows; compare its energy_bounds, or ask both answers at "
+            "points that lie in whole cells (displacement_at, stress_at)"
         )
 
 
 def _pairs(
-    result: BodyResult, reference: BodyResult | Reference, points: Floats
+    result: AnyAnswer, reference: AnyAnswer | Reference, points: Floats
 ) -> tuple[Pair, Pair | None]:
     both = (result, reference)
     displacement = Pair("displacement", "m", *(answer.displacement_at(points) for answer in both))
@@ -432,12 +513,16 @@ def near_line(points: Floats, first: Floats, way: Floats, length: float) -> Floa
     return np.asarray(points[near][np.argsort(along[near], kind="stable")])
 
 
-def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
+def _energy_error(judged: AnyAnswer, points: Floats, stress: Pair) -> float:
     """Return the error in the energy norm, from σ:ε = (1+ν)/E (σ:σ - c (tr σ)²).
 
     c is ν/(1+ν) in plane stress and in three dimensions, and ν in plane strain.
     """
-    kinds = np.maximum(scene.kinds(scene.lattice.locate(points)), 0)
+    scene = judged.scene
+    if isinstance(judged, OutlineResult):
+        kinds = judged.material_at(points)
+    else:
+        kinds = np.maximum(scene.kinds(scene.lattice.locate(points)), 0)
     modulus, ratio = np.array(
         [(m.youngs_modulus, m.poissons_ratio) for m in scene.cell_materials]
     ).T
@@ -451,7 +536,7 @@ def _energy_error(scene: Scene, points: Floats, stress: Pair) -> float:
     return float(np.sqrt(energy(stress.values - stress.reference) / energy(stress.reference)))
 
 
-def _name(answer: BodyResult | Reference) -> str:
+def _name(answer: AnyAnswer | Reference) -> str:
     if isinstance(answer, Reference):
         return answer.source.partition(":")[0] or "reference"
     return answer.name

@@ -42,7 +42,7 @@ def solve(  # type: ignore[misc]
     resolution: int | None = None,
     strategy: Strategy = "auto",
     tolerance_at: ToleranceAt | None = None,
-    previous: ElasticResult | None = None,
+    previous: ElasticResult | OutlineResult | None = None,
     stage: int | None = None,
     *,
     stiffness: ArrayLike | None = None,
@@ -78,10 +78,11 @@ def solve(  # type: ignore[misc]
         quantity: its error is relative to itself, or to a hundredth of the largest
         displacement, stress or reaction if that is more; of several the worst counts. A
         point, a region or a side stands for its `Deflection`.
-    previous : ElasticResult, optional
+    previous : ElasticResult or OutlineResult, optional
         The answer to a scene on the same cells, of which something was changed, to start from.
         It is continued in the way that it was found, at its tolerance and resolution unless
-        others are given.
+        others are given; within true outlines by its agents, where body and places of the loads
+        are the same.
     stage : int, optional
         Stage of loading; by default the last.
     stiffness : array, optional
@@ -138,13 +139,14 @@ def solve(  # type: ignore[misc]
         if subject.outlined:
             solid = subject.lattice.dimension == 3
             known = ("auto", "uniform" if solid else "spawning")
-            own = {"tolerance": tolerance, "most_agents": most_agents} if solid else {}
+            own: dict[str, object] = {}
+            if solid:
+                own = {"tolerance": tolerance, "most_agents": most_agents, "previous": previous}
             _refuse_with_outlines(
                 solid,
                 resolution=None if solid else resolution,
                 strategy=None if strategy in known else strategy,
                 tolerance_at=tolerance_at,
-                previous=previous,
                 stage=None if stage == 1 else stage,
                 engine=engine,
                 stiffness=stiffness,
@@ -154,7 +156,7 @@ def solve(  # type: ignore[misc]
                 from kaju.model.solid.solid_agents import solve_solid
 
                 return keeping(lambda: solve_solid(subject, resolution))
-            return keeping(lambda: _solve_outlined(subject, tolerance, most_agents))
+            return keeping(lambda: _solve_outlined(subject, tolerance, most_agents, previous))
         if engine is not None:
             _refuse_beside_petsc(
                 engine,
@@ -228,12 +230,18 @@ def _refuse_with_outlines(solid: bool, **given: object) -> None:
 
 
 def _solve_outlined(
-    scene: Scene, tolerance: float | None, most_agents: int | None
+    scene: Scene, tolerance: float | None, most_agents: int | None, previous: object
 ) -> OutlineResult:
     check_numbers(tolerance, None, None, most_agents)
+    from kaju.model.outline.outline_result import OutlineResult
     from kaju.model.outline.outlined_scene import solve_outlined
 
-    return solve_outlined(scene, tolerance, most_agents)
+    if previous is not None and not isinstance(previous, OutlineResult):
+        raise ParameterError(
+            "previous: agents within true outlines continue from an OutlineResult, got "
+            f"{type(previous).__name__}; leave it out"
+        )
+    return solve_outlined(scene, tolerance, most_agents, previous)
 
 
 def _refuse(subject: object, **given: object) -> None:
@@ -248,7 +256,7 @@ def _solve_scene(
     resolution: int | None,
     strategy: str,
     tolerance_at: ToleranceAt | None,
-    previous: ElasticResult | None,
+    previous: ElasticResult | OutlineResult | None,
     stage: int | None,
     most_agents: int | None,
     stiffness: ArrayLike | None,

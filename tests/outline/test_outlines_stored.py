@@ -79,11 +79,67 @@ def test_a_quarter_of_an_outline_is_followed_from_end_to_end() -> None:
     assert hoop[turn.argmax()] > 0.0 > hoop[turn.argmin()]
 
 
-def test_cells_and_outlines_are_not_compared_point_by_point(answer, tmp_path) -> None:
-    cells = kaju.solve(plate("cells"))
-    for pair in ((answer, cells), (cells, answer), (answer, answer)):
-        with pytest.raises(ResultError, match="energy_bounds"):
-            kaju.compare(*pair)
-    stored = answer.save(tmp_path / "plate.npz")
-    with pytest.raises(ResultError, match="energy_bounds"):
-        load_answer(stored)
+@pytest.fixture(scope="module")
+def finer(answer) -> kaju.OutlineResult:
+    return kaju.solve(plate(), tolerance=0.05, previous=answer)
+
+
+def test_answers_within_one_outline_are_compared_in_the_body(answer, finer, tmp_path) -> None:
+    told = kaju.compare(load_answer(answer.save(tmp_path / "plate.npz")), finer)
+    away = np.hypot(*(told.points - 0.1).T)
+    assert away.min() > 0.031
+    assert len(told.points) == pytest.approx(64**2 * (1.0 - np.pi * 0.031**2 / 0.2**2), rel=0.02)
+    assert 0.02 < told.energy_error < answer.error_bound * 4.0
+    assert kaju.compare(finer, finer).stress.misfit == 0.0
+    along = told.along((0.0, 0.1), (0.2, 0.1))
+    assert np.abs(along.points[:, 0] - 0.1).min() > 0.03
+
+
+def test_finer_staircases_come_nearer_to_the_outline(finer) -> None:
+    misfits = []
+    for resolution in (4, 16):
+        cells = kaju.solve(plate("cells"), resolution=resolution)
+        ours, theirs = kaju.compare(cells, finer), kaju.compare(finer, cells)
+        np.testing.assert_array_equal(ours.points, theirs.points)
+        misfits.append(ours.displacement.misfit)
+        assert theirs.displacement.misfit == pytest.approx(misfits[-1], rel=0.05)
+    assert misfits[1] < 0.6 * misfits[0] < 0.05
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"body.regions.0.disk.radius": 0.0301}, "bodies differ"),
+        ({"loads.0.force": [2e4, 0.0]}, "loads, described alike"),
+        ({"body.thickness": 0.02}, "thickness"),
+        ({"body.plane": "strain"}, "plane"),
+    ],
+)
+def test_answers_to_other_questions_are_not_compared(answer, changes, told) -> None:
+    other = kaju.solve(plate().with_overrides(changes), tolerance=0.2)
+    with pytest.raises(ResultError, match=told):
+        kaju.compare(answer, other)
+
+
+def test_a_pressed_outline_is_compared_with_a_pressed_region() -> None:
+    inside = [{"region": {"disk": {"centre": [0.1, 0.1], "radius": 0.035}}, "pressure": 1e6}]
+    true = kaju.solve(plate().replace(loads=[{"outline": "bore", "pressure": 1e6}]), tolerance=0.1)
+    cells = kaju.solve(plate("cells").replace(loads=inside), resolution=8)
+    assert kaju.compare(cells, true).displacement.misfit < 0.2
+
+
+def test_generations_are_answers_that_a_file_keeps(tmp_path) -> None:
+    fresh = kaju.solve(plate(), tolerance=0.03)
+    for result in (fresh, kaju.load_result(fresh.save(tmp_path / "plate.npz"))):
+        agents = [one.agents for one in result.generations]
+        assert agents == sorted(set(agents))
+        assert len(agents) == result.summary()["generations"] > 1
+        assert result.generations[-1] is result
+        lower, upper = np.transpose([one.energy_bounds for one in result.generations])
+        assert lower.max() < upper.min()
+        first = result.generations[0]
+        assert first.agents == 64
+        assert first.error_bound > 0.03 >= result.error_bound
+        kaju.plot(result, "agents", generation=0)
+    with pytest.raises(kaju.KajuError, match="generation: must lie between"):
+        kaju.plot(fresh, "agents", generation=len(agents))

@@ -679,3 +679,43 @@ def test_bounds_next_to_incompressible_are_as_wide_as_rounding_takes_them(ratio,
     truth = 0.5 * 1e12 * 2 * (1 + ratio) * (1 - 2 * ratio) / E * 0.0613 * 0.0771 * THICKNESS
     assert lower <= truth <= upper
     assert upper < 1.001 * lower
+
+
+def test_agents_of_a_previous_answer_stay_and_spawn() -> None:
+    pull = {"side": "right", "force": [3e5, 1e4]}
+    first, turned = kaju.solve(plate(), tolerance=0.1), plate(loads=[pull])
+    again = kaju.solve(turned, previous=first)
+    known = set(zip(again.x, again.y, again.width, strict=True))
+    assert set(zip(first.x, first.y, first.width, strict=True)) == known
+    assert again.tolerance == 0.1
+    finer = kaju.solve(turned, previous=first, tolerance=0.03)
+    fresh = kaju.solve(turned, tolerance=0.03)
+    assert finer.agents > first.agents
+    assert max(fresh.energy_bounds[0], finer.energy_bounds[0]) < again.energy_bounds[1]
+    assert again.energy_bounds[0] < min(fresh.energy_bounds[1], finer.energy_bounds[1])
+
+
+@pytest.mark.parametrize(
+    ("changed", "tolerance"),
+    [
+        (plate(), 0.1),
+        (plate(0.0312), None),
+        (plate(loads=[{"outline": "hole", "pressure": 1.0}]), None),
+        (plate().with_overrides({"body.plane": "strain"}), None),
+        (plate().with_overrides({"sides.bottom": "rigid"}), None),
+    ],
+)
+def test_another_question_is_answered_afresh(changed: kaju.Scene, tolerance: float | None) -> None:
+    again = kaju.solve(changed, tolerance, previous=kaju.solve(plate(), tolerance=0.05))
+    fresh = kaju.solve(changed, tolerance=tolerance or 0.05)
+    assert again.agents == fresh.agents
+    assert again.energy_bounds == fresh.energy_bounds
+
+
+def test_a_previous_answer_of_another_kind_is_refused() -> None:
+    cells = plate().with_overrides({"body.regions.0.outline": "cells"})
+    for scene, earlier in ((plate(), cells), (cells, plate())):
+        with pytest.raises(kaju.KajuError, match=r"^previous: "):
+            kaju.solve(scene, previous=kaju.solve(earlier, tolerance=0.2))
+    with pytest.raises(kaju.KajuError, match="8 x 8 cells"):
+        kaju.solve(plate(), previous=kaju.solve(ring(0.1, 0.2), tolerance=0.3))

@@ -92,7 +92,7 @@ export class MotionPage extends Page {
       if (v < known.least) known.least = v;
     }
     let { least: low, far: high } = known;
-    const log = low === 0 && high > 0 && /load|mises/.test(name) && (!this.moved || this.born);
+    const log = low === 0 && high > 0 && (!this.moved ? /load|mises/ : this.born ? /load/ : /^$/).test(name);
     if (low < 0) { high = Math.max(high, -low); low = -high; }
     this.scales.set(name, known);
     return Object.assign(known, { low: log ? high * 1e-4 : low, high: high || 1, log });

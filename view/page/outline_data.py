@@ -49,35 +49,46 @@ class DrawnOutlines(NamedTuple):
     points: Floats
     """Where their control points are (m), shape (n, 2)."""
     moved: Floats
-    """By how much they move (m), shape (n, 2)."""
+    """By how much they move (m), shape (generations, n, 2)."""
     regions: list[dict[str, Any]]
     """Whether it is solid, and the number of points of each of its lines: first the box, which has
     none, then region by region."""
 
 
 def cut_agents(result: OutlineResult) -> Pictures:
-    """Agents as whole squares that the outlines cut, by shares of the load."""
-    low = np.stack([result.x, result.y], axis=1)[:, None]
-    corners = low + result.width[:, None, None] * corner_order(2).astype(np.int64)
-    _, first, node = np.unique(
-        corners.reshape(-1, 2), axis=0, return_index=True, return_inverse=True
-    )
-    unit = result.first_edge * SquareLeaves.unit
+    """Agents as whole squares that the outlines cut, generation by generation."""
+    generations = result.generations
+    squares = [np.stack([one.x, one.y, one.width], axis=1) for one in generations]
+    family, own = np.unique(np.concatenate(squares), axis=0, return_inverse=True)
+    rows = np.split(own.ravel(), np.cumsum([len(square) for square in squares])[:-1])
+    corners = family[:, None, :2] + family[:, None, 2:] * corner_order(2).astype(np.int64)
+    places, node = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    parts = node.reshape(-1, 4)
+    count = len(generations)
+    born, gone = np.full(len(family), count), np.zeros(len(family), dtype=np.int64)
+    moved, stress = np.zeros((count, len(places), 2)), np.zeros((count, len(family)))
+    for number, (one, row) in enumerate(zip(generations, rows, strict=True)):
+        born[row], gone[row] = np.minimum(born[row], number), number + 1
+        moved[number, parts[row]] = one.corner_displacement
+        stress[number, row] = one.von_mises
     drawn = drawn_outlines(result)
-    points = np.concatenate([unit * corners.reshape(-1, 2)[first], drawn.points])
-    moved = np.concatenate([result.corner_displacement.reshape(-1, 2)[first], drawn.moved])
-    curves = []
+    over = ("generation", "", np.arange(float(count)))
+    agents = {"agents": np.array([float(one.agents) for one in generations])}
+    errors = {"error": np.array([100.0 * one.error_bound for one in generations])}
+    curves = [Curves("Agents", *over, agents, ""), Curves("Error", *over, errors, "%", True)]
     for name, (x, y, hoop) in ((name, rows.T) for name, rows in result.hoops.items()):
         along = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))[: len(hoop)]
         title = f"Hoop stress over the way along {name} (m)"
         curves.append(Curves(title, "place", "m", along, {"hoop stress": hoop}, "Pa"))
     return Pictures(
-        points=points,
-        parts=node.reshape(-1, 4),
-        at=np.linspace(0.0, 1.0, 21),
-        along="share",
-        values={"von_mises": ("Pa", result.von_mises[None])},
-        moved=moved[None],
+        points=np.concatenate([result.first_edge * SquareLeaves.unit * places, drawn.points]),
+        parts=parts,
+        at=np.arange(float(count)),
+        along="generation",
+        values={"von_mises": ("Pa", stress)},
+        moved=np.concatenate([moved, drawn.moved], axis=1),
+        born=born,
+        gone=gone,
         curves=curves,
         forces=[arrow for load in result.scene.loads for arrow in _arrows_of(result, load)],
         words=f"{result.agents} agents, error at most {100.0 * result.error_bound:.2g} %",
@@ -90,20 +101,24 @@ def drawn_outlines(result: OutlineResult) -> DrawnOutlines:
     problem, edge = problem_of(result.scene)
     leaves = SquareLeaves(result.x, result.y, result.width, problem.shape)
     points: list[Floats] = []
-    moved: list[Floats] = []
     regions: list[dict[str, Any]] = [{"solid": problem.body.solid, "lines": []}]
     for region in problem.body.regions:
-        counts = []
-        for arcs in _lines(region.shape):
-            arcs = _as_fine(arcs, leaves)
-            at = flattened(arcs, 3)
-            for told, found in ((edge * at, points), (_moved(result, leaves, at), moved)):
-                of = np.stack([told[0::3], told[1::3], told[2::3], np.roll(told[0::3], -1, 0)], 1)
-                controls = np.einsum("ij,njd->nid", _ON_CURVE, of)
-                found.append(np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 2)]))
-            counts.append(len(points[-1]))
-        regions.append({"solid": region.solid, "lines": counts})
-    return DrawnOutlines(np.concatenate(points), np.concatenate(moved), regions)
+        lines = [flattened(_as_fine(arcs, leaves), 3) for arcs in _lines(region.shape)]
+        regions.append({"solid": region.solid, "lines": [len(at) + 1 for at in lines]})
+        points += lines
+    moved = []
+    for one in result.generations:
+        stood = SquareLeaves(one.x, one.y, one.width, problem.shape)
+        moved.append(np.concatenate([_as_curves(_moved(one, stood, at)) for at in points]))
+    places = np.concatenate([edge * _as_curves(at) for at in points])
+    return DrawnOutlines(places, np.stack(moved), regions)
+
+
+def _as_curves(told: Floats) -> Floats:
+    """Return the control points of cubic curves through every third of these points, closed."""
+    of = np.stack([told[0::3], told[1::3], told[2::3], np.roll(told[0::3], -1, 0)], 1)
+    controls = np.einsum("ij,njd->nid", _ON_CURVE, of)
+    return np.concatenate([controls[:1, 0], controls[:, 1:].reshape(-1, 2)])
 
 
 def _lines(shape: TrueShape) -> list[Floats]:

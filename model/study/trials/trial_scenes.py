@@ -457,6 +457,13 @@ def _outlined(rng: Generator) -> Scene:
         force = rng.normal(0.0, 1.0, 2) * 10 ** rng.uniform(-3, 3)
         acts = {"pressure": float(force[0])} if rng.random() < 0.5 else {"force": force.tolist()}
         loads.append({**place, **acts})
+    own = rng.spawn(1)[0]  # so that cases of before are drawn as they were
+    if "gravity" not in body and own.random() < 0.4:  # holes that no load acts on are filled
+        loaded = [load.get("outline") for load in loads]
+        for one in regions:
+            if one["name"] not in loaded and own.random() < 0.7:
+                one["material"] = "b"
+        materials |= _materials(own, ["b"])
     rule = {"kind": "elastic"}
     return Scene(body=body, materials=materials, sides=held, loads=loads, rule=rule)
 

@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 from contextlib import ExitStack, contextmanager
+from enum import StrEnum
 from pathlib import Path
 from statistics import median
 
@@ -267,10 +268,10 @@ def told(milliseconds):
     return f"{median(milliseconds):.0f} ms (at most {max(milliseconds):.0f})"
 
 
-PARTS = ("every_kind", "bytes", "pictures", "certificate", "elasticity", "watching")
+Part = StrEnum("Part", "every_kind bytes pictures certificate elasticity watching")
 
 
-def figures(part: str = ""):
+def figures(part: Part | None = None):
     """Tell one part of the figures, or all, as rows of a table."""
     chromium = shutil.which("chromium")
     if chromium is None:
@@ -279,7 +280,7 @@ def figures(part: str = ""):
         browser = player.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         bench = Bench(browser, Path(folder))
         yield "| figure | seen | wanted |\n|---|---|---|"
-        for name in [part] if part else PARTS:
+        for name in [part] if part else Part:
             for row in getattr(bench, name)():
                 yield f"| {' | '.join(map(str, row))} |"
         browser.close()

@@ -1,7 +1,6 @@
 """The command, as a person types it."""
 
 import json
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -79,26 +78,6 @@ def test_what_is_mistyped_is_one_line_and_exit_code_2(kaju, words, message):
     assert err.count("\n") == 1
     assert "Traceback" not in out + err
     assert names(".") == [], "nothing half-written"
-
-
-def test_an_interrupted_run_keeps_what_was_computed(kaju, monkeypatch):
-    real_step = LoadTransfer.step
-
-    def step_until_interrupted(model):
-        real_step(model)
-        if model.stage == 15:
-            signal.raise_signal(signal.SIGINT)
-
-    scene = load_scene(PLATE)
-    monkeypatch.setattr(LoadTransfer, "step", step_until_interrupted)
-    monkeypatch.setattr("kaju.model.scene.load_scene", lambda _: scene)
-    code, out, err = kaju("run", PLATE, "--out", "here", "--no-pictures")
-    assert code == 130
-    assert "not the whole answer; it is in here" in err
-    assert "generations" in out
-    kept = TransferResult.load("here/result.npz")
-    assert len(kept.stages) == 15
-    assert kept.last.outcome.startswith("interrupted after")
 
 
 def test_run_lets_the_agents_of_an_elastic_rule_act_as_the_rule_says(kaju):
@@ -184,12 +163,6 @@ def test_new_writes_a_scene_that_runs(kaju):
     code, _, err = kaju("new", "mine.toml")
     assert code == 2
     assert "exists already" in err
-
-
-def test_materials_lists_the_library(kaju):
-    _, out, _ = kaju("materials")
-    for name in ("steel", "rubber", "noodle"):
-        assert name in out
 
 
 def test_animate_makes_a_picture_from_a_stored_run(kaju, monkeypatch):

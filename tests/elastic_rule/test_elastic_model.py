@@ -28,14 +28,6 @@ from kaju.model.transfer.load_model import LoadModel
 ORDERS = ["wave", "largest first", "multilevel"]
 
 
-@settings(max_examples=50)
-@given(scene=scenes())
-def test_energy_never_rises(scene):
-    _, result = run_random(scene, max_steps=300)
-    energy = result.energy
-    assert np.all(np.diff(energy, prepend=0.0) <= 0.0)
-
-
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("make", [ragged, block])
 def test_the_books_of_energy_agree_with_the_field(make, order):

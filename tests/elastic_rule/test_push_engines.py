@@ -38,7 +38,7 @@ def assert_same(one, other):
         assert_close(a, b, column)
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(scene=scenes())
 def test_both_engines_give_the_same_numbers(scene):
     _, arrays = run_random(scene, max_steps=150)

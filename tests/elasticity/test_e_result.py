@@ -141,9 +141,12 @@ def test_space_offers_the_same():
         ({"tolerance": float("nan")}, "tolerance"),
         ({"tolerance": True}, "tolerance"),
         ({"tolerance": 2.0}, "tolerance"),
+        ({"tolerance": 2.0, "strategy": "spawning"}, "tolerance"),
+        ({"tolerance": 1e-10}, "strategy='uniform'"),
         ({"resolution": float("nan")}, "resolution: must be a whole number"),
         ({"resolution": "2"}, "resolution"),
         ({"resolution": 0}, "resolution"),
+        ({"resolution": 0, "tolerance": 0.1, "strategy": "spawning"}, "resolution"),
         ({"stage": 1.5}, "stage"),
         ({"most_agents": 0}, "most_agents"),
         ({"strategy": "guess"}, "strategy"),
@@ -160,13 +163,6 @@ def test_what_breaks_a_rule_is_named(how, match):
 def test_a_misspelt_argument_is_python_s_own_error():
     with pytest.raises(TypeError, match="tol"):
         solve(plate(), tol=0.1)
-
-
-def test_equal_cells_that_may_not_be_smaller_say_so():
-    result = solve(plate(), strategy="uniform", tolerance=0.01, resolution=2)
-    assert result.subdivision == 2
-    assert result.error_estimate > 0.01
-    assert any("a larger resolution" in note for note in result.notes)
 
 
 def test_arrays_of_no_resolution_or_too_many_cells_are_refused(answer):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from elastic_cases import make_problem
+from plates import PLATE
 
 from kaju import Scene
 from kaju.errors import ConvergenceError, SupportError
@@ -10,12 +11,6 @@ from kaju.model.elastic.elastic_result import ElasticResult
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.solve import solve
 from kaju.model.elastic.supports import check_supports, slender_cell
-
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0], "steps": 20}],
-}
 
 
 def bar(**changes):

@@ -32,17 +32,7 @@ _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
 def traction_loads(scene: Scene, side: str, stress: Field) -> list[dict[str, Any]]:
-    """Return one load for every face of the body on a side: the traction σ·n of a field.
-
-    Parameters
-    ----------
-    scene : Scene
-        The body; its loads do not matter.
-    side : str
-        A side of the array.
-    stress : callable
-        Stress tensors (Pa) at points (m).
-    """
+    """Return one load for every face of the body on a side: the traction σ·n (Pa) of a field."""
     lattice = scene.lattice
     number = lattice.sides.index(side)
     axis, upper = divmod(number, 2)
@@ -79,18 +69,7 @@ def face_means(field: Field, cells: Ints, axis: int, upper: int, cell_size: floa
 def solve_with_given_displacement(
     scene: Scene, sides: tuple[str, ...], displacement: Field, tolerance: float
 ) -> ElasticResult:
-    """Solve a scene whose displaced sides move by a field instead of by one vector each.
-
-    Parameters
-    ----------
-    scene : Scene
-        With a displacement, of whatever value, on the sides named.
-    sides : tuple of str
-    displacement : callable
-        Displacement (m) at points (m).
-    tolerance : float
-        Relative error of the iteration.
-    """
+    """Solve a scene whose displaced sides move by a field (m) instead of by one vector each."""
     start = perf_counter()
     problem, origin = problem_of_scene(scene)
     numbers = [scene.lattice.sides.index(side) for side in sides]
@@ -242,14 +221,7 @@ class Study(NamedTuple):
 def convergence(
     problem: KnownProblem, resolutions: Sequence[int] | None = None
 ) -> dict[Quantity, Study]:
-    """Solve a problem at several resolutions and fit the order of what it compares.
-
-    Parameters
-    ----------
-    problem : KnownProblem
-    resolutions : sequence of int, optional
-        By default the problem's own.
-    """
+    """Solve a problem at several resolutions, its own by default; fit the order of its errors."""
     counts = tuple(resolutions or problem.resolutions)
     results = [problem.solve(count) for count in counts]
     studies: dict[Quantity, Study] = {}

@@ -84,8 +84,8 @@ def limit(values):
 
 @pytest.mark.parametrize(
     ("seed", "plane"),
-    [(0, "strain"), (1, "stress"), (7, "stress"), (8, "strain")]
-    + [pytest.param(seed, "strain", marks=pytest.mark.slow) for seed in range(10, 30)],
+    [(0, "strain"), (7, "stress")]
+    + [pytest.param(seed, "strain", marks=pytest.mark.slow) for seed in range(8, 30)],
 )
 def test_plane_bodies_agree_with_elements(seed, plane):
     kinds = random_body(seed, (6, 5))
@@ -107,8 +107,7 @@ def test_plane_bodies_agree_with_elements(seed, plane):
     assert apart[-1] < 0.02 * np.abs(finest).max()
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("plane", ["stress", "strain"])
+@pytest.mark.parametrize(("seed", "plane"), [(0, "stress"), (1, "strain"), (2, "stress")])
 def test_blocks_of_several_materials_are_bracketed(seed, plane):
     kinds = np.random.default_rng(seed).choice([0, 0, 1, 2], size=(5, 4))
     load = load_on_top(kinds, [0.0, -1.0])
@@ -126,8 +125,8 @@ def test_a_solid_body_agrees_with_elements():
     load = load_on_top(kinds, [0.0, 0.0, -1.0])
     points = np.argwhere(kinds >= 0) + 0.5
     scene = as_scene(kinds, load)
-    elements = [boxes(scene, k) for k in (1, 2, 3)]
-    cells = [cells_of(scene, k) for k in (3, 6, 12)]
+    elements = [boxes(scene, k) for k in (1, 2)]
+    cells = [cells_of(scene, k) for k in (2, 4, 8)]
     below = [answer.strain_energy for answer in elements]
     above = [answer.strain_energy for answer in cells]
     assert np.all(np.diff(below) > 0)

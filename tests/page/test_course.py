@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
 DOCS = Path(__file__).parents[2] / "docs"
 if not DOCS.exists():
     pytest.skip("the lessons are in docs/, which is not here", allow_module_level=True)
@@ -180,10 +181,7 @@ def hold(pupil, name):
     assert page.messages == []
 
 
-COURSE = [pytest.param(name, marks=() if name == "blow-up" else pytest.mark.slow) for name in ORDER]
-
-
-@pytest.mark.parametrize("name", COURSE)
+@pytest.mark.parametrize("name", ORDER)
 def test_every_answer_of_a_lesson_is_typed_and_taken(opened, files, name):
     page = opened(files(name))
     hold(ByMouse(page), name)
@@ -191,13 +189,11 @@ def test_every_answer_of_a_lesson_is_typed_and_taken(opened, files, name):
     assert paper.count(b"/Type /Page\n") <= 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["find-its-way", "root-depth"])
 def test_a_lesson_by_keys_alone(opened, files, name):
     hold(ByKeys(opened(files(name))), name)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["find-its-way", "who-holds-the-load"])
 def test_a_lesson_by_finger_on_a_phone(opened, files, name):
     page = opened(files(name), width=390, height=844, touch=True)

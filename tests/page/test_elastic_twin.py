@@ -129,8 +129,8 @@ def compare(scene, answer, within):
 
 
 def test_random_bodies_move_and_bear_as_kaju_says(node):
-    """Fifty that kaju solves, and what it refuses the page refuses too."""
-    given = scenes(7, 60)
+    """What kaju solves, and what it refuses the page refuses too."""
+    given = scenes(7, 34)
     answers = node(ANSWER, [described(scene) for scene in given])
     solved = refused = 0
     for scene, answer in zip(given, answers, strict=True):
@@ -140,7 +140,7 @@ def test_random_bodies_move_and_bear_as_kaju_says(node):
         except SceneError:
             assert answer.get("error"), "kaju refuses this body"
             refused += 1
-    assert solved >= 50
+    assert solved >= 30
     assert refused >= 1
 
 

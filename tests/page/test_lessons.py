@@ -26,7 +26,7 @@ def test_all_lessons_are_in_the_order():
     assert set(lesson_index.PICTURES) == set(ORDER)
 
 
-LONG = {"a-noodle-remembers": pytest.mark.slow}
+LONG = {"a-noodle-remembers": pytest.mark.slow, "bones-and-bridges": pytest.mark.slow}
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=LONG.get(name, ())) for name in ORDER])

@@ -12,6 +12,7 @@ import nbformat
 import pytest
 from nbconvert import HTMLExporter
 from page_scenes import Leaky
+from plates import PLATE
 
 import kaju
 from kaju import LoadModel, Scene
@@ -21,11 +22,6 @@ from kaju.view.page.packing import unpack
 
 # Beside the packages, wherever those are: an environment may borrow them from another one.
 TEMPLATES = Path(nbconvert.__file__).parents[4] / "share/jupyter"
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-}
 
 
 def page_in(html):

@@ -4,15 +4,10 @@ import csv
 
 import numpy as np
 import pytest
+from plates import PLATE
 
 import kaju
 from kaju import LoadModel, Scene, solve
-
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-}
 
 
 @pytest.fixture
@@ -52,7 +47,7 @@ def test_both_answers_are_drawn_with_one_quantity_scale_and_magnification(twin):
     assert rule["factor"] == elastic["factor"] > 0
 
 
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_both_ways_of_looking_are_open_to_everybody(opened, scene, tmp_path, dark):
     axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
     path = kaju.export_page(scene, tmp_path / "plate.html")

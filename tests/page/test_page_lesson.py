@@ -2,15 +2,11 @@
 
 import numpy as np
 import pytest
+from plates import PLATE
 
 import kaju
 from kaju import LoadModel, Scene
 
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-}
 GUESS = {1: [(10, 19)], 2: [(9, 18), (10, 18), (11, 18)], 3: [(x, 17) for x in range(8, 13)]}
 LESSON = {
     "key": "tested",
@@ -184,7 +180,7 @@ def test_the_address_says_language_theme_and_room(opened, lesson, chromium):
     context.close()
 
 
-@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_lessons_are_open_to_everybody(opened, lesson, dark):
     axe = pytest.importorskip("axe_core_python.sync_playwright").Axe()
     page = opened(lesson, dark=dark)
@@ -204,7 +200,9 @@ BESIDE = """[...page.root.querySelectorAll(
       || e.getBoundingClientRect().right > innerWidth + 1)).map((e) => e.outerHTML.slice(0, 90))"""
 
 
-@pytest.mark.parametrize("language", ["en-GB", "de-DE", "ja-JP"])
+@pytest.mark.parametrize(
+    "language", ["de-DE", *(pytest.param(x, marks=pytest.mark.slow) for x in ("en-GB", "ja-JP"))]
+)
 def test_nothing_is_cut_in_any_window(opened, lesson, language):
     page = opened(lesson, language=language)
     for width, height in WINDOWS:
@@ -343,7 +341,7 @@ def test_loads_are_moved_turned_added_deleted_and_everything_undone(opened, tmp_
     for _ in range(4):
         page.tab.keyboard.press("Control+z")
     assert loads() == [[[10, 19], [0, -2]]]
-    assert page.js("(page.until, page.run.agents)") == 34
+    page.until("!page.due && page.run.agents === 34")
     page.tab.keyboard.press("Control+Shift+z")
     assert loads() == [[[6, 19], [0, -2]]]
     assert page.messages == []

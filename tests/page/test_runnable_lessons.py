@@ -16,6 +16,7 @@ from lesson_measures import Seen  # noqa: E402
 from lesson_texts import ORDER, lesson  # noqa: E402
 
 RUNNABLE = [name for name in ORDER if lesson(name).scenes]
+FEW = ("find-its-way", "blow-up", "walls-and-air")
 
 
 def free_page(of, folder):
@@ -29,31 +30,34 @@ def free_page(of, folder):
     return kaju.export_page(first, path, title=text.title, text=words, presets=presets)
 
 
-def test_lesson_pages_show_the_same(opened, tmp_path):
-    for of in map(lesson, RUNNABLE):
-        path = free_page(of, tmp_path)
-        page = opened(path)
-        about = page.tab.get_by_role("tab", name="About")
-        about.click()
-        assert page.tab.get_by_role("heading", name="What is it?").is_visible()
-        for number, scene in enumerate(of.scenes):
-            name = of.texts["en"].presets[number][0] if number else "As it was"
-            page.tab.get_by_role("button", name=name, exact=True).click()
-            seen = Seen(scene)
-            page.until("!page.judging")
-            assert page.js("page.certificate.stable") is seen.stable()
-            verdict = page.tab.locator(".verdict").inner_text()
-            told = seen.verdict().replace(" (accumulate = false)", "")
-            assert verdict.lower() == told.lower()
-            if seen.stable():
-                page.until("page.run.atRest")
-                told = page.js("[page.run.generation, page.run.agents]")
-                assert told == [seen.generations(), seen.agents()], (of.name, name)
-        page.tab.get_by_role("button", name="As it was").click()
-        page.tab.get_by_role("button", name="Play").click()
-        page.until("page.g > 1")
-        assert page.requests == [path.as_uri()]
-        assert page.messages == []
+@pytest.mark.parametrize(
+    "lesson_name",
+    [pytest.param(n, marks=() if n in FEW else pytest.mark.slow) for n in RUNNABLE],
+)
+def test_lesson_pages_show_the_same(lesson_name, opened, tmp_path):
+    of = lesson(lesson_name)
+    path = free_page(of, tmp_path)
+    page = opened(path)
+    page.tab.get_by_role("tab", name="About").click()
+    assert page.tab.get_by_role("heading", name="What is it?").is_visible()
+    for number, scene in enumerate(of.scenes):
+        name = of.texts["en"].presets[number][0] if number else "As it was"
+        page.tab.get_by_role("button", name=name, exact=True).click()
+        seen = Seen(scene)
+        page.until("!page.judging")
+        assert page.js("page.certificate.stable") is seen.stable()
+        verdict = page.tab.locator(".verdict").inner_text()
+        told = seen.verdict().replace(" (accumulate = false)", "")
+        assert verdict.lower() == told.lower()
+        if seen.stable():
+            page.until("page.run.atRest")
+            told = page.js("[page.run.generation, page.run.agents]")
+            assert told == [seen.generations(), seen.agents()], name
+    page.tab.get_by_role("button", name="As it was").click()
+    page.tab.get_by_role("button", name="Play").click()
+    page.until("page.g > 1")
+    assert page.requests == [path.as_uri()]
+    assert page.messages == []
 
 
 def test_a_whole_lesson_by_keyboard(opened, tmp_path):

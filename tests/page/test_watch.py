@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from live_pages import BrowserPage, asked, serving, session
 from page_scenes import random_scenes
+from plates import PLATE
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import kaju
@@ -29,15 +30,11 @@ from kaju.view.page.live import LiveRun, scene_from, sessions_of
 from kaju.view.page.packing import unpack
 from kaju.view.page.scene_data import scene_data
 
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0], "steps": 4}],
-}
+IN_STAGES = [{"cell": [10, 19], "force": [0.0, -2.0], "steps": 4}]
 
 
 def plate(**rule):
-    return Scene(**PLATE, rule=PrescribedRule(**rule))
+    return Scene(**PLATE | {"loads": IN_STAGES}, rule=PrescribedRule(**rule))
 
 
 def changed(scene, generation=0, stage=1, **rule):
@@ -146,7 +143,7 @@ def test_an_early_stage_takes_its_part_of_the_load():
 
 
 def test_elasticity_is_answered_by_cell():
-    scene = Scene(**PLATE | {"loads": [{"cell": [10, 19], "force": [0.0, -2.0]}]})
+    scene = Scene(**PLATE)
     header, columns = told(LiveRun(scene), {"type": "elastic"})
     solved = kaju.solve(scene.replace(rule=kaju.ElasticRule()), strategy="uniform")
     key = scene.lattice.key(scene.lattice.locate(solved.middle))
@@ -523,7 +520,7 @@ def test_a_browser_steps_plays_and_changes_what_python_computes(watched):
 
 
 def test_a_browser_tells_during_the_run_what_own_agents_did(watched):
-    scene = Scene(**PLATE | {"loads": [{"cell": [10, 19], "force": [0.0, -2.0]}]})
+    scene = Scene(**PLATE)
     with running(LoadModel(scene, material_agent=Tired)) as port:
         page = watched(port)
         page.until("page.g === 1")
@@ -580,7 +577,7 @@ def test_parameters_of_own_agents_are_told_and_changed_in_a_message():
 
 
 def test_a_slider_of_a_parameter_runs_the_agents_anew(watched):
-    scene = Scene(**PLATE | {"loads": [{"cell": [10, 19], "force": [0.0, -2.0]}]})
+    scene = Scene(**PLATE)
     with running(LoadModel(scene, material_agent=Wearing)) as port:
         page = watched(port)
         page.until("page.g === 1")

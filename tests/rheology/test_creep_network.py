@@ -132,7 +132,7 @@ def test_a_truss_that_snaps_through_is_reported():
 
 
 def test_a_truss_that_creeps_until_it_snaps_is_followed_with_mass_only():
-    options = {"times": [1.0], "tolerance": 1e-2, "rheology": ELEMENT}
+    options = {"times": [1.0], "tolerance": 3e-2, "rheology": ELEMENT}
     with pytest.raises(ConvergenceError, match=r"at 0\.55\d* s .* give it mass"):
         creep(truss(force=(0.0, -3.0)), History.step(), 1.0, **options)
     through = creep(truss(force=(0.0, -3.0)), History.step(), 1.0, mass=1e-2, **options)
@@ -155,11 +155,11 @@ def test_springs_that_are_let_go_come_to_rest(scheme):
 @pytest.mark.parametrize("apart", [3e-17, 1e-10])
 @pytest.mark.parametrize("pace", [{"tolerance": 1e-3}, {"step": 0.1}])
 def test_times_that_differ_by_rounding_are_one(apart, pace):
-    history = History().ramp(1.0, duration=0.2).hold(5.0)
-    times = [0.2 - apart, 0.2, 5.2]
+    history = History().ramp(1.0, duration=0.2).hold(1.0)
+    times = [0.2 - apart, 0.2, 1.2]
     result = creep(truss(), history, times=times, rheology=ELEMENT, **pace)
     np.testing.assert_allclose(result.displacement[0], result.displacement[1], atol=1e-9)
-    plain = creep(truss(), history, times=[0.2, 5.2], rheology=ELEMENT, **pace)
+    plain = creep(truss(), history, times=[0.2, 1.2], rheology=ELEMENT, **pace)
     np.testing.assert_allclose(result.displacement[1:], plain.displacement, atol=1e-5)
     np.testing.assert_array_equal(result.times, times)
 

@@ -31,6 +31,12 @@ def spawned(scene, tolerance=0.04, **how):
     return solve(scene, strategy="spawning", tolerance=tolerance, **how)
 
 
+@cache
+def first_answer():
+    """The answer from which most of these go on."""
+    return spawned(plate())
+
+
 def assert_as_good(again, fresh):
     """As near to the truth, in balance with its loads, and of not many more agents."""
     assert again.found.spawning.reached
@@ -61,7 +67,7 @@ def assert_well_placed(result):
 
 
 def test_a_force_changed_in_proportion_needs_no_iteration():
-    first = spawned(plate())
+    first = first_answer()
     harder = spawned(plate(loads=press(force=(0.0, -6.0))), previous=first)
     assert harder.strain_energy == pytest.approx(9 * first.strain_energy, rel=1e-12)
     rise = harder.displacement - 3 * first.displacement
@@ -74,7 +80,7 @@ def test_a_force_changed_in_proportion_needs_no_iteration():
 
 
 def test_agents_that_suit_another_load_keep_their_matrices():
-    first = spawned(plate())
+    first = first_answer()
     turned = plate(loads=press(force=(0.3, -2.0)))
     again = spawned(turned, previous=first)
     assert again.found.spawning.balance.strains is first.found.spawning.balance.strains
@@ -116,7 +122,7 @@ CHANGES = {
 
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_changed_scene_is_answered_as_afresh_there_and_back(name):
-    first = spawned(plate())
+    first = first_answer()
     changed = spawned(CHANGES[name], previous=first)
     assert_as_good(changed, spawned(CHANGES[name]))
     assert_as_good(spawned(plate(), previous=changed), first)
@@ -151,7 +157,7 @@ def test_a_resolution_bounds_the_agents_again():
 
 
 def test_twice_the_same_gives_the_same():
-    first = spawned(plate())
+    first = first_answer()
     one, other = (spawned(CHANGES["moved"], previous=first) for _ in range(2))
     np.testing.assert_array_equal(
         one.found.spawning.displacement, other.found.spawning.displacement
@@ -201,7 +207,7 @@ def test_agents_that_may_not_be_larger_do_not_retire():
 
 @pytest.mark.parametrize("loads", [press(4), press(force=(0.3, -2.0)), press(force=(0.0, -3.0))])
 def test_history_starts_with_the_agents_taken_over(loads):
-    first = spawned(plate())
+    first = first_answer()
     again = spawned(plate(loads=loads), previous=first)
     assert (again.spawn_step >= 0).all()
     assert again.spawn_step.max() == len(again.generations) - 1
@@ -211,7 +217,7 @@ def test_history_starts_with_the_agents_taken_over(loads):
 
 
 def test_a_stored_answer_serves_too(tmp_path):
-    first = spawned(plate())
+    first = first_answer()
     stored = ElasticResult.load(first.save(tmp_path / "first"))
     for scene in (plate(loads=press(force=(0.3, -2.0))), CHANGES["moved"]):
         assert_as_good(spawned(scene, previous=stored), spawned(scene))
@@ -228,7 +234,7 @@ def test_nothing_keeps_the_answers_before_alive():
 
 
 def test_what_cannot_go_on_says_so():
-    first = spawned(plate())
+    first = first_answer()
     other = plate(body=BODY | {"cells": [64, 32]})
     with pytest.raises(ParameterError, match=r"stand on 32 x 16 cells of 0\.00625 m"):
         spawned(other, previous=first)

@@ -7,7 +7,7 @@ import pytest
 from elastic_scenes import spawned_agents
 
 from kaju import Scene, solve
-from kaju.errors import ParameterError, SceneError, SupportError
+from kaju.errors import SceneError, SupportError
 from kaju.model.elastic.solve import solve as solve_equal_cells
 from kaju.model.elastic.spawning import choice
 from kaju.model.elastic.spawning.choice import same_loads
@@ -181,19 +181,6 @@ def test_previous_answer_is_continued_in_its_own_way():
 def test_loose_bodies_are_refused_at_once():
     with pytest.raises(SupportError, match="move along x"):
         solve(plate().replace(sides={"bottom": "roller"}), tolerance=0.1)
-
-
-@pytest.mark.parametrize(
-    ("how", "match"),
-    [
-        ({"tolerance": 1e-10}, "strategy='uniform'"),
-        ({"tolerance": 0.1, "resolution": 0}, "resolution"),
-        ({"tolerance": 0.1, "most_agents": 1.5}, "most_agents"),
-    ],
-)
-def test_bad_arguments_are_named(how, match):
-    with pytest.raises(ParameterError, match=match):
-        solve(plate(), **how)
 
 
 def test_cube_under_a_patch_spawns_and_a_block_that_is_bent_does_not():

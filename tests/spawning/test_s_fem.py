@@ -10,12 +10,9 @@ from kaju import finite_elements, solve
 from kaju.model.study.reference import Reference
 
 DATA = Path(__file__).parents[1] / "data" / "spawning"
-CASES = [(name, t) for name in PLANE for t in (0.1, 0.05)]
-CASES += [
-    pytest.param(name, t, marks=pytest.mark.slow if name == "cube-rubber" else ())
-    for name in SOLID
-    for t in (0.2, 0.1)
-]
+CASES = [(name, 0.05) for name in PLANE] + [("cube", 0.2), ("cube-inclusion", 0.2)]
+CASES += [pytest.param(name, 0.1, marks=pytest.mark.slow) for name in (*PLANE, *SOLID)]
+CASES += [pytest.param("cube-rubber", 0.2, marks=pytest.mark.slow)]
 
 
 @pytest.mark.parametrize(("name", "tolerance"), CASES)
@@ -26,7 +23,8 @@ def test_true_error_is_what_was_asked_for(name, tolerance):
     error = np.sqrt(abs(result.generations[-1].energy / truth.strain_energy - 1))
     estimate = result.found.error
     assert result.tolerance_kept == "proved" or estimate <= tolerance
-    assert 0.5 < estimate / error < 3.5
+    # The estimate of few agents is less sure.
+    assert 0.5 < estimate / error < (2.0 if tolerance <= 0.05 else 3.5)
     assert error < 1.6 * max(tolerance, estimate)
     if result.tolerance_kept == "proved":
         middle = abs(result.strain_energy / truth.strain_energy - 1)

@@ -5,10 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from goal_bodies import FLAT, GROUND, SOLID, STEEL, beam, cube, pierced, plate, rubber, sheared
+from goal_bodies import (
+    FLAT,
+    GROUND,
+    SOLID,
+    STEEL,
+    beam,
+    cube,
+    inclusion,
+    pierced,
+    plate,
+    rubber,
+    sheared,
+)
 from spawning_bodies import BODIES, spawned_by
 
-from kaju import Scene, SpawningModel, finite_elements, solve
+from kaju import Scene, finite_elements, solve
 from kaju.errors import ParameterError
 from kaju.model.results.result import load_result
 from kaju.model.study.reference import Reference
@@ -16,9 +28,13 @@ from kaju.model.study.reference import Reference
 DATA = Path(__file__).parents[1] / "data" / "spawning"
 
 
+FINER = (pierced, rubber, sheared)
+"""Bodies of which small errors are measured too."""
+
+
 @cache
 def fine(body):
-    tolerance = {cube: 0.02, beam: 0.005}.get(body, 1.5e-3)
+    tolerance = {cube: 0.02, beam: 0.01}.get(body, 1.5e-3 if body in FINER else 4e-3)
     return spawned_by(body(), tolerance=tolerance, tolerance_at="displacement")
 
 
@@ -31,7 +47,15 @@ def true_error(result, body):
     return np.linalg.norm(off, axis=1).max() / truth.max_displacement
 
 
-@pytest.mark.parametrize("body", FLAT + SOLID, ids=lambda body: body.__name__)
+@pytest.mark.parametrize(
+    "body",
+    [
+        pytest.param(
+            body, id=body.__name__, marks=pytest.mark.slow if body in (inclusion, cube) else ()
+        )
+        for body in FLAT + SOLID
+    ],
+)
 def test_estimate_is_within_its_factors_of_the_true_error(body):
     for tolerance in (0.2, 0.08) if body in FLAT else (0.3, 0.15):
         result = spawned_by(body(), tolerance=tolerance)
@@ -70,7 +94,7 @@ def test_it_knows_of_what_agents_do_not_see_between_stiff_parts(tolerance):
     assert 0.8 * off < result.displacement_error_estimate * np.linalg.norm(there, axis=1).max()
 
 
-@pytest.mark.parametrize("body", [pierced, rubber, sheared])
+@pytest.mark.parametrize("body", FINER)
 def test_an_agent_takes_as_much_off_the_displacement_as_one_that_the_energy_asks_for(body):
     """They stand at corners, where the body turns by a lot and stores little."""
     aimed = spawned_by(body(), tolerance=4e-3, tolerance_at="displacement")
@@ -113,13 +137,6 @@ def test_estimate_survives_being_stored(tmp_path):
     assert again.tolerance_at == "displacement"
     assert again.summary() == aimed.summary()
     np.testing.assert_array_equal(again.error_share, aimed.error_share)
-
-
-def test_model_takes_the_same_aim():
-    model = SpawningModel(plate(), tolerance=0.05, tolerance_at="displacement")
-    result = model.run()
-    solved = spawned_by(plate(), tolerance=0.05, tolerance_at="displacement")
-    assert result.goal_error_estimate == solved.goal_error_estimate
 
 
 def test_spawning_is_the_strategy_of_an_aim():

@@ -99,7 +99,7 @@ def reactions_of_cells(scene, problem, origin, u):
     return {name: problem.scales.force * force for name, force in found.items()}
 
 
-@settings(max_examples=60, suppress_health_check=SOME_ARE_LOOSE)
+@settings(max_examples=30, suppress_health_check=SOME_ARE_LOOSE)
 @given(bodies(held=True))
 def test_equal_agents_answer_every_load_as_equal_cells_do(scene):
     settled = settled_cells(scene)
@@ -131,7 +131,7 @@ def test_equal_agents_answer_every_load_as_equal_cells_do(scene):
     np.testing.assert_allclose(sum(held.values()), -total, atol=1e-8 * size)
 
 
-@settings(max_examples=30)
+@settings(max_examples=20)
 @given(bodies(held=False))
 def test_no_force_and_no_moment_is_lost_on_agents_of_several_sizes(scene):
     balance = agents(scene, smallest=False)

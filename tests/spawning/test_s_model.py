@@ -4,22 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from spawning_bodies import under_a_patch
 
-from kaju import Scene, SpawningModel, solve
+from kaju import SpawningModel, solve
 from kaju.errors import ParameterError, ResultError
 from kaju.model.elastic.spawning import spawning_model
 from kaju.model.elastic.spawning.family import Family, corners
 from kaju.model.elastic.spawning.leaves import morton
 from kaju.model.results.result import load_result
-
-
-def block(dimension=2, cells=8):
-    low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
-    return Scene(
-        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [low, high]}, "force": [0.0] * (dimension - 1) + [-1.0]}],
-    )
 
 
 def assert_same_rows(one, other):
@@ -32,13 +24,13 @@ TOLERANCE = {2: 0.08, 3: 0.25}
 
 @pytest.fixture(scope="module", params=[2, 3])
 def model(request):
-    model = SpawningModel(block(request.param), TOLERANCE[request.param])
+    model = SpawningModel(under_a_patch(request.param), TOLERANCE[request.param])
     model.run()
     return model
 
 
 def test_a_step_is_a_generation():
-    model = SpawningModel(block(), 0.04)
+    model = SpawningModel(under_a_patch(), 0.04)
     assert (model.generation, model.running) == (0, True)
     assert np.isnan(model.error_estimate)
     errors, counts = [], [len(model.agents)]
@@ -106,7 +98,7 @@ def test_those_that_leave_most_load_unbalanced_spawn_for_it(model):
 
 
 def test_generations_can_be_looked_at_before_the_end(tmp_path):
-    model = SpawningModel(block(), 0.04)
+    model = SpawningModel(under_a_patch(), 0.04)
     with pytest.raises(ResultError, match="take a step first"):
         model.result()
     for _ in range(3):
@@ -139,7 +131,7 @@ def test_history_tells_every_generation(model):
 
 def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(spawning_model, "MOST_OBJECTS", 100)
-    model = SpawningModel(block(), 0.08)
+    model = SpawningModel(under_a_patch(), 0.08)
     first = model.agents[0]
     model.run()
     assert len(model.family) > 100 >= len(model.agents_by_type[type(first)])
@@ -150,15 +142,15 @@ def test_many_agents_become_objects_when_they_are_asked_for(monkeypatch):
 
 
 def test_run_that_may_not_have_enough_agents_says_so():
-    model = SpawningModel(block(), 0.01, most_agents=200)
+    model = SpawningModel(under_a_patch(), 0.01, most_agents=200)
     found = model.run()
     assert model.outcome.startswith(f"stopped after {model.generation} steps: more than the 200")
     assert found.agents <= 200
-    coarse = SpawningModel(block(), 0.01, resolution=1)
+    coarse = SpawningModel(under_a_patch(), 0.01, resolution=1)
     coarse.run()
     assert "a larger resolution" in coarse.outcome
     with pytest.raises(ParameterError, match="tolerance"):
-        SpawningModel(block(), 2.0)
+        SpawningModel(under_a_patch(), 2.0)
 
 
 def test_child_that_spawns_in_the_same_step_is_remembered():

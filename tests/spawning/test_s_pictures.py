@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from PIL import Image
+from spawning_bodies import under_a_patch
 
 from kaju import Scene, animate, plot, solve
 from kaju.errors import ParameterError
@@ -11,25 +12,17 @@ from kaju.view.layers import layer_of, squares_of, together
 from kaju.view.plots import plot_all, plot_scene
 from kaju.view.quadtree import seen_faces, view_of
 
-
-def block(dimension, cells=8):
-    low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
-    force = [0.0] * (dimension - 1) + [-1.0]
-    return Scene(
-        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
-        sides={"bottom": "rigid"},
-        loads=[{"region": {"box": [low, high]}, "force": force}],
-    )
+pytestmark = pytest.mark.usefixtures("coarse")
 
 
 @pytest.fixture(scope="module")
 def flat():
-    return solve(block(2), strategy="spawning", tolerance=0.1)
+    return solve(under_a_patch(2), strategy="spawning", tolerance=0.1)
 
 
 @pytest.fixture(scope="module")
 def solid():
-    return solve(block(3), strategy="spawning", tolerance=0.25)
+    return solve(under_a_patch(3), strategy="spawning", tolerance=0.25)
 
 
 def drawn(figure, name):
@@ -118,7 +111,7 @@ def test_corners_of_the_deformed_agents_have_moved_as_the_body_there(name, reque
 
 
 def test_body_at_rest_is_drawn_at_rest():
-    still = block(2).replace(loads=[])
+    still = under_a_patch(2).replace(loads=[])
     figure = plot(solve(still, strategy="spawning", tolerance=0.1), "deformed")
     assert "largest displacement 0 m" in words(figure)
 

@@ -2,6 +2,13 @@
 
 from kaju import Scene
 
+PLATE = {
+    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
+    "sides": {"bottom": "rigid"},
+    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
+}
+"""The worked plate, as keywords of a scene."""
+
 PLATE_TEXT = """
 [body]
 size = [0.2, 0.2]

@@ -112,6 +112,16 @@ def quarter(poissons_ratio, inside=None):
     )
 
 
+def under_a_patch(dimension=2, cells=8):
+    """Return a block of 1 m, pressed on in a part of its top."""
+    low, high = [0.25] * (dimension - 1) + [1.0], [0.5] * (dimension - 1) + [1.0]
+    return Scene(
+        body={"size": [1.0] * dimension, "cells": [cells] * dimension, "material": "steel"},
+        sides={"bottom": "rigid"},
+        loads=[{"region": {"box": [low, high]}, "force": [0.0] * (dimension - 1) + [-1.0]}],
+    )
+
+
 PLANE = {
     "ragged-1": lambda: ragged(1),
     "ragged-2": lambda: ragged(2),

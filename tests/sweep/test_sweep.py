@@ -4,6 +4,7 @@ import math
 from functools import partial
 
 import numpy as np
+import plates
 import pytest
 import sweep_work
 from hypothesis import given
@@ -15,12 +16,7 @@ from kaju import LoadModel, MaterialAgent, Scene, solve, sweep
 from kaju.model.network import triangular
 from kaju.model.study.sweep_store import load_sweep
 
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-    "rule": {"kind": "prescribed", "threshold": 0.01},
-}
+PLATE = plates.PLATE | {"rule": {"kind": "prescribed", "threshold": 0.01}}
 ELASTIC = PLATE | {"rule": {"kind": "elastic"}}
 
 

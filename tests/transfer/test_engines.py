@@ -48,7 +48,7 @@ def run_both(scene):
     assert agents.generations <= models[0].certificate.generations
 
 
-@settings(max_examples=40)
+@settings(max_examples=30)
 @given(scene=scenes())
 def test_both_engines_give_the_same_loads_and_balanced_ledgers(scene):
     run_both(scene)

@@ -59,19 +59,6 @@ def material(model):
     return model.agents.select(lambda agent: isinstance(agent, MaterialAgent))
 
 
-def test_steps_a_start_again_and_runs():
-    model = stepped(4)
-    assert model.steps == 4
-    model.reset()
-    first = stepped(0)
-    assert (model.steps, len(material(model))) == (0, len(material(first)))
-    model.run(5)
-    assert model.steps == 5
-    model.run_model()
-    assert not model.running
-    assert model.at_rest
-
-
 def test_sets_of_agents_are_mesas():
     model = stepped()
     agents = material(model)
@@ -131,11 +118,6 @@ def test_shuffle_do_in_an_own_step():
     assert taken[0] == pytest.approx(taken[1], rel=1e-12)
 
 
-def test_seeds():
-    draws = [LoadModel(plate(), seed=seed).random.random() for seed in (1, 1, 2)]
-    assert draws[0] == draws[1] != draws[2]
-
-
 def test_copies():
     model = stepped(2)
     for again in (copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
@@ -173,12 +155,3 @@ def test_sliders_for_solara():
         for name, value in parameters.items()
     }
     assert LoadModel(**chosen).parameters == {"songs": 1}
-
-
-def test_what_is_none_of_them_is_named():
-    with pytest.raises(KajuError, match=r"scene: a Scene is needed, got 20; kaju.load_scene"):
-        LoadModel(20, 20)
-    with pytest.raises(KajuError, match="material_agent: a subclass of MaterialAgent is needed"):
-        LoadModel(plate(), material_agent=mesa.Agent)
-    with pytest.raises(KajuError, match=r"treshold: .*did you mean 'threshold'"):
-        LoadModel(plate(), treshold=0.1)

@@ -26,12 +26,6 @@ def scene(lattice="square"):
     )
 
 
-class EqualSquares(Squares):
-    """Squares that are a class of one's own."""
-
-    kind = "equal"
-
-
 def material(**methods):
     return {"material_agent": type("Mine", (MaterialAgent,), methods)}
 

@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
+from plates import PLATE
 
 from kaju import LoadModel, PrescribedRule, Scene
 
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-}
 CUBE = {
     "body": {"size": [0.1, 0.1, 0.1], "cells": [10, 10, 10], "material": "steel"},
     "sides": {"bottom": "rigid"},

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from plates import PLATE
 from strategies import scenes
 
 from kaju import KajuError, LoadModel, PrescribedRule, Scene, stability
@@ -10,11 +11,6 @@ from kaju.errors import StabilityError
 from kaju.model.transfer.stability import transfer_operator
 from kaju.model.transfer.transfer import Transfer
 
-PLATE = {
-    "body": {"size": [0.2, 0.2], "cells": [20, 20], "thickness": 0.002, "material": "steel"},
-    "sides": {"bottom": "rigid"},
-    "loads": [{"cell": [10, 19], "force": [0.0, -2.0]}],
-}
 TWO = {
     "body": {"cell_size": 0.01, "drawing": "ssss\nsrrs\nss.s"},
     "legend": {"s": "steel", "r": "rubber", ".": "air"},

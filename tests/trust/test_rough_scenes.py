@@ -75,18 +75,24 @@ def test_a_force_on_a_held_face_goes_straight_into_the_ground(force, how):
     assert result.reactions["bottom"] == pytest.approx(-np.array(force), abs=1e-12)
 
 
-@pytest.mark.parametrize(("bed", "noted"), [(1e6, False), (1.0, True)])
-def test_agents_say_what_rounding_eats(bed, noted):
+BOTH_WAYS = [{"strategy": "uniform"}, {"strategy": "spawning", "tolerance": 0.05}]
+
+
+@pytest.mark.parametrize("how", BOTH_WAYS)
+@pytest.mark.parametrize(("bed", "noted"), [(1e6, False), (1e3, False), (1.0, True)])
+def test_what_rounding_eats_of_a_soft_bed_is_said(bed, noted, how):
     scene = block(sides={"bottom": {"stiffness": bed}, "left": "roller"})
-    result = solve(scene, strategy="spawning", tolerance=0.05)
+    result = solve(scene, **how)
+    assert result.reactions["bottom"][1] == pytest.approx(1.0, rel=1e-2)
     assert result.strain_energy == pytest.approx(0.5 / bed, rel=1e-2)
     assert any("rounding leaves" in note for note in result.notes) == noted
 
 
-def test_agents_refuse_a_bed_too_soft_for_the_digits_there_are():
+@pytest.mark.parametrize("how", BOTH_WAYS)
+def test_a_bed_too_soft_for_the_digits_there_are_is_refused(how):
     scene = block(sides={"bottom": {"stiffness": 1e-6}, "left": "roller"})
     with pytest.raises(SceneError, match=r"rounding leaves (about|all) .* unbalanced: stiffen"):
-        solve(scene, strategy="spawning", tolerance=0.05)
+        solve(scene, **how)
 
 
 def test_a_moved_side_of_rubber_is_pulled_as_hard_as_the_ground():

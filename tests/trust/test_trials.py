@@ -104,13 +104,13 @@ def test_the_books_must_balance(monkeypatch):
 
 def test_what_works_for_too_long_is_killed_and_the_rest_goes_on(monkeypatch):
     monkeypatch.setattr(trial_workers, "PATIENCE", 1e9)
-    numbers = [number_of("three elements", after=n) for n in (0, 40, 80)]
-    late = list(trials([(5162, "tolerance"), *numbers], workers=1, limit=0.05, warm=False))
+    numbers = [number_of("three elements", after=n) for n in (0, 40)]
+    late = list(trials([(5162, "tolerance"), numbers[0]], workers=1, limit=0.05, warm=False))
     assert (late[0].number, late[0].verdict) == (5162, FAILED)
     assert "more than 0.05 s of processor time" in late[0].what
     whole = list(trials(numbers, workers=2, limit=60.0, warm=False))
     assert sorted(o.number for o in whole) == numbers
-    assert tally(whole) == {"three elements": [3, 0, 0, 0]}
+    assert tally(whole) == {"three elements": [2, 0, 0, 0]}
 
 
 def test_who_only_waits_is_not_finished_and_has_not_failed(monkeypatch):

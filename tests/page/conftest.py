@@ -69,7 +69,7 @@ class Opened(BrowserPage):
             has_touch=touch,
             is_mobile=touch,
         )
-        self.until("page?.drawn > 0")
+        self.until("page?.drawn > 0 && (!page.touchable || page.over)")
 
     def at(self, cell):
         """Where a cell's middle is in the window."""

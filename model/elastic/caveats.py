@@ -144,9 +144,10 @@ class Caveats:
             return [Caveat("error not known", told)]
         told = f"the error is taken as {error:.0%} in the energy norm"
         if kept != "missed":  # else the notes tell what hinders, which no smaller tolerance mends
-            half = 0.5 * min(self.result.tolerance or 0.1, error)
-            told += f": ask for less by tolerance={half:.2g} (kaju solve FILE "
-            told += f"--tolerance {half:.2g})"
+            name, value = "tolerance", f"{0.5 * min(self.result.tolerance or 0.1, error):.2g}"
+            if self.result.found.storage == "solid":  # no tolerance can be asked of these
+                name, value = "resolution", f"{2 * self.result.subdivision}"
+            told += f": ask for less by {name}={value} (kaju solve FILE --{name} {value})"
         return [Caveat(f"error about {error:.0%}", told)]
 
     def _loads(self) -> list[Caveat]:

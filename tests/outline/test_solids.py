@@ -223,6 +223,12 @@ def test_a_loaded_outline_has_no_upper_bound_without_whole_cells() -> None:
     assert answer.summary()["energy_bounds"][1] is None
 
 
+def test_a_rough_answer_names_a_remedy_that_is_not_refused() -> None:
+    answer = kaju.solve(block(4, BALL, sides={"bottom": "rigid"}), resolution=2)
+    (rough,) = [note for note in answer.notes if "ask for less" in note]
+    assert rough.endswith("resolution=4 (kaju solve FILE --resolution 4)")
+
+
 def test_answers_are_stored_and_drawn(tmp_path: Path) -> None:
     answer = kaju.solve(block(6, BALL))
     answer.save(tmp_path / "answer.npz")

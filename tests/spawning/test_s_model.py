@@ -111,6 +111,8 @@ def test_generations_can_be_looked_at_before_the_end(tmp_path):
     assert early.agents == count == early.generations[-1].agents < late.agents
     assert early.strain_energy == energy
     assert len(early.generations) == 3
+    assert repr(late.generations[-1]).startswith(f"Generation(agents={late.agents}, error=")
+    assert len(repr(late.generations)) < 100 * len(late.generations)
     assert late.notes == late.caveats
     assert_same_rows(again.family, early.family)
     points = early.lower + 0.5 * early.size[:, None]

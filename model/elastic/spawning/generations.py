@@ -37,6 +37,10 @@ class Generation(NamedTuple):
     chosen: Flags
     """Who of them spawns children for that load in the next step. Shape (agents,)."""
 
+    def __repr__(self) -> str:
+        """Return its figures, without the arrays, which fill a screen."""
+        return f"Generation(agents={self.agents}, error={self.error:.3g}, energy={self.energy:.6g})"
+
 
 @dataclass
 class Spawning:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import combinations, product
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
@@ -237,8 +238,8 @@ def _imbalance(boxes: Boxes, found: Ragged) -> Floats:
 
 def found_data(boxes: Boxes, found: Ragged, some: Ints | slice = slice(None)) -> Floats:
     """Return the tractions on ragged boxes, and the forces within: data of `crossed.Form`."""
-    box = found.box[some]
-    traction = found.traction[some].reshape(len(box), -1)
+    box, shape = found.box[some], found.traction.shape
+    traction = found.traction[some].reshape(len(box), prod(shape[1:]))
     return np.concatenate([traction, (boxes.body[:, box] * boxes.size[box]).T], axis=1)
 
 

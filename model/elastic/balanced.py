@@ -31,6 +31,7 @@ from kaju.model.scene.kinds import AIR
 
 from .boxes import Boxes
 from .crossed import Form
+from .fields import between_corners
 from .moduli import Moduli
 from .ragged import Ragged, found_data, ragged_tractions, uneven_modes
 from .staggered import Pair
@@ -75,9 +76,7 @@ class Polynomials:
             x = inside[:, axis]
             normal.append(low[box] + (first + second * x) * x)
         for (a, b), t in sorted(self.shear.items()):
-            x, y = inside[:, a], inside[:, b]
-            (p, q), (r, s) = t[..., box]
-            shear.append((1 - x) * ((1 - y) * p + y * q) + x * ((1 - y) * r + y * s))
+            shear.append(between_corners(t[..., box], inside[:, a], inside[:, b]))
         return np.stack(normal), np.stack(shear)
 
     def high(self, axis: int) -> Floats:
@@ -118,15 +117,19 @@ class BalancedStress:
     def __init__(self, boxes: Boxes) -> None:
         self.boxes = boxes
         self.plain = polynomials(boxes.sigma, boxes.shear, boxes.body * boxes.size)
-        normal = np.stack(
-            [
-                self.plain.high(side // 2) if side % 2 else self.plain.low[side // 2]
-                for side in range(2 * boxes.dimension)
-            ]
-        )
+        plain = self.plain
+        normal = np.stack([n for a, low in enumerate(plain.low) for n in (low, plain.high(a))])
         scale = boxes.largest
-        self._pressed = _pressed(boxes)
-        self._springs = _springs(boxes) + self._pressed
+        # The normal stress that balances on sides: of the loads, but for what the iteration has
+        # left; and with that of the springs of beds.
+        self._pressed = np.zeros(normal.shape) if boxes.rest is None else boxes.rest.copy()
+        box, side, force = boxes.loads
+        across = force[np.arange(len(side)), side // 2] / boxes.size[box] ** (boxes.dimension - 1)
+        np.add.at(self._pressed, (side, box), (2.0 * (side % 2) - 1.0) * across)
+        self._springs = self._pressed.copy()
+        for bed in boxes.beds:
+            pull = (1.0 - 2.0 * (bed.side % 2)) * bed.stiffness * boxes.moved[bed.side, bed.box]
+            self._springs[bed.side, bed.box] += pull
         gap = np.where(boxes.uneven, 0.0, self._gaps(normal))
         gap = gap / scale if scale > 0.0 else gap
         odd = gap > WRONG
@@ -197,12 +200,10 @@ class BalancedStress:
     @cached_property
     def energies(self) -> Floats:
         """The complementary energy of every box, scaled."""
-        energy = self.plain.energy(self.boxes.law) * self.boxes.size**self.boxes.dimension
+        energy = self.plain.energy(self.boxes.law)
         for box, form in self._forms:
-            energy[box] = (
-                form.energy(self._data(box)) * self.boxes.size[box] ** self.boxes.dimension
-            )
-        return energy
+            energy[box] = form.energy(self._data(box))
+        return np.asarray(energy * self.boxes.size**self.boxes.dimension)
 
     def means(self) -> Floats:
         """Return the mean stress tensors of the boxes, shape (boxes, d, d)."""
@@ -245,23 +246,3 @@ def polynomials(sigma: Floats, shear: dict[Pair, Floats], body: Floats) -> Polyn
     for (axis, _), difference in rise.items():
         low[axis] += 0.5 * difference[0]
     return Polynomials(low, rise, shear, body)
-
-
-def _springs(boxes: Boxes) -> Floats:
-    """Return the normal stress of the springs of beds on sides, shape (2·dimension, boxes)."""
-    found = np.zeros(boxes.beside.shape)
-    for side, box, stiffness in boxes.beds:
-        found[side, box] = (1.0 - 2.0 * (side % 2)) * stiffness * boxes.moved[side, box]
-    return found
-
-
-def _pressed(boxes: Boxes) -> Floats:
-    """Return the normal stress that balances on sides, shape (2·dimension, boxes)."""
-    # That of the loads, but for what the iteration has left.
-    pressed = np.zeros(boxes.beside.shape) if boxes.rest is None else boxes.rest.copy()
-    box, side, force = boxes.loads
-    outward = 2.0 * (side % 2) - 1.0
-    normal = force[np.arange(len(side)), side // 2]
-    area = boxes.size[box] ** (boxes.dimension - 1)
-    np.add.at(pressed, (side, box), outward * normal / area)
-    return pressed

@@ -27,22 +27,19 @@ from . import fields
 from .balanced import BALANCED, BalancedStress
 from .boxes import Boxes, corner_ends
 from .compatible import CompatibleField
-from .moduli import Moduli
+from .moduli import Moduli, moduli_at
 from .volume_field import LOCKING, VolumeField
 
 SETTLED = 0.015
 """Share of the estimated error that the iteration may leave, and that is added to the bound."""
 MOST_PROVED = {2: 1_000_000, 3: 100_000}
 """Of more boxes bounds are worked out only when they are asked for."""
-CROSSED = 1e-6
-"""Share by which rounding may cross the bounds of an exact answer."""
+CROSSED = 1e-6  # Share by which rounding may cross the bounds of an exact answer
 EATEN = "rounding has eaten the bounds: the lower one lies above the upper"
 MORE = 8
 """So many times more boxes than the estimate asks for may be spent on a proof."""
-FEW = {2: 20_000, 3: 4_000}
-"""So many boxes may be spent in any case: a second or two."""
-PROVED_AT = {2: 0.65, 3: 0.9}
-"""Of the estimate: what bounds mostly say, until they have been asked."""
+FEW = {2: 20_000, 3: 4_000}  # So many boxes may be spent in any case: a second or two
+PROVED_AT = {2: 0.65, 3: 0.9}  # Of the estimate: what bounds mostly say, until they have been asked
 
 
 def worth_proving(boxes: int, estimated: float, dimension: int) -> bool:
@@ -100,12 +97,15 @@ def _between(stress: BalancedStress, plain: CompatibleField) -> Bracket | str:
     rest = boxes.unsettled * sqrt(2.0 * complementary) + boxes.data_error
     moved = any(held.value.any() for held in boxes.held)
     fields: list[CompatibleField | VolumeField] = [plain]
-    if _locks(boxes):
-        fields.append(VolumeField(plain))
+    stiff = boxes.law.lateral > LOCKING * boxes.law.stretch
+    unbedded = not boxes.beds and not len(boxes.uneven_loads.box)
+    if boxes.dimension == 2 and unbedded and stiff.any():
+        fields.append(VolumeField(plain))  # so nearly incompressible that sides have to bend
     for v in fields:
         v.settle(complementary - wall_work)
-        if not moved:
-            v.stretch(_best_share(v))
+        whole = 2.0 * v.whole_energy()
+        if not moved and whole > 0.0:
+            v.stretch(v.work() / whole)  # to the least potential energy
     v = max(fields, key=lambda v: v.work() - v.whole_energy())
     work, whole = v.work(), v.whole_energy()
     balanced = work - v.work_of_rest()
@@ -146,7 +146,7 @@ class MiddleStress:
     def at(self, box: Ints, inside: Floats) -> Floats:
         """Return the stress tensors, shape (n, d, d), at places from 0 to 1 in n boxes."""
         strain = self.field.strain_at(box, inside)
-        law = Moduli(*(modulus[box] for modulus in self.balanced.boxes.law))
+        law = moduli_at(self.balanced.boxes.law, box)
         return 0.5 * (self.balanced.at(box, inside) + stress_of(law, strain))
 
     @cached_property
@@ -182,9 +182,8 @@ class MiddleStress:
             product += _work_on_beds(self.balanced, v)
         whole = 0.5 * (float(self.balanced.energies.sum() + v.energies().sum()) + product)
         balanced, strain = self._means
-        square = np.einsum(
-            "nab,nab->n", self.means, 0.5 * (strain + strain_of(boxes.law, balanced))
-        )
+        strain = 0.5 * (strain + fields.strain_of(balanced, boxes.law, slice(None)))
+        square = np.einsum("nab,nab->n", self.means, strain)
         return sqrt(max(whole - float(self._volume @ square), 0.0))
 
 
@@ -204,19 +203,6 @@ def _work_on_beds(stress: BalancedStress, field: CompatibleField) -> float:
                 work = float(np.vdot(borne * moved, boxes.size[box] ** (d - 1)))
                 total += (2.0 * upper - 1.0) * work / 4.0 ** (d - 1)
     return total
-
-
-def _locks(boxes: Boxes) -> bool:
-    """Tell whether bodies are so nearly incompressible that sides have to bend."""
-    stiff = boxes.law.lateral > LOCKING * boxes.law.stretch
-    plain = not boxes.beds and not len(boxes.uneven_loads.box)
-    return boxes.dimension == 2 and plain and bool(stiff.any())
-
-
-def _best_share(field: CompatibleField | VolumeField) -> float:
-    """Return by what to multiply a field so that its potential energy is least."""
-    whole = 2.0 * field.whole_energy()
-    return field.work() / whole if whole > 0.0 else 1.0
 
 
 def _at_supports(stress: BalancedStress) -> tuple[float, float]:
@@ -252,8 +238,3 @@ def stress_of(law: Moduli, strain: Floats) -> Floats:
     for axis in range(strain.shape[1]):
         found[:, axis, axis] = (law.stretch - law.lateral) * strain[:, axis, axis] + volume
     return np.asarray(found)
-
-
-def strain_of(law: Moduli, stress: Floats) -> Floats:
-    """Return strain tensors by stress tensors, shape (n, d, d)."""
-    return fields.strain_of(stress, law, np.arange(len(stress)))

@@ -22,6 +22,7 @@ from kaju.model.scene.lattice import Cells
 from kaju.model.scene.purity import relation
 from kaju.model.scene.shapes import Box, Shape
 
+from .boxes import corner_ends
 from .cell_loads import portions_of_cells
 from .corners import sharp_corners, singular_at
 from .spawning.quantities import DISPLACEMENT, Stress, ToleranceAt, quantities_of
@@ -33,19 +34,15 @@ if TYPE_CHECKING:
 
     from .elastic_result import ElasticResult
 
-ROUGH = 0.1
-"""From this estimated error on an answer says what to do about it."""
+ROUGH = 0.1  # From this estimated error on an answer says what to do about it
 STEPPED = 0.2
 """What steps change of the energy, as a share of the energy within a cell of them. Of rings, holes
 and Cook's membrane the truth was 0.4 to 1.9 times this (tests/elasticity/test_caveats.py)."""
-SAMPLES = {2: 4, 3: 2}
-"""Points along the edge of a cell by which an outline is found in it."""
+SAMPLES = {2: 4, 3: 2}  # Points along the edge of a cell by which an outline is found in it
 LEFT_OUT = 1e-3
 """Share of the energy norm from which on it is told what agents do not take of loads."""
-STEPS_OF_COUPLE = 0.01
-"""Share of a couple's moment from which on it is told that it acts by steps."""
-ON_EDGE = 1e-6
-"""Of a cell: what is nearer to an edge lies on it."""
+STEPS_OF_COUPLE = 0.01  # Share of a couple's moment from which on it is told that it acts by steps
+ON_EDGE = 1e-6  # Of a cell: what is nearer to an edge lies on it
 
 
 class Caveat(NamedTuple):
@@ -204,7 +201,7 @@ class Caveats:
         if len(corners) and len(steps):  # those of steps have a note of their own
             lattice = grid.lattice
             corner = np.rint(corners / lattice.cell_size).astype(np.int64)
-            around = corner[:, None] - np.array(list(product((0, 1), repeat=lattice.dimension)))
+            around = corner[:, None] - corner_ends(lattice.dimension)
             inside = np.all((around >= 0) & (around < np.asarray(lattice.shape)), axis=2)
             keys = lattice.key(
                 np.where(inside[..., None], around, 0).reshape(-1, lattice.dimension)
@@ -227,7 +224,7 @@ class Caveats:
 def load_error(result: ElasticResult) -> float:
     """Return what agents do not take of the loads, relative, in the energy norm, at most."""
     found, applied = result.found, result.grid.applied(result.stage)
-    if applied.uneven is None or not len(applied.uneven.row) or not found.energy > 0.0:
+    if applied.uneven is None or not len(applied.uneven.row) or not found.solution.energy > 0.0:
         return 0.0
     if found.storage == "tree":
         ground = found.tree.ground
@@ -239,7 +236,7 @@ def load_error(result: ElasticResult) -> float:
         uneven = applied.uneven.row
         kind[uneven] = found.moduli_of_cells(applied.cells[uneven])
     least = softest(*found.moduli, result.grid.lattice.dimension)[kind]
-    return data_error(portions, size, least) / sqrt(2.0 * found.energy)
+    return data_error(portions, size, least) / sqrt(2.0 * found.solution.energy)
 
 
 def _off_place(load: LoadTable, chosen: Selection, grid: Scene) -> str:
@@ -292,7 +289,7 @@ def _crossed(shape: Shape, scene: Scene) -> Cells:
     lattice = scene.lattice
     h, d, extent = lattice.cell_size, lattice.dimension, np.asarray(lattice.shape)
     exponent = int(extent.max()).bit_length()
-    cells, ends = np.zeros((1, d), dtype=np.int64), np.array(list(product((0, 1), repeat=d)))
+    cells, ends = np.zeros((1, d), dtype=np.int64), corner_ends(d)
     while exponent:
         exponent -= 1
         cells = (cells[:, None] + (ends << exponent)).reshape(-1, d)

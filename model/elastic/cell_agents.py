@@ -55,32 +55,6 @@ class CellAgents:
         """Of every material."""
         return self.problem.moduli
 
-    @property
-    def energy(self) -> float:
-        """Energy stored in body and foundation."""
-        return self.solution.energy
-
-    @property
-    def error(self) -> float:
-        """Estimated error in the energy norm, relative."""
-        # The difference to the answer of cells twice as large, with what the iteration left.
-        return self.solution.error_estimate
-
-    @property
-    def residuals(self) -> tuple[float, ...]:
-        """Relative residual before every iteration."""
-        return tuple(self.solution.residuals)
-
-    @property
-    def method(self) -> str:
-        """How the equations were solved."""
-        return self.solution.method
-
-    @property
-    def notes(self) -> list[str]:
-        """What the solver decided by itself."""
-        return self.solution.notes
-
     def history(self) -> dict[str, Any]:
         """Return how the agents came to be: all at once."""
         return {"generations": 1}
@@ -157,7 +131,7 @@ class CellAgents:
         return tuple(
             np.where(state == ABSENT, np.nan, values)[self.problem.inner]
             for values, state in zip(
-                self.solution.displacement, self.problem.face_states(), strict=True
+                self.solution.displacement, self.problem.face_states, strict=True
             )
         )
 

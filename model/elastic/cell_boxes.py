@@ -30,10 +30,8 @@ from .moduli import Moduli
 from .problem import ElasticProblem, FaceFields
 from .staggered import axis_pairs, force_of, strains, stresses
 
-PAD = 1
-"""Cells around the rim; one more after it."""
-KINDS = 5
-"""Kinds of cells that are no material: they count from the end of a table."""
+PAD = 1  # Cells around the rim; one more after it
+KINDS = 5  # Kinds of cells that are no material: they count from the end of a table
 
 
 def boxes_of_cells(

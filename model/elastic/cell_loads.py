@@ -84,24 +84,13 @@ def _drag(problem: ElasticProblem, axis: int, side: int, cells: Ints, value: Flo
         _add(problem.force[axis], cells, axis, end, own * value)
         _add(problem.force[axis], beyond, axis, end, (0.5 - own) * value)
     outward = 2.0 * upper - 1.0
-    _record_shear(problem, axis, normal, upper, cells[free], outward * value[free])
-    _couple(problem, axis, normal, upper, cells[free], 0.5 * outward * value[free])
-
-
-def _record_shear(
-    problem: ElasticProblem,
-    axis: int,
-    normal: int,
-    upper: int,
-    cells: Ints,
-    stress: Floats,
-) -> None:
-    """Remember the shear stress on the edges at both ends of the loaded faces."""
+    # The shear stress on the edges at both ends of the loaded faces.
     pair = (min(axis, normal), max(axis, normal))
     shape = tuple(n + (a in pair) for a, n in enumerate(problem.kinds.shape))
-    field = problem.surface_shear.setdefault(pair, np.zeros(shape))
+    shear = problem.surface_shear.setdefault(pair, np.zeros(shape))
     for end in (0, 1):
-        _add(field, moved(cells, normal, upper), axis, end, 0.5 * stress)
+        _add(shear, moved(cells[free], normal, upper), axis, end, 0.5 * outward * value[free])
+    _couple(problem, axis, normal, upper, cells[free], 0.5 * outward * value[free])
 
 
 def _couple(
@@ -118,7 +107,7 @@ def _couple(
     # sides, the wall's own value at a wall, and that of the cell where the surface ends. A uniform
     # shear then leaves every corner in balance; what of the moment is lost at an end is made up for
     # inside.
-    state = problem.face_states()[normal]
+    state = problem.face_states[normal]
     surface = moved(cells, normal, upper)
     field = problem.force[normal]
     lost = np.zeros_like(moment)
@@ -152,7 +141,7 @@ def _edge_below(cells: Ints, axis: int, normal: int, upper: int, step: int) -> I
 def _along(problem: ElasticProblem, component: int, across: int, edge: Ints, least: int) -> Flags:
     """Tell whether both faces of one component at edges are FIXED or ACTIVE at least."""
     before = moved(edge, across, -1)
-    state = problem.face_states()[component]
+    state = problem.face_states[component]
     return np.asarray((state[tuple(before.T)] >= least) & (state[tuple(edge.T)] >= least))
 
 

@@ -20,10 +20,8 @@ from kaju.model.scene.kinds import RIGID, ROLLER
 from . import kernels_bilinear as kernels
 from .boxes import Boxes, corner_ends
 from .krylov import dot
-from .tractions import Portions
 
-STEPS, MOST_STEPS = 4, 60
-"""Of conjugate gradients, at least and at most."""
+STEPS, MOST_STEPS = 4, 60  # Of conjugate gradients, at least and at most
 WORTHWHILE = 0.1
 """So much of the gap between the energies the last few steps must have closed for more."""
 
@@ -41,12 +39,15 @@ def sink(
     while before > 0.0 and len(gains) < MOST_STEPS:
         pull = force(way)
         step = before / float(dot(way.ravel(), pull.ravel()))
-        now = kernels.sink(v, left, way, pull, weight, step)
+        v += step * way
+        left -= step * pull
+        now = float(np.einsum("ia,ia,ia->", weight, left, left))
         gains.append(0.5 * step * before)
         gap -= gains[-1]
         if len(gains) >= STEPS and sum(gains[-STEPS:]) < WORTHWHILE * gap:
             return
-        kernels.turn(way, left, weight, now / before)
+        way *= now / before
+        way += weight * left
         before = now
 
 
@@ -107,22 +108,18 @@ class CompatibleField:
             node = boxes.side_nodes(box, side)
             share = np.broadcast_to(force / len(node) ** 2, (*node.shape, d))
             load += self._gathered(node, share)
-            uneven = boxes.uneven_loads
-            load += self._uneven_forces(uneven.some(uneven.side == side), side)
+            # What loads add that lie unevenly on the side: linear tractions.
+            uneven = boxes.uneven_loads.some(boxes.uneven_loads.side == side)
+            node, parts = boxes.side_nodes(uneven.box, side), mesh.parts[:, uneven.box]
+            cut, axes = parts[0] != parts[1], [a for a in range(d) if a != side // 2]
+            ends = 2.0 * corner_ends(d - 1) - 1.0
+            along = np.einsum("nik,ek->eni", uneven.moment[:, :, axes], ends)
+            along = along / (boxes.size[uneven.box, None] * len(node) ** 2)
+            # On a whole side by its corners; on parts by where these lie, and by their corners.
+            share = np.where(cut[:, None], 3.0 * along[None] + along[:, None], 2.0 * along[:, None])
+            load += self._gathered(node, share)
         self._lead(load)
         return load
-
-    def _uneven_forces(self, loads: Portions, side: int) -> Floats:
-        """Return at the nodes what loads add that lie unevenly on a side: linear tractions."""
-        boxes, d = self.boxes, self.boxes.dimension
-        node, parts = boxes.side_nodes(loads.box, side), self.mesh.parts[:, loads.box]
-        cut, across = parts[0] != parts[1], [a for a in range(d) if a != side // 2]
-        ends = 2.0 * corner_ends(d - 1) - 1.0
-        along = np.einsum("nik,ek->eni", loads.moment[:, :, across], ends)
-        along = along / (boxes.size[loads.box, None] * len(node) ** 2)
-        # On a whole side by its corners; on parts by where these lie, and by their corners.
-        share = np.where(cut[:, None], 3.0 * along[None] + along[:, None], 2.0 * along[:, None])
-        return self._gathered(node, share)
 
     def middles(self, box: Ints, side: int) -> Ints:
         """Return the nodes in the middle of a plane box's side where smaller ones hang, else -1."""
@@ -157,7 +154,10 @@ class CompatibleField:
             axis = bed.side // 2
             node = self.boxes.side_nodes(bed.box, bed.side)
             pull = v[node, axis] * self._bed_stiffness(bed.box, bed.stiffness)
-            pull = np.tensordot(_bed_matrix(d), pull, 1)
+            # What an even bed does to the corners of a side, by their displacements.
+            ends = corner_ends(d - 1)
+            shared = 2.0 ** -np.abs(ends[:, None] - ends).sum(axis=2) / 3.0 ** (d - 1)
+            pull = np.tensordot(shared, pull, 1)
             out[:, axis] += np.bincount(node.ravel(), pull.ravel(), len(out))
         self._lead(out)
         return out
@@ -194,7 +194,8 @@ class CompatibleField:
         one = [form[0, 0] for form in kernels.element_stiffness(d)]
         own = sum(share * modulus for share, modulus in zip(one, self._moduli, strict=True))
         column = np.zeros(len(self.mesh.start))
-        kernels.spread(self.mesh.element, own, column)
+        for node in self.mesh.element:
+            column += np.bincount(node, own, len(column))
         out = np.repeat(column[:, None], d, axis=1)
         for bed in self.boxes.beds:
             node = self.boxes.side_nodes(bed.box, bed.side)
@@ -218,11 +219,17 @@ class CompatibleField:
 
     def work_of_rest(self) -> float:
         """Return the work of what an iteration has left of the loads."""
-        boxes = self.boxes
+        boxes, total = self.boxes, 0.0
         if boxes.rest is None:
-            return 0.0
-        area = boxes.size ** (boxes.dimension - 1)
-        return -float(kernels.work_on_sides(self.mesh.corner, boxes.rest, area, self.displacement))
+            return total
+        for side, rest in enumerate(boxes.rest):
+            axis, upper = divmod(side, 2)
+            if rest.any():
+                own = self.displacement[:, axis].copy()
+                on = self.mesh.corner[self._ends[:, axis] == upper]
+                force = rest * boxes.size ** (boxes.dimension - 1)
+                total += (1 - 2 * upper) * float(np.sum(force * sum(own[node] for node in on)))
+        return total / (len(self._ends) // 2)
 
     def whole_energy(self) -> float:
         """Return the energy in body and bed, once settled."""
@@ -266,10 +273,3 @@ class CompatibleField:
                 slope = share * ((2.0 * self._ends[:, b] - 1.0) @ at_corners)
                 mean[:, a, b] = np.bincount(mesh.owner, slope, len(mean))
         return np.asarray(0.5 * (mean + mean.transpose(0, 2, 1)))
-
-
-def _bed_matrix(dimension: int) -> Floats:
-    """Return the forces at the corners of a side on an even bed by their displacements."""
-    ends = corner_ends(dimension - 1)
-    apart = np.abs(ends[:, None] - ends).sum(axis=2)
-    return np.asarray(2.0**-apart / 3.0 ** (dimension - 1))

@@ -204,7 +204,7 @@ def _conditions(d: int) -> tuple[Floats, Floats]:
         for facet in combinations(sorted(points), d):
             facets.setdefault(facet, []).append(number)
     for facet, owners in facets.items():
-        normal = _normal(np.array(facet))
+        normal = np.linalg.svd(np.diff(np.array(facet), axis=0))[2][-1]
         for point, i in product(facet, range(d)):
             row, known = np.zeros(unknowns), np.zeros(given)
             for sign, number in zip((1.0, -1.0), owners, strict=False):
@@ -218,11 +218,6 @@ def _conditions(d: int) -> tuple[Floats, Floats]:
             rows.append(row)
             data.append(known)
     return np.array(rows), np.array(data)
-
-
-def _normal(points: Floats) -> Floats:
-    """Return the normal of d points in d dimensions, of unit length."""
-    return np.asarray(np.linalg.svd(np.diff(points, axis=0))[2][-1])
 
 
 def _simplices(d: int) -> list[list[Point]]:

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from kaju.errors import MissingExtraError
 from kaju.model.results.mesh import corner_order, write_vtk
 
+from .spawning.quantities import AXES
 from .staggered import axis_pairs
 
 if TYPE_CHECKING:
     import xarray
 
     from .elastic_result import ElasticResult
-
-AXES = "xyz"
 
 
 def columns(result: ElasticResult) -> dict[str, NDArray[Any]]:

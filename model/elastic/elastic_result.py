@@ -195,7 +195,7 @@ class ElasticResult(BodyResult):
         The operator's own, in the middles of the agents. Nothing is proved of it; see
         `balanced_stress_at`.
         """
-        return np.asarray(self._stress_unit * self.found.stress)
+        return np.asarray(self.found.scales.stress * self.found.stress)
 
     @cached_property
     def strain(self) -> Floats:
@@ -225,10 +225,10 @@ class ElasticResult(BodyResult):
         The energy of `stress`; the middle of `energy_bounds` where a tolerance is proved, or where
         the bounds contradict the estimated error.
         """
-        found, own = self._promised_bracket, self.found.energy
+        found, own = self._promised_bracket, self.found.solution.energy
         if found is not None and (found.error <= (self.tolerance or 0.0) or self._contradicted):
             own = 0.5 * (found.lower + found.upper)
-        return own * self._energy_unit
+        return own * self.found.scales.energy
 
     @property
     def energy(self) -> Floats:
@@ -243,7 +243,7 @@ class ElasticResult(BodyResult):
         ResultError
             If the agents spawned: those of many sizes share their edges.
         """
-        return np.asarray(self._energy_unit * self.found.energies)
+        return np.asarray(self.found.scales.energy * self.found.energies)
 
     @property
     def error_estimate(self) -> float:
@@ -254,7 +254,7 @@ class ElasticResult(BodyResult):
         tolerance was asked for and bounds contradict the estimate, it is `error_bound`: they do
         where they are above twice of it, or the energy of `stress` lies further outside of them.
         """
-        found, own = self._promised_bracket, self.found.error
+        found, own = self._promised_bracket, self.found.solution.error
         return max(own, found.error) if found is not None and self._contradicted else own
 
     @property
@@ -266,7 +266,11 @@ class ElasticResult(BodyResult):
     @property
     def _contradicted(self) -> bool:
         """Whether the bounds that are to meet the tolerance say that the estimate is blind."""
-        found, own, energy = self._promised_bracket, self.found.error, self.found.energy
+        found, own, energy = (
+            self._promised_bracket,
+            self.found.solution.error,
+            self.found.solution.energy,
+        )
         if found is None:
             return False
         outside = max(energy - found.upper, found.lower - energy)
@@ -283,7 +287,7 @@ class ElasticResult(BodyResult):
         found = self.found.bracket
         if isinstance(found, str):
             return self.found.energy_bounds
-        unit, energy = self._energy_unit, self.strain_energy
+        unit, energy = self.found.scales.energy, self.strain_energy
         return min(found.lower * unit, energy), max(found.upper * unit, energy)
 
     @property
@@ -375,7 +379,8 @@ class ElasticResult(BodyResult):
         (1, 2, 2)
         """
         middle = self._certain("balanced_stress_at").middle
-        return np.asarray(self._stress_unit * middle.at(*self.found.placed(*self._located(points))))
+        stress = middle.at(*self.found.placed(*self._located(points)))
+        return np.asarray(self.found.scales.stress * stress)
 
     @property
     def mean_stress(self) -> Floats:
@@ -389,7 +394,7 @@ class ElasticResult(BodyResult):
         ResultError
             If there are no bounds.
         """
-        return np.asarray(self._stress_unit * self._certain("mean_stress").middle.means)
+        return np.asarray(self.found.scales.stress * self._certain("mean_stress").middle.means)
 
     @property
     def mean_stress_error_bound(self) -> float | None:
@@ -468,9 +473,8 @@ class ElasticResult(BodyResult):
     def generations(self) -> tuple[Generation, ...]:
         """Every step of spawning: its agents, estimated error, strain energy (J), load left (N)."""
         scales = self.found.tree.scales
-        unit = scales.force * scales.displacement
         return tuple(
-            g._replace(energy=g.energy * unit, load=g.load * scales.force)
+            g._replace(energy=g.energy * scales.energy, load=g.load * scales.force)
             for g in self._spawning.generations
         )
 
@@ -484,7 +488,7 @@ class ElasticResult(BodyResult):
     @property
     def residuals(self) -> tuple[float, ...]:
         """Relative residual before every iteration, of the last generation."""
-        return self.found.residuals
+        return tuple(self.found.solution.residuals)
 
     @property
     def iterations(self) -> int:
@@ -494,7 +498,7 @@ class ElasticResult(BodyResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What the solver decided by itself, and what is to be known of the answer."""
-        return tuple(dict.fromkeys((*self.found.notes, *self._unproved, *self.caveats)))
+        return tuple(dict.fromkeys((*self.found.solution.notes, *self._unproved, *self.caveats)))
 
     @cached_property
     def caveats(self) -> tuple[str, ...]:
@@ -540,13 +544,13 @@ class ElasticResult(BodyResult):
             return [told for goal in self.goals if (told := goal.doubt(self.tolerance))]
         if not self._promised:
             return []
-        bound = self.error_bound
+        bound, estimate = self.error_bound, self.found.solution.error
         if bound is None:
             return [f"the error is an estimate, without a proof: {self.no_bound}"]
-        if bound <= self.tolerance or self.found.error > self.tolerance:
+        if bound <= self.tolerance or estimate > self.tolerance:
             return []
         return [
-            f"the error is estimated as {self.found.error:.2g}, and proved to be below "
+            f"the error is estimated as {estimate:.2g}, and proved to be below "
             f"{bound:.2g} only, above the tolerance of {self.tolerance:g}"
         ]
 
@@ -611,12 +615,12 @@ class ElasticResult(BodyResult):
         `stress` of the agents, running from each to the next. Nothing is proved of it; see
         `balanced_stress_at`.
         """
-        return self._stress_unit * self.found.stress_at(*self._located(points))
+        return self.found.scales.stress * self.found.stress_at(*self._located(points))
 
     def strain_at(self, points: Floats) -> Floats:
         """Return strain tensors at points (m), shape (n, dimension, dimension)."""
         place = self._located(points)
-        stress = self._stress_unit * self.found.stress_at(*place)
+        stress = self.found.scales.stress * self.found.stress_at(*place)
         return self._strain_of(stress, self.found.material_at(*place))
 
     def _carrying(self, axis: int) -> Carrying:
@@ -648,7 +652,7 @@ class ElasticResult(BodyResult):
             if goal.quantity == asked:
                 return goal.value
         refuse_singular(self.scene, asked, self.stage, "value_of")
-        value = functional_of(asked, tree.ground).of(tree.fields).value
+        value = functional_of(asked, tree.ground).of(tree.spawning.fields).value
         return plain(unit_of(asked, tree.scales) * value)
 
     def cells(self, resolution: int | None = None) -> EqualArrays:
@@ -699,7 +703,7 @@ class ElasticResult(BodyResult):
             "largest_stress_at_m": list(self.largest_stress.at),
             "largest_stress_has_no_limit": self.largest_stress.no_limit or None,
             "reaction": {name: force.tolist() for name, force in self.reactions.items()},
-            "method": self.found.method,
+            "method": self.found.solution.method,
             "iterations": self.iterations,
             "residual": self.residuals[-1] if self.residuals else 0.0,
             "subdivision": self.subdivision,
@@ -759,15 +763,6 @@ class ElasticResult(BodyResult):
         from .elastic_export import write_mesh
 
         return write_mesh(self, path)
-
-    @property
-    def _stress_unit(self) -> float:
-        scales = self.found.scales
-        return scales.modulus * scales.displacement / scales.length
-
-    @property
-    def _energy_unit(self) -> float:
-        return self.found.scales.force * self.found.scales.displacement
 
     @property
     def _spawning(self) -> Spawning:

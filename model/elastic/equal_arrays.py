@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from .elastic_result import ElasticResult
 
 
-MOST_CELLS = 40_000_000
-"""More cells than this are not laid out as arrays."""
+MOST_CELLS = 40_000_000  # More cells than this are not laid out as arrays
 
 
 class EqualArrays:
@@ -129,7 +128,7 @@ class EqualArrays:
     def edge_shear(self) -> dict[Pair, Floats]:
         """Shear stress (Pa) at the corners (edges) of the cells, per pair of axes."""
         if self._agents is not None:
-            unit = self._result._stress_unit
+            unit = self._result.found.scales.stress
             return {pair: unit * shear for pair, shear in self._agents.parts.edges.items()}
         fields = {}
         for pair in axis_pairs(self.dimension):

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.scene.kinds import RIGID
 
-from .moduli import Moduli
+from .moduli import Moduli, moduli_at
 from .problem import ABSENT, ACTIVE, ElasticProblem, FaceFields
-from .staggered import Pair, Strains, axis_pairs, cell_modulus, ends, strains, stresses
+from .staggered import Strains, axis_pairs, cell_modulus, ends, strains, stresses
 
 SURFACE_SHARE = 0.5
 """Weight of the surface's own slope against that of the line through the faces below."""
@@ -44,11 +44,23 @@ def _edge_values(
     # The shear γ there is known (that of the load, or none), so the slope is γ − ∂u_n/∂s; the line
     # through the last two faces gives a second one, a cell deeper. Between them lies what is
     # wanted.
-    states = problem.face_states()
+    states = problem.face_states
     field = np.where(states[axis] == ABSENT, np.nan, u[axis])
-    values, wall = _between(field, across, _walls(problem, axis))
+    # Ghosts inside rigid ground, or at its edge, are the wall's own.
+    width = [(1, 1) if a == axis else (0, 0) for a in range(problem.dimension)]
+    below, above = ends(np.pad(problem.kinds, width, mode="edge"), axis)
+    walls = ((below == RIGID) | (above == RIGID)) & (below < 0) & (above < 0)
+    values, wall = _between(field, across, walls)
     before, after = _sides(np.where(states[across] == ABSENT, np.nan, u[across]), axis)
-    slope = _surface_shear_strain(problem, axis, across) - (after - before)
+    slope = before - after
+    pair = (min(axis, across), max(axis, across))
+    if pair in problem.surface_shear:
+        shear = cell_modulus(problem, problem.moduli.shear)
+        around = np.where(shear > 0, shear, np.nan)
+        for a in pair:
+            around = np.fmax(*_sides(around, a))
+        given = problem.surface_shear[pair] / around
+        slope = np.where(np.isnan(around), 0.0, given) + slope
     low, high = _sides(field, across)
     surface = np.where(np.isnan(high), low + 0.5 * slope, high - 0.5 * slope)
     free = _sides(np.where(states[axis] == ACTIVE, 1.0, np.nan), across)
@@ -62,27 +74,6 @@ def _sides(field: Floats, axis: int) -> tuple[Floats, Floats]:
     """Return the neighbours below and above every place between faces; NaN beyond the ends."""
     width = [(1, 1) if a == axis else (0, 0) for a in range(field.ndim)]
     return ends(np.pad(field, width, constant_values=np.nan), axis)
-
-
-def _surface_shear_strain(problem: ElasticProblem, axis: int, across: int) -> Floats | float:
-    """Return γ from loads along the surface, on the edges between two axes."""
-    pair = (min(axis, across), max(axis, across))
-    if pair not in problem.surface_shear:
-        return 0.0
-    shear = cell_modulus(problem, problem.moduli.shear)
-    around = np.where(shear > 0, shear, np.nan)
-    for a in pair:
-        low, high = _sides(around, a)
-        around = np.fmax(low, high)
-    return np.where(np.isnan(around), 0.0, problem.surface_shear[pair] / around)
-
-
-def _walls(problem: ElasticProblem, axis: int) -> Flags:
-    """Tell which faces are ghosts inside rigid ground or at its edge."""
-    width = [(1, 1) if a == axis else (0, 0) for a in range(problem.dimension)]
-    low, high = ends(np.pad(problem.kinds, width, mode="edge"), axis)
-    rigid = (low == RIGID) | (high == RIGID)
-    return np.asarray(rigid & (low < 0) & (high < 0), dtype=np.bool_)
 
 
 def _between(field: Floats, axis: int, wall: Flags) -> tuple[Floats, Flags]:
@@ -135,12 +126,10 @@ def _mean_along(values: Floats, axis: int) -> Floats:
     return np.asarray(0.5 * (low + high))
 
 
-def strain_of(stress: Floats, moduli: Moduli, kinds: Ints) -> Floats:
+def strain_of(stress: Floats, moduli: Moduli, kinds: Ints | slice) -> Floats:
     """Return the strain tensors that belong to stress tensors (scaled) in materials."""
     d = stress.shape[-1]
-    shear, lateral, stretch = (
-        np.asarray(getattr(moduli, name))[kinds] for name in ("shear", "lateral", "stretch")
-    )
+    stretch, lateral, shear = moduli_at(moduli, kinds)
     trace = np.trace(stress, axis1=-2, axis2=-1)
     # In d dimensions the trace of σ is (C₁₁ + (d−1)C₁₂) times the trace of ε.
     volume = trace / (stretch + (d - 1) * lateral)
@@ -179,17 +168,16 @@ def stress_at(parts: Strains, kinds: NDArray[np.int32], cells: Ints, local: Floa
     for axis in range(d):
         tensor[:, axis, axis] = _along_slopes(parts.cells[axis], kinds, cells, local)
     for (a, b), tau in parts.edges.items():
-        tensor[:, a, b] = tensor[:, b, a] = _between_edges(tau, (a, b), cells, local)
+        corners = np.array([[moved(moved(cells, a, i), b, j) for j in (0, 1)] for i in (0, 1)])
+        around = tau[tuple(np.moveaxis(corners, -1, 0))]
+        tensor[:, a, b] = tensor[:, b, a] = between_corners(around, local[:, a], local[:, b])
     return tensor
 
 
-def _between_edges(tau: Floats, pair: Pair, cells: Ints, local: Floats) -> Floats:
-    total: Floats = np.zeros(len(cells))
-    for first, second in product((0, 1), repeat=2):
-        at = moved(moved(cells, pair[0], first), pair[1], second)
-        a, b = local[:, pair[0]], local[:, pair[1]]
-        total += np.where(first, a, 1 - a) * np.where(second, b, 1 - b) * tau[tuple(at.T)]
-    return total
+def between_corners(values: Floats, first: Floats, second: Floats) -> Floats:
+    """Return what is linear along two axes between four corners, shape (2, 2, n), at places."""
+    low, high = (1.0 - second) * values[:, 0] + second * values[:, 1]
+    return np.asarray((1.0 - first) * low + first * high)
 
 
 def _along_slopes(stress: Floats, kinds: NDArray[np.int32], cells: Ints, local: Floats) -> Floats:

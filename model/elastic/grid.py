@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats
 from kaju.errors import ParameterError, SceneError, SupportError
 from kaju.model.scene import Scene
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
@@ -32,7 +31,19 @@ def problem_of_scene(
     lattice = scene.lattice
     check_boxes(lattice)
     lower, upper = (np.asarray(corner, dtype=np.int64) for corner in scene.bounds())
-    rim, sides = _rim_of(scene, lower, upper)
+    # All cells with what lies beyond the sides, and the sides that need a number.
+    rim = np.pad(scene.rasterise().astype(np.int32), 1, constant_values=AIR)
+    sides: dict[str, Side] = {}
+    for index, name in enumerate(lattice.sides):
+        condition = scene.side_condition(name)
+        axis, upper_end = divmod(index, 2)
+        layer = rim_layer(lattice.dimension, index)
+        rim[layer] = RIGID if condition.code == DISPLACED else condition.code
+        reached = upper[axis] == lattice.shape[axis] if upper_end else lower[axis] == 0
+        if reached and condition.stiffness is not None:
+            sides[name] = ("foundation", condition.stiffness)
+        elif reached and condition.displacement is not None:
+            sides[name] = ("displacement", condition.displacement)
     box = tuple(slice(int(a), int(b) + 2) for a, b in zip(lower, upper, strict=True))
     applied = scene.applied(stage)
     inside = np.all((applied.cells >= lower) & (applied.cells < upper), axis=1)
@@ -63,24 +74,6 @@ def problem_of_scene(
         names = ", ".join(material.name for material in scene.cell_materials)
         raise ParameterError(f"materials ({names}): {error}") from error
     return problem, tuple(int(i) for i in lower)
-
-
-def _rim_of(scene: Scene, lower: Ints, upper: Ints) -> tuple[NDArray[np.int32], dict[str, Side]]:
-    """Return all cells with what lies beyond the sides, and the sides that need a number."""
-    lattice = scene.lattice
-    rim = np.pad(scene.rasterise().astype(np.int32), 1, constant_values=AIR)
-    sides: dict[str, Side] = {}
-    for index, name in enumerate(lattice.sides):
-        condition = scene.side_condition(name)
-        axis, upper_end = divmod(index, 2)
-        layer = rim_layer(lattice.dimension, index)
-        rim[layer] = RIGID if condition.code == DISPLACED else condition.code
-        reached = upper[axis] == lattice.shape[axis] if upper_end else lower[axis] == 0
-        if reached and condition.stiffness is not None:
-            sides[name] = ("foundation", condition.stiffness)
-        elif reached and condition.displacement is not None:
-            sides[name] = ("displacement", condition.displacement)
-    return rim, sides
 
 
 class Grid(NamedTuple):

@@ -54,8 +54,7 @@ long to be compiled."""
 ALIKE = 4
 """Of a full box only so many cells along every axis but the last are described: two at each end,
 since a face feels one cell beyond its own. All others are like the inner of them."""
-ALMOST = 0.1
-"""A guess is taken that leaves less than this share of what the parents' answer does."""
+ALMOST = 0.1  # A guess is taken that leaves less than this share of what the parents' answer does
 GUARD = 1e-11
 """Share of its own stiffness by which every face of the smallest level is held: ghosts may follow
 from each other, which leaves a load in balance but not their places."""
@@ -114,15 +113,13 @@ class Hierarchy:
     @cached_property
     def moving(self) -> Flags:
         """Which entries of a vector are faces that can move."""
-        return self._spread(self.levels[0].arrays[1] > 0.0)
-
-    def _spread(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return for all faces what the first level says of those that others are like."""
-        return _spread(values, self.levels[0].arrays)
+        arrays = self.levels[0].arrays
+        return _spread(arrays[1] > 0.0, arrays)
 
     def resisted(self, x: Floats) -> Floats:
         """Return the force with which faces resist x by their own stiffness, in the same array."""
-        inverse = self._spread(self.levels[0].arrays[1])
+        arrays = self.levels[0].arrays
+        inverse = _spread(arrays[1], arrays)
         resisted: Floats = np.divide(x, inverse, out=x, where=self.moving)
         return resisted
 
@@ -242,7 +239,7 @@ class _Direct:
         if problem is None:
             self._solve = self._by_stencil(level)
         else:
-            matrix = stiffness_matrix(problem, Numbering(problem.face_states()))
+            matrix = stiffness_matrix(problem, Numbering(problem.face_states))
             self._solve = factors_of(matrix).solve
 
     def solve(self, load: Floats) -> Floats:
@@ -340,7 +337,15 @@ def _by_law(
         further = [size + (axis in (a, b)) for axis, size in enumerate(rim.shape)]
         places = tuple(slice(FIRST - 1, FIRST - 1 + size) for size in further)
         law[1 + a + b].reshape(shape)[places] = values
-    _lay_beds(rim, spring, law[0].reshape(shape)[body])
+    stretch = law[0].reshape(shape)[body]
+    for side in range(2 * d):
+        # A bed is a ghost cell that can only be squeezed, and whose far face is held.
+        layer = rim_layer(d, side)
+        face = list(layer)
+        face[side // 2] = -2 if side % 2 else 1
+        bed = rim[layer] == FOUNDATION
+        if bed.any():
+            stretch[layer][bed] = spring[side // 2][tuple(face)][bed]
     holds = (kinds == RIGID) | (kinds == ROLLER)
     code = (kinds >= 0).view(np.int8) + 2 * holds.view(np.int8)
     _lay_faces(code.ravel(), law, steps, inverse)
@@ -486,18 +491,6 @@ def _go_on(g: Floats, coarse: Ints, outside: Floats, *, back: bool) -> None:
                     ghost[...] = 0.0
                 else:
                     ghost[...] = near * one + far * two
-
-
-def _lay_beds(rim: NDArray[np.int32], spring: FaceFields, stretch: Floats) -> None:
-    """Make every bed a ghost cell that can only be squeezed, and whose far face is held."""
-    for side in range(2 * rim.ndim):
-        axis, upper = divmod(side, 2)
-        beyond = rim_layer(rim.ndim, side)
-        face = list(beyond)
-        face[axis] = -2 if upper else 1
-        bed = rim[beyond] == FOUNDATION
-        if bed.any():
-            stretch[beyond][bed] = spring[axis][tuple(face)][bed]
 
 
 def _parents(fine: Level, depth: int) -> Level:

@@ -23,8 +23,7 @@ from .moduli import Moduli
 from .problem import ElasticProblem
 from .staggered import Numbering, strain_matrix
 
-STIFF = 1.0
-"""Materials with λ/μ above this get a pressure; the others stay as they are."""
+STIFF = 1.0  # Materials with λ/μ above this get a pressure; the others stay as they are
 
 
 def without_pressure(moduli: Moduli) -> Moduli:

@@ -14,8 +14,7 @@ import numpy as np
 from kaju.arrays import Floats
 from kaju.compiling import njit
 
-FEW = 50_000
-"""The forces on so few boxes take no compiled loop."""
+FEW = 50_000  # The forces on so few boxes take no compiled loop
 
 
 def pull(element: Any, stretch: Any, lateral: Any, shear: Any, v: Any, out: Any) -> None:
@@ -140,34 +139,3 @@ def _pull_solid(element, stretch, lateral, shear, v, out):  # type: ignore[no-un
         for w in range(8):
             for a in range(3):
                 out[element[w, n], a] += force[w, a]
-
-
-def spread(element: Any, value: Any, out: Any) -> None:
-    """Add a value of every box to all nodes at its corners."""
-    for node in element:
-        out += np.bincount(node, value, len(out))
-
-
-def work_on_sides(corner: Any, pressure: Any, area: Any, v: Any) -> float:
-    """Return the work of pressures, shape (2·d, boxes), along the normals of boxes' sides."""
-    d, total = v.shape[1], 0.0
-    ends = np.arange(len(corner))
-    for side, force in enumerate(pressure):
-        axis, upper = divmod(side, 2)
-        own, on = v[:, axis].copy(), np.flatnonzero((ends >> (d - 1 - axis)) & 1 == upper)
-        moved = sum(own[corner[k]] for k in on) if force.any() else 0.0
-        total += (2 * upper - 1) * float(np.sum(force * area * moved))
-    return total / (len(corner) // 2)
-
-
-def sink(v: Any, left: Any, way: Any, pull: Any, weight: Any, step: float) -> float:
-    """Go along a way, and return the weighted square of the forces that are left."""
-    v += step * way
-    left -= step * pull
-    return float(np.einsum("ia,ia,ia->", weight, left, left))
-
-
-def turn(way: Any, left: Any, weight: Any, share: float) -> None:
-    """Make the weighted forces that are left, and a share of the last way, the new one."""
-    way *= share
-    way += weight * left

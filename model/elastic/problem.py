@@ -28,8 +28,7 @@ from kaju.model.scene.selection import Uneven
 
 from .moduli import Moduli, moduli_of
 
-FaceFields = tuple[Floats, ...]
-"""One array per axis: values on the faces normal to it."""
+FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces normal to it
 
 ABSENT, FIXED, ACTIVE = 0, 1, 2
 """States of a face: no body beside it; its displacement is given; it is free to move."""
@@ -41,8 +40,7 @@ SIDES = {
 
 HELD = 250
 """Powers of ten that leave room for squares and sums of what is of that order."""
-STIFF_PRESSURE = 9.0
-"""λ/μ (0.45 in ν) from which on the mixed form is the quicker one."""
+STIFF_PRESSURE = 9.0  # λ/μ (0.45 in ν) from which on the mixed form is the quicker one
 
 
 class Scales(NamedTuple):
@@ -72,6 +70,16 @@ class Scales(NamedTuple):
                     "force or length"
                 )
         return cls(modulus, force, length, force / stretch)
+
+    @property
+    def stress(self) -> float:
+        """Unit of stress (Pa)."""
+        return self.modulus * self.displacement / self.length
+
+    @property
+    def energy(self) -> float:
+        """Unit of energy (J)."""
+        return self.force * self.displacement
 
 
 def _order(size: float) -> float:
@@ -117,12 +125,9 @@ class ElasticProblem:
         """Return the shape of the faces normal to `axis`, rim included."""
         return tuple(n + (a == axis) for a, n in enumerate(self.kinds.shape))
 
-    def face_states(self) -> tuple[NDArray[np.int8], ...]:
-        """Return per axis which faces are ABSENT, FIXED or ACTIVE."""
-        return self._face_states
-
     @cached_property
-    def _face_states(self) -> tuple[NDArray[np.int8], ...]:
+    def face_states(self) -> tuple[NDArray[np.int8], ...]:
+        """Per axis which faces are ABSENT, FIXED or ACTIVE."""
         return tuple(_states(self.kinds, axis) for axis in range(self.dimension))
 
     @property
@@ -240,23 +245,17 @@ def _side_fields(
     for name, side in sides.items():
         index = SIDES[rim.ndim].index(name)
         value = np.asarray(side[1], dtype=np.float64)
-        if side[0] == "displacement":
-            _prescribe(fixed, rim, index, value / scales.displacement)
-        elif side[0] == "foundation":
+        axis, (own, beyond) = index // 2, (-2, -1) if index % 2 else (1, 0)
+        if side[0] == "foundation":
             layer = list(rim_layer(rim.ndim, index))
-            layer[index // 2] = -2 if index % 2 else 1
-            spring[index // 2][tuple(layer)] = float(value) * scales.length / scales.modulus
+            layer[axis] = own
+            spring[axis][tuple(layer)] = float(value) * scales.length / scales.modulus
+            continue
+        # Its faces, and the ghosts within it; rigid cells inside the array stay where they are.
+        for component, moved in enumerate(value / scales.displacement):
+            lines = np.moveaxis(fixed[component], axis, 0)
+            if component == axis:
+                lines[own][np.moveaxis(rim, axis, 0)[own] != RIGID] = moved
+            else:
+                lines[beyond] = moved
     return fixed, spring
-
-
-def _prescribe(fixed: FaceFields, rim: NDArray[np.int32], index: int, displacement: Floats) -> None:
-    """Give the faces of a rigid side, and the ghost faces within it, their displacement."""
-    # Rigid cells inside the array stay where they are, also where they touch the side.
-    axis, upper = divmod(index, 2)
-    inner = np.moveaxis(rim, axis, 0)[-2 if upper else 1]
-    for component, values in enumerate(fixed):
-        lines = np.moveaxis(values, axis, 0)
-        if component == axis:
-            lines[-2 if upper else 1][inner != RIGID] = displacement[component]
-        else:
-            lines[-1 if upper else 0] = displacement[component]

@@ -29,14 +29,11 @@ from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 from .boxes import Boxes, corner_ends
 from .crossed import balance_rows
 
-HOLD = 1e-6
-"""Share of its stiffness that keeps a box of a group without a wall from floating."""
+HOLD = 1e-6  # Share of its stiffness that keeps a box of a group without a wall from floating
 FACTORED, MOST_STEPS = {2: 100_000, 3: 30_000}, 2_000
 """Up to how many unknowns leftovers are passed on by factors; beyond, iterations at most."""
-ROUNDING = 1e-12
-"""Share of the leftovers that rounding leaves over."""
-SMALLER = 0.1
-"""What an iteration leaves, as a share of what may be left over."""
+ROUNDING = 1e-12  # Share of the leftovers that rounding leaves over
+SMALLER = 0.1  # What an iteration leaves, as a share of what may be left over
 WIDER = (1, 1, 2, 8, 32, 0)
 """So many more layers round unbalanced boxes are asked to pass on as well, time after time: those
 that hang together are left with the sum of what rounding leaves on all their sides, until they

@@ -16,7 +16,7 @@ from .cell_agents import CellAgents
 from .elastic_result import ElasticResult
 from .grid import Grid, grid_of
 from .problem import FaceFields
-from .solver import Solution, solve_problem
+from .solver import solve_problem
 
 
 def solve(
@@ -48,7 +48,15 @@ def solve(
     )
     if not solution.converged:
         solution.notes += [NOTE] if stopped() else []
-        raise ConvergenceError(_remedy(solution, tolerance), result.residuals, result)
+        asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
+        raise ConvergenceError(
+            f"solve: after {solution.iterations} iterations of {solution.method} the relative "
+            f"residual is {solution.residuals[-1]:.2g}, short of {asked}; take a larger tolerance, "
+            "or a smaller contrast of materials and supports. The error's `best` holds the result "
+            "so far, its `residuals` the history",
+            result.residuals,
+            result,
+        )
     return result
 
 
@@ -74,13 +82,3 @@ def _grid(
         return grid, None
     unit = found.scales.displacement / grid.problem.scales.displacement
     return grid, tuple(unit * values for values in found.solution.displacement)
-
-
-def _remedy(solution: Solution, tolerance: float | None) -> str:
-    asked = "the grid's own error" if tolerance is None else f"a tolerance of {tolerance:g}"
-    return (
-        f"solve: after {solution.iterations} iterations of {solution.method} the relative residual "
-        f"is {solution.residuals[-1]:.2g}, short of {asked}; take a larger tolerance, or "
-        "a smaller contrast of materials and supports. The error's `best` holds the result so far, "
-        "its `residuals` the history"
-    )

@@ -43,10 +43,8 @@ and forces balance to more digits than anyone prints."""
 BALANCE, FIRST_RATE = 1e-2, 0.1
 """Supports and loads differ by at most this share of the error that is stated, after a last
 correction that leaves the second share of what there was if nothing is known of it."""
-LOOSEST = 3e-3
-"""But never stop above this."""
-MENDED = 300
-"""Iterations more, for forces of nearly incompressible bodies to balance."""
+LOOSEST = 3e-3  # But never stop above this
+MENDED = 300  # Iterations more, for forces of nearly incompressible bodies to balance
 PATIENCE = 16
 """After this many iterations the rate decides whether to change the method: stiff grains in a soft
 body take several to be moved as a whole, in which nothing seems to be gained."""
@@ -77,7 +75,7 @@ class Solution:
         return max(len(self.residuals) - 1, 0)
 
     @property
-    def error_estimate(self) -> float:
+    def error(self) -> float:
         """Estimated relative error in the energy norm."""
         return float(np.hypot(self.discretisation, self.algebraic))
 
@@ -192,7 +190,7 @@ class System:
     def unbalanced(self, displacement: FaceFields) -> float:
         """Return what is left on the faces that can move, as a share of loads and reactions."""
         inner = internal_force(self.problem, displacement)
-        held = (f[s == FIXED] for f, s in zip(inner, self.problem.face_states(), strict=True))
+        held = (f[s == FIXED] for f, s in zip(inner, self.problem.face_states, strict=True))
         borne = sum(float(np.vdot(force, force)) for force in held)
         whole = max(borne, float(dot(self.load, self.load)))
         left = self.load - self._space.gather(inner)
@@ -226,7 +224,7 @@ def lead(problem: ElasticProblem, moved: Floats, origin: Ints, cells: Ints) -> F
             share = np.clip(share, 0.0, 1.0)
             along = lower * (1.0 - share) + upper * share
             field += along.reshape([-1 if a == axis else 1 for a in range(problem.dimension)])
-        fields.append(np.where(problem.face_states()[component] == ACTIVE, field, fixed))
+        fields.append(np.where(problem.face_states[component] == ACTIVE, field, fixed))
     return tuple(fields)
 
 
@@ -243,13 +241,12 @@ def _moved(problem: ElasticProblem) -> Floats:
             beside = tuple(
                 slice(2, -2) if a == component else slice(1, -1) for a in range(d) if a != axis
             )
-            moved[axis, :, component] = [_largest(lines[layer][beside]) for layer in (first, last)]
+            for end, layer in enumerate((first, last)):
+                # The value of largest size: what a side is moved by where nothing else holds it.
+                values = lines[layer][beside].ravel()
+                if values.size:
+                    moved[axis, end, component] = values[first_largest(np.abs(values))]
     return moved
-
-
-def _largest(values: Floats) -> float:
-    """Return the value of largest size: what a side is moved by where nothing else holds it."""
-    return float(values.flat[first_largest(np.abs(values.ravel()))]) if values.size else 0.0
 
 
 class Factors:
@@ -257,7 +254,7 @@ class Factors:
 
     def __init__(self, problem: ElasticProblem) -> None:
         self.body = replace(problem, force=(), fixed=(), surface_shear={})
-        self.numbering = Numbering(problem.face_states())
+        self.numbering = Numbering(problem.face_states)
         self.matrix = stiffness_matrix(problem, self.numbering)
         self.factor = factors_of(self.matrix)
 
@@ -272,7 +269,7 @@ class Factors:
         """The interpolation from cells twice as large, and the factors of their stiffness."""
         if is_box(self.body):
             coarse = of_parents(self.body)
-            numbering = Numbering(coarse.face_states())
+            numbering = Numbering(coarse.face_states)
             prolong = prolongation(self.numbering, outside_of(self.body))
             prolong = prolong[:, np.concatenate([s.ravel() == ACTIVE for s in numbering.states])]
             return prolong, factors_of(stiffness_matrix(coarse, numbering))
@@ -404,17 +401,6 @@ def solve_direct(matrix: sp.csr_array, factor: SuperLU, load: Floats) -> Iterati
     return run
 
 
-def factorise(matrix: sp.csr_array) -> SuperLU:
-    """Return the factors of a symmetric positive definite matrix."""
-    try:
-        return factors_of(matrix)
-    except RuntimeError as error:
-        raise SceneError(
-            "body: some of its cells hang together by single faces, about which they turn freely; "
-            "give a larger resolution (2 halves the cells), or strategy='spawning'"
-        ) from error
-
-
 def _judge_rounding(
     system: System, solution: Solution, resisted: Floats, lost: float = 0.0
 ) -> None:
@@ -471,7 +457,7 @@ def _by_multigrid(
     notes = []
     if watch.slow and not hierarchy.plain and not stopped():
         notes = [f"geometric multigrid was slow after {run.iterations} iterations"]
-        numbering = Numbering(problem.face_states())
+        numbering = Numbering(problem.face_states)
         if numbering.size <= DIRECT_LIMIT[problem.dimension]:
             solution = _factorised(problem, numbering, watch.discretisation)
             solution.notes.append(f"{notes[0]}: factorised instead")
@@ -527,7 +513,10 @@ class _Watch:
         if target is None:
             target = min(max(ALGEBRAIC_SHARE * self.discretisation, 1e-12), LOOSEST)
         stated = max(target, self.discretisation)
-        if (run.errors[-1] <= target and _held(self._system, run, stated)) or run.at_rounding(1e-9):
+        # Supports are to bear the loads, to a share of the error that is stated.
+        unheld = (run.rate or FIRST_RATE) * self._system.unheld(run.left)
+        held = unheld <= BALANCE * stated
+        if (run.errors[-1] <= target and held) or run.at_rounding(1e-9):
             self.slow = False
             return True
         if run.iterations >= PATIENCE and not self.patient:
@@ -538,12 +527,6 @@ class _Watch:
         return self.slow and not self.patient
 
 
-def _held(system: System, run: Iteration, stated: float) -> bool:
-    """Tell whether supports will bear the loads, to a share of the error that is stated."""
-    last = run.rate or FIRST_RATE
-    return last * system.unheld(run.left) <= BALANCE * stated
-
-
 def missed(coarser: float, potential: float, whole: float) -> float:
     """Return the relative error of the parents' answer, by its potential energy."""
     return sqrt(max(2 * (coarser - potential) / whole, 0.0)) if whole > 0.0 else 0.0
@@ -552,7 +535,14 @@ def missed(coarser: float, potential: float, whole: float) -> float:
 def _factorised(problem: ElasticProblem, numbering: Numbering, discretisation: float) -> Solution:
     """Solve by factors where an iteration does not serve."""
     system, matrix = System(problem, numbering), stiffness_matrix(problem, numbering)
-    run = solve_direct(matrix, factorise(matrix), system.right)
+    try:
+        factor = factors_of(matrix)
+    except RuntimeError as error:
+        raise SceneError(
+            "body: some of its cells hang together by single faces, about which they turn freely; "
+            "give a larger resolution (2 halves the cells), or strategy='spawning'"
+        ) from error
+    run = solve_direct(matrix, factor, system.right)
     solution = system.solution(run, "direct", discretisation, 1)
     _judge_rounding(system, solution, matrix.diagonal() * run.solution)
     return solution
@@ -561,7 +551,7 @@ def _factorised(problem: ElasticProblem, numbering: Numbering, discretisation: f
 def _by_mixed_form(
     problem: ElasticProblem, tolerance: float | None, start: FaceFields | None
 ) -> Solution:
-    numbering = Numbering(problem.face_states())
+    numbering = Numbering(problem.face_states)
     mixed = MixedForm(problem, numbering)
     system = System(problem, mixed.block)
     tolerance = min(tolerance or 1e-8, 1e-8)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from kaju.arrays import Floats, Ints
 from kaju.model.scene.kinds import AIR, DISPLACED, RIGID
 
-from .moduli import REENTRANT_WEIGHT, Moduli
+from .moduli import REENTRANT_WEIGHT, Moduli, moduli_at
 from .problem import ACTIVE, ElasticProblem, FaceFields
 
 Pair = tuple[int, int]
@@ -202,9 +202,14 @@ def stiffness_matrix(
     """Assemble the stiffness matrix of the active faces."""
     # `moduli` may replace the problem's own: the mixed form leaves the pressure's part out.
     rows = strain_matrix(problem, numbering)
-    law = _law(problem, moduli or problem.moduli)
+    law = moduli_at(moduli or problem.moduli, problem.kinds[problem.kinds >= 0])
+    axes = range(problem.dimension)
+    normal = [[sp.diags_array(law.stretch if a == b else law.lateral) for b in axes] for a in axes]
+    edges = [edge_modulus(problem, pair) for pair in axis_pairs(problem.dimension)]
+    shear = sp.diags_array(np.concatenate([k[k > 0] for k in edges]))
+    stress = sp.csr_array(sp.block_diag([sp.block_array(normal), shear], format="csr"))
     springs = numbering.gather(problem.spring)
-    matrix = rows.T.tocsr() @ (law @ rows)
+    matrix = rows.T.tocsr() @ (stress @ rows)
     if springs.any():
         matrix = matrix + sp.diags_array(springs)
     return sp.csr_array(matrix)
@@ -228,17 +233,6 @@ def strain_matrix(problem: ElasticProblem, numbering: Numbering) -> sp.csr_array
             terms += [(low[stiff], -1.0), (high[stiff], 1.0)]
         blocks.append(_differences(numbering.size, terms))
     return sp.csr_array(sp.vstack(blocks, format="csr"))
-
-
-def _law(problem: ElasticProblem, moduli: Moduli) -> sp.csr_array:
-    """Return the matrix from strains to stresses, in the order of `strain_matrix`."""
-    d = problem.dimension
-    kinds = problem.kinds[problem.kinds >= 0]
-    along, cross = moduli.stretch[kinds], moduli.lateral[kinds]
-    blocks = [[sp.diags_array(along if a == b else cross) for b in range(d)] for a in range(d)]
-    edges = [edge_modulus(problem, pair) for pair in axis_pairs(d)]
-    shear = sp.diags_array(np.concatenate([k[k > 0] for k in edges]))
-    return sp.csr_array(sp.block_diag([sp.block_array(blocks), shear], format="csr"))
 
 
 def _differences(columns: int, terms: list[tuple[Ints, float]]) -> sp.csr_array:

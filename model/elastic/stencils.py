@@ -27,8 +27,7 @@ Entry = tuple[int, int, Offset]
 NORMAL = {-1: 0.5, 0: 1.0, 1: 0.5}
 ACROSS = {-1: 0.25, 0: 0.75, 1: 0.75, 2: 0.25}
 """Weights of a parent for its children, by their distance from twice its place."""
-TOGETHER = 4
-"""Terms that are added at once."""
+TOGETHER = 4  # Terms that are added at once
 
 
 class Terms(NamedTuple):
@@ -143,7 +142,8 @@ def _step(
                 if between % 2:
                     continue
                 new = _add(way, _unit(axis, between // 2 - way[axis]))
-                if a == b and _leads_back(new, axis):
+                # An offset whose first step, up to the axis, is backward is stored the other way.
+                if a == b and next((step < 0 for step in new[: axis + 1] if step), False):
                     continue
                 if axis == 2:  # Rows were split into even and odd places.
                     source = ((child % 2, 0), slot, child // 2 - 2)
@@ -160,11 +160,6 @@ def _step(
         place += [(slot, number[row], source, shift) for row, source, shift, _ in terms]
         weights += [weight for *_, weight in terms]
     return (Terms(np.array(place), np.array(weights), np.array(rows), len(entries)), entries)
-
-
-def _leads_back(way: Offset, axis: int) -> bool:
-    """Tell whether an offset's first step, up to an axis, is backward."""
-    return next((step < 0 for step in way[: axis + 1] if step), False)
 
 
 def stencil_of(dimension: int, entries: tuple[Entry, ...]) -> Stencil:

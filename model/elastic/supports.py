@@ -23,8 +23,7 @@ from .hierarchy import described, is_box
 from .problem import ACTIVE, FIXED, ElasticProblem
 from .staggered import axis_pairs, cut, edge_modulus, ends
 
-FREE = 1e-6
-"""A motion that strains what holds a body by less (in cells, moved by a cell) is free."""
+FREE = 1e-6  # A motion that strains what holds a body by less (in cells, moved by a cell) is free
 
 
 def check_supports(
@@ -32,7 +31,10 @@ def check_supports(
 ) -> None:
     """Refuse a body of which a part could move without straining."""
     if is_box(problem):
-        problem = _miniature(problem)
+        # A small box that is held as the large one is.
+        spring = tuple(described(values, problem.shape) for values in problem.spring)
+        kinds = described(problem.kinds, problem.shape)
+        problem = replace(problem, kinds=kinds, spring=spring)
     parts, count = parts_of(problem.kinds >= 0)
     owner, stops = _stops(problem, parts)
     for part in range(1, count + 1):
@@ -65,12 +67,6 @@ def parts_of(body: Flags) -> tuple[NDArray[np.int32], int]:
     return labelled.astype(np.int32), count
 
 
-def _miniature(problem: ElasticProblem) -> ElasticProblem:
-    """Return a small box that is held as the large one is."""
-    spring = tuple(described(values, problem.shape) for values in problem.spring)
-    return replace(problem, kinds=described(problem.kinds, problem.shape), spring=spring)
-
-
 def _free_motion(rows: Floats, dimension: int) -> str:
     """Return in words a rigid motion that the rows do not stop, "" if there is none."""
     if not len(rows):
@@ -88,7 +84,7 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
     """Return what is held: to which part it belongs, and how far every rigid motion strains it."""
     # These are held faces, springs, and edges that shear when faces round them stay.
     d = problem.dimension
-    states = problem.face_states()
+    states = problem.face_states
     owners: list[Ints] = []
     rows: list[Floats] = []
     bedded = bool(np.any(problem.kinds == FOUNDATION))
@@ -101,10 +97,26 @@ def _stops(problem: ElasticProblem, parts: NDArray[np.int32]) -> tuple[Ints, Flo
             cell = cell[parts[tuple(cell.T)] > 0]
             owners.append(parts[tuple(cell.T)].astype(np.int64))
             rows.append(_motions(moved(cell, axis, face.start or 0), axis, d))
-    for pair in combinations(range(d), 2):
-        owner, strained = _gripped(problem, parts, states, pair)
-        owners.append(owner)
-        rows.append(strained)
+    for pair in axis_pairs(d):
+        # Edges that shear because held faces round them stay where they are.
+        shape = [n + (a in pair) for a, n in enumerate(problem.kinds.shape)]
+        near = np.zeros(shape, dtype=np.bool_)
+        for axis, across in (pair, pair[::-1]):
+            for end in ends(near, across):
+                end |= states[axis] == FIXED
+        edge = np.argwhere(near & (edge_modulus(problem, pair) > 0))
+        strained = np.zeros((len(edge), d + d * (d - 1) // 2))
+        owner = np.zeros(len(edge), dtype=np.int32)
+        for axis, across in (pair, pair[::-1]):
+            for step in (-1, 0):
+                at = moved(edge, across, step)
+                pull = np.where(states[axis][tuple(at.T)] == FIXED, 2.0 * step + 1.0, 0.0)
+                strained += pull[:, None] * _motions(at, axis, d)
+                for side in (-1, 0):
+                    owner = np.maximum(owner, parts[tuple(moved(at, axis, side).T)])
+        some = strained.any(axis=1)
+        owners.append(owner[some].astype(np.int64))
+        rows.append(strained[some])
     return np.concatenate(owners), np.concatenate(rows)
 
 
@@ -117,33 +129,6 @@ def _motions(face: Ints, axis: int, dimension: int) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def _gripped(
-    problem: ElasticProblem,
-    parts: NDArray[np.int32],
-    states: tuple[NDArray[np.int8], ...],
-    pair: tuple[int, int],
-) -> tuple[Ints, Floats]:
-    """Return the edges that shear because held faces round them stay where they are."""
-    d = problem.dimension
-    near = np.zeros([n + (a in pair) for a, n in enumerate(problem.kinds.shape)], dtype=np.bool_)
-    for axis, across in (pair, pair[::-1]):
-        held = states[axis] == FIXED
-        for end in ends(near, across):
-            end |= held
-    edge = np.argwhere(near & (edge_modulus(problem, pair) > 0))
-    rows = np.zeros((len(edge), d + d * (d - 1) // 2))
-    owner = np.zeros(len(edge), dtype=np.int32)
-    for axis, across in (pair, pair[::-1]):
-        for step in (-1, 0):
-            face = moved(edge, across, step)
-            held = states[axis][tuple(face.T)] == FIXED
-            rows += np.where(held, 2.0 * step + 1.0, 0.0)[:, None] * _motions(face, axis, d)
-            for side in (-1, 0):
-                owner = np.maximum(owner, parts[tuple(moved(face, axis, side).T)])
-    some = rows.any(axis=1)
-    return owner[some].astype(np.int64), rows[some]
-
-
 def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
     """Return a cell whose link to its neighbour carries no shear, None if there is none."""
     # Two cells that share a face can slide past each other if the edges at both ends of the face
@@ -151,7 +136,7 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
     if is_box(problem):
         return None
     d = problem.dimension
-    states = problem.face_states()
+    states = problem.face_states
     solid = problem.kinds >= 0
     edges = {pair: edge_modulus(problem, pair) > 0 for pair in axis_pairs(d)}
     for axis in range(d):
@@ -164,13 +149,9 @@ def slender_cell(problem: ElasticProblem) -> tuple[int, ...] | None:
                 continue
             stiff = edges[min(axis, across), max(axis, across)][cut(d, axis, slice(1, -1))]
             carries = np.logical_or(*ends(stiff, across))
-            pinned = _pinned(states[across], across) | (problem.kinds == RIGID)
+            pinned = np.logical_or(*ends(states[across] != ACTIVE, across))
+            pinned |= problem.kinds == RIGID
             loose = both & ~carries & ~(pinned[low] & pinned[high])
             if loose.any():
                 return tuple(int(i) for i in np.argwhere(loose)[0] - 1)
     return None
-
-
-def _pinned(state: NDArray[np.int8], axis: int) -> Flags:
-    low, high = ends(state != ACTIVE, axis)
-    return np.asarray(low | high, dtype=np.bool_)

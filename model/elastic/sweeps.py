@@ -28,8 +28,7 @@ import numpy as np
 from kaju.arrays import Floats, Ints
 from kaju.compiling import along, inlined, njit, part
 
-PLANES, ROWS, LENGTH = 0, 1, 2
-"""Of the arrays with their ghosts."""
+PLANES, ROWS, LENGTH = 0, 1, 2  # Of the arrays with their ghosts
 FIRST, END = 3, 4
 """Of the planes in use; two and four further those of rows, and of places in a row."""
 FIRST_ROW, END_ROW, LOW, HIGH = 5, 6, 7, 8
@@ -39,12 +38,9 @@ STEP, START, NEXT = 13, 16, 20
 """Distance in places along the axis that a component is normal to; its first coupling (and the
 end of all); entry of a face with its next in the row."""
 
-GHOST = 3
-"""Place of a parents' first ghost along every axis."""
-WAY_UP, WAY_DOWN, ACROSS = 0, 1, 2
-"""What `cross` is for."""
-YIELD, HAND_OVER, HAND_OVER_ALL, WRITE, FOLLOW = 0, 1, 2, 3, 4
-"""What is done on a plane."""
+GHOST = 3  # Place of a parents' first ghost along every axis
+WAY_UP, WAY_DOWN, ACROSS = 0, 1, 2  # What `cross` is for
+YIELD, HAND_OVER, HAND_OVER_ALL, WRITE, FOLLOW = 0, 1, 2, 3, 4  # What is done on a plane
 
 
 @part

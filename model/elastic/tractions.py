@@ -67,13 +67,7 @@ class Portions(NamedTuple):
 
     def some(self, chosen: Ints | Flags) -> Portions:
         """Return some of them."""
-        return Portions(
-            self.box[chosen],
-            self.side[chosen],
-            self.force[chosen],
-            self.moment[chosen],
-            self.rest[chosen],
-        )
+        return Portions._make(column[chosen] for column in self)
 
     def modes(self, size: Floats) -> Floats:
         """Return the slopes of the stress on sides, times the edge, shape (n, d, d - 1)."""

@@ -50,7 +50,15 @@ class VolumeField:
         straight = (middle < 0).T @ (1 << np.arange(4))
         self._groups = [(np.flatnonzero(straight == k), k) for k in np.unique(straight)]
         self._load = plain.forces(across=False)
-        self._work_across = self._body_forces()
+        # The forces in the boxes go to the nodes, and work on the sides' bending.
+        force, own = (self.boxes.body * self.boxes.size**2).T, self.boxes.loads
+        by_data = np.empty((n, 24))
+        for box, bits in self._groups:
+            by_data[box] = force[box] @ _form(bits)[1]
+        self._load += self._gathered(by_data)
+        normal = own.force[np.arange(len(own.side)), own.side // 2]
+        sides = float(np.vdot(normal, self._flux[own.box, own.side].mean(axis=1)))
+        self._work_across = sides + float(np.vdot(by_data[:, 16:], self._flux.reshape(-1, 8)))
         self._shear = 2.0 * self.boxes.law.shear
         self.displacement = np.where(np.isnan(self._given), self.displacement, self._given)
 
@@ -76,18 +84,6 @@ class VolumeField:
         there = self._node >= 0
         at, count = self._node[there], len(self.displacement)
         return np.stack([np.bincount(at, parts[there, a], count) for a in (0, 1)], axis=1)
-
-    def _body_forces(self) -> float:
-        """Take the forces in the boxes to the nodes; return the work on the sides' bending."""
-        boxes, load = self.boxes, self.boxes.loads
-        force = (boxes.body * boxes.size**2).T
-        by_data = np.empty((len(force), 24))
-        for box, straight in self._groups:
-            by_data[box] = force[box] @ _form(straight)[1]
-        self._load += self._gathered(by_data)
-        normal = load.force[np.arange(len(load.side)), load.side // 2]
-        sides = float(np.vdot(normal, self._flux[load.box, load.side].mean(axis=1)))
-        return sides + float(np.vdot(by_data[:, 16:], self._flux.reshape(-1, 8)))
 
     def settle(self, above: float) -> None:
         """Let the corners sink by conjugate gradients; see `CompatibleField.settle`."""
@@ -211,10 +207,11 @@ def _slaves(straight: int) -> Floats:
 def _least() -> _Least:
     """Return the field of least energy of all that have one divergence."""
     number: dict[tuple[float, float], int] = {}
-    corners = [
-        [number.setdefault(p, len(number)) for p in _with_middles(triangle)]
-        for triangle in triangles()
-    ]
+    corners = []
+    for triangle in triangles():
+        ends = zip(triangle, triangle[1:] + triangle[:1], strict=True)
+        middles = [((a + c) / 2, (b + d) / 2) for (a, b), (c, d) in ends]
+        corners.append([number.setdefault(p, len(number)) for p in (*triangle, *middles)])
     size = 2 * len(number)
     energy, mean = np.zeros((size, size)), np.zeros((2, size))
     rows = []
@@ -250,15 +247,6 @@ def _least() -> _Least:
     loose[inner] = vt[rank:].T
     whole -= loose @ np.linalg.solve(loose.T @ energy @ loose, loose.T @ energy @ whole)
     return _Least(whole.T @ energy @ whole, mean @ whole, whole, corners)
-
-
-def _with_middles(triangle: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return the corners of a triangle, then the middles of its edges."""
-    middles = []
-    for k in range(3):
-        (ax, ay), (bx, by) = triangle[k], triangle[(k + 1) % 3]
-        middles.append(((ax + bx) / 2, (ay + by) / 2))
-    return [*triangle, *middles]
 
 
 def _slopes(slope: Floats, at: Floats) -> Floats:

@@ -67,7 +67,7 @@ class BreakingCells(WeakeningBody):
         self._bear = measured(measure, known)
 
         d, solid = problem.dimension, problem.kinds >= 0
-        self._numbering = Numbering(problem.face_states())
+        self._numbering = Numbering(problem.face_states)
         self._kinds = problem.kinds[solid].astype(np.int64)
         self._n = n = len(self._kinds)
         number = np.full(problem.kinds.shape, -1)
@@ -101,11 +101,10 @@ class BreakingCells(WeakeningBody):
         bed = self._numbering.gather(problem.spring)
         beds = sp.diags_array(np.ones(len(bed)), format="csr")[bed > 0.0]
         strain = sp.vstack([turn @ strain_matrix(problem, self._numbering), beds], format="csr")
-        scales = problem.scales
-        unit = scales.force * scales.displacement  # J, of displacements that stay scaled
+        unit = problem.scales.energy  # J, of displacements that stay scaled
         stiffness = unit * np.concatenate([swelling, distortion, *shear, bed[bed > 0.0]])
         given = np.concatenate([turn @ in_rows(problem.fixed), np.zeros(beds.shape[0])])
-        self._unit_stress = scales.modulus * scales.displacement / scales.length
+        self._unit_stress = problem.scales.stress
         self._tensor = self._to_stress(modes, [len(s) for s in shear]) * (self._unit_stress / unit)
         self._whole = np.ones(n, dtype=bool)
         most = BREAKS_CORRECTED * (d + 4 * len(edges))

@@ -113,7 +113,7 @@ class GrowingBody:
         problem = replace(self._whole, moduli=moduli)
         solution = followed(problem, self._moved, tolerance)
         self._moved = solution.displacement
-        unit = problem.scales.force * problem.scales.displacement
+        unit = problem.scales.energy
         self.compliance = 2.0 * unit * solution.energy
         self.energy = unit * energy_of_cells(problem, self._moved)[self.body]
         self.iterations = solution.iterations
@@ -132,6 +132,4 @@ class GrowingBody:
         if problem.plane == "strain":
             lateral, shear = problem.moduli.lateral, problem.moduli.shear
             across = lateral / (2 * (lateral + shear)) * np.trace(stress, axis1=-2, axis2=-1)
-        scales = problem.scales
-        unit = scales.modulus * scales.displacement / scales.length
-        return unit * fields.von_mises(stress, across)
+        return problem.scales.stress * fields.von_mises(stress, across)

@@ -82,7 +82,7 @@ class CreepingBody:
     ) -> None:
         self.problem = problem
         self.tolerance = tolerance
-        self.numbering = Numbering(problem.face_states())
+        self.numbering = Numbering(problem.face_states)
         self.rows = strain_matrix(problem, self.numbering)
         self.columns = self.rows.T.tocsr()
         self.kind = problem.kinds[problem.kinds >= 0]
@@ -154,7 +154,7 @@ class CreepingBody:
 
     @property
     def _joule(self) -> float:
-        return self.problem.scales.force * self.problem.scales.displacement
+        return self.problem.scales.energy
 
     def _part(self, strain: Floats) -> tuple[Floats, Floats]:
         normal = self.problem.dimension * self.cells
@@ -361,9 +361,7 @@ class ElasticCreepResult(BodyCourse):
             start += count
             field += float(self.factors[record]) * problem.surface_shear.get(pair, 0.0)
             edges[pair] = field[(slice(1, -1),) * problem.dimension]
-        scales = problem.scales
-        unit = scales.modulus * scales.displacement / scales.length
-        return unit * fields.cell_tensor(problem, Strains(tuple(cells), edges))
+        return problem.scales.stress * fields.cell_tensor(problem, Strains(tuple(cells), edges))
 
     def _moved(self, record: int) -> ElasticResult:
         """Return a result with the displacements of a moment; its stresses mean nothing."""

@@ -338,7 +338,7 @@ class PetscRows:
 def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:
     """Return the rows of the faces below some cells of a process's own, behind its last too."""
     problem, origin = body.window(cells, halo=HALO)
-    numbering = Numbering(problem.face_states())
+    numbering = Numbering(problem.face_states)
     stiffness = stiffness_matrix(problem, numbering).tocsr()
     force = problem.force
     begin = body.lead(problem, origin)
@@ -350,7 +350,7 @@ def rows_of(body: PiecedBody, level: PetscLevel, cells: Box) -> PetscRows:
     picked: list[Index] = []
     row: list[Index] = []
     for axis in range(problem.dimension):
-        moving = np.argwhere(problem.face_states()[axis] == ACTIVE) + origin
+        moving = np.argwhere(problem.face_states[axis] == ACTIVE) + origin
         known = np.all((moving >= level.ghosts[0]) & (moving < level.ghosts[1]), axis=1)
         number = numbering.number[axis][tuple((moving - origin).T)]
         names[number] = -1

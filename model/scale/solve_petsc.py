@@ -196,7 +196,7 @@ def window_of(body: PiecedBody, level: PetscLevel, local: Any) -> PetscWindow:
     slots = [level.dm.getLocationSlot(name, 0) for name in ("left", "down", "back")[:d]]
     faces, owned = [], []
     begin = body.lead(problem, origin)
-    for axis, state in enumerate(problem.face_states()):
+    for axis, state in enumerate(problem.face_states):
         field = begin[axis]
         place = np.argwhere(state == ACTIVE)
         at = place + origin
@@ -328,7 +328,7 @@ def _result(
         "rule": "elastic",
         "plane": scene.plane,
         "strain_energy": solution.energy * unit.force * unit.displacement,
-        "error_estimate": solution.error_estimate,
+        "error_estimate": solution.error,
         "iterations": solution.iterations,
         "residual": solution.residuals[-1],
         "levels": solution.levels,

@@ -115,7 +115,7 @@ def solve_solid(scene: Scene, resolution: int | None) -> ElasticResult:
     check_numbers(None, resolution)
     agents = agents_of(scene, resolution or 1)
     solution = solve_problem(agents.problem)
-    solution.notes[:0] = [FRACTIONS, *agents.notes]
+    solution.notes[:0] = [FRACTIONS, *agents.solution.notes]
     found = replace(agents, solution=solution)
     result = ElasticResult(scene, None, found, perf_counter() - start, resolution=resolution)
     if not solution.converged:

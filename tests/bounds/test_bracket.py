@@ -224,10 +224,10 @@ def test_an_answer_that_does_not_balance_has_no_bound(monkeypatch):
 
 def test_nobody_passes_on_what_an_answer_is_left_with_all_over(monkeypatch):
     from kaju.model.elastic import balanced
-    from kaju.model.elastic.spawning import leaf_spawner, nested
+    from kaju.model.elastic.spawning import nested, spawner
 
     auxetic = plate(8, materials={"a": {"youngs_modulus": 1e9, "poissons_ratio": -0.9}})
-    monkeypatch.setattr(leaf_spawner, "LAST", 0.1)
+    monkeypatch.setattr(spawner, "LAST", 0.1)
     monkeypatch.setattr(nested, "DIRECT", {2: 20, 3: 20})
     monkeypatch.setattr(balanced, "MOST_ODD", 10)
     monkeypatch.setattr(balanced, "ragged_tractions", None)

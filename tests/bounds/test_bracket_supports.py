@@ -128,7 +128,7 @@ def test_a_load_onto_a_side_that_moves_is_the_wall_s_alone():
     plain, pressed = (solve(moved(on), strategy="uniform") for on in ([], loads))
     off = [b.error * b.norm for b in (plain.found.bracket, pressed.found.bracket)]
     assert off[1] == pytest.approx(off[0], rel=1e-6)
-    assert pressed.found.energy == pytest.approx(plain.found.energy, rel=1e-9)
+    assert pressed.found.solution.energy == pytest.approx(plain.found.solution.energy, rel=1e-9)
     lower, upper = pressed.energy_bounds
     assert lower < plain.energy_bounds[0] < plain.energy_bounds[1] < upper
 
@@ -159,5 +159,5 @@ def test_where_bounds_contradict_the_estimate_they_speak(sides):
     lower, upper = result.energy_bounds
     assert lower <= result.strain_energy <= upper
     assert result.tolerance_kept == "missed"
-    assert result.found.error < 0.5 * result.error_bound
+    assert result.found.solution.error < 0.5 * result.error_bound
     assert result.error_estimate == result.error_bound

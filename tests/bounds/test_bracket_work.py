@@ -214,7 +214,7 @@ def test_what_an_iteration_has_left_belongs_to_the_bound():
     for share in (1e-2, 1e-4):
         rng = np.random.default_rng(1)
         off = tuple(rng.normal(size=u.shape) * (u != 0) for u in exact.solution.displacement)
-        size = np.sqrt(strain_energy(exact.problem, off) / exact.energy)
+        size = np.sqrt(strain_energy(exact.problem, off) / exact.solution.energy)
         u = tuple(
             u + share / size * w for u, w in zip(exact.solution.displacement, off, strict=True)
         )

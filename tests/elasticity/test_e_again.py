@@ -154,7 +154,7 @@ def test_few_cells_are_solved_by_the_factors_at_hand(monkeypatch):
     once = len(made)
     again = solve(plate(loads=press(3)), previous=first)
     assert len(made) == once > 0
-    assert solve(BODIES["hole"]).found.method == "direct"
+    assert solve(BODIES["hole"]).found.solution.method == "direct"
     assert len(made) == 2 * once
     monkeypatch.setattr("kaju.model.elastic.solver.FEW", {2: 0, 3: 0})
     assert_like(again, solve(plate(loads=press(3)), tolerance=1e-11))

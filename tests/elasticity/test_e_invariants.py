@@ -46,7 +46,7 @@ def check_balance(body):
     inner = internal_force(problem, solution.displacement)
     total, turning = np.zeros(d), 0.0
     for axis in range(d):
-        held = problem.face_states()[axis] == FIXED
+        held = problem.face_states[axis] == FIXED
         pull = np.where(held, inner[axis] - problem.force[axis], 0.0)
         pull -= problem.spring[axis] * solution.displacement[axis]
         total[axis] = force_unit * pull.sum()

@@ -18,7 +18,7 @@ def iterated(monkeypatch):
 
 def reference(problem):
     """The answer of a sparse direct solver, and ours, on the active faces."""
-    numbering = Numbering(problem.face_states())
+    numbering = Numbering(problem.face_states)
     matrix = stiffness_matrix(problem, numbering).tocsc()
     return numbering, spsolve(matrix, numbering.gather(problem.force))
 

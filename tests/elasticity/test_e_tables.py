@@ -65,4 +65,4 @@ def test_error_estimate_follows_the_energy_error():
         solution = solve_problem(problem)
         energy = solution.energy * problem.scales.force * problem.scales.displacement
         true = np.sqrt(energy / limit - 1)
-        assert 0.5 < solution.error_estimate / true < 3
+        assert 0.5 < solution.error / true < 3

@@ -63,7 +63,7 @@ def random(problem, multigrid, seed):
 
 def test_the_faces_that_move_are_those_of_the_plain_law(both):
     problem, multigrid = both
-    active = sum(int((state == ACTIVE).sum()) for state in problem.face_states())
+    active = sum(int((state == ACTIVE).sum()) for state in problem.face_states)
     assert multigrid.moving.sum() == active
 
 
@@ -158,7 +158,7 @@ def test_the_matrix_is_the_plain_law_on_ragged_bodies(shape):
     kinds = rng.choice([-2, -1, 0, 0, 0, 1], size=shape)
     sides = {"bottom": "rigid", "left": "roller", "right": ("foundation", 0.7)}
     problem = make_problem(kinds, [(1.0, 0.3), (50.0, -0.2)], 1.0, sides=sides)
-    numbering = Numbering(problem.face_states())
+    numbering = Numbering(problem.face_states)
     matrix = stiffness_matrix(problem, numbering)
     x = rng.standard_normal(numbering.size)
     u = tuple(np.zeros(problem.face_shape(a)) for a in range(problem.dimension))
@@ -175,7 +175,7 @@ def test_rigid_motions_of_the_parents_are_rigid_motions_of_the_children(shape):
 
     problem = make_problem(np.zeros(shape, int), [(1.0, 0.3)], 1.0)
     hierarchy = Hierarchy(problem)
-    faces = [np.argwhere(state == ACTIVE) for state in problem.face_states()]
+    faces = [np.argwhere(state == ACTIVE) for state in problem.face_states]
     axis = np.repeat(np.arange(len(shape)), [len(some) for some in faces])
     modes = rigid_motions(np.concatenate(faces) + 0.5 * (axis[:, None] != range(len(shape))), axis)
     coarse = hierarchy.levels[1]

@@ -21,7 +21,7 @@ def test_true_error_is_what_was_asked_for(name, tolerance):
     truth = Reference.load(DATA / f"{name}.npz")
     result = solve(BODIES[name](), strategy="spawning", tolerance=tolerance)
     error = np.sqrt(abs(result.generations[-1].energy / truth.strain_energy - 1))
-    estimate = result.found.error
+    estimate = result.found.solution.error
     assert result.tolerance_kept == "proved" or estimate <= tolerance
     # The estimate of few agents is less sure.
     assert 0.5 < estimate / error < (2.0 if tolerance <= 0.05 else 3.5)

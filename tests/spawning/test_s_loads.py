@@ -77,7 +77,7 @@ def settled_cells(scene):
         check_supports(problem)
     except SupportError:
         return None
-    numbering = Numbering(problem.face_states())
+    numbering = Numbering(problem.face_states)
     matrix = stiffness_matrix(problem, numbering)
     if slender_cell(problem) is not None or np.linalg.cond(matrix.toarray()) > 1e10:
         return None
@@ -163,5 +163,5 @@ def test_force_on_a_held_face_goes_into_the_wall():
     body = {"cells": [4, 4], "cell_size": 1.0, "material": "steel"}
     load = {"cell": [1, 0], "side": "bottom", "force": [2.0, 0.0]}
     balance = agents(Scene(body=body, sides={"bottom": "rigid"}, loads=[load]), smallest=True)
-    assert balance.wall_load[2].tolist() == [1.0, 0.0]
+    assert balance.entered.wall[2].tolist() == [1.0, 0.0]
     assert not balance.load.any()

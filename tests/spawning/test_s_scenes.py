@@ -111,7 +111,7 @@ def random_scene(rng, folder):
 
 def settled_energy(result):
     """The energy of the agents as they settled: bounds may contradict it where cells are rough."""
-    return result.found.energy * result.found.scales.force * result.found.scales.displacement
+    return result.found.solution.energy * result.found.scales.energy
 
 
 def check_same(scene, resolution, stage):

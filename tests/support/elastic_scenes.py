@@ -71,7 +71,7 @@ def block(cells=(4, 3, 5), **rule):
 def direct_solution(model):
     """Displacement (m) of the free faces by factorising the solver's own matrix."""
     problem = model.table.problem
-    numbering = Numbering(problem.face_states())
+    numbering = Numbering(problem.face_states)
     matrix = stiffness_matrix(problem, numbering)
     assert matrix.shape[0] == model.table.levels[0].size
     load = model.table.load[: matrix.shape[0]] / problem.scales.force

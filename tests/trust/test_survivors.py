@@ -11,7 +11,7 @@ from kaju import ElasticModel, LoadModel, PrescribedRule, Scene, SpawningModel
 from kaju.model.elastic.caveats import stepped_cells
 from kaju.model.elastic.grid import problem_of_scene
 from kaju.model.elastic.moduli import moduli_of
-from kaju.model.elastic.spawning import leaf_spawner
+from kaju.model.elastic.spawning import spawner
 from kaju.model.elastic.spawning.displacement_error import DisplacementError, _follows_badly
 from kaju.model.elastic.spawning.field import slope_weights
 from kaju.model.elastic.staggered import compact
@@ -61,7 +61,7 @@ def test_a_drag_turns_the_body_about_its_own_surface(drawing, pull):
 
 
 def test_agents_that_have_not_settled_are_as_far_off_as_that(monkeypatch):
-    usual = leaf_spawner.settle
+    usual = spawner.settle
 
     def settle(*args):
         run = usual(*args)
@@ -70,7 +70,7 @@ def test_agents_that_have_not_settled_are_as_far_off_as_that(monkeypatch):
 
     calm = SpawningModel(plate(), tolerance=0.05, tolerance_at="displacement")
     calm.step()
-    monkeypatch.setattr(leaf_spawner, "settle", settle)
+    monkeypatch.setattr(spawner, "settle", settle)
     rough = SpawningModel(plate(), tolerance=0.05, tolerance_at="displacement")
     rough.step()
     told = rough.result().error_estimate

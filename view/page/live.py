@@ -439,7 +439,7 @@ def _moving_faces(table: PushTable) -> MovingFaces:
     problem = table.problem
     fields = [
         np.where(states == ABSENT, np.nan, problem.scales.displacement * fixed)
-        for states, fixed in zip(problem.face_states(), problem.fixed, strict=True)
+        for states, fixed in zip(problem.face_states, problem.fixed, strict=True)
     ]
     return MovingFaces(*table.levels[0].place, fields)
 

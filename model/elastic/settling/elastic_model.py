@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -29,8 +28,7 @@ EngineName = Literal["auto", "agents", "arrays"]
 MOST_CELLS_FOR_AGENTS = 5_000
 """Up to this many cells every agent is an object when the engine is chosen by itself."""
 
-MOST_GROWTH = 1e12
-"""A run whose largest load exceeds that of the start by this factor is stopped."""
+MOST_GROWTH = 1e12  # A run whose largest load exceeds that of the start by this factor is stopped
 
 
 class ElasticModel(SteppedModel):
@@ -146,17 +144,14 @@ class ElasticModel(SteppedModel):
                 )
         self.allow_unstable = allow_unstable
         self.pushes_per_step, self.max_steps = pushes_per_step, max_steps
-        self.engine = self._choose_engine(engine, face_agent)
-        self.reset()
-
-    def _choose_engine(
-        self, engine: str, face_agent: type[FaceAgent]
-    ) -> AgentPushEngine | ArrayPushEngine:
-        small = self.scene.lattice.size <= MOST_CELLS_FOR_AGENTS
-        own: Any = self.order if face_agent is FaceAgent and self.order else face_agent
+        small = scene.lattice.size <= MOST_CELLS_FOR_AGENTS
+        own: Any = order if face_agent is FaceAgent and order else face_agent
+        self.engine: AgentPushEngine | ArrayPushEngine
         if takes_objects(engine, own, FaceAgent, small):
-            return AgentPushEngine(self, self.table, face_agent)
-        return ArrayPushEngine(self.table)
+            self.engine = AgentPushEngine(self, self.table, face_agent)
+        else:
+            self.engine = ArrayPushEngine(self.table)
+        self.reset()
 
     def reset(self) -> None:
         """Go back to the start, before any agent has yielded."""
@@ -166,19 +161,16 @@ class ElasticModel(SteppedModel):
         self.visit = Visit()
         self.history: list[StepRecord] = []
         self.recorder = Recorder(self.state)
-        self._order = self._orders()
+        self._order = multilevel(self.engine)
+        if self.order and isinstance(self.engine, AgentPushEngine):
+            self._order = own_order(self.engine, self.order)
+        elif self.table.order == "wave":
+            self._order = wave(self.engine, self.share)
+        elif self.table.order == "largest first":
+            self._order = largest_first(self.engine, self.pushes_per_step)
         self._loudest, self._meter = self._loudest_at_start, _ = self.state.survey()
         self._wake_supports()
         self.running = not self.outcome
-
-    def _orders(self) -> Iterator[Visit]:
-        if self.order and isinstance(self.engine, AgentPushEngine):
-            return own_order(self.engine, self.order)
-        if self.table.order == "wave":
-            return wave(self.engine, self.share)
-        if self.table.order == "largest first":
-            return largest_first(self.engine, self.pushes_per_step)
-        return multilevel(self.engine)
 
     @property
     def state(self) -> PushState:

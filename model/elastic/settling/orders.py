@@ -134,25 +134,21 @@ def multilevel(engine: PushEngine) -> Iterator[Visit]:
 
 
 def _down(engine: PushEngine, top: int, momentum: Momentum) -> Iterator[Visit]:
+    state = engine.state
     for level in range(top, -1, -1):
-        if level == top > 0 and len(engine.state.grounds[top].weight) <= MOST_WHO_CONFER:
-            _confer(engine, top)
+        if level == top > 0 and len(state.grounds[top].weight) <= MOST_WHO_CONFER:
+            # A handful, they yield at once by what leaves nothing to any.
+            if (state.measured(top) > state.threshold).any():
+                loads = state.settling_loads(top)
+                acting = np.flatnonzero(loads)
+                engine.push_together(top, acting, loads[acting])
         else:
             _take_turns(engine, level)
         if level > 0:
-            engine.state.hand_down(level)
+            state.hand_down(level)
         else:
             momentum.go_on()
         yield Visit(level, "down")
-
-
-def _confer(engine: PushEngine, top: int) -> None:
-    """Let the topmost parents, a handful, yield at once by what leaves nothing to any."""
-    state = engine.state
-    if (state.measured(top) > state.threshold).any():
-        loads = state.settling_loads(top)
-        acting = np.flatnonzero(loads)
-        engine.push_together(top, acting, loads[acting])
 
 
 def _take_turns(engine: PushEngine, level: int) -> int:

@@ -17,11 +17,9 @@ import scipy.sparse as sp
 
 from .table import PushTable
 
-SAFETY = 0.9
-"""How close to the limit the share is set by itself."""
+SAFETY = 0.9  # How close to the limit the share is set by itself
 
-MOST_FACES_TO_ITERATE = 200_000
-"""Above this many faces the bound is taken for the eigenvalue."""
+MOST_FACES_TO_ITERATE = 200_000  # Above this many faces the bound is taken for the eigenvalue
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,11 @@ class WaveCertificate:
 def certify_waves(table: PushTable, share: float | None = None) -> WaveCertificate:
     """State by which share agents may yield at once, and which share ω is used."""
     # None takes nine tenths of the limit.
-    bound = eigenvalue_bound(table)
+    problem = table.problem
+    used = np.unique(problem.kinds[problem.kinds >= 0])
+    ratio = problem.moduli.lateral[used] / problem.moduli.stretch[used]
+    # What no body of these materials exceeds.
+    bound = max(4.0, 2.0 * float((1.0 + (problem.dimension - 1) * ratio).max()))
     largest = min(bound, largest_eigenvalue(table))
     limit = 2.0 / largest
     chosen = SAFETY * limit if share is None else share
@@ -55,15 +57,6 @@ def certify_waves(table: PushTable, share: float | None = None) -> WaveCertifica
             f"set share (ω) below {limit:.4f}, or leave it out"
         )
     return WaveCertificate(largest, bound, limit, chosen, stable, verdict)
-
-
-def eigenvalue_bound(table: PushTable) -> float:
-    """Return what λmax(D⁻¹K) cannot exceed for the materials of a scene."""
-    problem = table.problem
-    used = np.unique(problem.kinds[problem.kinds >= 0])
-    ratio = problem.moduli.lateral[used] / problem.moduli.stretch[used]
-    volume = 1.0 + (problem.dimension - 1) * ratio
-    return float(max(4.0, 2.0 * volume.max()))
 
 
 def largest_eigenvalue(table: PushTable) -> float:

@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from .elastic_model import ElasticModel
 
 
-ROUGH = 1e4
-"""Contrast of moduli from which on the meter of the error left is not to be relied on."""
+ROUGH = 1e4  # Contrast of moduli from which on the meter of the error left is not to be relied on
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,7 +102,7 @@ class ElasticRun(BodyResult):
         last = self.history[-1] if self.history else None
         return {
             "rule": "elastic",
-            "order": self.result.found.method.removeprefix("agents, "),
+            "order": self.result.found.solution.method.removeprefix("agents, "),
             "plane": self.scene.plane,
             "outcome": self.outcome,
             "threshold": self.threshold,
@@ -241,7 +240,12 @@ def collect(model: ElasticModel) -> ElasticRun:
     state, table = model.state, model.table
     work = -2.0 * state.energy
     outcome = model.outcome or f"interrupted after {model.generation} steps"
-    agents = _face_agents(model)
+    agents, left = _face_agents(model), state.grounds[0].left
+    n, dimension = table.levels[0].size, table.problem.dimension
+    resting, carried = np.zeros(dimension), np.zeros(dimension)
+    np.add.at(resting, table.levels[0].place[0], left[:n])
+    np.add.at(carried, table.place_axes, left[n:])
+    turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
     starts = np.cumsum([0, *(level.size for level in table.levels)])
     return ElasticRun(
         scene=model.scene,
@@ -251,7 +255,7 @@ def collect(model: ElasticModel) -> ElasticRun:
         agents=agents,
         boundary=_boundary_agents(model),
         history=tuple(model.history),
-        ledger=_ledger(model),
+        ledger=PushLedger(table.applied, resting, carried, turnover),
         most_pushes=max(work, 0.0) * table.reference / model.threshold**2,
         certificate=model.certificate,
         moments=model.recorder.moments(model.visit.level, starts[agents.level] + agents.number),
@@ -275,44 +279,28 @@ def _elastic_result(model: ElasticModel, outcome: str) -> ElasticResult:
         levels=len(table.levels),
         residuals=meters,
         converged=model.at_rest,
-        notes=[outcome, *_doubts(model)],
+        notes=[outcome, "the error estimate is of the loads left; the grid's own is not in it"],
     )
+    moduli = [material.youngs_modulus for material in model.scene.cell_materials]
+    contrast = max(moduli) / min(moduli)
+    if contrast >= ROUGH:
+        solution.notes.append(
+            f"moduli differ by a factor of {contrast:.0e}: loads left on soft cells may hide an "
+            "error tens of times the estimate; a smaller threshold or `kaju solve` tells"
+        )
     found = CellAgents(table.grid, model.stage, table.problem, table.origin, solution)
     return ElasticResult(model.scene, model.stage, found, model.seconds)
 
 
-def _doubts(model: ElasticModel) -> list[str]:
-    """Say what the meter of an error does not tell."""
-    said = ["the error estimate is of the loads left; the grid's own is not in it"]
-    moduli = [material.youngs_modulus for material in model.scene.cell_materials]
-    contrast = max(moduli) / min(moduli)
-    if contrast >= ROUGH:
-        said.append(
-            f"moduli differ by a factor of {contrast:.0e}: loads left on soft cells may hide an "
-            "error tens of times the estimate; a smaller threshold or `kaju solve` tells"
-        )
-    return said
-
-
 def _face_agents(model: ElasticModel) -> FaceAgents:
-    columns: list[list[NDArray[Any]]] = [[] for _ in range(8)]
-    for number, (level, ground) in enumerate(
-        zip(model.table.levels, model.state.grounds, strict=True)
-    ):
+    rows = []
+    for number, level in enumerate(model.table.levels):
+        ground, at = model.state.grounds[number], model.table.positions(number)
         awake = _awake(ground.spawn_step)
-        values = (
-            np.full(len(awake), number),
-            ground.spawn_step[awake],
-            awake,
-            level.place[0][awake],
-            model.table.positions(number)[awake],
-            ground.taken[awake],
-            ground.left[awake],
-            ground.displacement[awake],
-        )
-        for column, value in zip(columns, values, strict=True):
-            column.append(value)
-    return FaceAgents(*(np.concatenate(column) for column in columns))
+        step, axis = ground.spawn_step[awake], level.place[0][awake]
+        carried = (values[awake] for values in (ground.taken, ground.left, ground.displacement))
+        rows.append((np.full(len(awake), number), step, awake, axis, at[awake], *carried))
+    return FaceAgents(*map(np.concatenate, zip(*rows, strict=True)))
 
 
 def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
@@ -342,14 +330,3 @@ def _boundary_agents(model: ElasticModel) -> BoundaryAgents:
 def _awake(step: Ints) -> Ints:
     awake = np.flatnonzero(step)
     return awake[np.argsort(step[awake], kind="stable")]
-
-
-def _ledger(model: ElasticModel) -> PushLedger:
-    table, left = model.table, model.state.grounds[0].left
-    n, dimension = table.levels[0].size, table.problem.dimension
-    axis = table.levels[0].place[0]
-    resting, carried = np.zeros(dimension), np.zeros(dimension)
-    np.add.at(resting, axis, left[:n])
-    np.add.at(carried, table.place_axes, left[n:])
-    turnover = float(np.abs(left).sum() + np.abs(table.load).sum())
-    return PushLedger(table.applied, resting, carried, turnover)

@@ -4,12 +4,19 @@ Faces that can move are numbered first, then the *places* where supports hold th
 faces that are given their displacement, and the elastic beds beneath faces. Both engines
 and the stability certificate read the same tables, which come from the assembled stiffness:
 the share of agent i's load that goes to j is −K_ij/K_ii.
+
+A face at a free surface has nobody ahead. Its forward share comes straight back, it yields
+to it again, and again: P/k·(1 + c/k + c²/k² + ...) = P/(k − c), with c the stiffness that
+is missing. So at a free surface an agent simply has the smaller stiffness k − c; each time
+it yields by δ the boundary agent has given back cδ.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -18,22 +25,56 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import ElasticRule
-from kaju.arrays import Floats, Ints
+from kaju.arrays import Floats, Ints, moved
 from kaju.errors import SceneError
 from kaju.model.elastic.grid import grid_of
-from kaju.model.elastic.problem import ABSENT, ACTIVE, FIXED
-from kaju.model.elastic.staggered import Numbering, stiffness_matrix
+from kaju.model.elastic.moduli import moduli_at
+from kaju.model.elastic.problem import ABSENT, ACTIVE, FIXED, ElasticProblem
+from kaju.model.elastic.staggered import (
+    Numbering,
+    axis_pairs,
+    compact,
+    edge_modulus,
+    stiffness_matrix,
+)
 from kaju.model.scene import scene_needed
-
-from .boundary import Boundary, free_surfaces, supports
-from .push_transfer import coarsen
+from kaju.model.scene.kinds import AIR, FOUNDATION, RIGID, ROLLER
 
 if TYPE_CHECKING:
     from kaju.model.scene import Scene
 
 
-FEWEST_FACES = 12
-"""A level with at most this many faces has no parents."""
+FEWEST_FACES = 12  # A level with at most this many faces has no parents
+
+
+States = NDArray[np.int8]
+
+
+class Boundary:
+    """Cells that are not body, and what each is to the faces beside it.
+
+    `cells` are counted from the arrays' first cell without the rim; `links` says how much of each
+    column belongs to each cell: `parts` are columns, cells beside them, and shares.
+    """
+
+    def __init__(
+        self, problem: ElasticProblem, parts: Sequence[tuple[Ints, Ints, Floats]], columns: int
+    ) -> None:
+        shape = problem.kinds.shape
+        column, cells, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+        key = np.ravel_multi_index(tuple(cells.T), shape) if len(cells) else np.empty(0, np.int64)
+        distinct, row = np.unique(key, return_inverse=True)
+        self.cells = np.stack(np.unravel_index(distinct, shape), axis=1).astype(np.int64) - 1
+        self.links = sp.csr_array((weight, (row, column)), shape=(len(distinct), columns))
+
+    def first(self, step: Ints) -> Ints:
+        """Return the earliest step among each cell's columns; 0 where none has one."""
+        never = np.iinfo(np.int64).max
+        first = np.full(len(self.cells), never)
+        row = np.repeat(np.arange(len(self.cells)), np.diff(self.links.indptr))
+        awake = np.where(step > 0, step, never)[self.links.indices]
+        np.minimum.at(first, row, awake)
+        return np.where(first == never, 0, first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,24 +144,26 @@ class PushTable:
         self.grid, self.problem, self.origin, self.subdivision, _ = grid_of(scene, stage)
         scales = self.problem.scales
         self.unit = scales.force / scales.displacement
-        states = self.problem.face_states()
+        states = self.problem.face_states
         self._numbering = Numbering(states)
         self.fixed_place = face_indices(states, FIXED)
-        matrix = self._assemble(states)
-        self.levels = self._build_levels(matrix)
-        self.load, self.given = self._initial(matrix)
-        self.reference = self._reference()
-        self.threshold = self.rule.threshold or self._threshold_for(self.rule.tolerance)
-
-    def _assemble(self, states: tuple[NDArray[np.int8], ...]) -> sp.csr_array:
-        """Return the stiffness (N/m) of all faces, those that move before those that are held."""
+        # The stiffness (N/m) of all faces, those that move before those that are held.
         present = Numbering(tuple(np.where(s == ABSENT, ABSENT, ACTIVE) for s in states))
         zero = tuple(np.zeros_like(spring) for spring in self.problem.spring)
         matrix = stiffness_matrix(replace(self.problem, spring=zero), present)
         moves = present.gather(tuple((s == ACTIVE).astype(float) for s in states)) > 0.0
-        order = np.concatenate([np.flatnonzero(moves), np.flatnonzero(~moves)])
-        self._present, self._order = present, order
-        return sp.csr_array(self.unit * matrix[order][:, order])
+        order_of = np.concatenate([np.flatnonzero(moves), np.flatnonzero(~moves)])
+        matrix = sp.csr_array(self.unit * matrix[order_of][:, order_of])
+        self.levels = self._build_levels(matrix)
+        n = self._numbering.size
+        force = scales.force * present.gather(self.problem.force)[order_of]
+        self.given = scales.displacement * present.gather(self.problem.fixed)[order_of][n:]
+        load = force - matrix[:, n:] @ self.given
+        self.load = np.concatenate([load, np.zeros(len(self.bedded))])
+        moduli = moduli_at(self.problem.moduli, self.problem.kinds[self.problem.kinds >= 0])
+        inside = moduli.stretch + (self.problem.dimension - 1) * moduli.shear
+        self.reference = self.unit * 2.0 * float(inside.max())
+        self.threshold = self.rule.threshold or self._threshold_for(self.rule.tolerance)
 
     def _build_levels(self, matrix: sp.csr_array) -> tuple[PushLevel, ...]:
         n = self._numbering.size
@@ -142,20 +185,6 @@ class PushTable:
             own = sp.csr_array(levels[-1].restrict @ (own @ prolong))
             levels.append(make_level(parents, own))
         return tuple(levels)
-
-    def _initial(self, matrix: sp.csr_array) -> tuple[Floats, Floats]:
-        scales = self.problem.scales
-        n = self._numbering.size
-        force = scales.force * self._present.gather(self.problem.force)[self._order]
-        given = scales.displacement * self._present.gather(self.problem.fixed)[self._order][n:]
-        load = force - matrix[:, n:] @ given
-        return np.concatenate([load, np.zeros(len(self.bedded))]), given
-
-    def _reference(self) -> float:
-        moduli, dimension = self.problem.moduli, self.problem.dimension
-        used = np.unique(self.problem.kinds[self.problem.kinds >= 0])
-        inside = 2.0 * moduli.stretch + 2.0 * (dimension - 1) * moduli.shear
-        return self.unit * float(inside[used].max())
 
     def _threshold_for(self, tolerance: float) -> float:
         """Return the γ at which the error meter is sure to be at most `tolerance` at rest.
@@ -237,3 +266,137 @@ def face_indices(states: tuple[NDArray[np.int8], ...], wanted: int) -> tuple[Int
         axes.append(np.full(len(index), axis, dtype=np.int64))
         indices.append(index)
     return np.concatenate(axes), np.concatenate(indices)
+
+
+def supports(
+    problem: ElasticProblem, fixed: tuple[Ints, Ints], bedded: tuple[Ints, Ints]
+) -> Boundary:
+    """Return the cells that hold the body; columns are held faces, then bedded ones."""
+    # A held face between two rigid cells is shared by them.
+    parts, start = [], 0
+    for (axis, index), kinds in ((fixed, (RIGID, ROLLER)), (bedded, (FOUNDATION,))):
+        low = index.copy()
+        low[np.arange(len(axis)), axis] -= 1
+        holds = [np.isin(problem.kinds[tuple(side.T)], kinds) for side in (low, index)]
+        count = holds[0].astype(np.float64) + holds[1]
+        for side, chosen in zip((low, index), holds, strict=True):
+            parts.append((start + np.flatnonzero(chosen), side[chosen], 1.0 / count[chosen]))
+        start += len(axis)
+    return Boundary(problem, parts, start)
+
+
+def free_surfaces(problem: ElasticProblem, faces: tuple[Ints, Ints], stiffness: Floats) -> Boundary:
+    """Return the air beside the body; columns are faces, entries the shares given back."""
+    # `faces` are axis and index of those that can move, with their (scaled) stiffness.
+    missing = (*_ahead(problem, *faces), *_beside(problem, *faces))
+    parts = [(at, beyond, modulus / stiffness[at]) for at, beyond, modulus in missing]
+    return Boundary(problem, parts, len(faces[0]))
+
+
+Missing = tuple[Ints, Ints, Floats]
+"""Faces, the air cells beside them, and the stiffness that is missing there."""
+
+
+def _ahead(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
+    """Return the air ahead of faces: there C₁₁ of the cell behind is missing."""
+    low = index.copy()
+    low[np.arange(len(axis)), axis] -= 1
+    found = []
+    for here, beyond in ((low, index), (index, low)):
+        kind = problem.kinds[tuple(here.T)]
+        at = np.flatnonzero(problem.kinds[tuple(beyond.T)] == AIR)
+        found.append((at, beyond[at], problem.moduli.stretch[kind[at]]))
+    return found
+
+
+def _beside(problem: ElasticProblem, axis: Ints, index: Ints) -> list[Missing]:
+    """Return the air round the corners (edges) of faces, by which friction is lowered."""
+    compliance = np.append(1.0 / problem.moduli.shear, 0.0)
+    found = []
+    for pair in axis_pairs(problem.dimension):
+        modulus = edge_modulus(problem, pair)
+        for along, across in (pair, pair[::-1]):
+            faces = np.flatnonzero(axis == along)
+            for upper in (0, 1):
+                edge = moved(index[faces], across, upper)
+                steps = product((0, -1), repeat=2)
+                around = [moved(moved(edge, across, b), along, a) for b, a in steps]
+                kinds = np.stack([problem.kinds[tuple(cell.T)] for cell in around])
+                counted = (kinds >= 0) | (kinds == RIGID)
+                total = np.where(kinds >= 0, compliance[np.maximum(kinds, -1)], 0.0).sum(axis=0)
+                whole = counted.sum(axis=0) / total
+                air = kinds == AIR
+                share = (whole - modulus[tuple(edge.T)]) / np.maximum(air.sum(axis=0), 1)
+                for cell, open_ in zip(around, air, strict=True):
+                    found.append((faces[open_], cell[open_], share[open_]))
+    return found
+
+
+def coarsen(fine: Numbering) -> tuple[Numbering, sp.csr_array]:
+    """Return the parents' numbering and the interpolation from parents to children."""
+    # Along its normal a face's displacement is interpolated linearly between the parents' faces
+    # (1; ½, ½), across it between the parents' middles (¾, ¼). At a free surface, where the parent
+    # beyond is missing, the line is prolonged (5/4, -1/4); at a rigid one it runs to zero (½). So a
+    # rigid rotation of the parents is one of the children, without which a stiff body on a soft one
+    # would not turn. Every axis looks only at the faces that are there: so holes, odd numbers of
+    # cells and ragged outlines need no special case.
+    states, blocks = [], []
+    for axis, state in enumerate(fine.states):
+        matrix = sp.eye_array(int(np.count_nonzero(state == ACTIVE)), format="csr")
+        for along in range(state.ndim):
+            parents = _parents(state, along, normal=along == axis)
+            step = _interpolation(state, parents, along, normal=along == axis)
+            matrix = sp.csr_array(matrix @ step)
+            state = parents
+        states.append(state)
+        blocks.append(matrix)
+    return Numbering(tuple(states)), sp.csr_array(sp.block_diag(blocks, format="csr"))
+
+
+def _parents(state: States, axis: int, *, normal: bool) -> States:
+    """Coarsen the states of one component along one axis."""
+    lines = np.moveaxis(state, axis, 0)
+    if normal:
+        # Every second face stays; one that is missing exists if a child beside it moves.
+        cells = (len(lines) - 3 + 1) // 2
+        rim = np.full((1, *lines.shape[1:]), ABSENT, dtype=np.int8)
+        padded = np.concatenate([lines, rim])
+        kept = padded[1 : 2 * cells + 2 : 2]
+        before, after = padded[0 : 2 * cells + 1 : 2], padded[2 : 2 * cells + 3 : 2]
+        revived = (kept == ABSENT) & ((before == ACTIVE) | (after == ACTIVE))
+        parents = np.concatenate([rim, np.where(revived, np.int8(ACTIVE), kept), rim])
+    else:
+        # Two children have one parent, which moves if either of them does.
+        padded = np.concatenate([lines[:1], lines, *[lines[-1:]] * (1 + len(lines) % 2)])
+        parents = np.maximum(padded[0::2], padded[1::2])
+    return np.ascontiguousarray(np.moveaxis(parents, 0, axis))
+
+
+def _interpolation(fine: States, coarse: States, axis: int, *, normal: bool) -> sp.csr_array:
+    """Return the weights of one axis, active children by active parents."""
+    number = np.full(coarse.shape, -1, dtype=np.int64)
+    number[coarse == ACTIVE] = np.arange(np.count_nonzero(coarse == ACTIVE))
+    place = np.nonzero(fine == ACTIVE)
+    child = place[axis].astype(np.int64) - 1
+    parent = child // 2
+
+    def look(offset: Ints | int) -> tuple[Ints, States]:
+        at = [*place]
+        at[axis] = np.clip(parent + offset + 1, 0, coarse.shape[axis] - 1)
+        return number[tuple(at)], coarse[tuple(at)]
+
+    odd, own = child % 2, look(0)[0]
+    if normal:
+        terms = [(own, np.where(odd, 0.5, 1.0)), (look(odd)[0], 0.5 * odd)]
+    else:
+        (near, near_state), (far, far_state) = look(2 * odd - 1), look(1 - 2 * odd)
+        free = (near_state == ABSENT) & (far_state == ACTIVE)
+        beside = near_state == ACTIVE
+        chosen = [beside, near_state == FIXED, free]
+        terms = [(own, np.select(chosen, [0.75, 0.5, 1.25], 1.0))]
+        terms += [(near, 0.25 * beside), (far, -0.25 * free)]
+    column, weight = (np.concatenate(part) for part in zip(*terms, strict=True))
+    row = np.tile(np.arange(len(child)), len(terms))
+    some = np.flatnonzero((column >= 0) & (weight != 0.0))
+    size = (len(child), int(np.count_nonzero(coarse == ACTIVE)))
+    return compact(row[some], column[some], weight[some], size)

@@ -10,6 +10,8 @@ import numpy as np
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.boxes import corner_ends
+from kaju.model.elastic.fields import SURFACE_SHARE, between_corners
+from kaju.model.elastic.moduli import normal_stress
 from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import DISPLACED, RIGID
 
@@ -17,10 +19,7 @@ from .balance import Balance
 from .composite import Composite
 from .field import known_slopes, nearest_known, oriented, slope_weights
 
-NEAR = 1e-6
-"""Points that are nearer to a face than this part of a cell lie on it."""
-SURFACE_SHARE = 0.5
-"""Weight of a free surface's own slope against that of the agents below, as on equal cells."""
+NEAR = 1e-6  # Points that are nearer to a face than this part of a cell lie on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +39,13 @@ class AgentFields:
     @cached_property
     def normal_stress(self) -> Floats:
         """Normal stresses of the agents, shape (dimension, agents)."""
-        grid = self.balance.grid
-        moduli, kind = grid.ground.moduli, grid.leaves.kind
-        lateral = moduli.lateral[kind]
-        shear = moduli.stretch[kind] - lateral
-        return np.asarray(lateral * self.stretch.sum(axis=0) + shear * self.stretch)
+        return normal_stress(self.balance.grid.law, self.stretch)
 
     @cached_property
     def edge_shear(self) -> dict[Pair, Floats]:
         """Shear stresses of the edges, with the tractions on loaded surfaces."""
         return {
-            pair: edges.modulus * sum(self.slopes[pair]) + self.balance.surface_shear[pair]
+            pair: edges.modulus * sum(self.slopes[pair]) + self.balance.entered.surface_shear[pair]
             for pair, edges in self.balance.grid.edges.items()
         }
 
@@ -170,7 +165,7 @@ def _slope(fields: AgentFields, leaf: Ints, axis: int, across: int, end: int, ne
     edge = nearest_known(gradients, table[leaf], end, near)
     slope = at(edge, slice(None))
     bare = np.flatnonzero(gradients[1].valid[edge] & ~gradients[0].valid[edge])
-    slope[bare] += fields.balance.surface_shear[pair][edge[bare]] / shear[bare]
+    slope[bare] += fields.balance.entered.surface_shear[pair][edge[bare]] / shear[bare]
     inner = table[leaf[bare], end, 1 - near[bare]]
     meets = (edge[bare] == table[leaf[bare], end, near[bare]]) & gradients[0].valid[inner]
     meets &= known_slopes(gradients, inner)
@@ -193,12 +188,8 @@ def stress_at(fields: AgentFields, points: Floats, leaf: Ints) -> Floats:
     for a in range(d):
         tensor[:, a, a] = _along_slopes(grid, fields.normal_stress[a], leaf, local)
     for (a, b), shear in fields.edge_shear.items():
-        around, total = grid.edges[a, b].of_leaf[leaf], np.zeros(len(leaf))
-        for first, second in product((0, 1), repeat=2):
-            share = np.where(first, local[:, a], 1 - local[:, a])
-            share = share * np.where(second, local[:, b], 1 - local[:, b])
-            total += share * shear[around[:, first, second]]
-        tensor[:, a, b] = tensor[:, b, a] = total
+        around = np.moveaxis(shear[grid.edges[a, b].of_leaf[leaf]], 0, -1)
+        tensor[:, a, b] = tensor[:, b, a] = between_corners(around, local[:, a], local[:, b])
     return _means(point, tensor)
 
 

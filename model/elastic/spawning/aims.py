@@ -11,14 +11,12 @@ from kaju.model.elastic.bracket import Bracket
 
 BULK = {2: 0.85, 3: 0.75}
 """The agents that spawn children stand for this share of the error (Dörfler 1996)."""
-SPARE = 0.9
-"""The last generation aims at this share of the tolerance."""
+SPARE = 0.9  # The last generation aims at this share of the tolerance
 ALIKE = 0.01
 """Who contributes as much as the last one chosen, but for this share, spawns as well.
 
 So children keep the symmetry of their parents."""
-GAIN = 0.7
-"""Share of its part of the error that an agent's children are expected to take away."""
+GAIN = 0.7  # Share of its part of the error that an agent's children are expected to take away
 
 
 class Answer(NamedTuple):

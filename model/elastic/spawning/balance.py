@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.krylov import dot
+from kaju.model.elastic.moduli import Moduli, normal_stress
 from kaju.model.elastic.problem import ACTIVE, FIXED
-from kaju.model.elastic.staggered import Pair
 from kaju.model.scene.kinds import INSIDE
 
 from .composite import Composite
@@ -49,48 +49,37 @@ class Balance:
         self.offset = np.concatenate(constants)
 
     @cached_property
-    def _entered(self) -> FaceLoads:
+    def entered(self) -> FaceLoads:
+        """What the scene's loads put on faces, walls and edges."""
         return face_loads(self.grid)
 
     @property
     def load(self) -> Floats:
         """External force on every face."""
-        return self._entered.face
-
-    @property
-    def wall_load(self) -> Floats:
-        """External force on the sides of the array, and on rigid cells inside of it."""
-        return self._entered.wall
-
-    @property
-    def surface_shear(self) -> dict[Pair, Floats]:
-        """Shear stress that loads along the surface put on the edges."""
-        return self._entered.surface_shear
+        return self.entered.face
 
     def loaded_by(self, ground: Ground) -> Balance:
         """Return the same agents and matrices under the loads of other ground of the same body."""
         twin = copy(self)
         twin.grid = copy(self.grid)
         twin.grid.ground = ground
-        twin.__dict__.pop("_entered", None)
+        twin.__dict__.pop("entered", None)
         return twin
 
     @cached_property
-    def _moduli(self) -> tuple[Floats, Floats, Floats]:
-        """Moduli times volumes: of stretches along an axis and across it, and of shear."""
+    def _moduli(self) -> Moduli:
+        """Moduli times volumes: of the leaves' stretches, and of the edges' shear."""
         grid = self.grid
-        moduli, kind = grid.ground.moduli, grid.leaves.kind
         volume = grid.length**grid.dimension
         shear = np.concatenate([e.modulus * e.weight for e in grid.edges.values()])
-        return volume * moduli.stretch[kind], volume * moduli.lateral[kind], shear
+        return Moduli(volume * grid.law.stretch, volume * grid.law.lateral, shear)
 
     def stress(self, strain: Floats) -> Floats:
         """Return the stresses times volumes by strains."""
-        along, cross, shear = self._moduli
-        d, n = self.grid.dimension, len(along)
-        stretch = strain[: n * d].reshape(d, n)
-        normal = cross * stretch.sum(axis=0) + (along - cross) * stretch
-        return np.concatenate([normal.ravel(), shear * strain[n * d :]])
+        law = self._moduli
+        sides = self.grid.dimension * len(law.stretch)
+        normal = normal_stress(law, strain[:sides].reshape(-1, len(law.stretch)))
+        return np.concatenate([normal.ravel(), law.shear * strain[sides:]])
 
     def stiffness(self, faces: Ints | None = None) -> sp.csr_array:
         """Return the forces on faces by displacements of these faces: symmetric."""
@@ -122,23 +111,26 @@ class Balance:
         grid = self.grid
         if not grid.value.any() and not self.offset.any():
             return np.zeros(grid.size)
-        given = self.strains @ grid.value + self.offset
-        return np.asarray(self.strains.T @ self.stress(given))
+        return np.asarray(self.strains.T @ self.stress(self.strain(grid.value)))
 
     @cached_property
     def given_energy(self) -> float:
         """Twice the energy stored while the free faces rest."""
-        given = self.strains @ self.grid.value + self.offset
+        given = self.strain(self.grid.value)
         return float(dot(given, self.stress(given)))
+
+    def strain(self, displacement: Floats) -> Floats:
+        """Return the strains at a displacement."""
+        return np.asarray(self.strains @ displacement + self.offset)
 
     def force(self, displacement: Floats) -> Floats:
         """Return the force that holds every face at a displacement."""
-        stress = self.stress(self.strains @ displacement + self.offset)
+        stress = self.stress(self.strain(displacement))
         return np.asarray(self.strains.T @ stress + self.grid.spring * displacement)
 
     def energy(self, displacement: Floats) -> float:
         """Return the energy stored in body and foundation."""
-        strain = self.strains @ displacement + self.offset
+        strain = self.strain(displacement)
         bed = float(dot(self.grid.spring, displacement**2))
         return 0.5 * (float(dot(strain, self.stress(strain))) + bed)
 
@@ -147,14 +139,14 @@ class Balance:
         grid, d = self.grid, self.grid.dimension
         own = np.ones(len(grid.leaves), dtype=np.bool_) if own is None else own
         names = [*grid.ground.scene.lattice.sides, INSIDE]
-        totals = -self.wall_load
-        touched = np.asarray(self.wall_load.any(axis=1))
+        totals = -self.entered.wall
+        touched = np.asarray(totals.any(axis=1))
         held = grid.state == FIXED
         hold = np.where(held, self.force(displacement) - self.load, -grid.spring * displacement)
         some = (grid.support >= 0) & own[grid.owner]
         np.add.at(totals, (grid.support[some], grid.axis[some]), hold[some])
         touched[grid.support[some]] = True
-        stress = self.stress(self.strains @ displacement + self.offset)
+        stress = self.stress(self.strain(displacement))
         start = len(grid.leaves) * d
         for pair, edges in grid.edges.items():
             shear = stress[start : start + len(edges.modulus)]

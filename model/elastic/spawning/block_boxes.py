@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Floats, Ints
 from kaju.model.elastic.boxes import Boxes, Mesh, corner_ends, entered
-from kaju.model.elastic.moduli import Moduli
+from kaju.model.elastic.moduli import Moduli, moduli_at, normal_stress
 from kaju.model.elastic.staggered import Pair, axis_pairs
 from kaju.model.elastic.tractions import Portions
 
@@ -63,8 +63,8 @@ def boxes_of_blocks(blocks: BlockBalance, u: Floats) -> Boxes:
     places, stride = blocks.shape[2], blocks.layout.stride
     at = (places * np.arange(len(leaves))[:, None] + (forest.corners + 1) @ stride).ravel()
     size = np.repeat(forest.size[leaves] / forest.ground.cell, many)
-    kind, moduli = np.repeat(forest.kind[leaves], many), forest.ground.moduli
-    law = Moduli(moduli.stretch[kind], moduli.lateral[kind], moduli.shear[kind])
+    kind = np.repeat(forest.kind[leaves], many)
+    law = moduli_at(forest.ground.moduli, kind)
     faces = [u[leaves, a].ravel() for a in range(d)]
     sigma, shear, moved, start = _plain(faces, at, stride, size, law)
     sides = [sign * axis for axis in np.eye(d, dtype=np.int64) for sign in (-1, 1)]
@@ -126,8 +126,7 @@ def _plain(
     # these are apart along every axis.
     d = len(faces)
     moved = np.stack([faces[a][at + end * step[a]] for a in range(d) for end in (0, 1)])
-    strain = (moved[1::2] - moved[::2]) / size
-    sigma = (law.stretch - law.lateral) * strain + law.lateral * strain.sum(axis=0)
+    sigma = normal_stress(law, (moved[1::2] - moved[::2]) / size)
     shear, start = {}, np.empty((len(at), d))
     for a, b in axis_pairs(d):
         turn = faces[a] - np.roll(faces[a], step[b]) + faces[b] - np.roll(faces[b], step[a])

@@ -26,8 +26,7 @@ from .forest import ACROSS, ways
 from .held import check_held
 from .pages import PLACES, Pages, rims
 
-STEPS = 4
-"""Chebyshev steps within a block."""
+STEPS = 4  # Chebyshev steps within a block
 STIFF = 1.5
 """Forces of rows are frozen while a block is smoothed; so many times their diagonal stands in."""
 SAFETY = 1.03

@@ -1,4 +1,9 @@
-"""Agents that spawn in blocks, on a forest."""
+"""Agents that spawn in blocks, on a forest.
+
+Agents and blocks are smoothed one after the other, so an iteration that ends early is not quite
+symmetric, and of two agents that leave alike only one might spawn. Where body, supports and
+loads are symmetric, a displacement and its image are therefore replaced by their mean.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +20,7 @@ from kaju.model.elastic.krylov import Iteration, dot
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.scene.kinds import RIGID, ROLLER
 
+from . import block_kernels as kernels
 from .agent_fields import AgentFields
 from .aims import Aimed
 from .balance import Balance
@@ -22,35 +28,31 @@ from .block_boxes import boxes_of_blocks
 from .block_multigrid import BlockMultigrid, Root
 from .blocks import BlockBalance, Window
 from .curvature import Indicator
-from .forest import Forest, first_forest
+from .forest import ACROSS, Forest, first_forest, ways
 from .generations import Spawning
 from .ground import Ground
-from .leaf_spawner import LeafSpawner
-from .leaves import Leaves
-from .mirror import mirrors, symmetrise
+from .leaves import Leaves, morton
 from .nested import WORST, relative_error
-from .spawner import Aim, Spawner
+from .pages import PLACES
+from .spawner import Aim, LeafSpawner, Spawner
 
-LAST = 1e-9
-"""The last generation's forces balance to this share of the loads."""
+LAST = 1e-9  # The last generation's forces balance to this share of the loads
 ON_THE_WAY = 0.07
 """Every generation is solved to this share of the error before, the last one further."""
 CYCLE = {2: 0.1, 3: 0.25}
 """Share of an error, smooth like that of children who begin as their parents, left by a cycle."""
 FEWEST = {2: 1.0, 3: 0.5}
 """Agents times the tolerance to the power of the dimension, in the simplest of bodies."""
-SPREAD = 3.0
-"""Agents, of which fewer are expected at least, are about this many times more."""
-AT_ONCE = 2_000
-"""Blocks of which the stresses are worked out at a time."""
+SPREAD = 3.0  # Agents, of which fewer are expected at least, are about this many times more
+AT_ONCE = 2_000  # Blocks of which the stresses are worked out at a time
 MANY, FIRST = {2: 12_000, 3: 3_000}, 3_000
 """Of fewer expected agents each may as well stand for itself, unless there are so many first."""
 MOST_AGENTS = {2: 4_000_000, 3: 400_000}
 """What fits in some 14 GB: about 3.5 kB an agent, in three dimensions 10 to 30 kB."""
 IN_BLOCKS = {2: 20_000_000, 3: 4_000_000}
 """The same in blocks: about 300 B an agent, in three dimensions 1 kB."""
-CONTRAST = 100.0
-"""Of materials, up to which the parents' own stiffness serves as a coarse level."""
+CONTRAST = 100.0  # Of materials, up to which the parents' own stiffness serves as a coarse level
+ROUNDING = 1e-12  # Loads that differ by less from their images, of the largest, are alike
 
 
 def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
@@ -289,3 +291,58 @@ class BlockSpawner(Spawner):
 
     def _bounds(self, *, settled: bool = True) -> Bracket | str:
         return bracket_of(boxes_of_blocks(self.blocks, self.displacement), settled)
+
+
+def mirrors(blocks: BlockBalance) -> tuple[int, ...]:
+    """Return the axes along which body, supports and loads of the first blocks are symmetric."""
+    forest = blocks.forest
+    found = []
+    largest = float(np.abs(blocks.load).max(initial=0.0))
+    for axis in range(forest.dimension):
+        partner, turned = partners(forest, axis), ways(forest.dimension)
+        if (partner < 0).any():
+            continue
+        turned[:, axis] *= -1
+        way = (turned + 1) @ 3 ** np.arange(forest.dimension)
+        alike = np.array_equal(forest.kinds[forest.leaves][:, way], forest.kinds[partner])
+        off = np.abs(_image(blocks, blocks.load, axis, partner) - blocks.load[forest.leaves])
+        off *= blocks.pages.mask[blocks.page[1, forest.leaves]]
+        if alike and float(off.max(initial=0.0)) <= ROUNDING * largest:
+            found.append(axis)
+    return tuple(found)
+
+
+def partners(forest: Forest, axis: int) -> Ints:
+    """Return the images of the leaf blocks along an axis, -1 where there is none."""
+    lower, size = forest.lower[forest.leaves], forest.size[forest.leaves] * ACROSS
+    image = lower.copy()
+    ends = lower[:, axis] + size
+    image[:, axis] = lower[:, axis].min() + ends.max() - ends
+    code = morton(lower)
+    at = np.minimum(np.searchsorted(code, morton(image)), len(code) - 1)
+    alike = np.all(lower[at] == image, axis=1) & (size[at] == size)
+    return np.where(alike, forest.leaves[at], -1)
+
+
+def symmetrise(blocks: BlockBalance, u: Floats, axes: tuple[int, ...]) -> None:
+    """Replace a displacement by the mean of itself and its images: in place."""
+    leaves = blocks.forest.leaves
+    for axis in axes:
+        partner = partners(blocks.forest, axis)
+        if (partner < 0).any():
+            continue
+        mean = 0.5 * (u[leaves] + _image(blocks, u, axis, partner))
+        u[leaves] = mean * blocks.pages.mask[blocks.page[1, leaves]]
+
+
+def _image(blocks: BlockBalance, u: Floats, axis: int, partner: Ints) -> Floats:
+    """Return the leaf blocks' image, shape (leaves, dimension, places)."""
+    d = blocks.forest.dimension
+    u = u.copy()
+    kernels.borrow_all(u, blocks.forest.beside, blocks.layout.layer)
+    own = u[partner].reshape(len(partner), d, *(PLACES,) * d)
+    image = np.flip(own, axis=axis + 2).copy()
+    # A cell's lower face is its image's upper one, and moves the other way.
+    normal = np.roll(image[:, axis], 1, axis=axis + 1)
+    image[:, axis] = -normal
+    return image.reshape(len(partner), d, -1)

@@ -7,6 +7,7 @@ touch there (`Window`), and are added to it: together they are Sᵀ D S.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, cached_property
 from itertools import product
 from typing import NamedTuple
@@ -16,6 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.moduli import moduli_at
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.staggered import axis_pairs
 
@@ -24,7 +26,7 @@ from .balance import Balance
 from .composite import Composite
 from .curvature import SINGULAR, Indicator
 from .forest import ACROSS, COARSE, REFINED, Forest, corners, ways
-from .pages import PLACES, Pages, surroundings
+from .pages import PLACES, surroundings
 
 
 class Layout(NamedTuple):
@@ -95,30 +97,22 @@ def _ends(d: int, stride: Ints, place: Ints) -> tuple[Ints, Ints]:
     return np.array(heads), np.stack([np.concatenate(into), np.concatenate(source)])
 
 
+Line = list[tuple[int, int, float]]
+"""Places along a line of a child, those of its parent that belong to them, and weights."""
+
+
 def _ties(d: int, stride: Ints) -> tuple[Ints, Ints, Ints, Floats, Ints]:
-    start, between = [0], []
-    fine: list[int] = []
-    source: list[int] = []
-    weight: list[float] = []
-    for octant in range(1 << d):
-        for a in range(d):
-            for parts in product(*(_line(octant >> b & 1, b == a) for b in range(d))):
-                at = np.array([part[:2] for part in parts])
-                fine.append(a * PLACES**d + int(at[:, 0] @ stride))
-                source.append(a * PLACES**d + int(at[:, 1] @ stride))
-                weight.append(float(np.prod([part[2] for part in parts])))
-        start.append(len(fine))
+    start, fine, source, weight, axis = _of_children(d, stride, _line)
+    between = []
     for a in range(d):
         lines = [range(2, ACROSS + 1, 2) if b == a else range(1, ACROSS + 1) for b in range(d)]
         at = np.array(list(product(*lines))) @ stride + a * PLACES**d
         between.append(np.stack([at, np.full_like(at, stride[a])], axis=1))
-    return (
-        np.array(start), np.array(fine), np.array(source), np.array(weight), np.concatenate(between)
-    )  # fmt: skip
+    own = axis * PLACES**d
+    return start[::d], fine + own, source + own, weight, np.concatenate(between)
 
 
-def _line(upper: int, along: bool) -> list[tuple[int, int, float]]:
-    """Return places along a line of a child, those of its parent, and weights."""
+def _line(upper: int, along: bool) -> Line:
     # Along their normal every other face is one of the parent's; across it faces lie a quarter off.
     found = []
     for p in range(1, ACROSS + 1 + along, 1 + along):
@@ -131,27 +125,30 @@ def _line(upper: int, along: bool) -> list[tuple[int, int, float]]:
 
 
 def _halves(d: int, stride: Ints) -> tuple[Ints, Ints, Ints]:
-    start = np.zeros((1 << d, d + 1), dtype=np.int64)
-    fine: list[int] = []
-    source: list[int] = []
     half = ACROSS // 2
+
+    def line(upper: int, along: bool) -> Line:
+        if along:  # The plane between two children is told by the upper one.
+            return [(2 * i + 1, upper * half + i + 1, 1.0) for i in range(half + upper)]
+        return [(p, upper * half + (p + 1) // 2, 1.0) for p in range(1, ACROSS + 1)]
+
+    start, fine, source, _, _ = _of_children(d, stride, line)
+    return start[d * np.arange(1 << d)[:, None] + np.arange(d + 1)], fine, source
+
+
+def _of_children(
+    d: int, stride: Ints, line: Callable[[int, bool], Line]
+) -> tuple[Ints, Ints, Ints, Floats, Ints]:
+    """Return products of lines: starts child by child and axis by axis, places, weights, axes."""
+    start, found = [0], []
     for octant, a in product(range(1 << d), range(d)):
-        if a == 0:
-            start[octant, 0] = len(fine)
-        lines = []
-        for b in range(d):
-            upper = octant >> b & 1
-            if b == a:
-                # The plane between two children is told by the upper one.
-                line = [(2 * i + 1, upper * half + i + 1) for i in range(half + upper)]
-            else:
-                line = [(p, upper * half + (p + 1) // 2) for p in range(1, ACROSS + 1)]
-            lines.append(line)
+        lines = (line(octant >> b & 1, b == a) for b in range(d))
         for parts in product(*lines):
-            fine.append(sum(int(stride[b]) * p[0] for b, p in enumerate(parts)))
-            source.append(sum(int(stride[b]) * p[1] for b, p in enumerate(parts)))
-        start[octant, a + 1] = len(fine)
-    return start, np.array(fine), np.array(source)
+            at = np.array([part[:2] for part in parts])
+            found.append((*(stride @ at), float(np.prod([part[2] for part in parts])), a))
+        start.append(len(found))
+    fine, source, weight, axis = zip(*found, strict=True)
+    return np.array(start), np.array(fine), np.array(source), np.array(weight), np.array(axis)
 
 
 class BlockRows(NamedTuple):
@@ -227,9 +224,9 @@ class BlockBalance:
         self.states = forest.states(composite=True)
         alone = forest.states(composite=False)
         kinds = np.concatenate([forest.kinds, forest.kinds])
-        found = surroundings(kinds, np.concatenate([alone, self.states]), forest.ground.moduli)
-        self.page: Ints = found.page.reshape(2, -1)
-        self.pages: Pages = found.pages
+        states = np.concatenate([alone, self.states])
+        page, self.pages = surroundings(kinds, states, forest.ground.moduli)
+        self.page: Ints = page.reshape(2, -1)
         self.rows = self._rows()
 
     def zeros(self) -> Floats:
@@ -397,13 +394,12 @@ def _collected(forest: Forest, window: Window, edges: list[Ints]) -> BlockRows:
     grid, balance, d = window.grid, window.balance, forest.dimension
     n = len(grid.leaves)
     large = np.flatnonzero((grid.master < 0).any(axis=1))
-    kind, volume = grid.leaves.kind[large], grid.length[large] ** d
-    moduli = forest.ground.moduli
-    lateral = volume * moduli.lateral[kind]
+    volume, law = grid.length[large] ** d, moduli_at(grid.law, large)
+    lateral = volume * law.lateral
     # The energy of stretches is one of each by itself, and one of the change in volume.
     stretches = [balance.strains[a * n + large] for a in range(d)]
     parts = [*stretches, sum(stretches[1:], stretches[0])]
-    modulus = [volume * moduli.stretch[kind] - lateral] * d + [lateral]
+    modulus = [volume * law.stretch - lateral] * d + [lateral]
     at = n * d
     for number, laid in zip(edges, grid.edges.values(), strict=True):
         parts.append(balance.strains[at + number])

@@ -13,7 +13,6 @@ from time import perf_counter
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kaju.errors import ConvergenceError, SceneError
 from kaju.model.elastic.arguments import SMALLEST_TOLERANCE, check_numbers
@@ -24,21 +23,19 @@ from kaju.model.elastic.moduli import moduli_of
 from kaju.model.elastic.problem import STIFF_PRESSURE
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
-from kaju.model.scene.lattice import Cells
 from kaju.model.scene.selection import AppliedLoads
 from kaju.stopping import stopped
 
 from .block_spawner import FEWEST, MOST_AGENTS, SPREAD
+from .ground import face_keys
 from .solve_spawning import solve_spawning
 
 WORTH: dict[Method, int] = {"box": 10, "matrices": 5, "pressures": 2}
 """An agent, spawned generation by generation, costs as much as so many equal cells."""
-SPARE = 0.9
-"""Cells are chosen for this share of the tolerance."""
+SPARE = 0.9  # Cells are chosen for this share of the tolerance
 STRIDE = {2: 4, 3: 2}
 """Cells this many times smaller tell how the error falls, where many more may be needed."""
-QUICK = {2: 100_000, 3: 20_000}
-"""So few cells are solved without finding out."""
+QUICK = {2: 100_000, 3: 20_000}  # So few cells are solved without finding out
 ORDER, SLOWEST, FASTEST = 0.8, 0.2, 1.0
 """Powers of the cells' size with which the error is taken to fall: before it is known, the
 least and the greatest."""
@@ -123,22 +120,19 @@ class EqualCells:
             self._allowed = []
             return None
         self._learn(result)
-        enough = stopped() or self._enough(result) or division == self.resolution
-        return result if enough else None
-
-    def _enough(self, result: ElasticResult) -> bool:
-        """Tell whether the error is within the tolerance, and proved to be if that can be."""
-        if self.error > self.tolerance:
-            return False
-        self._estimated = self._estimated or result.agents
-        dimension = self.scene.lattice.dimension
-        bound = result.error_bound if result.provable else None
-        if bound is None or bound <= self.tolerance:
-            return True
-        if not worth_proving(result.agents << dimension, self._estimated, dimension):
-            return True
-        self.error = bound
-        return False
+        if stopped() or division == self.resolution:
+            return result
+        if self.error <= self.tolerance:
+            # It is to be proved as well, if that can be.
+            self._estimated = self._estimated or result.agents
+            dimension = self.scene.lattice.dimension
+            bound = result.error_bound if result.provable else None
+            if bound is None or bound <= self.tolerance:
+                return result
+            if not worth_proving(result.agents << dimension, self._estimated, dimension):
+                return result
+            self.error = bound
+        return None
 
     def _count(self, division: int) -> float:
         return self._cells * float(division) ** self.scene.lattice.dimension
@@ -207,8 +201,8 @@ def same_loads(scene: Scene, fine: Scene, division: int, stage: int | None) -> b
     cells, offset = np.divmod(parts.cells, division)
     depth = offset[np.arange(len(axis)), axis]
     on_face = inside | (depth == upper * (division - 1))
-    key = _keys(scene, cells, parts.direction)
-    known = _keys(scene, whole.cells, whole.direction)
+    key = face_keys(scene.lattice, cells, parts.direction)
+    known = face_keys(scene.lattice, whole.cells, whole.direction)
     at = np.minimum(np.searchsorted(known, key), max(len(known) - 1, 0))
     d = scene.lattice.dimension
     count = (float(division) ** np.where(whole.direction < 0, d, d - 1)).sum()
@@ -222,16 +216,11 @@ def same_loads(scene: Scene, fine: Scene, division: int, stage: int | None) -> b
 def _added_up(scene: Scene, stage: int | None) -> AppliedLoads:
     """Return the loads with those on one face of a cell added up, in the order of their keys."""
     applied = scene.applied(stage)
-    keys = _keys(scene, applied.cells, applied.direction)
+    keys = face_keys(scene.lattice, applied.cells, applied.direction)
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     force = np.zeros((len(first), scene.lattice.dimension))
     np.add.at(force, inverse, applied.force)
     return AppliedLoads(applied.cells[first], applied.direction[first], force)
-
-
-def _keys(scene: Scene, cells: Cells, direction: NDArray[np.int64]) -> NDArray[np.int64]:
-    lattice = scene.lattice
-    return lattice.key(cells) * (2 * lattice.dimension + 1) + direction + 1
 
 
 def solve_cheaply(
@@ -263,7 +252,10 @@ def solve_cheaply(
             )
             said = [taken, *above_note(equal, tolerance)]
             return with_notes(equal, said, tolerance, perf_counter() - start)
-    note = agents_note(cells, tolerance)
+    told = f"about {cells.cells:,.0f} equal cells were expected"
+    if cells.cells == inf:
+        told = "equal cells would not pose the same problem, or not be solved"
+    note = f"agents were taken for a tolerance of {tolerance:g}; {told}"
     return solve_spawning(
         scene, tolerance, resolution, stage=stage, most_agents=most_agents, note=note
     )
@@ -320,13 +312,5 @@ def with_notes(
     """Return an answer of equal cells with what was asked of it, and what else is to be said."""
     found = equal.found
     assert isinstance(found, CellAgents)
-    found = replace(found, solution=replace(found.solution, notes=[*found.notes, *said]))
+    found = replace(found, solution=replace(found.solution, notes=[*found.solution.notes, *said]))
     return replace(equal, found=found, tolerance=tolerance, seconds=seconds)
-
-
-def agents_note(cells: EqualCells, tolerance: float) -> str:
-    """Say why agents were taken."""
-    expected = f"about {cells.cells:,.0f} equal cells were expected"
-    if cells.cells == inf:
-        expected = "equal cells would not pose the same problem, or not be solved"
-    return f"agents were taken for a tolerance of {tolerance:g}; {expected}"

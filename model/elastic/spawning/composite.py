@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from kaju.arrays import Flags, Floats, Ints, moved
 from kaju.model.elastic.boxes import corner_ends
+from kaju.model.elastic.moduli import Moduli, moduli_at
 from kaju.model.elastic.problem import ACTIVE, FIXED
 from kaju.model.elastic.staggered import Pair, axis_pairs
 from kaju.model.scene.kinds import AIR, DISPLACED, FOUNDATION, RIGID, ROLLER
@@ -62,6 +63,11 @@ class Composite:
             blocks += [gradient.matrix for gradient in edges.gradients]
             end += 2 * len(edges.modulus)
         return sp.csr_array(sp.vstack(blocks, format="csr")), start
+
+    @cached_property
+    def law(self) -> Moduli:
+        """The moduli of every leaf."""
+        return moduli_at(self.ground.moduli, self.leaves.kind)
 
     @property
     def upper(self) -> Ints:
@@ -143,8 +149,8 @@ class Composite:
     def outer(self) -> Flags:
         """Which sides are those of the array. Shape as `beside`."""
         ends = np.asarray(self.ground.scene.lattice.shape) * self.ground.cell
-        lower, upper = self.leaves.lower, self.leaves.lower + self.leaves.size[:, None]
-        return np.stack([lower == 0, upper >= ends], axis=2).reshape(self.beside.shape)
+        met = [self.leaves.lower == 0, self.leaves.upper >= ends]
+        return np.stack(met, axis=2).reshape(self.beside.shape)
 
     def _hold_faces(self) -> None:
         own, sides = (self.owner, self._side), range(2 * self.dimension)

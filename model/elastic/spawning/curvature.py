@@ -94,7 +94,6 @@ class CurvatureAcross(NamedTuple):
         """Return the edges of a grid that tell ∂²u_a/∂b²; where some are unknown it is zero."""
         edges = grid.edges[min(a, b), max(a, b)]
         gradients, table = oriented(edges, a < b)
-        shear = grid.ground.moduli.shear[grid.leaves.kind]
         ends = list(product((0, 1), repeat=2))
         edge = np.stack([table[:, end, far] for end, far in ends])
         known = known_slopes(gradients, edge)
@@ -103,7 +102,9 @@ class CurvatureAcross(NamedTuple):
         weight = np.empty((2, *edge.shape))
         for row, (_, far) in enumerate(ends):
             share = (2.0 * far - 1.0) * inside * known[row] / np.maximum(counts[far], 1)
-            for part, slope in enumerate(slope_weights(edges, gradients, edge[row], shear)):
+            for part, slope in enumerate(
+                slope_weights(edges, gradients, edge[row], grid.law.shear)
+            ):
                 weight[part, row] = share * slope
         return cls((a, b), gradients, edge, weight)
 
@@ -151,10 +152,9 @@ class Curvature:
         # Walls that do not move.
         self.resting = np.zeros((2 * grid.dimension + 1, grid.dimension))
         axes = range(grid.dimension)
-        moduli, kind = grid.ground.moduli, grid.leaves.kind
         unit = grid.length ** (grid.dimension + 2) / 12.0
-        self._shear = unit * moduli.shear[kind]
-        self._lateral = unit * np.maximum(moduli.lateral[kind], 0.0)
+        self._shear = unit * grid.law.shear
+        self._lateral = unit * np.maximum(grid.law.lateral, 0.0)
         self._ahead = [Ahead.of(grid, a) for a in axes]
         self._beside = [CurvatureAcross.of(grid, a, b) for a, b in permutations(axes, 2)]
 
@@ -197,12 +197,11 @@ class Curvature:
     def push(self, bends: Bends) -> Floats:
         """Return the largest change of stress per length that bends a leaf, shape (leaves,)."""
         grid, n = self._grid, len(self._grid.leaves)
-        shear = grid.ground.moduli.shear[grid.leaves.kind]
         largest, each = np.zeros(n), grid.dimension - 1
         for a, ahead in enumerate(self._ahead):
             own = 4.0 * ahead.mean(bends.along[a] ** 2, n)
             own += sum(bend**2 for bend in bends.beside[a * each : (a + 1) * each])
-            largest = np.maximum(largest, shear * np.sqrt(own))
+            largest = np.maximum(largest, grid.law.shear * np.sqrt(own))
         return largest
 
 

@@ -36,22 +36,18 @@ from .curvature import Curvature, Indicator
 from .nested import NestedMultigrid, settle
 from .spawner import Aim, Spawner
 
-FAR, LOCAL = 1.6, 1.1
-"""Factors of the two parts."""
+FAR, LOCAL = 1.6, 1.1  # Factors of the two parts
 SURE, OF_GAP = 1.5, 0.35
 """What is told is so many times the estimate, or this share of what the energy is unknown by."""
 OF_CHILDREN = 2.6
 """What is told is so many times what children change: at sharp corners that is a third of it."""
-MOST_ASKED = {2: 100_000, 3: 8_000}
-"""Of more agents no children are asked."""
+MOST_ASKED = {2: 100_000, 3: 8_000}  # Of more agents no children are asked
 INSIDE = 1e-3
 """So far from an agent's corners its displacement is asked for, as a share of its edge."""
-SETTLED = 1e-4
-"""Children settle to this share."""
+SETTLED = 1e-4  # Children settle to this share
 ACCURACY, ROUGHLY = 1e-6, 0.02
 """To which share of itself the far-reaching part is solved: for the result, while spawning."""
-BEHIND = 0.125
-"""Agents whose own part is a smaller share of the largest one wait for the next step."""
+BEHIND = 0.125  # Agents whose own part is a smaller share of the largest one wait for the next step
 
 
 class DisplacementError(NamedTuple):
@@ -116,21 +112,11 @@ def displacement_error(
     grid = balance.grid
     largest = float(np.linalg.norm(AgentFields(balance, u).displacement, axis=1).max())
     unit = 1.0 / largest if largest > 0.0 else 0.0
-    off = _missing_displacement(balance, u, hierarchy, accuracy)
-    far = np.linalg.norm(AgentFields(balance, off).displacement, axis=1)
-    stiffness = grid.ground.moduli.shear[grid.leaves.kind] * grid.length ** (grid.dimension - 2)
-    local = np.sqrt(indicator.square / stiffness)
-    return DisplacementError(FAR * unit * far, LOCAL * unit * local)
-
-
-def _missing_displacement(
-    balance: Balance, u: Floats, hierarchy: NestedMultigrid, accuracy: float
-) -> Floats:
-    """Return (K + C'C)⁻¹ C'C u: the way that K alone would go, as far as both let it go."""
-    # Where next to nothing but bending within the agents resists, K alone goes much too far.
+    # (K + C'C)⁻¹ C'C u: the way that K alone would go, as far as both let it go. Where next to
+    # nothing but bending within the agents resists, K alone goes much too far.
     curvature, free = Curvature(balance), balance.free
     force = curvature.force(curvature.of(u))[free]
-    off = np.zeros(balance.grid.size)
+    off = np.zeros(grid.size)
 
     def done(run: Iteration) -> bool:
         return run.errors[-1] <= accuracy
@@ -139,7 +125,11 @@ def _missing_displacement(
     bends = curvature.of(off, curvature.resting)
     work = float(dot(force, off[free]))
     whole = work + float(curvature.energy(bends, bends).sum())
-    return off * (work / whole if whole > 0.0 else 0.0)
+    off *= work / whole if whole > 0.0 else 0.0
+    far = np.linalg.norm(AgentFields(balance, off).displacement, axis=1)
+    stiffness = grid.law.shear * grid.length ** (grid.dimension - 2)
+    local = np.sqrt(indicator.square / stiffness)
+    return DisplacementError(FAR * unit * far, LOCAL * unit * local)
 
 
 class DisplacementAim(Aim):

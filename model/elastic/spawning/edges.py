@@ -57,7 +57,12 @@ def lay_edges(grid: Composite, pair: Pair) -> Edges:
     """Return the edges between a pair of axes; `grid` has its faces laid."""
     leaves = grid.leaves
     point, reach, around, far, of_leaf = _ends_of_leaves(leaves, grid.beside, *pair)
-    kinds = _kinds_around(grid, point, pair, around)
+    kinds = np.where(around >= 0, leaves.kind[around], AIR)
+    for row, ends in enumerate(product((-1, 0), repeat=2)):
+        bare = np.flatnonzero(around[row] < 0)
+        cell = point[bare]
+        cell[:, pair] += ends
+        kinds[row, bare] = grid.ground.kinds_at(cell)
     modulus = modulus_between(kinds, grid.ground.moduli.shear)
     grads, spans = [], []
     for a, b in (pair, pair[::-1]):
@@ -122,16 +127,6 @@ def _look_round(leaves: Leaves, point: Ints, a: int, b: int) -> Ints:
     for first, second in product((-1, 0), repeat=2):
         found.append(leaves.find(moved(moved(point, a, first), b, second)))
     return np.stack(found)
-
-
-def _kinds_around(grid: Composite, point: Ints, pair: Pair, around: Ints) -> Ints:
-    kinds = np.where(around >= 0, grid.leaves.kind[around], AIR)
-    for row, ends in enumerate(product((-1, 0), repeat=2)):
-        bare = np.flatnonzero(around[row] < 0)
-        cell = point[bare]
-        cell[:, pair] += ends
-        kinds[row, bare] = grid.ground.kinds_at(cell)
-    return kinds
 
 
 def _gradient(

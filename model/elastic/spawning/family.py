@@ -11,10 +11,8 @@ from kaju.arrays import Flags, Floats, Ints
 from .generations import Generation
 from .leaves import BITS
 
-NOBODY = -1
-"""Parent of the first agents, and first child of those that have none."""
-WORKING = -1
-"""Retirement of agents that have not retired."""
+NOBODY = -1  # Parent of the first agents, and first child of those that have none
+WORKING = -1  # Retirement of agents that have not retired
 
 _ROW = np.dtype(
     [

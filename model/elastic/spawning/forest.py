@@ -24,10 +24,8 @@ from kaju.model.scene.purity import MIXED
 from .ground import Ground, covering
 from .leaves import Leaves, morton
 
-ACROSS = 8
-"""Agents along the edge of a block, B."""
-MOST_ROOT = 1_000_000
-"""So many agents may stand in the blocks of the coarsest level."""
+ACROSS = 8  # Agents along the edge of a block, B
+MOST_ROOT = 1_000_000  # So many agents may stand in the blocks of the coarsest level
 
 REGULAR, COARSE, REFINED, NOTHING = 0, 1, 2, 3
 """What a block has beside it: one of its size, a larger one, smaller ones, or no body."""
@@ -147,7 +145,7 @@ class Forest:
         chosen = marked & self.leaf
         marked = chosen.copy()
         way, _ = _parent_table(self.dimension)
-        octant = self._octant
+        octant = self.octant
         for level in range(self.depth - 1, 0, -1):
             block = np.arange(self.start[level], self.start[level + 1])
             block = block[marked[block]]
@@ -166,15 +164,11 @@ class Forest:
         return replace(self, origin=origin)
 
     @cached_property
-    def _octant(self) -> Ints:
+    def octant(self) -> Ints:
+        """Which child of its parent every block is; bit a for axis a."""
         half = self.edge >> self.level
         bits = (self.lower // half[:, None]) & 1
         return np.asarray(bits @ 2 ** np.arange(self.dimension))
-
-    @property
-    def octant(self) -> Ints:
-        """Which child of its parent every block is; bit a for axis a."""
-        return self._octant
 
     def _beside_other_material(self) -> Flags:
         """Mark leaf blocks that are larger than a neighbour ahead of another material."""
@@ -186,7 +180,7 @@ class Forest:
         kinds = self.kinds[:, ahead]
         unlike = (self.states(False)[:, ahead] == COARSE) & (kinds != self.kind[:, None])
         block, m = np.nonzero(unlike)
-        marked[self.beside[self.parent[block], way[self._octant[block], ahead[m]]]] = True
+        marked[self.beside[self.parent[block], way[self.octant[block], ahead[m]]]] = True
         return marked
 
     def _grown(self, split: Flags, chosen: Flags, step: int) -> Forest:
@@ -282,7 +276,7 @@ class Forest:
         marked[block] = True
         way, _ = _parent_table(self.dimension)
         parent = self.parent[block, None]
-        above = self.beside[parent, way[self._octant[block]]]
+        above = self.beside[parent, way[self.octant[block]]]
         beside = self.beside[block]
         large = (beside < 0) & (self.kinds[block] >= 0) & (parent >= 0)
         beside = np.where(large, above, beside)
@@ -347,22 +341,16 @@ def first_forest(ground: Ground) -> Forest | None:
 
 def evenly_loaded(forest: Forest) -> Forest:
     """Return the forest in which agents take loads all over, or none, or are small."""
+    ground = forest.ground
     while True:
-        unfit = _unevenly_loaded(forest)
+        unfit, leaves = np.zeros(len(forest), dtype=np.bool_), forest.leaves
+        large = leaves[(forest.size[leaves] > ground.cell) | (forest.loaded & ground.ends_within)]
+        if len(large):
+            agents = ground.unevenly_loaded(forest.cells(large))
+            unfit[large] = agents.reshape(len(large), -1).any(axis=1)
         if not unfit.any():
             return forest
         forest = forest.refined(unfit, 0).after(forest)
-
-
-def _unevenly_loaded(forest: Forest) -> Flags:
-    """Mark leaf blocks with agents that take loads on a part only."""
-    marked = np.zeros(len(forest), dtype=np.bool_)
-    leaves, ground = forest.leaves, forest.ground
-    large = leaves[(forest.size[leaves] > ground.cell) | (forest.loaded & ground.ends_within)]
-    if len(large):
-        unfit = forest.ground.unevenly_loaded(forest.cells(large))
-        marked[large] = unfit.reshape(len(large), -1).any(axis=1)
-    return marked
 
 
 def _found(place: Ints, asked: Ints) -> Ints:

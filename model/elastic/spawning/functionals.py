@@ -12,6 +12,7 @@ from kaju.agents.materials import suggestion
 from kaju.arrays import Flags, Floats
 from kaju.errors import ParameterError
 from kaju.model.elastic import fields as solid
+from kaju.model.elastic.moduli import moduli_at, normal_stress
 from kaju.model.elastic.problem import FIXED, Scales
 from kaju.model.scene.kinds import INSIDE
 
@@ -23,8 +24,7 @@ from .ground import Ground, LeafForces
 from .leaf_places import Parts, Spots, site_of
 from .quantities import Deflection, Place, Quantity, Reaction, Stress, component_of, ways_of
 
-NEGLIGIBLE = 0.01
-"""Of the largest: the error of a smaller value is told relative to this share."""
+NEGLIGIBLE = 0.01  # Of the largest: the error of a smaller value is told relative to this share
 
 
 class Value(NamedTuple):
@@ -121,13 +121,13 @@ class _Stressed(Functional):
         # By Gauss's theorem, those of the stress that a unit strain would cause.
         assert self._component is not None
         a, b = self._component
-        moduli, kind, d = grid.ground.moduli, grid.leaves.kind, grid.dimension
+        law, kind, d = moduli_at(grid.law, parts.leaf), grid.leaves.kind, grid.dimension
         stress = np.zeros((d, d, len(parts.leaf)))
         if a == b:
-            stress[range(d), range(d)] = moduli.lateral[kind[parts.leaf]]
-            stress[a, a] = moduli.stretch[kind[parts.leaf]]
+            stress[range(d), range(d)] = law.lateral
+            stress[a, a] = law.stretch
         else:
-            stress[a, b] = stress[b, a] = moduli.shear[kind[parts.leaf]]
+            stress[a, b] = stress[b, a] = law.shear
         each = stress * parts.share / grid.length[parts.leaf]
         within = np.zeros(len(grid.leaves), dtype=np.bool_)
         within[parts.leaf] = True
@@ -161,8 +161,8 @@ class _Stressed(Functional):
             return stress[:, a, b], slope
         d, across = grid.dimension, np.zeros(len(stress))
         if grid.ground.scene.plane == "strain":
-            moduli, kind = grid.ground.moduli, grid.leaves.kind[spots.leaf]
-            across = moduli.lateral[kind] / (2 * (moduli.lateral[kind] + moduli.shear[kind]))
+            _, lateral, shear = moduli_at(grid.law, spots.leaf)
+            across = lateral / (2 * (lateral + shear))
         trace = np.trace(stress, axis1=1, axis2=2)
         found = solid.von_mises(stress, across * trace)
         pressure = (1.0 + across) * trace / 3.0
@@ -234,7 +234,7 @@ def unit_of(quantity: Quantity, scales: Scales) -> float:
     if isinstance(quantity, Deflection):
         return scales.displacement
     if isinstance(quantity, Stress):
-        return scales.modulus * scales.displacement / scales.length
+        return scales.stress
     return scales.force
 
 
@@ -270,10 +270,8 @@ def _pulled(balance: Balance, spots: Spots, weight: Floats) -> Floats:
     alike = kind[leaf] == kind[spots.leaf[point]]
     point, leaf = point[alike], leaf[alike]
     part = weight[point] / np.bincount(point)[point, None, None]
-    normal = np.stack([np.bincount(leaf, part[:, a, a], n) for a in range(d)])
-    moduli = grid.ground.moduli
-    lateral = moduli.lateral[kind]
-    pulls = [(lateral * normal.sum(axis=0) + (moduli.stretch[kind] - lateral) * normal).ravel()]
+    normal: Floats = np.stack([np.bincount(leaf, part[:, a, a], n) for a in range(d)])
+    pulls = [normal_stress(grid.law, normal).ravel()]
     for (a, b), edges in grid.edges.items():
         shear = part[:, a, b] + part[:, b, a]
         around = edges.of_leaf[leaf].reshape(len(leaf), -1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.boxes import Boxes
@@ -46,6 +46,7 @@ class Generation(NamedTuple):
 class Spawning:
     """The agents and how they came to be; scaled."""
 
+    method: ClassVar[str] = "spawning"  # How the equations were solved
     balance: Balance  # The last generation's grid
     displacement: Floats  # Shape (faces,)
     indicator: Indicator  # What each agent leaves unbalanced

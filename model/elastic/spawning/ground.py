@@ -12,11 +12,13 @@ import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
+from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.corners import ROUND, sharp_corners
 from kaju.model.elastic.moduli import Moduli, moduli_of
 from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.tractions import Portions
 from kaju.model.scene import Scene
+from kaju.model.scene.lattice import Lattice
 from kaju.model.scene.lattices import check_boxes
 from kaju.model.scene.purity import MIXED
 from kaju.model.scene.selection import Uneven
@@ -27,8 +29,12 @@ ACROSS_LONGEST, ACROSS_SHORTEST = 8, 2
 """The first agents are at least this many along the body's longest and shortest side."""
 ENDED = {2: 3e-4, 3: 1e-2}
 """Loads that end within sides may leave about such a share of the energy norm."""
-DEEPEST = 16
-"""An agent's edge is at least the scene's cell divided by 2 to this power."""
+DEEPEST = 16  # An agent's edge is at least the scene's cell divided by 2 to this power
+
+
+def face_keys(lattice: Lattice, cells: Ints, direction: Ints) -> Ints:
+    """Return a number for every side, or middle (-1), of cells."""
+    return lattice.key(cells) * (2 * lattice.dimension + 1) + direction + 1
 
 
 class LeafForces(NamedTuple):
@@ -128,7 +134,7 @@ class Ground:
     def _pure(self, boxes: Ints, exponent: int) -> Leaves:
         """Split boxes of cells until each is of one kind; keep those of material."""
         lower, size, kind = [], [], []
-        corners = np.array(list(product((0, 1), repeat=self.dimension)), dtype=np.int64)
+        corners = corner_ends(self.dimension)
         while len(boxes):
             found = self._purity.kinds(boxes, exponent)
             body = found >= 0
@@ -245,14 +251,11 @@ class Ground:
         acts[odd] = uneven.force.any(axis=1) | uneven.moment.any(axis=(1, 2))
         return LeafForces(leaf[acts], way[acts], force[acts], uneven.some(acts[odd]))
 
-    def _keys(self, cells: Ints, direction: Ints) -> Ints:
-        return self.scene.lattice.key(cells) * (2 * self.dimension + 1) + direction + 1
-
     def _collect_loads(self, stage: int | None) -> None:
         """Add up the forces that enter by the same face of a cell, in the order of their keys."""
         # Those that lie on it unevenly are kept apart.
         applied = self.scene.applied(stage)
-        keys = self._keys(applied.cells, applied.direction)
+        keys = face_keys(self.scene.lattice, applied.cells, applied.direction)
         d = self.dimension
         nothing = Uneven(np.zeros(0, dtype=np.int64), np.zeros((0, 2, d)), np.zeros((0, d, d)))
         self._uneven = applied.uneven or nothing

@@ -22,8 +22,7 @@ from .leaves import Leaves
 
 FREE = 1e-13
 """A motion that strains supports by less than this share of what another one does is free."""
-HALVED = "were halved"
-"""How the notes end that tell of halved cells."""
+HALVED = "were halved"  # How the notes end that tell of halved cells
 
 
 def check_held(balance: Balance) -> None:
@@ -117,11 +116,6 @@ def _free_motion(mass: Floats, resistance: Floats, dimension: int) -> str:
     return "turn"
 
 
-def beside_rigid_cells(grid: Composite) -> Flags:
-    """Tell which leaves touch rigid cells inside the array, of which a single one is a pin."""
-    return np.asarray(((grid.kinds == RIGID) & ~grid.outer).any(axis=1))
-
-
 def slender(grid: Composite) -> Flags:
     """Tell which leaves can slide past a neighbour because no edge between them carries shear."""
     n, d = len(grid.leaves), grid.dimension
@@ -155,7 +149,8 @@ def first_agents(ground: Ground) -> tuple[Balance, list[str]]:
     leaves, notes = ground.start(), list[str]()
     balance = Balance(_stiff(ground, leaves, notes))
     if loose_part(balance) is not None:
-        pinned = beside_rigid_cells(balance.grid)
+        # Beside rigid cells inside the array, of which a single one is a pin.
+        pinned = ((balance.grid.kinds == RIGID) & ~balance.grid.outer).any(axis=1)
         leaves = balance.grid.leaves.split(pinned, 0, np.zeros(len(pinned))).balanced(0)
         balance = Balance(_stiff(ground, leaves, notes))
         notes.append(f"a single rigid cell holds no turn: the cells beside {HALVED}")

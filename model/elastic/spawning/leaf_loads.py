@@ -170,15 +170,12 @@ class _Entering:
             self._into_wall(leaf, 2 * axis + end, normal, -pull)
             lost += np.where(runs_on | walled, 0.0, 0.5 * moment)
             running.append(runs_on)
-            self._mend_wall(dragged.only(walled), end)
+            # The force on the wall stands half a leaf beyond it.
+            held = dragged.only(walled)
+            both = self._two_sided(held, held.inner[end], axis)
+            there = both | _holds(self.grid.kinds[held.leaf, held.opposite])
+            self._lift(held, held.inner[end], np.where(there, -0.5 * held.moment, 0.0))
         self._make_up_at_ends(dragged, lost, running)
-
-    def _mend_wall(self, dragged: _Dragged, end: int) -> None:
-        """Move a force on a wall from half a leaf beyond it to the wall."""
-        edge = dragged.inner[end]
-        both = self._two_sided(dragged, edge, dragged.axis)
-        there = both | _holds(self.grid.kinds[dragged.leaf, dragged.opposite])
-        self._lift(dragged, edge, np.where(there, -0.5 * dragged.moment, 0.0))
 
     def _make_up(self, dragged: _Dragged) -> Floats:
         """Enter moments that were lost where a surface ends; return what finds no place."""

@@ -18,14 +18,10 @@ from .composite import Composite
 from .ground import Ground
 from .quantities import Place
 
-NEAR = 1e-6
-"""A plane that is nearer to a face than this part of a cell lies on it."""
-SAMPLES = {2: 8, 3: 4}
-"""Points along an agent by which round shapes are measured in it."""
-PARTED = 4
-"""Places are made up of agents if they end at multiples of this part of a cell."""
-MANY = 10_000
-"""Agents that are measured at a time."""
+NEAR = 1e-6  # A plane that is nearer to a face than this part of a cell lies on it
+SAMPLES = {2: 8, 3: 4}  # Points along an agent by which round shapes are measured in it
+PARTED = 4  # Places are made up of agents if they end at multiples of this part of a cell
+MANY = 10_000  # Agents that are measured at a time
 
 
 class Spots(NamedTuple):
@@ -69,22 +65,80 @@ class Points(NamedTuple):
         return "no energy bounds the value at a point; ask for the mean of a box round it"
 
 
-class Solid(NamedTuple):
-    """A shape with a volume, from `lower` to `upper` (units); `metre` is a unit."""
+class Cuboid(NamedTuple):
+    """A box (units); `flat` along an axis it is a section of the body, or part of its surface."""
 
-    shape: Shape
     lower: Floats
     upper: Floats
+    flat: int | None = None
+
+    def spots(self, grid: Composite) -> Spots:
+        """Return the middle of the box's part in every leaf, weighted by its volume or area."""
+        leaf = np.flatnonzero(self._reached(grid))
+        first = np.maximum(grid.leaves.lower[leaf], self.lower)
+        last = np.minimum(grid.leaves.upper[leaf], self.upper)
+        weight = self._across(last - first).prod(axis=1)
+        return _weighted(0.5 * (first + last), leaf, weight, last - first)
+
+    def coarse(self, grid: Composite) -> Flags:
+        """Tell which leaves in reach are larger than the box."""
+        widest = self._across(self.upper - self.lower).min()
+        return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
+
+    def parts(self, grid: Composite) -> Parts | str:
+        """Return the leaves in the box; sides of those below a flat one, or above it if bare."""
+        step = max(grid.ground.cell // PARTED, grid.ground.smallest)
+        first, last = (np.rint(end / step) * step for end in (self.lower, self.upper))
+        off = max(np.abs(first - self.lower).max(), np.abs(last - self.upper).max())
+        if off > NEAR * grid.ground.cell:
+            return (
+                f"its ends are no multiples of 1/{grid.ground.cell // step} of a cell, where "
+                "agents could end as well"
+            )
+        low, high, axis = grid.leaves.lower, grid.leaves.upper, self.flat
+        within, over = (low >= first) & (high <= last), (low < last) & (high > first)
+        if axis is None:
+            leaf = np.flatnonzero(within.all(axis=1))
+            cut = np.asarray(over.all(axis=1) & ~within.all(axis=1))
+            side = np.full(len(leaf), -1)
+        else:
+            within[:, axis] = over[:, axis] = True
+            below = high[:, axis] == first[axis]
+            above = (low[:, axis] == first[axis]) & (grid.beside[:, 2 * axis] < 0)
+            there = within.all(axis=1) & (below | above)
+            across = (low[:, axis] < first[axis]) & (high[:, axis] > first[axis])
+            cut = over.all(axis=1) & (across | ((below | above) & ~there))
+            leaf = np.flatnonzero(there)
+            side = 2 * axis + below[leaf]
+        share = grid.length[leaf] ** (grid.dimension - (axis is not None))
+        return Parts(leaf, side, share / (share.sum() or 1.0), cut)
+
+    def _across(self, values: Floats) -> Floats:
+        return values if self.flat is None else np.delete(values, self.flat, axis=-1)
+
+    def _reached(self, grid: Composite) -> Flags:
+        """Tell which leaves have the box in them; on top of one that is flat only bare ones."""
+        low, high, axis = grid.leaves.lower, grid.leaves.upper, self.flat
+        within = (low < self.upper) & (high > self.lower)
+        if axis is not None:
+            bare = (low[:, axis] == self.lower[axis]) & (grid.beside[:, 2 * axis] < 0)
+            inside = (low[:, axis] < self.lower[axis]) & (self.lower[axis] <= high[:, axis])
+            within[:, axis] = inside | bare
+        return np.asarray(within.all(axis=1))
+
+
+class Rounded(NamedTuple):
+    """Another shape with a volume, in the box from `lower` to `upper`; `metre` is a unit."""
+
+    shape: Shape
+    within: Cuboid
     metre: float
 
     def spots(self, grid: Composite) -> Spots:
         """Return the middle of the shape's part in every leaf, weighted by its volume."""
-        leaf = np.flatnonzero(self._reached(grid))
+        leaf = np.flatnonzero(self.within._reached(grid))
         low = grid.leaves.lower[leaf].astype(np.float64)
         size = grid.leaves.size[leaf, None].astype(np.float64)
-        if isinstance(self.shape, Box):
-            first, last = np.maximum(low, self.lower), np.minimum(low + size, self.upper)
-            return _weighted(0.5 * (first + last), leaf, (last - first).prod(axis=1), last - first)
         parts = [
             self._measured(low[at : at + MANY], size[at : at + MANY])
             for at in range(0, len(leaf), MANY)
@@ -96,26 +150,13 @@ class Solid(NamedTuple):
         return _weighted(middle[held], leaf[held], volume[held], span[held])
 
     def coarse(self, grid: Composite) -> Flags:
-        """Tell which leaves in reach are larger than the shape, or a quarter if it is round."""
-        widest = (self.upper - self.lower).min() / (1 if isinstance(self.shape, Box) else 4)
-        return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
+        """Tell which leaves in reach are larger than a quarter of the shape."""
+        widest = (self.within.upper - self.within.lower).min() / 4
+        return np.asarray(self.within._reached(grid) & (grid.leaves.size > widest))
 
-    def parts(self, grid: Composite) -> Parts | str:
-        """Return the leaves in a box."""
-        if not isinstance(self.shape, Box):
-            return "agents do not make up a round or slanted place; ask for the mean of a box"
-        ends = _on_edges(self.lower, self.upper, grid)
-        if isinstance(ends, str):
-            return ends
-        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
-        inside = np.all((low >= ends[0]) & (high <= ends[1]), axis=1)
-        cut = np.all((low < ends[1]) & (high > ends[0]), axis=1) & ~inside
-        leaf = np.flatnonzero(inside)
-        return _made_up(leaf, np.full(len(leaf), -1), grid.length[leaf] ** grid.dimension, cut)
-
-    def _reached(self, grid: Composite) -> Flags:
-        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
-        return np.asarray(np.all((low < self.upper) & (high > self.lower), axis=1))
+    def parts(self, grid: Composite) -> str:
+        """Return why no leaves make it up."""
+        return "agents do not make up a round or slanted place; ask for the mean of a box"
 
     def _measured(self, low: Floats, size: Floats) -> tuple[Floats, Floats]:
         """Return the middle of the shape's part in boxes, and its share of each."""
@@ -129,80 +170,9 @@ class Solid(NamedTuple):
         return middle, count / len(offsets)
 
 
-class Plane(NamedTuple):
-    """A box without thickness: a section of the body, or a part of its surface (units)."""
-
-    axis: int
-    lower: Floats
-    upper: Floats
-
-    def spots(self, grid: Composite) -> Spots:
-        """Return the middle of the plane's part in every leaf, weighted by its area."""
-        axis, height = self.axis, self.lower[self.axis]
-        leaf = np.flatnonzero(self._reached(grid))
-        low = grid.leaves.lower[leaf].astype(np.float64)
-        first = np.maximum(low, self.lower)
-        last = np.minimum(low + grid.leaves.size[leaf, None], self.upper)
-        middle = 0.5 * (first + last)
-        middle[:, axis] = height
-        area = np.delete(last - first, axis, axis=1).prod(axis=1)
-        span = last - first
-        span[:, axis] = 0.0
-        return _weighted(middle, leaf, area, span)
-
-    def coarse(self, grid: Composite) -> Flags:
-        """Tell which leaves in reach are larger than the plane's part."""
-        widest = np.delete(self.upper - self.lower, self.axis).min()
-        return np.asarray(self._reached(grid) & (grid.leaves.size > widest))
-
-    def parts(self, grid: Composite) -> Parts | str:
-        """Return the sides on the plane: of the leaves below, or above where there are none."""
-        ends = _on_edges(self.lower, self.upper, grid)
-        if isinstance(ends, str):
-            return ends
-        axis, (first, last) = self.axis, ends
-        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
-        within, over = (low >= first) & (high <= last), (low < last) & (high > first)
-        within[:, axis] = over[:, axis] = True
-        below = high[:, axis] == first[axis]
-        above = (low[:, axis] == first[axis]) & (grid.beside[:, 2 * axis] < 0)
-        there = within.all(axis=1) & (below | above)
-        across = (low[:, axis] < first[axis]) & (high[:, axis] > first[axis])
-        cut = over.all(axis=1) & (across | ((below | above) & ~there))
-        leaf = np.flatnonzero(there)
-        side = 2 * axis + below[leaf]
-        return _made_up(leaf, side, grid.length[leaf] ** (grid.dimension - 1), cut)
-
-    def _reached(self, grid: Composite) -> Flags:
-        """Tell which leaves have the plane in them or on top; below only, if nothing is there."""
-        axis, height = self.axis, self.lower[self.axis]
-        low, high = grid.leaves.lower, grid.leaves.lower + grid.leaves.size[:, None]
-        beside = np.all(np.delete((low < self.upper) & (high > self.lower), axis, axis=1), axis=1)
-        bare = grid.beside[:, 2 * axis] < 0
-        within = (low[:, axis] < height) & (height <= high[:, axis])
-        return np.asarray(beside & (within | ((low[:, axis] == height) & bare)))
-
-
-Site = Points | Solid | Plane
+Site = Points | Cuboid | Rounded
 """A place, asked grid by grid: the points that stand for it, the leaves or sides that make it up
 (in words why none ever do), and which leaves are too large for it to be seen."""
-
-
-def _on_edges(lower: Floats, upper: Floats, grid: Composite) -> tuple[Floats, Floats] | str:
-    """Return the ends of a place where agents that are small enough end as well."""
-    step = max(grid.ground.cell // PARTED, grid.ground.smallest)
-    ends = np.rint(lower / step) * step, np.rint(upper / step) * step
-    off = max(float(np.abs(end - own).max()) for end, own in zip(ends, (lower, upper), strict=True))
-    if off > NEAR * grid.ground.cell:
-        return (
-            f"its ends are no multiples of 1/{grid.ground.cell // step} of a cell, where agents "
-            "could end as well"
-        )
-    return ends
-
-
-def _made_up(leaf: Ints, side: Ints, share: Floats, cut: Flags) -> Parts:
-    return Parts(leaf, side, share / (share.sum() or 1.0), cut)
 
 
 def _weighted(points: Floats, leaf: Ints, weight: Floats, span: Floats) -> Spots:
@@ -229,16 +199,14 @@ def site_of(at: Place, ground: Ground) -> Site:
             "cells"
         )
     point = np.array([at])
-    inside = np.isfinite(point).all()
-    if inside:
+    if np.isfinite(point).all():
         cells, found = body_cells(ground.scene, point)
-        inside = found.all()
-    if not inside:
-        raise ParameterError(f"tolerance_at: ({', '.join(f'{x:g}' for x in at)}) m {_OUTSIDE}")
-    return Points(*located(ground, point, cells))
-
-
-_OUTSIDE = "lies outside the body; choose a place in or on it"
+        if found.all():
+            return Points(*located(ground, point, cells))
+    raise ParameterError(
+        f"tolerance_at: ({', '.join(f'{x:g}' for x in at)}) m lies outside the body; choose a "
+        "place in or on it"
+    )
 
 
 def _metre(ground: Ground) -> float:
@@ -255,7 +223,7 @@ def _side(name: str, ground: Ground) -> Site:
     axis, upper = divmod(lattice.sides.index(name), 2)
     low, high = np.zeros(ground.dimension), np.asarray(lattice.shape) * float(ground.cell)
     low[axis] = high[axis] = high[axis] if upper else 0.0
-    return Plane(axis, low, high)
+    return Cuboid(low, high, axis)
 
 
 def _region(region: dict[str, Any], ground: Ground) -> Site:
@@ -266,7 +234,7 @@ def _region(region: dict[str, Any], ground: Ground) -> Site:
         face = np.rint(low[flat])
         if abs(low[flat] - face) < NEAR * ground.cell:
             low[flat] = high[flat] = face
-        return Plane(flat, low, high)
+        return Cuboid(low, high, flat)
     try:
         shape = Region(material="air", **region).shape_in(lattice, "tolerance_at")
     except KajuError as error:
@@ -274,21 +242,16 @@ def _region(region: dict[str, Any], ground: Ground) -> Site:
         told = told if told.startswith("tolerance_at") else f"tolerance_at: {told}"
         raise ParameterError(told) from None
     lower, upper = (np.asarray(corner) / metre for corner in shape.extent)
-    return Solid(shape, lower, upper, metre)
+    box = Cuboid(lower, upper)
+    return box if isinstance(shape, Box) else Rounded(shape, box, metre)
 
 
 def _flat_axis(box: Any, cell_size: float) -> int | None:
     """Return the one axis along which a box has no thickness."""
-    corners = np.asarray(box, dtype=np.float64) if _is_box(box) else np.ones((1, 0))
-    if len(corners) != 2:
+    try:
+        lower, upper = np.asarray(box, dtype=np.float64)
+    except (TypeError, ValueError):
         return None
-    spans = corners[1] - corners[0]
+    spans = np.atleast_1d(upper - lower)
     flat = np.flatnonzero(np.abs(spans) <= NEAR * cell_size)
     return int(flat[0]) if len(flat) == 1 and np.all(np.delete(spans, flat) > 0.0) else None
-
-
-def _is_box(box: Any) -> bool:
-    try:
-        return np.asarray(box, dtype=np.float64).shape[:1] == (2,)
-    except (TypeError, ValueError):
-        return False

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.elastic.boxes import corner_ends
 
 BITS = {2: 30, 3: 20}
 """Binary digits of a coordinate in units; the code needs as many for every axis."""
@@ -70,6 +72,11 @@ class Leaves:
         """2 or 3."""
         return int(self.lower.shape[1])
 
+    @property
+    def upper(self) -> Ints:
+        """Upper corners (units). Shape (n, dimension)."""
+        return np.asarray(self.lower + self.size[:, None])
+
     def find(self, points: Ints) -> Ints:
         """Return the leaf that holds each unit cell, -1 where there is none."""
         within = np.all((points >= 0) & (points < 1 << BITS[self.dimension]), axis=1)
@@ -89,7 +96,7 @@ class Leaves:
         # `cause` gives, per leaf, what is noted with its children.
         d = self.dimension
         # A leaf's children take its place in the order: corner after corner, x the fastest.
-        corners = np.array(list(product((0, 1), repeat=d)), dtype=np.int64)[:, ::-1]
+        corners = corner_ends(d)[:, ::-1]
         many = len(corners)
         count = np.where(chosen, many, 1)
         parent = np.repeat(np.arange(len(self)), count)
@@ -128,20 +135,17 @@ class Leaves:
             stay[start + child] = False
         return replace(self, size=size).only(stay)
 
-    def as_first(self) -> Leaves:
-        """Return the leaves as if they had been there from the start."""
-        return replace(self, step=np.zeros_like(self.step), cause=np.zeros_like(self.cause))
-
     def only(self, chosen: Flags | Ints) -> Leaves:
         """Return some of the leaves."""
-        return Leaves(
-            self.lower[chosen],
-            self.size[chosen],
-            self.kind[chosen],
-            self.step[chosen],
-            self.cause[chosen],
-            self.code[chosen],
+        columns: tuple[Any, ...] = (
+            self.lower,
+            self.size,
+            self.kind,
+            self.step,
+            self.cause,
+            self.code,
         )
+        return Leaves(*(column[chosen] for column in columns))
 
     def _too_large_beside(self, young: Ints) -> tuple[Flags, Flags]:
         """Return which leaves are too large for neighbours among the young, and which of these."""

@@ -10,6 +10,7 @@ condition), which copes with large contrasts; in one material their own does as 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import inf, sqrt
 
 import numpy as np
@@ -24,10 +25,8 @@ from kaju.model.elastic.problem import STIFF_PRESSURE
 from .balance import Balance
 from .composite import Composite
 from .field import prolongation
-from .ground import Ground
 
-WORTHWHILE = 0.7
-"""Parents that are more than this share of their children are not worth a level."""
+WORTHWHILE = 0.7  # Parents that are more than this share of their children are not worth a level
 DEGREE, LOW = 4, 0.15
 """Of the smoothing polynomial, and the share of the spectrum, from above, that it leaves alone."""
 FACTORISED = {2: 400_000, 3: 30_000}
@@ -38,17 +37,18 @@ DIRECT = {2: 6_000, 3: 5_000}
 """Generations of fewer faces are factorised, and serve as the coarsest level."""
 RUBBER = {2: 400_000, 3: 15_000}
 """Up to so many faces every generation is factorised if a material is nearly incompressible."""
-LAST = 1e-10
-"""Share of an answer to which its last generation settles."""
-WORST = 0.05
-"""Displacements that are off by more than this share do not tell who has to spawn."""
+LAST = 1e-10  # Share of an answer to which its last generation settles
+WORST = 0.05  # Displacements that are off by more than this share do not tell who has to spawn
 
 
 class NestedMultigrid:
     """A hierarchy that grows by a generation at a time, the finest last."""
 
     def __init__(self, balance: Balance) -> None:
-        direct = self._direct_limit = _direct_limit(balance.grid.ground)
+        ground = balance.grid.ground
+        rubber = np.any(ground.moduli.lateral > STIFF_PRESSURE * ground.moduli.shear)
+        limits = RUBBER if rubber and ground.scene.plane != "stress" else DIRECT
+        direct = self._direct_limit = limits[ground.dimension]
         self._levels: list[_NestedLevel] = []
         ancestors = [balance]
         while len(ancestors[-1].free) > direct:
@@ -79,9 +79,14 @@ class NestedMultigrid:
             self._factorise(balance)
         else:
             prolong = sp.csr_array(whole[balance.free][:, self._balance.free])
-            self._levels.append(_level(balance, prolong))
+            self._levels.append(_NestedLevel(balance.stiffness(balance.free), prolong))
             if len(np.unique(balance.grid.ground.moduli.stretch)) > 1:
-                self._project()
+                # From the finest on parents get the stiffness that their children feel.
+                for level, parents in pairwise(self._levels[::-1]):
+                    assert level.prolong is not None
+                    felt = level.prolong.T @ (level.matrix @ level.prolong)
+                    parents.matrix = sp.csr_array(felt)
+                self._direct = _factor(self._levels[0].matrix)
         self._balance = balance
         return whole
 
@@ -120,17 +125,8 @@ class NestedMultigrid:
         """Return one V-cycle's answer to a load."""
         return self._cycle(len(self._levels) - 1, load)
 
-    def _project(self) -> None:
-        """Give the parents, from the finest on, the stiffness that their children feel."""
-        for at in range(len(self._levels) - 1, 0, -1):
-            prolong = self._levels[at].prolong
-            assert prolong is not None
-            felt = sp.csr_array(prolong.T @ (self._levels[at].matrix @ prolong))
-            self._levels[at - 1].matrix = felt
-        self._direct = _factor(self._levels[0].matrix)
-
     def _factorise(self, balance: Balance) -> None:
-        self._levels = [_level(balance)]
+        self._levels = [_NestedLevel(balance.stiffness(balance.free))]
         self._direct = _factor(self._levels[0].matrix)
 
     def _cycle(self, at: int, load: Floats) -> Floats:
@@ -143,13 +139,6 @@ class NestedMultigrid:
         x += level.prolong @ self._cycle(at - 1, np.asarray(level.prolong.T @ left))
         level.smooth(load - level.matrix @ x, x)
         return x
-
-
-def _direct_limit(ground: Ground) -> int:
-    """Return up to how many faces a generation is factorised."""
-    moduli, d = ground.moduli, ground.dimension
-    rubber = np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear)
-    return RUBBER[d] if rubber and ground.scene.plane != "stress" else DIRECT[d]
 
 
 class _NestedLevel:
@@ -182,7 +171,8 @@ class _NestedLevel:
         if self.prolong is None:
             return
         self._among = sp.csr_array(matrix[self.rows][:, self.rows])
-        self._inverse = _inverse(self._among)
+        own = self._among.diagonal()
+        self._inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0)
         # No eigenvalue of D⁻¹A is larger than a row's sum of sizes (Gershgorin).
         sums = np.asarray(abs(self._among).sum(axis=1)).ravel() * self._inverse
         self._most = float(sums.max(initial=1.0))
@@ -202,16 +192,6 @@ class _NestedLevel:
             step = rho * (last * step + 2.0 / half * (inverse * left))
             total += step
         x[self.rows] += total
-
-
-def _level(balance: Balance, prolong: sp.csr_array | None = None) -> _NestedLevel:
-    return _NestedLevel(balance.stiffness(balance.free), prolong)
-
-
-def _inverse(matrix: sp.csr_array) -> Floats:
-    diagonal = matrix.diagonal()
-    inverse = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
-    return np.asarray(inverse)
 
 
 def _factor(matrix: sp.csr_array) -> SuperLU:

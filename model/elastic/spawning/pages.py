@@ -6,7 +6,6 @@ its places are worth nothing: there the strains are `rows` of the composite grid
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.staggered import axis_pairs, modulus_between
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
-from .forest import ACROSS, COARSE, NOTHING, REFINED, REGULAR, ways
+from .forest import ACROSS, COARSE, NOTHING, REFINED, REGULAR
 
 PLACES = ACROSS + 2
 
@@ -36,22 +35,14 @@ class Pages(NamedTuple):
     diagonal: Floats  # Of the stiffness. Shape (pages, dimension, places)
 
 
-@dataclass(frozen=True, eq=False)
-class Surroundings:
-    """Blocks by what they see around them."""
-
-    page: Ints  # Page of every block. Shape (blocks,)
-    pages: Pages
-
-
-def surroundings(kinds: Ints, states: Ints, moduli: Moduli) -> Surroundings:
-    """Return the pages of blocks by the kinds and states of their neighbours (`forest`)."""
+def surroundings(kinds: Ints, states: Ints, moduli: Moduli) -> tuple[Ints, Pages]:
+    """Return every block's page, and these, by its neighbours' kinds and states (`forest`)."""
     seen = np.concatenate([kinds, states], axis=1)
     lots: Ints = np.random.default_rng(0).integers(1, 1 << 62, size=seen.shape[1:])
     _, first, page = np.unique((seen + 16) @ lots, return_index=True, return_inverse=True)
     if not np.array_equal(seen[first][page], seen):
         _, first, page = np.unique(seen, axis=0, return_index=True, return_inverse=True)
-    return Surroundings(page.ravel(), _pages(kinds[first], states[first], moduli))
+    return page.ravel(), _pages(kinds[first], states[first], moduli)
 
 
 def _pages(kinds: Ints, states: Ints, moduli: Moduli) -> Pages:
@@ -138,13 +129,9 @@ def rims(kinds: Ints, states: Ints) -> Ints:
     """Tell how displacements go on beyond the sides of blocks, shape (blocks, 2·dimension)."""
     # 0: in another block; 1: linearly, beyond a free surface; 2: mirrored, beyond a wall.
     d = int(np.rint(np.log(kinds.shape[1]) / np.log(3)))
-    step = ways(d)
     rim = np.zeros((len(kinds), 2 * d), dtype=np.int64)
     for side in range(2 * d):
-        axis, upper = divmod(side, 2)
-        ahead = np.zeros(d, dtype=np.int64)
-        ahead[axis] = 2 * upper - 1
-        way = int(np.flatnonzero((step == ahead).all(axis=1))[0])
+        way = 3**d // 2 + (2 * (side % 2) - 1) * 3 ** (side // 2)
         wall = np.isin(kinds[:, way], (RIGID, DISPLACED))
         rim[:, side] = np.where(states[:, way] == NOTHING, np.where(wall, 2, 1), 0)
     return rim

@@ -17,7 +17,6 @@ from .block_spawner import spawner_of
 from .generations import Spawning
 from .goals import Asked, aim_of, asked
 from .ground import Ground, ground_of
-from .leaves import Leaves
 from .quantities import ToleranceAt
 from .tree_agents import TreeAgents
 
@@ -64,7 +63,12 @@ def solve_spawning(
         spawner.step()
     spawning = spawner.outcome()
     if before is not None:
-        spawning.retired = count_retired(before.leaves, spawning.leaves)
+        # For so many agents a larger one stands now.
+        old, now = before.leaves, spawning.leaves
+        at = np.maximum(np.searchsorted(now.code, old.code, side="right") - 1, 0)
+        inside = old.lower - now.lower[at]
+        here = np.all((inside >= 0) & (inside < now.size[at, None]), axis=1)
+        spawning.retired = int(np.count_nonzero(here & (now.size[at] > old.size)))
     spawning.notes += [note] if note else []
     spawning.notes += [NOTE] if stopped() else []
     seconds = perf_counter() - start
@@ -100,7 +104,13 @@ def answer_of(
 ) -> ElasticResult:
     """Return agents as they are as a result, with what there is to be said of them."""
     spawning.notes += rest_of(spawning, tolerance, resolution)
-    spawning.notes += doubts_of(spawning, tolerance_at)
+    shear = spawning.ground.moduli.shear
+    contrast = float(shear.max() / shear.min())
+    if tolerance_at is not None and contrast >= CONTRAST:
+        spawning.notes.append(
+            f"materials differ by a factor of {contrast:.1g} in stiffness: where stiff parts touch "
+            "at corners only, the estimated error may be far from the true one"
+        )
     found = TreeAgents(spawning, stage)
     return ElasticResult(scene, stage, found, seconds, tolerance, resolution, tolerance_at)
 
@@ -122,25 +132,12 @@ def _continued(
     return found.spawning, TOLERANCE if tolerance is None else tolerance, resolution
 
 
-def doubts_of(spawning: Spawning, tolerance_at: Asked) -> list[str]:
-    """Return where the error of what a tolerance is about cannot be told."""
-    shear = spawning.ground.moduli.shear
-    contrast = float(shear.max() / shear.min())
-    if tolerance_at is None or contrast < CONTRAST:
-        return []
-    return [
-        f"materials differ by a factor of {contrast:.1g} in stiffness: where stiff parts touch at "
-        "corners only, the estimated error may be far from the true one"
-    ]
-
-
 def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> list[str]:
     """Return what agents that ended, or stand, above the tolerance leave to be said."""
     if spawning.reached or spawning.stopped not in ("", "depth", "blind"):
         return []
-    above = (
-        f"an estimated error of {spawning.aimed.error:.2g}, above the tolerance of {tolerance:g}"
-    )
+    error = spawning.aimed.error
+    above = f"an estimated error of {error:.2g}, above the tolerance of {tolerance:g}"
     if not spawning.stopped:
         steps = len(spawning.generations)
         return [f"looked at after {steps} steps, which leave {above}"]
@@ -154,14 +151,14 @@ def rest_of(spawning: Spawning, tolerance: float, resolution: int | None) -> lis
 
 def check_previous(previous: Lattice, lattice: Lattice) -> None:
     """Refuse agents that stand on other cells."""
-    cells = [
-        f"{' x '.join(map(str, one.shape))} cells of {one.cell_size:g} m"
-        for one in (previous, lattice)
-    ]
     if previous != lattice:
+        before, now = (
+            f"{' x '.join(map(str, one.shape))} cells of {one.cell_size:g} m"
+            for one in (previous, lattice)
+        )
         raise ParameterError(
-            f"previous: its agents stand on {cells[0]}, those of the scene on {cells[1]}; solve "
-            "without it, or on the same cells"
+            f"previous: its agents stand on {before}, those of the scene on {now}; solve without "
+            "it, or on the same cells"
         )
 
 
@@ -178,11 +175,3 @@ def serves(previous: Spawning, ground: Ground) -> bool:
         and int(leaves.size.min()) >= ground.smallest
         and not ground.unevenly_loaded(leaves).any()
     )
-
-
-def count_retired(before: Leaves, now: Leaves) -> int:
-    """Return for how many agents a larger one stands now."""
-    at = np.maximum(np.searchsorted(now.code, before.code, side="right") - 1, 0)
-    inside = before.lower - now.lower[at]
-    here = np.all((inside >= 0) & (inside < now.size[at, None]), axis=1)
-    return int(np.count_nonzero(here & (now.size[at] > before.size)))

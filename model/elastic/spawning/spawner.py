@@ -3,37 +3,48 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from math import inf, isfinite
 from typing import Any
 
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
-from kaju.model.elastic.bracket import MOST_PROVED, PROVED_AT, Bracket, worth_proving
+from kaju.model.elastic.bracket import (
+    MOST_PROVED,
+    PROVED_AT,
+    Bracket,
+    bracket_of,
+    worth_proving,
+)
 from kaju.model.elastic.krylov import Iteration
+from kaju.model.elastic.problem import ACTIVE
+from kaju.model.elastic.solver import lost_digits, rounding_notes
 
 from .aims import BULK, SPARE, Aimed, choose_among, unproved
 from .balance import Balance
-from .curvature import Indicator
+from .composite import Composite
+from .curvature import Indicator, indicate
 from .generations import Generation, Spawning
 from .ground import Ground
+from .held import HALVED, first_agents
 from .leaves import Leaves
-from .nested import NestedMultigrid
+from .nested import LAST, NestedMultigrid, energy_of, relative_error, settle
+from .tree_boxes import boxes_of_agents
 
 MOST_GENERATIONS = 60
 TELLING, FAR = 500, 600.0
 """From so many agents on they tell how many more it takes; so many times too many are not tried."""
-TOLD = 1e-5
-"""Share of the applied forces that may be left on agents without a word."""
+TOLD = 1e-5  # Share of the applied forces that may be left on agents without a word
 ASKED = {2: 0, 3: 4_000}
 """So many at most are asked for bounds before they have settled: more take too long, and in the
 plane bounds say much the same everywhere."""
 EARLY = 0.1
 """Of the error allowed: what those at points without a limit of stress may keep together."""
-LEAST_SHARE = 0.5
-"""Of the estimate, that bounds are expected to be."""
-FIRST_GUESS = 0.3
-"""Of the first generation's error."""
+LEAST_SHARE = 0.5  # Of the estimate, that bounds are expected to be
+FIRST_GUESS = 0.3  # Of the first generation's error
+ALGEBRAIC_SHARE = 0.05
+"""Every generation is solved to this share of its estimated error, the last one further."""
 
 
 class Aim:
@@ -162,7 +173,13 @@ class Spawner(ABC):
         if self._ends():
             runs.append(self._settle(for_good=True))
             self._ends()
-            self._note_rest(runs[-1])
+            last = runs[-1]
+            if last.errors[-1] > 0.1 * max(self.error, self.tolerance):
+                self.stopped, self.finished = "iteration", True
+            left = last.residuals[-1] if not last.converged else self._left_of_loads()
+            if self.finished and (not last.converged or left > TOLD):
+                short = f"the forces on the agents balance to {left:.1g} of the loads only"
+                self.notes.append(short)
             self._prove()
         # A few large agents may turn about a hinge that their children stiffen.
         if self.finished or self.agents >= TELLING:
@@ -170,16 +187,11 @@ class Spawner(ABC):
             self.notes += said if self.finished else []
         self.residuals = runs[-1].residuals
         self._chosen = None if self.finished else self.aimed.chosen
-        self._remember(sum(run.iterations for run in runs))
-
-    def _remember(self, iterations: int) -> None:
-        """Note this generation."""
-        leaves, chosen = self.leaves, np.zeros(len(self.square), dtype=np.bool_)
-        chosen = np.repeat(
-            chosen if self._chosen is None else self._chosen, len(leaves) // len(chosen)
-        )
+        leaves, iterations = self.leaves, sum(run.iterations for run in runs)
+        spawn = self.aimed.chosen & (not self.finished)
+        spawn = np.repeat(spawn, len(leaves) // len(spawn))
         cost = (len(leaves), self.error, self.energy, iterations, self.aimed.error)
-        self.generations.append(Generation(*cost, leaves.code, leaves.size, self.left, chosen))
+        self.generations.append(Generation(*cost, leaves.code, leaves.size, self.left, spawn))
 
     def choose(self, part: Floats, allowed: float) -> Flags:
         """Choose who spawns: those with the largest parts in an error (see `choose_among`)."""
@@ -208,7 +220,16 @@ class Spawner(ABC):
 
     def _ends(self) -> bool:
         """Tell whether no step is left."""
-        self.stopped = self._reason_to_stop()
+        chosen, expected = self.aimed.chosen, 0.0
+        if self._of_energy and self.ground.smallest == 1 and self.agents >= TELLING:
+            # They grow in number at least with the error's fall to the power of the dimension,
+            # unless a resolution does not let them be smaller.
+            expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension
+        many = self._after(chosen) > self.most_agents or expected > FAR * self.most_agents
+        if many or len(self.generations) + 1 == MOST_GENERATIONS:
+            self.stopped = "agents"
+        else:
+            self.stopped = "" if chosen.any() else "depth"
         self.finished = self.aimed.error <= self.target or bool(self.stopped)
         return self.finished
 
@@ -216,29 +237,6 @@ class Spawner(ABC):
         """Return how many agents there are when some have spawned."""
         more = ((1 << self.ground.dimension) - 1) * (self.agents // max(len(chosen), 1))
         return self.agents + more * int(np.count_nonzero(chosen))
-
-    def _reason_to_stop(self) -> str:
-        chosen = self.aimed.chosen
-        many = self._after(chosen) > self.most_agents
-        if many or len(self.generations) + 1 == MOST_GENERATIONS or self._out_of_reach():
-            return "agents"
-        return "" if chosen.any() else "depth"
-
-    def _out_of_reach(self) -> bool:
-        """Tell whether a tolerance takes far more agents than allowed."""
-        # Their number grows at least with the error's fall to the power of the dimension, unless a
-        # resolution does not let them be smaller.
-        if self.ground.smallest > 1 or not self._of_energy:
-            return False
-        expected = self.agents * (self.error / self.tolerance) ** self.ground.dimension
-        return self.agents >= TELLING and expected > FAR * self.most_agents
-
-    def _note_rest(self, run: Iteration) -> None:
-        if run.errors[-1] > 0.1 * max(self.error, self.tolerance):
-            self.stopped, self.finished = "iteration", True
-        left = run.residuals[-1] if not run.converged else self._left_of_loads()
-        if self.finished and (not run.converged or left > TOLD):
-            self.notes.append(f"the forces on the agents balance to {left:.1g} of the loads only")
 
     def _left_of_loads(self) -> float:
         """Return what is left beside the applied forces; those of moved sides may be far larger."""
@@ -292,3 +290,84 @@ class Spawner(ABC):
         worth = worth_proving(agents, self._estimated, self.ground.dimension)
         worth = worth and agents <= self.most_agents
         return bool(chosen.any()) and worth and len(self.generations) + 2 < MOST_GENERATIONS
+
+
+class LeafSpawner(Spawner):
+    """Agents of which each may spawn; see `Spawner`."""
+
+    indicator: Indicator
+
+    def __init__(
+        self,
+        ground: Ground,
+        tolerance: float,
+        most_agents: int,
+        aim: Aim | None = None,
+        previous: Spawning | None = None,
+    ) -> None:
+        super().__init__(ground, tolerance, most_agents, aim)
+        if previous is None:
+            self.balance, self.notes = first_agents(ground)
+            self.displacement = self.balance.grid.value.copy()
+        else:
+            self.balance, self.error = previous.balance.loaded_by(ground), previous.error
+            zeros = np.zeros(self.agents)  # as if they had been there from the start
+            first = replace(self.leaves, step=zeros.astype(np.int64), cause=zeros)
+            self.balance.grid.leaves = first
+            self.displacement = previous.displacement.copy()
+            self.notes = [note for note in previous.notes if note.endswith(HALVED)]
+        self.hierarchy = NestedMultigrid(self.balance)
+
+    @property
+    def leaves(self) -> Leaves:
+        """The agents of this generation."""
+        return self.balance.grid.leaves
+
+    @property
+    def smallest(self) -> Flags:
+        """Which agents are as small as may be."""
+        return np.asarray(self.leaves.size <= self.ground.smallest)
+
+    @property
+    def sharp(self) -> Ints:
+        """Which agents are at points where stress has no limit."""
+        return self.leaves.holding(self.ground.sharp)
+
+    def outcome(self) -> Spawning:
+        """Return the agents as they are."""
+        own = (self.balance, self.displacement, self.indicator, self.aimed)
+        return Spawning(*own, **self._ended(self.hierarchy.depth))
+
+    def _spawn(self, chosen: Flags) -> None:
+        number, leaves = len(self.generations), self.leaves
+        leaves = leaves.split(chosen, number, self.indicator.load * self.ground.scales.force)
+        leaves = leaves.balanced(number, young=leaves.step == number)
+        finer = Balance(Composite(self.ground, leaves))
+        grown = self.hierarchy.grow(finer) @ self.displacement
+        self.displacement = np.where(finer.grid.state == ACTIVE, grown, finer.grid.value)
+        self.balance = finer
+
+    def _settle(self, *, for_good: bool) -> Iteration:
+        share = LAST if for_good else ALGEBRAIC_SHARE * self.error
+        run = settle(self.balance, self.hierarchy, self.displacement, share)
+        self.indicator = indicate(self.balance, self.displacement)
+        self.square, self.left = self.indicator
+        self.energy = energy_of(self.balance, self.displacement)
+        self.error = float(np.hypot(relative_error(self.square, self.energy), run.errors[-1]))
+        self.aimed = self.aim.look(self)
+        return run
+
+    def _left_of_loads(self) -> float:
+        """Return what is left beside the applied forces; those of moved sides may be far larger."""
+        rest = (self.balance.force(self.displacement) - self.balance.load)[self.balance.free]
+        applied = float(np.abs(self.balance.load).sum())
+        return float(np.abs(rest).sum()) / applied if applied > 0.0 else 0.0
+
+    def _rounding(self) -> list[str]:
+        """Say what rounding leaves unbalanced; refuse what it hides before more agents spawn."""
+        free, right = self.balance.free, self.balance.load - self.balance.pull
+        stiffness = self.hierarchy.matrix.diagonal()
+        return rounding_notes(lost_digits(self.displacement[free] * stiffness, right[free]))
+
+    def _bounds(self, *, settled: bool = True) -> Bracket | str:
+        return bracket_of(boxes_of_agents(self.balance, self.displacement), settled)

@@ -19,7 +19,6 @@ from kaju.model.results.formats import AnswerRecord
 from kaju.model.scene import Scene
 
 from . import agent_fields as sampling
-from .agent_fields import AgentFields
 from .aims import Aimed, Answer
 from .balance import Balance
 from .composite import Composite
@@ -44,7 +43,6 @@ class TreeAgents:
     storage: ClassVar[Literal["tree"]] = "tree"
     stiffness: ClassVar[None] = None
     energy_bounds: ClassVar[None] = None  # There are none without those of a stress
-    method: ClassVar[str] = "spawning"  # How the equations were solved
     spawning: Spawning  # Agents, displacements and history
     stage: int | None
 
@@ -79,29 +77,14 @@ class TreeAgents:
         return self.grid.lattice.cell_size / self.ground.cell
 
     @property
-    def energy(self) -> float:
-        """Energy stored in body and foundation."""
-        return self.spawning.energy
-
-    @property
-    def error(self) -> float:
-        """Estimated error in the energy norm, relative."""
-        return self.spawning.error
-
-    @property
-    def residuals(self) -> tuple[float, ...]:
-        """Relative residual before every iteration of the last generation."""
-        return tuple(self.spawning.residuals)
+    def solution(self) -> Spawning:
+        """How the agents move, and how that was found."""
+        return self.spawning
 
     @property
     def levels(self) -> int:
         """Sizes of agents."""
         return len(np.unique(self.leaves.size))
-
-    @property
-    def notes(self) -> list[str]:
-        """What the solver decided by itself."""
-        return self.spawning.notes
 
     @cached_property
     def bracket(self) -> Bracket | str:
@@ -144,11 +127,6 @@ class TreeAgents:
             "energy: agents of many sizes do not tell their energies one by one; equal ones do "
             "(strategy='uniform')"
         )
-
-    @property
-    def fields(self) -> AgentFields:
-        """Strains, stresses and displacements."""
-        return self.spawning.fields
 
     @property
     def displacement(self) -> Floats:
@@ -318,15 +296,13 @@ def tree_of_cells(agents: CellAgents) -> TreeAgents:
         own = grid.axis == axis
         u[own] = unit * values[tuple(index[own].T)]
     indicator = indicate(balance, u)
-    energy = agents.energy * unit * agents.scales.force / ground.scales.force
+    energy = agents.solution.energy * unit * agents.scales.force / ground.scales.force
     error = relative_error(indicator.square, energy)
     nobody = np.zeros(agents.count, dtype=np.bool_)
     aimed = Aimed(error, indicator.square, nobody, 0.0)
-    runs = max(len(agents.residuals) - 1, 0)
+    runs, residuals = agents.solution.iterations, list(agents.solution.residuals)
     only = Generation(
         agents.count, error, energy, runs, error, leaves.code, leaves.size, indicator.load, nobody
     )
-    spawning = Spawning(
-        balance, u, indicator, aimed, energy, error, [only], list(agents.residuals), 1, True, ""
-    )
+    spawning = Spawning(balance, u, indicator, aimed, energy, error, [only], residuals, 1, True, "")
     return TreeAgents(spawning, agents.stage)

@@ -31,8 +31,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
     """Return agents of many sizes with the stresses of displacements that balance the forces."""
     grid, fields = balance.grid, AgentFields(balance, u)
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
-    moduli, kind = grid.ground.moduli, leaves.kind
-    law = Moduli(moduli.stretch[kind], moduli.lateral[kind], moduli.shear[kind])
+    law = grid.law
     shear = {}
     for pair, edges in grid.edges.items():
         tau = fields.edge_shear[pair][edges.of_leaf]
@@ -115,7 +114,7 @@ def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     # Corners count in halves of the smallest leaf. Their numbers may overflow, but not to the same:
     # no body is so wide.
     half = int(leaves.size.min()).bit_length() - 1
-    row = (2 * int((leaves.lower + leaves.size[:, None]).max()) >> half) + 1
+    row = (2 * int(leaves.upper.max()) >> half) + 1
 
     def keys(leaf: Ints, third: Ints) -> Ints:
         number = np.zeros((len(third), len(leaf)), dtype=np.int64)

@@ -3,6 +3,7 @@
 python benchmarks/prices.py                           # everything, some minutes
 python benchmarks/prices.py bodies --cells 64 --dimension 3 --runs 1
 python benchmarks/prices.py again                     # solving again after a change
+python benchmarks/prices.py proofs                    # what is proved of agents
 python benchmarks/prices.py growth                    # larger and larger bodies
 python benchmarks/prices.py largest                   # the largest error anywhere
 """
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from shared import by_name, in_turn, timed
 
 from kaju import Scene, solve
+from kaju.model.elastic.bracket import bracket_of
 
 SIDE = 0.2
 MATERIALS = {
@@ -147,6 +149,16 @@ def again(runs: int = 3) -> Iterator[str]:
     yield f"agents after each of 20 random moves, against afresh: {np.mean(ratio):.2f} times"
 
 
+def proofs(runs: int = 3) -> Iterator[str]:
+    """Tell what the last proof by agents of many sizes takes of their solution."""
+    yield f"\n{'tolerance':>9}{'agents':>10}{'time (s)':>10}{'proof':>8}"
+    for tolerance in (2e-2, 1e-2, 3e-3):
+        result, whole = priced(plate(20), runs, strategy="spawning", tolerance=tolerance)
+        spawning = result.found.spawning
+        _, proof = in_turn(runs, lambda: bracket_of(spawning.boxes()))[0]  # noqa: B023
+        yield f"{tolerance:9g}{result.agents:10,}{whole:10.2f}{proof / whole:8.0%}"
+
+
 def growth(runs: int = 3) -> Iterator[str]:
     """Tell what a load costs on larger and larger bodies."""
     yield f"\ntolerance 0.02\n{'side':>6}{'cells':>16}{'agents':>10}{'time (s)':>10}"
@@ -175,4 +187,4 @@ def largest(runs: int = 3) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    by_name(__doc__, bodies, again, growth, largest)
+    by_name(__doc__, bodies, again, proofs, growth, largest)

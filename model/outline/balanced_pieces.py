@@ -12,13 +12,13 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Flags, Floats
 from kaju.errors import SupportError
 from kaju.factors import rigid_motions
 from kaju.model.scene.curves import Point
 
 from .convex_pieces import Corners, area_of, outlines_of, triangles_of
-from .joined_blocks import JoinedBlocks
+from .joined_blocks import Blocks, JoinedBlocks, MergedSquares
 from .laws import Law
 from .split_triangle import SplitTriangles
 from .square_leaves import SquareLeaves
@@ -217,7 +217,7 @@ class BalancedPieces:
         on = (self.ends == low[:, None]).all(axis=1) | (self.ends == high[:, None]).all(axis=1)
         self.on_square = on.any(axis=1)
 
-    def blocks(self) -> list[tuple[Floats, Ints]]:
+    def blocks(self) -> Blocks:
         """Return element matrices, and the unknowns of each."""
         n = 3 * len(self.owner)
         out = [(self.cut.matrix, self.dofs[:n].reshape(-1, 12))]
@@ -247,8 +247,9 @@ class BalancedPieces:
         fixed |= self._idle | np.repeat(self.shared == 0, 4)
         cut, (_, dofs), *others = blocks
         known, plain = self.whole[0]
-        equal = self.leaves.only(plain), known.matrix, dofs
-        joined = JoinedBlocks([cut, *others], fixed, equal)
+        places = np.repeat(known.sides.mean(axis=1), 4, axis=0)
+        merged = MergedSquares(self.leaves.only(plain), known.matrix, dofs, places)
+        joined = JoinedBlocks([cut, *others], fixed, merged)
         self.patterns = self.cut.sagging.copy()
         area = (self.leaves.size * self.leaves.unit) ** 2
         self.whole_patterns = [area[at][:, None, None] * one.sagging for one, at in self.whole]
@@ -265,7 +266,7 @@ class BalancedPieces:
             moved = joined.moved(left)
         return float(self.energies().sum())
 
-    def _check_held(self, blocks: list[tuple[Floats, Ints]], held: Flags, force: Floats) -> None:
+    def _check_held(self, blocks: Blocks, held: Flags, force: Floats) -> None:
         """Leave out parts that nothing holds and nothing loads; refuse those that could move."""
         n = len(self.shared)
         firsts = np.concatenate(

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 
+from .joined_blocks import MergedSquares, assembled
 from .laws import Law
 from .square_leaves import SquareLeaves
 from .true_shapes import Held
@@ -61,7 +62,9 @@ class FittedDisplacement:
         self.shares = np.repeat(0.25 * full[:, None], 4, axis=1)
         """Integrals of the four bilinear functions over what each leaf holds."""
         cut = np.array([None not in of.values() for of in held], dtype=np.bool_)
-        self.elements = whole[[laws.index(next(iter(of))) for of in held]]
+        law = np.array([laws.index(next(iter(of))) for of in held])
+        self._plain, self._whole = ~cut & (law == 0), whole[0]
+        self.elements = whole[law]
         self.elements[cut] = self.shares[cut] = 0.0
         owner, corners, law = _fans(held, laws)
         first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -132,14 +135,14 @@ class FittedDisplacement:
 
         Whatever the displacement, work² / (2 energy) is not above the work of the true one.
         """
-        n = self.nodes
         dofs = np.stack([2 * self.corner, 2 * self.corner + 1], axis=2).reshape(-1, 8)
-        rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
-        shape = (2 * n, 2 * n)
-        matrix = sp.csr_array((self.elements.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
-        free = np.flatnonzero(~(held | self.hanging[:, None]).ravel())
-        tie = sp.kron(self._tie, sp.eye_array(2)).tocsr()[:, free]
-        own = sp.csr_array(tie.T @ matrix @ tie)
+        plain, rest = (np.flatnonzero(at) for at in (self._plain, ~self._plain))
+        places = np.repeat(CORNERS, 2, axis=0)
+        merged = MergedSquares(self.leaves.only(plain), self._whole, dofs[plain], places)
+        blocks = [(self.elements[rest], dofs[rest]), *merged.blocks]
+        free = merged.free((held | self.hanging[:, None]).ravel())
+        tie = sp.kron(self._tie, sp.eye_array(2)).tocsr()[:, np.flatnonzero(free)]
+        own = sp.csr_array(tie.T @ assembled(blocks, 2 * self.nodes) @ tie)
         diagonal = own.diagonal()
         kept = diagonal > 1e-14 * diagonal.max()  # corners of slivers: held still
         tie, own, diagonal = tie[:, kept], own[kept][:, kept], diagonal[kept]
@@ -149,13 +152,15 @@ class FittedDisplacement:
             factors = factors_of(scaled)
         except RuntimeError:  # a part hangs on nothing, and no force moves it
             factors = factors_of(scaled + HOLD * sp.eye_array(scaled.shape[0]))
-        asked = scale * (tie.T @ force.ravel())
+        rim = merged.on_rims(force.ravel())
+        asked = scale * (tie.T @ rim)
         found = factors.solve(asked)
         found += factors.solve(asked - scaled @ found)
         moved = tie @ (scale * found)
-        work = float(force.ravel() @ moved)
-        stored = float(moved @ (matrix @ moved))
-        self.displacement = (work / stored * moved).reshape(-1, 2)
+        merged.move_inner(rim, moved)
+        self.displacement = moved.reshape(-1, 2)
+        work, stored = float(force.ravel() @ moved), float(self.energies().sum())
+        self.displacement *= work / stored
         return work**2 / stored
 
     def energies(self) -> Floats:

@@ -10,54 +10,93 @@ from kaju.factors import factors_of
 
 from .square_leaves import SquareLeaves, along_curve
 
-EDGES = 4, 2
-"""Leaves along the edge of a square, the larger squares first."""
-FEWEST = 16
+FEWEST = 4
 """So many squares are worth a table."""
+Blocks = list[tuple[Floats, Ints]]
+"""Matrices, shape (n, k, k), and unknowns of each, shape (n, k)."""
+_FOURTHS = 0.5 * np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
 
 
-class CondensedSquares:
-    """Squares that are alike: what is within by what is on the rim.
+class MergedSquares:
+    """Leaves that are alike, four made one again and again: what is within by what is on the rim.
 
     Parameters
     ----------
-    dofs : array of int, shape (n, leaves, k)
-        Unknowns of the leaves of each square, in one order throughout.
+    leaves : SquareLeaves
     matrix : array, shape (k, k)
-        Of a leaf.
+        Of each leaf, whatever its size.
+    dofs : array of int, shape (leaves, k)
+        Unknowns of the leaves, in one order throughout.
+    places : array, shape (k, 2)
+        Of the unknowns, in a unit square.
     """
 
-    def __init__(self, dofs: Ints, matrix: Floats):
-        _, place, own, count = np.unique(
-            dofs[0], return_index=True, return_inverse=True, return_counts=True
-        )
-        own = own.reshape(dofs[0].shape)
-        whole = np.zeros((len(place), len(place)))
-        np.add.at(whole, (own[:, :, None], own[:, None]), matrix)
-        inner, rim = np.flatnonzero(count == 2), np.flatnonzero(count == 1)
-        self.inner, self.rim = (dofs.reshape(len(dofs), -1)[:, place[at]] for at in (inner, rim))
-        self._inverse = np.linalg.inv(whole[np.ix_(inner, inner)])
-        self._lift = -self._inverse @ whole[np.ix_(inner, rim)]
-        self.matrix = whole[np.ix_(rim, rim)] + whole[np.ix_(rim, inner)] @ self._lift
+    def __init__(self, leaves: SquareLeaves, matrix: Floats, dofs: Ints, places: Floats):
+        self.blocks: Blocks = []
+        """Of leaves and squares that are in no larger one."""
+        self._steps: list[tuple[Ints, Ints, Floats, Floats]] = []
+        while len(four := _four_in_one(leaves)) >= FEWEST:
+            rest = np.setdiff1d(np.arange(len(leaves)), four)
+            self._keep(matrix, dofs[rest])
+            dofs, leaves = dofs[four], leaves.only(four[:, 0])
+            leaves = SquareLeaves(leaves.x, leaves.y, 2 * leaves.size, leaves.shape)
+            _, first, own = np.unique(dofs[0], return_index=True, return_inverse=True)
+            own = own.reshape(dofs[0].shape)
+            whole = np.zeros((len(first), len(first)))
+            np.add.at(whole, (own[:, :, None], own[:, None]), matrix)
+            places = (_FOURTHS[:, None] + 0.5 * places).reshape(-1, 2)[first]
+            within = ((places > 0.0) & (places < 1.0)).all(axis=1)
+            inner, rim = np.flatnonzero(within), np.flatnonzero(~within)
+            dofs = dofs.reshape(len(dofs), -1)[:, first]
+            inverse = np.linalg.inv(whole[np.ix_(inner, inner)])
+            lift = -inverse @ whole[np.ix_(inner, rim)]
+            self._steps.append((dofs[:, inner], dofs[:, rim], inverse, lift))
+            matrix = whole[np.ix_(rim, rim)] + whole[np.ix_(rim, inner)] @ lift
+            dofs, places = dofs[:, rim], places[rim]
+        self._keep(matrix, dofs)
 
-    def load_rim(self, load: Floats) -> None:
-        """Add what the load within does on the rim."""
-        np.add.at(load, self.rim, load[self.inner] @ self._lift)
+    def _keep(self, matrix: Floats, dofs: Ints) -> None:
+        self.blocks.append((np.broadcast_to(matrix, (len(dofs), *matrix.shape)), dofs))
+
+    def free(self, fixed: Flags) -> Flags:
+        """Tell which unknowns are neither fixed nor within a square."""
+        free = ~fixed
+        for inner, *_ in self._steps:
+            free[inner] = False
+        return free
+
+    def on_rims(self, load: Floats) -> Floats:
+        """Return the load, what lies within squares moved to their rims; it stays there as well."""
+        load = load.copy()
+        for inner, rim, _, lift in self._steps:
+            np.add.at(load, rim, load[inner] @ lift)
+        return load
 
     def move_inner(self, load: Floats, moved: Floats) -> None:
-        """Set what moves within, by the load there and by what the rim moves."""
-        moved[self.inner] = load[self.inner] @ self._inverse + moved[self.rim] @ self._lift.T
+        """Set what moves within squares, by the load on rims and what these move."""
+        for inner, rim, inverse, lift in reversed(self._steps):
+            moved[inner] = load[inner] @ inverse + moved[rim] @ lift.T
 
 
-def squares_of(leaves: SquareLeaves, edge: int) -> Ints:
-    """Return the leaves of full squares of equal ones, shape (n, edge²), each in one order."""
+def _four_in_one(leaves: SquareLeaves) -> Ints:
+    """Return fours of equal leaves that fill a square, in one order. Shape (n, 4)."""
     place, area = along_curve(leaves.x, leaves.y), leaves.size**2
     order = np.argsort(place)
     # no two squares of unlike leaves have the same: sizes are powers of 2
-    square = (place - place % (edge**2 * area) + leaves.size)[order]
-    _, which, count = np.unique(square, return_inverse=True, return_counts=True)
-    held = np.flatnonzero(count[which] == edge**2)
-    return order[held[np.argsort(which[held], kind="stable")]].reshape(-1, edge**2)
+    square = (place - place % (4 * area) + leaves.size)[order]
+    alike = square[1:] == square[:-1]
+    first = np.flatnonzero(alike[2:] & alike[1:-1] & alike[:-2])
+    return np.asarray(order[first[:, None] + np.arange(4)])
+
+
+def assembled(blocks: Blocks, count: int) -> sp.csc_array:
+    """Return the matrix of all blocks."""
+    small = [(part, dofs.astype(np.int32)) for part, dofs in blocks]
+    rows = [np.broadcast_to(at[:, :, None], part.shape).ravel() for part, at in small]
+    columns = [np.broadcast_to(at[:, None], part.shape).ravel() for part, at in small]
+    values = np.concatenate([part.ravel() for part, _ in blocks])
+    places = np.concatenate(rows), np.concatenate(columns)
+    return sp.csc_array((values, places), shape=(count, count))
 
 
 class JoinedBlocks:
@@ -66,55 +105,25 @@ class JoinedBlocks:
     Parameters
     ----------
     blocks : list of (array, array)
-        Matrices of shape (n, k, k), and unknowns of shape (n, k).
     fixed : array of bool
         Unknowns that do not move.
-    equal : (leaves, matrix of one, unknowns of each)
-        Further blocks that are alike, of which squares are made.
+    merged : MergedSquares
+        Further blocks.
     """
 
-    def __init__(
-        self,
-        blocks: list[tuple[Floats, Ints]],
-        fixed: Flags,
-        equal: tuple[SquareLeaves, Floats, Ints],
-    ):
-        self._squares: list[CondensedSquares] = []
-        leaves, matrix, dofs = equal
-        for edge in EDGES:
-            found = squares_of(leaves, edge)
-            if len(found) >= FEWEST:
-                square = CondensedSquares(dofs[found], matrix)
-                self._squares.append(square)
-                rest = np.setdiff1d(np.arange(len(leaves)), found)
-                leaves, dofs = leaves.only(rest), dofs[rest]
-        alike = [(matrix, dofs), *((square.matrix, square.rim) for square in self._squares)]
-        blocks = blocks + [(np.broadcast_to(m, (len(at), *m.shape)), at) for m, at in alike]
-        still = fixed.copy()
-        for square in self._squares:
-            still[square.inner] = True
-        diagonal = np.zeros(len(fixed))
-        for part, dofs in blocks:
-            np.add.at(diagonal, dofs, np.einsum("nii->ni", part))
-        self._scale = np.zeros(len(fixed))
-        self._scale[~still] = diagonal[~still] ** -0.5
-        alone = np.flatnonzero(still)
-        rows, columns, values = [alone], [alone], [np.ones(len(alone))]
-        for part, dofs in blocks:
-            rows.append(np.repeat(dofs, dofs.shape[1], axis=1).ravel())
-            columns.append(np.tile(dofs, (1, dofs.shape[1])).ravel())
-            scale = self._scale[dofs]
-            values.append((part * scale[:, :, None] * scale[:, None]).ravel())
-        places = [np.concatenate(at).astype(np.int32) for at in (rows, columns)]
-        shape = (len(fixed), len(fixed))
-        self._factors = factors_of(sp.csc_array((np.concatenate(values), tuple(places)), shape))
+    def __init__(self, blocks: Blocks, fixed: Flags, merged: MergedSquares):
+        self._merged, free = merged, merged.free(fixed)
+        still = np.flatnonzero(~free)[:, None]
+        blocks = [*blocks, *merged.blocks, (np.ones((len(still), 1, 1)), still)]
+        matrix = assembled(blocks, len(fixed))
+        self._scale = np.where(free, matrix.diagonal(), np.inf) ** -0.5
+        matrix.data *= self._scale[matrix.indices] * np.repeat(self._scale, np.diff(matrix.indptr))
+        matrix.setdiag(1.0)
+        self._factors = factors_of(matrix)
 
     def moved(self, load: Floats) -> Floats:
         """Return the displacements under a load that is 0 where these are fixed."""
-        rim = load.copy()
-        for square in self._squares:
-            square.load_rim(rim)
+        rim = self._merged.on_rims(load)
         out = np.asarray(self._scale * self._factors.solve(self._scale * rim))
-        for square in self._squares:
-            square.move_inner(load, out)
+        self._merged.move_inner(rim, out)
         return out

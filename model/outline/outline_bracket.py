@@ -251,10 +251,10 @@ def _halvings(share: Floats, wanted: float) -> Ints:
     halvings = np.zeros(len(share), dtype=np.int64)
     for level in share.max() * 0.9 ** np.arange(LEVELS):
         often = np.ceil(np.log(np.maximum(share, 1e-300) / level) / np.log(16.0))
-        halvings = np.maximum(often, 0.0).astype(np.int64)
+        halvings = np.clip(often, 0.0, MOST_HALVINGS).astype(np.int64)
         if (share / 4.0**halvings).sum() <= aim:
             break
-    return np.asarray(np.minimum(halvings, MOST_HALVINGS))
+    return halvings
 
 
 def _flags(count: int, chosen: Ints) -> Flags:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import kaju
 from kaju.model.outline import joined_blocks, outline_bracket
 from kaju.model.outline.convex_pieces import area_of, outlines_of
+from kaju.model.outline.fitted_displacement import CORNERS as SQUARE
 from kaju.model.outline.outline_bracket import bracket
 from kaju.model.outline.outlined_scene import problem_of
 from kaju.model.outline.split_triangle import SplitTriangles
@@ -271,10 +272,12 @@ def test_squares_of_equal_agents_change_nothing_but_the_time(monkeypatch: Any) -
     scene = strip([2.0, -9.81], sides={"top": "rigid"})
     leaves = SquareLeaves.first((5, 5)).split(np.full(25, 3))
     found = []
-    for fewest in (16, 10**9):
+    for fewest in (joined_blocks.FEWEST, 10**9):
         monkeypatch.setattr(joined_blocks, "FEWEST", fewest)
         found.append(bracket(problem_of(scene)[0], leaves))
-    assert len(joined_blocks.squares_of(found[0].leaves, 4)) > 16
+    monkeypatch.undo()
+    own, corner = found[0].leaves, found[0].fitted.corner
+    assert len(joined_blocks.MergedSquares(own, np.eye(4), corner, SQUARE).blocks) > 2
     for one in found:
         assert one.balanced.residual < 1e-9
         assert one.upper == pytest.approx(found[0].upper, rel=1e-11)

@@ -130,7 +130,7 @@ def price():
     triangulate = BalancedPieces._triangulate
 
     def counted(self, pieces, *asked):
-        count.append(sum(None not in held.values() for held in pieces))
+        count.append((pieces.whole < 0).sum())
         triangulate(self, pieces, *asked)
 
     BalancedPieces._triangulate = counted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
@@ -12,21 +13,19 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from kaju.arrays import Flags, Floats
+from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SupportError
 from kaju.factors import rigid_motions
 from kaju.model.scene.curves import Point
 
-from .convex_pieces import Corners, area_of, outlines_of, triangles_of
+from .convex_pieces import LEAST_AREA, NEAR, Corners, area_of, triangles_of
 from .joined_blocks import Blocks, JoinedBlocks, MergedSquares
 from .laws import Law
 from .split_triangle import SplitTriangles
 from .square_leaves import SquareLeaves
-from .true_shapes import Held
+from .true_shapes import HeldLeaves
 
-NEAR = 3e-9
-"""Points nearer than this (in edges of the first leaves) are one."""
-LEAST_SHAPE, LEAST_AREA = 1e-10, 1e-4
+LEAST_SHAPE = 1e-10
 """Pieces with a flatter triangle are left out, and those of little area (in leaves) with one of a
 millionth: a body within the body is at least as soft."""
 SMALL_RESIDUAL = 1e-7
@@ -93,70 +92,50 @@ class BalancedPieces:
     Parameters
     ----------
     leaves : SquareLeaves
-    held : list
-        What of each leaf is taken, law by law; None for all of it.
+    held : HeldLeaves
+        What of each leaf is taken; of a law between others where it is not certain which.
     halved : array of bool, shape (n, 4)
         Sides with a smaller leaf beside them.
-    near : array of bool, shape (n,)
-        Leaves that are cut, or touch one that is.
-    laws : tuple of Law
-        Of the body; `held` has others where it is not certain which.
     weight : array, shape (2,)
         Force on a unit of area.
     """
 
-    def __init__(
-        self,
-        leaves: SquareLeaves,
-        held: list[Held],
-        halved: Flags,
-        near: Flags,
-        laws: tuple[Law, ...],
-        weight: Floats,
-    ):
+    def __init__(self, leaves: SquareLeaves, held: HeldLeaves, halved: Flags, weight: Floats):
         self.leaves, self.weight = leaves, weight
         self.low = leaves.lower()
         self.high = self.low + (leaves.size * leaves.unit)[:, None]
-        self._triangulate(held, halved, near, laws)
+        self._triangulate(held, halved)
         self._join()
 
-    def _triangulate(
-        self, held: list[Held], halved: Flags, near: Flags, laws: tuple[Law, ...]
-    ) -> None:
-        leaves, alike = self.leaves, ~near
-        self.laws = list(dict.fromkeys([*laws, *(law for of in held for law in of)]))
-        first = np.array([self.laws.index(next(iter(of))) if of else -1 for of in held])
-        squares, rings = [], []
-        for leaf in np.flatnonzero(near).tolist():
-            size = float(leaves.size[leaf] * leaves.unit)
-            low = self.low[leaf, 0].item(), self.low[leaf, 1].item()
-            squares.append(_ring(low, size, (False,) * 4))
-            if None in held[leaf].values():
-                rings.append([[_ring(low, size, tuple(halved[leaf].tolist()))]])
-            else:
-                pieces = tuple(tuple(map(tuple, at)) for at in held[leaf].values() if at)
-                rings.append(_rings_of(pieces, tuple(squares[-1])))
-        lines = _points_on_sides(squares, rings)
+    def _triangulate(self, held: HeldLeaves, halved: Flags) -> None:
+        leaves, alike = self.leaves, held.whole >= 0
+        self.laws = list(held.laws)
+        rings = {
+            leaf: [(law, ring) for law, at in zip(cut.held, cut.rings, strict=True) for ring in at]
+            for leaf, cut in held.cut.items()
+        }
+        lines, touching = self._points_on_sides(rings, halved)
+        # whole leaves are alike but where a cut ends within one of their sides
+        for leaf in np.unique(touching[alike[touching]]).tolist():
+            rings[leaf] = [(self.laws[held.whole[leaf]], self._square(leaf, halved))]
         corners: list[tuple[Point, Point, Point]] = []
         owner: list[int] = []
         of: list[int] = []
         left_out: list[tuple[Point, ...]] = []
-        for leaf, square, parts in zip(np.flatnonzero(near).tolist(), squares, rings, strict=True):
+        for leaf, at in rings.items():
+            low, high = self.low[leaf].tolist(), self.high[leaf].tolist()
             # what is left out beside another material leaves a crack: no more than must be
-            edge = square[1][0] - square[0][0] if len(parts) == 1 else 0.0
-            by_law = zip(held[leaf].items(), parts, strict=True)
-            for law, pieces_of, ring in (
-                (law, pieces_of, ring) for (law, pieces_of), at in by_law for ring in at
-            ):
-                number = self.laws.index(law)
-                split = _with_points_beside(ring, square, lines)
-                if pieces_of is None and len(split) == len(ring):
-                    alike[leaf] = True
+            alone = alike[leaf] or len(held.cut[leaf].held) == 1
+            edge = high[0] - low[0] if alone else 0.0
+            for law, ring in at:
+                split = _with_points_beside(ring, low, high, lines)
+                if alike[leaf] and len(split) == len(ring):
                     continue
+                alike[leaf] = False
                 made = _triangles_in(split, edge)
                 corners += made
                 owner += [leaf] * len(made)
-                of += [number] * len(made)
+                of += [self.laws.index(law)] * len(made)
                 left_out += [] if made else [split]
         self.corners = np.array(corners, dtype=float).reshape(-1, 3, 2)
         self.owner = np.array(owner, dtype=np.int64)
@@ -167,7 +146,7 @@ class BalancedPieces:
         compliance = np.array([law.compliance for law in self.laws])
         self.cut = SplitTriangles(self.corners, compliance[self.law], self.weight)
         x, y = self.weight.tolist()
-        kind = np.where(alike, 16 * first + halved @ [1, 2, 4, 8], -1)
+        kind = np.where(alike, 16 * held.whole + halved @ [1, 2, 4, 8], -1)
         self.whole = [
             (
                 whole_leaf(tuple(k >> s & 1 > 0 for s in range(4)), self.laws[k // 16], (x, y)),
@@ -178,6 +157,35 @@ class BalancedPieces:
         self.area = np.zeros(len(leaves))
         np.add.at(self.area, self.owner, self.cut.area)
         self.area[alike] = (leaves.size[alike] * leaves.unit) ** 2
+
+    def _square(self, leaf: int, halved: Flags) -> Corners:
+        """Return the corners of a leaf, and middles of sides with smaller leaves beside them."""
+        (x, y), size = self.low[leaf].tolist(), float(self.high[leaf, 0] - self.low[leaf, 0])
+        return _ring((x, y), size, tuple(halved[leaf].tolist()))
+
+    def _points_on_sides(
+        self, rings: dict[int, list[tuple[Law, Corners]]], halved: Flags
+    ) -> tuple[Lines, Ints]:
+        """Return where on sides of cut leaves corners lie, and leaves that touch cuts' ends."""
+        lines: dict[tuple[int, float], set[float]] = {}
+        ends: Corners = []
+        for leaf, held in rings.items():
+            square = self._square(leaf, halved)
+            for x, y in square:
+                lines.setdefault((0, x), set()).add(y)
+                lines.setdefault((1, y), set()).add(x)
+            (x0, y0), (x1, y1) = self.low[leaf].tolist(), self.high[leaf].tolist()
+            for x, y in chain.from_iterable(ring for _, ring in held):
+                upright, level = x in (x0, x1), y in (y0, y1)
+                if upright:
+                    lines[0, x].add(y)
+                if level:
+                    lines[1, y].add(x)
+                if upright is not level:
+                    ends.append((x, y))
+        nudges = 0.25 * self.leaves.unit * np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])
+        touching = self.leaves.at((np.reshape(ends, (-1, 1, 2)) + nudges).reshape(-1, 2))
+        return {key: sorted(values) for key, values in lines.items()}, touching[touching >= 0]
 
     def _join(self) -> None:
         """Count the sides: first those of triangles in cut leaves, then those round whole ones."""
@@ -349,90 +357,25 @@ class LooseError(SupportError):
     """A part of the pieces could move without straining."""
 
 
-@lru_cache(maxsize=10_000)  # most cut leaves stay what they were when others are split
-def _rings_of(
-    parts: tuple[tuple[tuple[Point, ...], ...], ...], square: tuple[Point, ...]
-) -> list[list[Corners]]:
-    """Return closed lines round what a leaf holds of each law, without ends of cuts on its sides.
-
-    Lines of two laws have the same corners where they run side by side.
-    """
-    joints = list(square)
-    if len(parts) > 1:
-        joints += [point for pieces in parts for piece in pieces for point in piece]
-    return [_lines_round(list(map(list, pieces)), joints) for pieces in parts]
-
-
-def _lines_round(pieces: list[Corners], joints: list[Point]) -> list[Corners]:
-    square = joints[:4]
-    edge = square[1][0] - square[0][0]
-    if len(joints) == 4 and len(pieces) == 1 and area_of(pieces[0]) > LEAST_AREA * edge**2:
-        points = pieces[0]
-        legs = [(x - points[k - 1][0], y - points[k - 1][1]) for k, (x, y) in enumerate(points)]
-        rings = [[k for k, (x, y) in enumerate(legs) if max(abs(x), abs(y)) > NEAR]]
-    else:
-        points, rings = outlines_of(pieces, joints, NEAR)
-    if any(area_of([points[k] for k in ring]) < 0.0 for ring in rings):  # round a hole
-        known = list(points)
-        rings = [ring for piece in pieces for ring in outlines_of([piece], known, NEAR)[1]]
-    sides = [(0, square[0][0]), (0, square[1][0]), (1, square[0][1]), (1, square[2][1])]
-    points = [_on_sides(point, sides) for point in points]
-    out = []
-    for ring in rings:
-        at = [points[k] for k in ring]
-        kept = [
-            here
-            for before, here, after in zip(at[-1:] + at[:-1], at, at[1:] + at[:1], strict=True)
-            if not any(before[a] == here[a] == after[a] == value for a, value in sides)
-        ]
-        if len(kept) > 2:
-            out.append(kept)
-    return out
-
-
-def _on_sides(point: Point, sides: list[tuple[int, float]]) -> Point:
-    """Return a point, moved onto sides that it is near to."""
-    at = list(point)
-    for axis, value in sides:
-        if abs(at[axis] - value) <= NEAR:
-            at[axis] = value
-    return at[0], at[1]
-
-
 Lines = dict[tuple[int, float], list[float]]
 """Of lines along leaves' sides, by axis and place: where on them corners lie, in order."""
 
 
-def _points_on_sides(squares: list[Corners], rings: list[list[list[Corners]]]) -> Lines:
-    """Return where on leaves' sides corners of leaves or of what they hold lie."""
-    lines: dict[tuple[int, float], set[float]] = {}
-    for square, held in zip(squares, rings, strict=True):
-        for x, y in square:
-            lines.setdefault((0, x), set()).add(y)
-            lines.setdefault((1, y), set()).add(x)
-        (x0, y0), _, (x1, y1), _ = square
-        for ring in chain.from_iterable(held):
-            for x, y in ring:
-                if x in (x0, x1):
-                    lines[0, x].add(y)
-                if y in (y0, y1):
-                    lines[1, y].add(x)
-    return {key: sorted(values) for key, values in lines.items()}
-
-
-def _with_points_beside(ring: Corners, square: Corners, lines: Lines) -> tuple[Point, ...]:
+def _with_points_beside(
+    ring: Corners, low: Sequence[float], high: Sequence[float], lines: Lines
+) -> tuple[Point, ...]:
     """Return a closed line with the corners of others on the sides of its leaf."""
     out: list[Point] = []
     for first, last in zip(ring, [*ring[1:], ring[0]], strict=True):
         out.append(first)
         for axis in (0, 1):
             at = first[axis]
-            if at != last[axis] or at not in (square[0][axis], square[2][axis]):
+            if at != last[axis] or at not in (low[axis], high[axis]):
                 continue
-            low, high = sorted((first[1 - axis], last[1 - axis]))
-            line = lines[axis, at]
+            start, end = sorted((first[1 - axis], last[1 - axis]))
+            line = lines.get((axis, at), [])
             between: list[float] = []
-            for value in line[bisect_right(line, low + NEAR) : bisect_left(line, high - NEAR)]:
+            for value in line[bisect_right(line, start + NEAR) : bisect_left(line, end - NEAR)]:
                 if not between or value - between[-1] > NEAR:
                     between.append(value)
             if first[1 - axis] > last[1 - axis]:

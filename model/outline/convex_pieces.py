@@ -18,6 +18,10 @@ Parts = list[tuple[Corners, list[HalfPlane] | None]]
 
 ON_LINE = 1e-9
 """Points this near to a line (in edges of the first agents) lie on it."""
+NEAR = 3e-9
+"""Points nearer than this (in edges of the first leaves) are one."""
+LEAST_AREA = 1e-4
+"""Pieces of less area (in leaves) may be slivers."""
 
 
 def area_of(corners: Corners) -> float:
@@ -99,6 +103,52 @@ def split(pieces: list[Corners], parts: Parts) -> tuple[list[Corners], list[Corn
             inside += [] if rest is None else [rest]
         left = beyond
     return inside, left
+
+
+def rings_of(parts: list[list[Corners]], square: Corners) -> list[list[Corners]]:
+    """Return closed lines round what a leaf holds of each law, without ends of cuts on its sides.
+
+    Lines of two laws have the same corners where they run side by side.
+    """
+    edge = square[1][0] - square[0][0]
+    if len(parts) == 1 and len(parts[0]) == 1 and area_of(parts[0][0]) > LEAST_AREA * edge**2:
+        ring = parts[0][0]
+        legs = zip(ring, ring[-1:] + ring[:-1], strict=True)
+        round_one = [p for p, q in legs if max(abs(p[0] - q[0]), abs(p[1] - q[1])) > NEAR]
+        return [_on_sides([round_one], square)]
+    joints = square + [at for pieces in parts if len(parts) > 1 for piece in pieces for at in piece]
+    return [_on_sides(_lines_round(pieces, joints), square) for pieces in parts]
+
+
+def _lines_round(pieces: list[Corners], joints: list[Point]) -> list[Corners]:
+    """Return closed lines round pieces, or round each of them where they enclose a hole."""
+    points, rings = outlines_of(pieces, joints, NEAR)
+    if any(area_of([points[k] for k in ring]) < 0.0 for ring in rings):
+        rings = [ring for piece in pieces for ring in outlines_of([piece], points, NEAR)[1]]
+    return [[points[k] for k in ring] for ring in rings]
+
+
+def _on_sides(rings: list[Corners], square: Corners) -> list[Corners]:
+    """Return closed lines, corners near the sides moved onto them, those within a side left out."""
+    (x0, y0), _, (x1, y1), _ = square
+    found = []
+    for ring in rings:
+        at = [
+            (
+                x0 if abs(x - x0) <= NEAR else x1 if abs(x - x1) <= NEAR else x,
+                y0 if abs(y - y0) <= NEAR else y1 if abs(y - y1) <= NEAR else y,
+            )
+            for x, y in ring
+        ]
+        kept = [
+            q
+            for p, q, r in zip(at[-1:] + at[:-1], at, at[1:] + at[:1], strict=True)
+            if not (p[0] == q[0] == r[0] and q[0] in (x0, x1))
+            and not (p[1] == q[1] == r[1] and q[1] in (y0, y1))
+        ]
+        if len(kept) > 2:
+            found.append(kept)
+    return found
 
 
 def outlines_of(

@@ -11,9 +11,8 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import factors_of
 
 from .joined_blocks import MergedSquares, assembled
-from .laws import Law
 from .square_leaves import SquareLeaves
-from .true_shapes import Held
+from .true_shapes import HeldLeaves
 
 CORNERS = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
 _ROW = np.int64(1) << 31
@@ -46,27 +45,24 @@ class FittedDisplacement:
     ----------
     leaves : SquareLeaves
         All that hold a part of the body.
-    held : list
-        What of each leaf counts, law by law; None for all of it.
+    held : HeldLeaves
+        What of each leaf counts.
     """
 
-    def __init__(self, leaves: SquareLeaves, held: list[Held]):
+    def __init__(self, leaves: SquareLeaves, held: HeldLeaves):
         self.leaves = leaves
         self._number_corners()
         points = np.array([(x, y) for x in GAUSS for y in GAUSS])
         rows = strain_rows(points)
-        laws = list(dict.fromkeys(law for of in held for law in of))
-        stiffness = np.array([law.stiffness for law in laws]).reshape(-1, 3, 3)
+        stiffness = np.array([law.stiffness for law in held.laws]).reshape(-1, 3, 3)
         whole = 0.25 * np.einsum("qai,lab,qbj->lij", rows, stiffness, rows)
         full = leaves.size.astype(float) ** 2 * leaves.unit**2
         self.shares = np.repeat(0.25 * full[:, None], 4, axis=1)
         """Integrals of the four bilinear functions over what each leaf holds."""
-        cut = np.array([None not in of.values() for of in held], dtype=np.bool_)
-        law = np.array([laws.index(next(iter(of))) for of in held])
-        self._plain, self._whole = ~cut & (law == 0), whole[0]
-        self.elements = whole[law]
-        self.elements[cut] = self.shares[cut] = 0.0
-        owner, corners, law = _fans(held, laws)
+        self._plain, self._whole = held.whole == 0, whole[0]
+        self.elements = whole[held.whole]
+        self.elements[held.whole < 0] = self.shares[held.whole < 0] = 0.0
+        owner, corners, law = _fans(held)
         first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = 0.5 * (first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
         each = (np.ones(len(owner)), (owner, np.arange(len(owner))))
@@ -182,15 +178,16 @@ class FittedDisplacement:
         return np.asarray(np.einsum("nk,nkd->nd", shares, self.displacement[self.corner[leaf]]))
 
 
-def _fans(held: list[Held], laws: list[Law]) -> tuple[Ints, Floats, Ints]:
+def _fans(held: HeldLeaves) -> tuple[Ints, Floats, Ints]:
     """Return triangles that fill convex pieces: leaf, corners of shape (n, 3, 2), and law."""
     owner, corners, of = [], [], []
-    for leaf, parts in enumerate(held):
-        for law, pieces in parts.items():
-            for piece in pieces or ():
+    for leaf, cut in held.cut.items():
+        for law, pieces in cut.held.items():
+            number = held.laws.index(law)
+            for piece in pieces:
                 for second, third in pairwise(piece[1:]):
                     owner.append(leaf)
                     corners.append((piece[0], second, third))
-                    of.append(laws.index(law))
+                    of.append(number)
     places = np.array(corners, dtype=float).reshape(-1, 3, 2)
     return np.array(owner, dtype=np.int64), places, np.array(of, dtype=np.int64)

@@ -45,12 +45,12 @@ class MixedBody(OfRegions):
     def held(self, squares: list[Corners], outer: bool) -> list[Held]:
         """Return what squares hold of each law: all of it no softer than it is, or no stiffer."""
         found: list[Held] = []
-        for square, painted in zip(squares, self._painted(squares, outer), strict=True):
+        for painted in self._painted(squares, outer):
             of: dict[Law, list[Corners]] = {}
             for law, piece in painted:
                 of.setdefault(law, []).append(piece)
             of.pop(AIR, None)
-            found.append({law: None if at == [square] else at for law, at in of.items()})
+            found.append(of)
         return found
 
     def _painted(self, squares: list[Corners], outer: bool) -> list[_Painted]:

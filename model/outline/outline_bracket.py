@@ -107,16 +107,14 @@ def bracket(
 ) -> OutlineBracket:
     """Return the bounds on given leaves; leaves without any of the body go."""
     cutting = cutting or CutLeaves(problem.body)
-    pieces = cutting.refined(leaves)
-    kept = np.array([k for k, (outer, _) in enumerate(pieces) if outer], dtype=np.int64)
+    outer, inner = cutting.refined(leaves)
+    kept = np.union1d(np.flatnonzero(outer.whole >= 0), np.array([*outer.cut], dtype=np.int64))
     if not len(kept):
         raise UnlikeError("they leave nothing of the body")
     leaves = leaves.only(kept)
-    outer, inner = ([pieces[k][way] for k in kept] for way in (0, 1))
+    outer, inner = outer.only(kept), inner.only(kept)
     fitted = FittedDisplacement(leaves, outer)
-    cut = np.array([None not in held.values() for held in inner])
-    near = np.asarray(np.isin(fitted.corner, fitted.corner[cut]).any(axis=1))
-    balanced = BalancedPieces(leaves, inner, fitted.halved, near, problem.body.laws, problem.weight)
+    balanced = BalancedPieces(leaves, inner, fitted.halved, problem.weight)
     try:
         force, held, loaded = problem.on_balanced(balanced)
         weighed = WeighedBand(problem, balanced) if problem.weight.any() else None
@@ -127,7 +125,7 @@ def bracket(
         if not balanced.residual <= SMALL_RESIDUAL:
             raise UnlikeError(f"forces balance to {balanced.residual:.1e} only")
     except (LooseError, UnlikeError) as error:
-        raise NotYetError(kept[cut], error) from error
+        raise NotYetError(kept[inner.whole < 0], error) from error
     acting = problem.on_fitted(fitted, loaded) - excess
     lower = fitted.settle(acting, problem.held_of(fitted, outer))
     band = problem.band * (fitted.area - balanced.area)

@@ -15,7 +15,7 @@ from .fitted_displacement import GAUSS, FittedDisplacement
 from .laws import Law
 from .mixed_body import MixedBody
 from .square_leaves import SquareLeaves
-from .true_shapes import Held, TrueBody, TrueShape
+from .true_shapes import HeldLeaves, TrueBody, TrueShape
 
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1)}
 """Of each side of the array its axis, and whether it is the upper one."""
@@ -124,7 +124,7 @@ class OutlineProblem:
                 held[:, axis] |= self._on_side(name, points)
         return held
 
-    def held_of(self, field: FittedDisplacement, held: list[Held]) -> Flags:
+    def held_of(self, field: FittedDisplacement, held: HeldLeaves) -> Flags:
         """Tell which components supports hold at the corners of leaves, shape (nodes, 2).
 
         Only those of leaves do of which a piece lies along the support.
@@ -135,9 +135,10 @@ class OutlineProblem:
             wall = self.shape[axis] if upper else 0.0
             on = self._on_side(name, field.place)[field.corner]
             for leaf in np.flatnonzero(on.any(axis=1)).tolist():
-                pieces = [piece for of in held[leaf].values() for piece in of or ()]
+                cut = held.cut[leaf].held.values() if held.whole[leaf] < 0 else ()
+                pieces = [piece for of in cut for piece in of]
                 along = [sum(abs(at[axis] - wall) < ON_BORDER for at in piece) for piece in pieces]
-                if None in held[leaf].values() or max(along, default=0) > 1:
+                if held.whole[leaf] >= 0 or max(along, default=0) > 1:
                     fixed[np.ix_(field.corner[leaf][on[leaf]], axes)] = True
         return fixed
 

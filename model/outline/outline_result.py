@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import pandas
 
     from .balanced_pieces import BalancedPieces
-    from .true_shapes import Held, TrueRegion
+    from .true_shapes import HeldLeaves, TrueRegion
 
 _SCENE = "scene."
 _EDGE = 1e-9
@@ -200,7 +200,7 @@ class OutlineResult(Result, CutAgents):
         """Which agents an outline cuts, shape (agents,)."""
         cut = self.area < self.size**2 * (1.0 - 1e-12)
         if len(self.scene.cell_materials) > 1:
-            cut |= [len(held) > 1 for held in self._held()[0]]
+            cut[[k for k, leaf in self._held()[0].cut.items() if len(leaf.held) > 1]] = True
         return np.asarray(cut)
 
     @property
@@ -223,28 +223,32 @@ class OutlineResult(Result, CutAgents):
         held, edge = self._held()
         square = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
         agent, polygons = [], []
-        for number, pieces in ((k, pieces) for k, of in enumerate(held) for pieces in of.values()):
-            whole = [self.lower[number] + self.size[number] * square] if pieces is None else []
-            polygons += whole + [edge * np.array(piece) for piece in pieces or ()]
-            agent += [number] * (len(whole) + len(pieces or ()))
+        for number, (lower, size) in enumerate(zip(self.lower, self.size, strict=True)):
+            of = [lower + size * square]
+            if held.whole[number] < 0:
+                pieces = held.cut[number].held.values()
+                of = [edge * np.array(piece) for at in pieces for piece in at]
+            polygons += of
+            agent += [number] * len(of)
         return np.array(agent, dtype=np.int64), polygons
 
-    def _held(self) -> tuple[list[Held], float]:
-        """Return what agents hold of each law, and the length (m) that it is counted in."""
+    def _held(self) -> tuple[HeldLeaves, float]:
+        """Return what agents hold at most, and the length (m) that it is counted in."""
         from .outlined_scene import problem_of
         from .true_shapes import CutLeaves
 
         problem, edge = problem_of(self.scene)
         leaves = SquareLeaves(self.x, self.y, self.width, problem.shape)
-        return [outer for outer, _ in CutLeaves(problem.body).refined(leaves)], edge
+        return CutLeaves(problem.body).refined(leaves)[0], edge
 
     def _ratios(self) -> Floats:
         """Return Poisson's ratio of each agent in plane strain: that of its larger part."""
-        laws = [
-            max(of, key=lambda law, of=of: sum(map(area_of, of[law] or ())))  # type: ignore[misc]
-            for of in self._held()[0]
-        ]
-        return np.array([0.5 * (1.0 - law.shear / law.bulk) for law in laws])
+        held, _ = self._held()
+        law = held.whole.copy()
+        for k, leaf in held.cut.items():
+            area = {of: sum(map(area_of, pieces)) for of, pieces in leaf.held.items()}
+            law[k] = held.laws.index(max(area, key=lambda of: area[of]))
+        return np.array([0.5 * (1.0 - one.shear / one.bulk) for one in held.laws])[law]
 
     @property
     def strain_energy(self) -> float:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,17 +14,25 @@ from kaju.arrays import Floats, Ints
 from kaju.model.scene.curves import Point, cross, crossings, parted, parted_at
 
 from .arc_triangles import ArcFrames, TouchError, angle, halved, in_triangles, keep_apart
-from .convex_pieces import ON_LINE, Corners, HalfPlane, Parts, area_of, sides_of, split, within
+from .convex_pieces import (
+    ON_LINE,
+    Corners,
+    HalfPlane,
+    Parts,
+    area_of,
+    rings_of,
+    sides_of,
+    split,
+    within,
+)
 from .laws import UNIT, Law
 from .square_leaves import SquareLeaves
 
 if TYPE_CHECKING:
     from .mixed_body import MixedBody
 
-Pieces = list[Corners] | None
-"""Convex pieces of a leaf, None for all of it."""
-Held = dict[Law, Pieces]
-"""What a leaf holds of each law, nothing of those that are not there."""
+Held = dict[Law, list[Corners]]
+"""Convex pieces that a leaf holds of each law, nothing of those that are not there."""
 AT_ONCE = 1_000_000
 """So many pairs of squares and lines are asked in one go."""
 FLAT = 1e-15
@@ -276,11 +285,7 @@ class TrueBody(OfRegions):
 
     def held(self, squares: list[Corners], outer: bool) -> list[Held]:
         """Return what squares hold: no less than the body (outer), or no more."""
-        whole: Held = {self.law: None}
-        return [
-            whole if pieces == [square] else {self.law: pieces} if pieces else {}
-            for square, pieces in zip(squares, self.pieces(squares, outer), strict=True)
-        ]
+        return [{self.law: at} if at else {} for at in self.pieces(squares, outer)]
 
     def pieces(self, squares: list[Corners], outer: bool) -> list[list[Corners]]:
         """Return convex pieces of squares: no less than the body (outer), or no more."""
@@ -297,19 +302,50 @@ class TrueBody(OfRegions):
         return held
 
 
+@dataclass(frozen=True, eq=False)
+class CutLeaf:
+    """What a leaf holds that is not all of it."""
+
+    square: Corners
+    held: Held
+
+    @cached_property
+    def rings(self) -> list[list[Corners]]:
+        """Closed lines round what it holds of each law."""
+        return rings_of(list(self.held.values()), self.square)
+
+
+class HeldLeaves(NamedTuple):
+    """What leaves hold of a body."""
+
+    laws: list[Law]
+    """The body's, and those between two of them."""
+    whole: Ints
+    """Of which law each leaf is all, -1 of others."""
+    cut: dict[int, CutLeaf]
+    """The others, but for those that hold nothing."""
+
+    def only(self, kept: Ints) -> HeldLeaves:
+        """Return what some of the leaves hold."""
+        number = np.full(len(self.whole), -1)
+        number[kept] = np.arange(len(kept))
+        cut = {int(number[k]): leaf for k, leaf in self.cut.items() if number[k] >= 0}
+        return HeldLeaves(self.laws, self.whole[kept], cut)
+
+
 class CutLeaves:
     """What leaves hold of a body; what did not change since is not asked again."""
 
     def __init__(self, body: TrueBody | MixedBody):
         self.body = body
         self._leaves: SquareLeaves | None = None
-        self._held: list[tuple[Held, Held]] = []
+        none = HeldLeaves(list(body.laws), np.empty(0, dtype=np.int64), {})
+        self._held = none, none
 
-    def refined(self, leaves: SquareLeaves) -> list[tuple[Held, Held]]:
+    def refined(self, leaves: SquareLeaves) -> tuple[HeldLeaves, HeldLeaves]:
         """Return what leaves hold at most and at least, or no softer and no stiffer than it is."""
         boxes = self.body.refine(leaves) if self.body.regions else np.empty((0, 2, 2))
         before = self._before(leaves, boxes)
-        held = [self._held[k] if k >= 0 else ({}, {}) for k in before.tolist()]
         asked = np.flatnonzero(before < 0)
         low = leaves.lower()[asked]
         high = low + (leaves.size[asked] * leaves.unit)[:, None]
@@ -317,18 +353,41 @@ class CutLeaves:
             [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
             for (x0, y0), (x1, y1) in zip(low.tolist(), high.tolist(), strict=True)
         ]
-        outer, inner = (self.body.held(squares, way) for way in (True, False))
-        for k, *both in zip(asked.tolist(), outer, inner, strict=True):
-            held[k] = both[0], both[1]
-        self._leaves, self._held = leaves, held
-        return held
+        outer, inner = (
+            self._with(known, before, asked, squares, self.body.held(squares, way))
+            for known, way in zip(self._held, (True, False), strict=True)
+        )
+        self._leaves, self._held = leaves, (outer, inner)
+        return outer, inner
+
+    def _with(
+        self,
+        known: HeldLeaves,
+        before: Ints,
+        asked: Ints,
+        squares: list[Corners],
+        found: list[Held],
+    ) -> HeldLeaves:
+        """Return what leaves hold: what is known of those before, and what was found of others."""
+        whole = np.append(known.whole, -1)[before]
+        rest = np.flatnonzero((before >= 0) & (whole < 0))
+        told = zip(rest.tolist(), before[rest].tolist(), strict=True)
+        cut = {k: known.cut[at] for k, at in told if at in known.cut}
+        for k, square, held in zip(asked.tolist(), squares, found, strict=True):
+            known.laws.extend(law for law in held if law not in known.laws)
+            if list(held.values()) == [[square]]:
+                whole[k] = known.laws.index(*held)
+            elif held:
+                cut[k] = CutLeaf(square, held)
+        return HeldLeaves(known.laws, whole, cut)
 
     def _before(self, leaves: SquareLeaves, boxes: Floats) -> Ints:
         """Return what leaf tells what each one holds: the same or a whole one; -1 for none."""
         if self._leaves is None:
             return np.full(len(leaves), -1)
         known = self._leaves
-        cut = np.array([not _whole(held) for held in self._held])  # the others stay so
+        outer, inner = (held.whole for held in self._held)
+        cut = (outer != inner) | (outer < 0)  # the others stay so
         low, size = known.lower()[cut], known.size[cut, None] * known.unit
         changed = np.zeros(len(low), dtype=np.bool_)
         for first, last in boxes:
@@ -337,11 +396,6 @@ class CutLeaves:
         tells[cut] = np.where(changed, -1, known.size[cut])
         at = known.at(leaves.lower())
         return np.where((tells[at] == 0) | (tells[at] == leaves.size), at, -1)
-
-
-def _whole(held: tuple[Held, Held]) -> bool:
-    """Tell whether a leaf is all of one law, whatever the polygons."""
-    return held[0] == held[1] and None in held[0].values()
 
 
 TrueShape = ArcShape | TrueBody

@@ -19,10 +19,10 @@ from kaju.factors import rigid_motions
 from kaju.model.scene.curves import Point
 
 from .convex_pieces import LEAST_AREA, NEAR, Corners, area_of, triangles_of
+from .fitted_displacement import FittedDisplacement
 from .joined_blocks import Blocks, JoinedBlocks, MergedSquares
 from .laws import Law
 from .split_triangle import SplitTriangles
-from .square_leaves import SquareLeaves
 from .true_shapes import HeldLeaves
 
 LEAST_SHAPE = 1e-10
@@ -36,6 +36,8 @@ class WholeLeaf(NamedTuple):
     """Leaves that are whole and alike in what hangs on their sides, made of triangles."""
 
     triangles: SplitTriangles
+    points: Ints
+    """Which are theirs of the square's corners and middles of sides, in turns."""
     sides: Floats
     """Their ends in a unit square, counter-clockwise. Shape (n, 2, 2)."""
     matrix: Floats
@@ -72,7 +74,8 @@ def whole_leaf(halved: tuple[bool, ...], law: Law, weight: Point) -> WholeLeaf:
     answer = triangles.answer @ moved[own]
     sagging = answer[..., -1] + triangles.sagging
     outer = matrix[sides, sides] + matrix[sides, spokes] @ inner[:, :-1]
-    return WholeLeaf(triangles, corners[:, :2], outer, answer[..., :-1], sagging, law)
+    points = np.flatnonzero(np.stack([np.ones(4), halved], axis=1))
+    return WholeLeaf(triangles, points, corners[:, :2], outer, answer[..., :-1], sagging, law)
 
 
 def _ring(low: Point, size: float, halved: tuple[bool, ...]) -> list[Point]:
@@ -91,21 +94,20 @@ class BalancedPieces:
 
     Parameters
     ----------
-    leaves : SquareLeaves
+    fitted : FittedDisplacement
+        Of the same leaves, for their corners.
     held : HeldLeaves
         What of each leaf is taken; of a law between others where it is not certain which.
-    halved : array of bool, shape (n, 4)
-        Sides with a smaller leaf beside them.
     weight : array, shape (2,)
         Force on a unit of area.
     """
 
-    def __init__(self, leaves: SquareLeaves, held: HeldLeaves, halved: Flags, weight: Floats):
-        self.leaves, self.weight = leaves, weight
-        self.low = leaves.lower()
-        self.high = self.low + (leaves.size * leaves.unit)[:, None]
-        self._triangulate(held, halved)
-        self._join()
+    def __init__(self, fitted: FittedDisplacement, held: HeldLeaves, weight: Floats):
+        self.leaves, self.weight = fitted.leaves, weight
+        self.low = self.leaves.lower()
+        self.high = self.low + (self.leaves.size * self.leaves.unit)[:, None]
+        self._triangulate(held, fitted.middle >= 0)
+        self._join(fitted)
 
     def _triangulate(self, held: HeldLeaves, halved: Flags) -> None:
         leaves, alike = self.leaves, held.whole >= 0
@@ -187,27 +189,32 @@ class BalancedPieces:
         touching = self.leaves.at((np.reshape(ends, (-1, 1, 2)) + nudges).reshape(-1, 2))
         return {key: sorted(values) for key, values in lines.items()}, touching[touching >= 0]
 
-    def _join(self) -> None:
+    def _join(self, fitted: FittedDisplacement) -> None:
         """Count the sides: first those of triangles in cut leaves, then those round whole ones."""
         ends = [self.corners[:, [0, 1]], self.corners[:, [1, 2]], self.corners[:, [2, 0]]]
         starts = [np.stack(ends, axis=1).reshape(-1, 2, 2)]
         leaf_of, law_of = [np.repeat(self.owner, 3)], [np.repeat(self.law, 3)]
+        cut = np.concatenate([starts[0], self.flat_ends])
+        points = np.concatenate([fitted.place, cut.reshape(-1, 2)])
+        near = cKDTree(points, compact_nodes=False, balanced_tree=False).query_pairs(
+            NEAR, output_type="ndarray"
+        )
+        graph = sp.csr_array((np.ones(len(near)), near.T), shape=(len(points), len(points)))
+        one = connected_components(graph, directed=False)[1]
+        own, flat = np.split(one[fitted.nodes :].reshape(-1, 2), [len(starts[0])])
+        numbers = [own]
+        around = np.stack([fitted.corner, fitted.middle], axis=2).reshape(-1, 8)
         for known, rows in self.whole:
             size = self.leaves.size[rows] * self.leaves.unit
             placed = self.low[rows][:, None, None] + size[:, None, None, None] * known.sides
             starts.append(placed.reshape(-1, 2, 2))
             leaf_of.append(np.repeat(rows, len(known.sides)))
             law_of.append(np.full(len(leaf_of[-1]), self.laws.index(known.law)))
+            ring = one[around[rows][:, known.points]]
+            numbers.append(np.stack([ring, np.roll(ring, -1, axis=1)], axis=2).reshape(-1, 2))
         self.ends = np.concatenate(starts)
         self.leaf_of, self.law_of = np.concatenate(leaf_of), np.concatenate(law_of)
-        points = np.concatenate([self.ends, self.flat_ends]).reshape(-1, 2)
-        near = cKDTree(points, compact_nodes=False, balanced_tree=False).query_pairs(
-            NEAR, output_type="ndarray"
-        )
-        graph = sp.csr_array(
-            (np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points), len(points))
-        )
-        number = connected_components(graph, directed=False)[1].reshape(-1, 2)
+        number = np.concatenate([*numbers, flat])
         first, last = number.min(axis=1), number.max(axis=1)
         key = first.astype(np.int64) * len(points) + last
         sides, side = np.unique(key, return_inverse=True)

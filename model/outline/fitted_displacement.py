@@ -86,18 +86,17 @@ class FittedDisplacement:
         self.nodes = n = len(keys)
         self.place = np.stack([keys // _ROW, keys % _ROW], axis=1) * leaves.unit
         self.hanging = np.zeros(n, dtype=np.bool_)
-        self.halved = np.zeros((len(leaves), 4), dtype=np.bool_)
-        middle = np.full(n, -1, dtype=np.int64)
+        self.middle = np.full((len(leaves), 4), -1)
+        """Which corner lies in the middle of each side, -1 for none."""
         ends = np.zeros((n, 2), dtype=np.int64)
         for side in range(4):
             a, b = side, (side + 1) % 4
             key = (px[:, a] + px[:, b]) // 2 * _ROW + (py[:, a] + py[:, b]) // 2
             at = np.minimum(np.searchsorted(keys, key), n - 1)
             hit = (keys[at] == key) & (leaves.size > 1)
-            self.halved[:, side] = hit
-            middle[at[hit]] = at[hit]
+            self.middle[hit, side] = at[hit]
             ends[at[hit]] = self.corner[hit][:, [a, b]]
-        self.hanging = middle >= 0
+        self.hanging[self.middle[self.middle >= 0]] = True
         own, tied = np.flatnonzero(~self.hanging), np.flatnonzero(self.hanging)
         rows = np.concatenate([own, tied, tied])
         columns = np.concatenate([own, ends[tied, 0], ends[tied, 1]])

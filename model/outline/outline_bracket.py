@@ -114,7 +114,7 @@ def bracket(
     leaves = leaves.only(kept)
     outer, inner = outer.only(kept), inner.only(kept)
     fitted = FittedDisplacement(leaves, outer)
-    balanced = BalancedPieces(leaves, inner, fitted.halved, problem.weight)
+    balanced = BalancedPieces(fitted, inner, problem.weight)
     try:
         force, held, loaded = problem.on_balanced(balanced)
         weighed = WeighedBand(problem, balanced) if problem.weight.any() else None

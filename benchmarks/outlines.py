@@ -11,7 +11,10 @@ between both bounds; peaks of the hoop stress at holes by tolerance. Run:
                                                  # scikit-fem, at the same true error
 """
 
+import os
 from functools import partial
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before any of them is loaded
 
 import numpy as np
 from shared import by_name, nearest, timed

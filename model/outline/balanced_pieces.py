@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
@@ -52,7 +52,7 @@ class WholeLeaf(NamedTuple):
 @lru_cache(maxsize=256)
 def whole_leaf(halved: tuple[bool, ...], law: Law, weight: Point) -> WholeLeaf:
     """Return the table of a unit square with a middle on some of its sides."""
-    ring = _ring((0.0, 0.0), 1.0, halved)
+    ring = _ring([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], halved)
     n = len(ring)
     corners = np.array([[ring[k], ring[(k + 1) % n], (0.5, 0.5)] for k in range(n)])
     triangles = SplitTriangles(corners, law.compliance, np.array(weight))
@@ -78,14 +78,11 @@ def whole_leaf(halved: tuple[bool, ...], law: Law, weight: Point) -> WholeLeaf:
     return WholeLeaf(triangles, points, corners[:, :2], outer, answer[..., :-1], sagging, law)
 
 
-def _ring(low: Point, size: float, halved: tuple[bool, ...]) -> list[Point]:
+def _ring(square: Corners, halved: Iterable[bool]) -> Corners:
     """Return the corners of a square, and middles of some sides, counter-clockwise."""
-    (x, y), h = low, size
-    corners = [(x, y), (x + h, y), (x + h, y + h), (x, y + h)]
-    middles = [(x + h / 2, y), (x + h, y + h / 2), (x + h / 2, y + h), (x, y + h / 2)]
     ring: list[Point] = []
-    for corner, middle, half in zip(corners, middles, halved, strict=True):
-        ring += [corner, middle] if half else [corner]
+    for (x, y), (u, v), half in zip(square, square[1:] + square[:1], halved, strict=True):
+        ring += [(x, y), (0.5 * (x + u), 0.5 * (y + v))] if half else [(x, y)]
     return ring
 
 
@@ -118,11 +115,11 @@ class BalancedPieces:
         }
         lines, touching = self._points_on_sides(rings, halved)
         # whole leaves are alike but where a cut ends within one of their sides
-        for leaf in np.unique(touching[alike[touching]]).tolist():
-            rings[leaf] = [(self.laws[held.whole[leaf]], self._square(leaf, halved))]
+        touched = np.unique(touching[alike[touching]])
+        for leaf, square in zip(touched.tolist(), leaves.squares(touched), strict=True):
+            rings[leaf] = [(self.laws[held.whole[leaf]], _ring(square, halved[leaf]))]
         corners: list[tuple[Point, Point, Point]] = []
-        owner: list[int] = []
-        of: list[int] = []
+        of: list[tuple[int, int]] = []
         left_out: list[tuple[Point, ...]] = []
         for leaf, at in rings.items():
             low, high = self.low[leaf].tolist(), self.high[leaf].tolist()
@@ -136,12 +133,10 @@ class BalancedPieces:
                 alike[leaf] = False
                 made = _triangles_in(split, edge)
                 corners += made
-                owner += [leaf] * len(made)
-                of += [self.laws.index(law)] * len(made)
+                of += [(leaf, self.laws.index(law))] * len(made)
                 left_out += [] if made else [split]
         self.corners = np.array(corners, dtype=float).reshape(-1, 3, 2)
-        self.owner = np.array(owner, dtype=np.int64)
-        self.law = np.array(of, dtype=np.int64)
+        self.owner, self.law = np.array(of, dtype=np.int64).reshape(-1, 2).T
         sides = [side for ring in left_out for side in zip(ring, ring[1:] + ring[:1], strict=True)]
         self.flat_ends = np.array(sides, dtype=float).reshape(-1, 2, 2)
         self.flat = np.repeat(np.arange(len(left_out)), [len(ring) for ring in left_out])
@@ -160,23 +155,18 @@ class BalancedPieces:
         np.add.at(self.area, self.owner, self.cut.area)
         self.area[alike] = (leaves.size[alike] * leaves.unit) ** 2
 
-    def _square(self, leaf: int, halved: Flags) -> Corners:
-        """Return the corners of a leaf, and middles of sides with smaller leaves beside them."""
-        (x, y), size = self.low[leaf].tolist(), float(self.high[leaf, 0] - self.low[leaf, 0])
-        return _ring((x, y), size, tuple(halved[leaf].tolist()))
-
     def _points_on_sides(
         self, rings: dict[int, list[tuple[Law, Corners]]], halved: Flags
     ) -> tuple[Lines, Ints]:
         """Return where on sides of cut leaves corners lie, and leaves that touch cuts' ends."""
         lines: dict[tuple[int, float], set[float]] = {}
         ends: Corners = []
-        for leaf, held in rings.items():
-            square = self._square(leaf, halved)
-            for x, y in square:
+        squares = self.leaves.squares(np.array([*rings], dtype=np.int64))
+        for (leaf, held), square in zip(rings.items(), squares, strict=True):
+            for x, y in _ring(square, halved[leaf]):
                 lines.setdefault((0, x), set()).add(y)
                 lines.setdefault((1, y), set()).add(x)
-            (x0, y0), (x1, y1) = self.low[leaf].tolist(), self.high[leaf].tolist()
+            (x0, y0), _, (x1, y1), _ = square
             for x, y in chain.from_iterable(ring for _, ring in held):
                 upright, level = x in (x0, x1), y in (y0, y1)
                 if upright:
@@ -199,7 +189,9 @@ class BalancedPieces:
         near = cKDTree(points, compact_nodes=False, balanced_tree=False).query_pairs(
             NEAR, output_type="ndarray"
         )
-        graph = sp.csr_array((np.ones(len(near)), near.T), shape=(len(points), len(points)))
+        graph = sp.csr_array(
+            (np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points), len(points))
+        )
         one = connected_components(graph, directed=False)[1]
         own, flat = np.split(one[fitted.nodes :].reshape(-1, 2), [len(starts[0])])
         numbers = [own]
@@ -224,6 +216,11 @@ class BalancedPieces:
         turned = (number[:, 0] != first)[:n]
         order = np.where(turned[:, None], [[2, 3, 0, 1]], [[0, 1, 2, 3]])
         self.dofs = 4 * self.side[:, None] + order
+        counts = [len(at) for at in numbers]
+        parts = np.split(self.dofs, np.cumsum(counts)[:-1])
+        widths = [12, *(4 * len(known.sides) for known, _ in self.whole)]
+        self.unknowns = [at.reshape(-1, k) for at, k in zip(parts, widths, strict=True)]
+        """Of each triangle in a cut leaf, then of each whole leaf, kind by kind."""
         self.alone = self.shared[self.side] == 1
         total = np.bincount(self.side, self.law_of, len(sides))
         self.between = total[self.side] != self.shared[self.side] * self.law_of
@@ -231,17 +228,6 @@ class BalancedPieces:
         low, high = self.low[self.leaf_of], self.high[self.leaf_of]
         on = (self.ends == low[:, None]).all(axis=1) | (self.ends == high[:, None]).all(axis=1)
         self.on_square = on.any(axis=1)
-
-    def blocks(self) -> Blocks:
-        """Return element matrices, and the unknowns of each."""
-        n = 3 * len(self.owner)
-        out = [(self.cut.matrix, self.dofs[:n].reshape(-1, 12))]
-        for known, rows in self.whole:
-            size = len(known.sides)
-            dofs = self.dofs[n : n + size * len(rows)].reshape(len(rows), 4 * size)
-            n += size * len(rows)
-            out.append((np.broadcast_to(known.matrix, (len(rows), 4 * size, 4 * size)), dofs))
-        return out
 
     def settle(self, force: Floats, held: Flags) -> float:
         """Find the stress under forces on ends of sides; return the upper bound of their work.
@@ -253,7 +239,11 @@ class BalancedPieces:
         held : array of bool, shape (k, 2)
             Which components supports hold on each of `ends`.
         """
-        blocks = self.blocks()
+        matrices = [self.cut.matrix, *(known.matrix for known, _ in self.whole)]
+        blocks = [
+            (np.broadcast_to(part, (len(at), *part.shape[-2:])), at)
+            for part, at in zip(matrices, self.unknowns, strict=True)
+        ]
         count = 4 * len(self.shared)
         load = np.bincount(self.dofs.ravel(), force.ravel(), count)
         fixed = np.zeros(count, dtype=np.bool_)
@@ -314,14 +304,11 @@ class BalancedPieces:
 
     def _add_stress_of(self, moved: Floats) -> Floats:
         """Add the stress that displacements of the sides stand for; return all its tractions."""
-        n = 3 * len(self.owner)
-        local = moved[self.dofs[:n]].reshape(-1, 12, 1)
-        self.patterns += (self.cut.answer @ local)[:, :, 0]
+        local, *others = (moved[at] for at in self.unknowns)
+        self.patterns += (self.cut.answer @ local[:, :, None])[:, :, 0]
         moments = [self.cut.tractions(self.patterns).reshape(-1, 4)]
-        for (known, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
-            size = len(known.sides)
-            outer = moved[self.dofs[n : n + size * len(rows)]].reshape(len(rows), 4 * size)
-            n += size * len(rows)
+        kinds = zip(self.whole, self.whole_patterns, others, strict=True)
+        for (known, _), patterns, outer in kinds:
             patterns += np.tensordot(outer, known.answer, (1, 2))
             traction = np.einsum("tim,ntm->nti", known.triangles.moments[:, :4], patterns)
             moments.append(traction.reshape(-1, 4))

@@ -154,16 +154,9 @@ def _on_sides(rings: list[Corners], square: Corners) -> list[Corners]:
 def outlines_of(
     pieces: Iterable[Corners], beside: list[Point], near: float
 ) -> tuple[list[Point], list[list[int]]]:
-    """Return points, and closed lines through them round pieces that touch.
+    """Return points, and closed lines through them round convex pieces that touch.
 
-    Parameters
-    ----------
-    pieces : list of polygons
-        Convex, without common area.
-    beside : list of points
-        Further points, at which sides are split where these lie on them.
-    near : float
-        Points nearer than this are one.
+    Points nearer than `near` are one; sides are split where points lie on them, those `beside` too.
     """
     points: list[Point] = []
 

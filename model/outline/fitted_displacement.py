@@ -85,24 +85,18 @@ class FittedDisplacement:
         self.corner: Ints = inverse.reshape(-1, 4)
         self.nodes = n = len(keys)
         self.place = np.stack([keys // _ROW, keys % _ROW], axis=1) * leaves.unit
-        self.hanging = np.zeros(n, dtype=np.bool_)
-        self.middle = np.full((len(leaves), 4), -1)
-        """Which corner lies in the middle of each side, -1 for none."""
-        ends = np.zeros((n, 2), dtype=np.int64)
-        for side in range(4):
-            a, b = side, (side + 1) % 4
-            key = (px[:, a] + px[:, b]) // 2 * _ROW + (py[:, a] + py[:, b]) // 2
-            at = np.minimum(np.searchsorted(keys, key), n - 1)
-            hit = (keys[at] == key) & (leaves.size > 1)
-            self.middle[hit, side] = at[hit]
-            ends[at[hit]] = self.corner[hit][:, [a, b]]
-        self.hanging[self.middle[self.middle >= 0]] = True
-        own, tied = np.flatnonzero(~self.hanging), np.flatnonzero(self.hanging)
-        rows = np.concatenate([own, tied, tied])
-        columns = np.concatenate([own, ends[tied, 0], ends[tied, 1]])
+        key = (px + np.roll(px, -1, axis=1)) // 2 * _ROW + (py + np.roll(py, -1, axis=1)) // 2
+        at = np.minimum(np.searchsorted(keys, key), n - 1)
+        hit = (keys[at] == key) & (leaves.size[:, None] > 1)
+        self.middle = np.where(hit, at, -1)
+        """Which corner lies in the middle of each side, -1 for none. Shape (leaves, 4)."""
+        self.hanging = np.isin(np.arange(n), at[hit])
+        own, tied = np.flatnonzero(~self.hanging), at[hit]
+        first, last = self.corner[hit], np.roll(self.corner, -1, axis=1)[hit]
+        rows, columns = np.concatenate([own, tied, tied]), np.concatenate([own, first, last])
         values = np.concatenate([np.ones(len(own)), np.full(2 * len(tied), 0.5)])
         tie = sp.csr_array((values, (rows, columns)), shape=(n, n))
-        while tie[:, tied].nnz:  # a corner may hang on one that hangs itself
+        while tie[:, self.hanging].nnz:  # a corner may hang on one that hangs itself
             tie = tie @ tie
             tie.eliminate_zeros()
         self._tie = tie

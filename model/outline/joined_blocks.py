@@ -48,7 +48,7 @@ class MergedSquares:
             within = ((places > 0.0) & (places < 1.0)).all(axis=1)
             inner, rim = np.flatnonzero(within), np.flatnonzero(~within)
             dofs = dofs.reshape(len(dofs), -1)[:, first]
-            inverse = np.linalg.inv(whole[np.ix_(inner, inner)])
+            inverse: Floats = np.asarray(np.linalg.inv(whole[np.ix_(inner, inner)]))
             lift = -inverse @ whole[np.ix_(inner, rim)]
             self._steps.append((dofs[:, inner], dofs[:, rim], inverse, lift))
             matrix = whole[np.ix_(rim, rim)] + whole[np.ix_(rim, inner)] @ lift

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kaju.arrays import Flags, Floats, Ints
+from kaju.arrays import Floats, Ints
 from kaju.errors import ConvergenceError
 
 from .arc_triangles import ArcFrames
@@ -218,7 +218,7 @@ def spawn(
             patience -= 1
             if not patience or len(leaves) > most or not len(not_yet.cut):
                 raise not_yet.why from None
-            leaves = leaves.split(_flags(len(leaves), not_yet.cut))
+            leaves = leaves.split(np.isin(np.arange(len(leaves)), not_yet.cut))
             continue
         tell(found)
         kept = found.error <= tolerance
@@ -253,9 +253,3 @@ def _halvings(share: Floats, wanted: float) -> Ints:
         if (share / 4.0**halvings).sum() <= aim:
             break
     return halvings
-
-
-def _flags(count: int, chosen: Ints) -> Flags:
-    flags = np.zeros(count, dtype=np.bool_)
-    flags[chosen] = True
-    return flags

@@ -10,7 +10,8 @@ import numpy as np
 from kaju.arrays import Flags, Floats, Ints
 from kaju.factors import rigid_motions
 
-from .balanced_pieces import NEAR, BalancedPieces
+from .balanced_pieces import BalancedPieces
+from .convex_pieces import NEAR
 from .fitted_displacement import GAUSS, FittedDisplacement
 from .laws import Law
 from .mixed_body import MixedBody

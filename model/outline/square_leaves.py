@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from kaju.arrays import Flags, Floats, Ints
+from kaju.model.scene.curves import Point
 
 DEPTH = 16
 """How often a first leaf can be halved."""
@@ -52,6 +53,13 @@ class SquareLeaves:
     def lower(self) -> Floats:
         """Return the lower corners, in edges of the first leaves. Shape (n, 2)."""
         return np.asarray(np.stack([self.x, self.y], axis=1) * self.unit, dtype=np.float64)
+
+    def squares(self, chosen: Ints) -> list[list[Point]]:
+        """Return the corners of some of the leaves, counter-clockwise from the lower left one."""
+        low = self.lower()[chosen]
+        high = low + (self.size[chosen] * self.unit)[:, None]
+        ends = zip(low.tolist(), high.tolist(), strict=True)
+        return [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for (x0, y0), (x1, y1) in ends]
 
     @cached_property
     def _order(self) -> tuple[Ints, Ints]:

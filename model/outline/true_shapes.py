@@ -347,39 +347,22 @@ class CutLeaves:
         boxes = self.body.refine(leaves) if self.body.regions else np.empty((0, 2, 2))
         before = self._before(leaves, boxes)
         asked = np.flatnonzero(before < 0)
-        low = leaves.lower()[asked]
-        high = low + (leaves.size[asked] * leaves.unit)[:, None]
-        squares = [
-            [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-            for (x0, y0), (x1, y1) in zip(low.tolist(), high.tolist(), strict=True)
-        ]
-        outer, inner = (
-            self._with(known, before, asked, squares, self.body.held(squares, way))
-            for known, way in zip(self._held, (True, False), strict=True)
-        )
-        self._leaves, self._held = leaves, (outer, inner)
-        return outer, inner
-
-    def _with(
-        self,
-        known: HeldLeaves,
-        before: Ints,
-        asked: Ints,
-        squares: list[Corners],
-        found: list[Held],
-    ) -> HeldLeaves:
-        """Return what leaves hold: what is known of those before, and what was found of others."""
-        whole = np.append(known.whole, -1)[before]
-        rest = np.flatnonzero((before >= 0) & (whole < 0))
-        told = zip(rest.tolist(), before[rest].tolist(), strict=True)
-        cut = {k: known.cut[at] for k, at in told if at in known.cut}
-        for k, square, held in zip(asked.tolist(), squares, found, strict=True):
-            known.laws.extend(law for law in held if law not in known.laws)
-            if list(held.values()) == [[square]]:
-                whole[k] = known.laws.index(*held)
-            elif held:
-                cut[k] = CutLeaf(square, held)
-        return HeldLeaves(known.laws, whole, cut)
+        squares, found = leaves.squares(asked), []
+        for known, way in zip(self._held, (True, False), strict=True):
+            whole = np.append(known.whole, -1)[before]
+            rest = np.flatnonzero((before >= 0) & (whole < 0))
+            told = zip(rest.tolist(), before[rest].tolist(), strict=True)
+            cut = {k: known.cut[at] for k, at in told if at in known.cut}
+            of = self.body.held(squares, way)
+            for k, square, held in zip(asked.tolist(), squares, of, strict=True):
+                known.laws.extend(law for law in held if law not in known.laws)
+                if list(held.values()) == [[square]]:
+                    whole[k] = known.laws.index(next(iter(held)))
+                elif held:
+                    cut[k] = CutLeaf(square, held)
+            found.append(HeldLeaves(known.laws, whole, cut))
+        self._leaves, self._held = leaves, (found[0], found[1])
+        return self._held
 
     def _before(self, leaves: SquareLeaves, boxes: Floats) -> Ints:
         """Return what leaf tells what each one holds: the same or a whole one; -1 for none."""

@@ -1,12 +1,19 @@
 """Moduli of the elastic law, and how much of its shear modulus a corner of the body keeps."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kaju.agents.elastic_rule import Moduli, moduli_of
 from kaju.arrays import Floats
 
-__all__ = ["REENTRANT_WEIGHT", "Moduli", "moduli_at", "moduli_of", "normal_stress"]
+if TYPE_CHECKING:
+    from kaju.model.scene import Scene
+
+__all__ = ["REENTRANT_WEIGHT", "Moduli", "moduli_at", "moduli_of", "normal_stress", "scene_moduli"]
 
 REENTRANT_WEIGHT = 0.5
 """Share of its shear modulus that a corner keeps when one of its four cells is air.
@@ -15,6 +22,14 @@ Free of traction it would have none, by area it would have 3/4. One half gives t
 error of the energy on an L-shaped body and on ragged ones, where 0 and 3/4 are off to opposite
 sides.
 """
+
+
+def scene_moduli(scene: Scene, unit: float = 1.0) -> Moduli:
+    """Return the moduli of a scene's materials, in units of so many Pa."""
+    materials = scene.cell_materials
+    youngs = np.array([material.youngs_modulus for material in materials])
+    ratio = np.array([material.poissons_ratio for material in materials])
+    return moduli_of(youngs / unit, ratio, scene.plane)
 
 
 def moduli_at(moduli: Moduli, kinds: NDArray[np.integer] | slice) -> Moduli:

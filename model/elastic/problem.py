@@ -26,7 +26,7 @@ from kaju.errors import SceneError
 from kaju.model.scene.kinds import RIGID, ROLLER
 from kaju.model.scene.selection import Uneven
 
-from .moduli import Moduli, moduli_of
+from .moduli import Moduli, moduli_at, moduli_of
 
 FaceFields = tuple[Floats, ...]  # One array per axis: values on the faces normal to it
 
@@ -41,6 +41,11 @@ SIDES = {
 HELD = 250
 """Powers of ten that leave room for squares and sums of what is of that order."""
 STIFF_PRESSURE = 9.0  # λ/μ (0.45 in ν) from which on the mixed form is the quicker one
+
+
+def is_rubber(moduli: Moduli, plane: str | None) -> bool:
+    """Tell whether a material is so nearly incompressible that the mixed form is quicker."""
+    return plane != "stress" and bool(np.any(moduli.lateral / moduli.shear > STIFF_PRESSURE))
 
 
 class Scales(NamedTuple):
@@ -133,10 +138,9 @@ class ElasticProblem:
     @property
     def needs_mixed_form(self) -> bool:
         """Whether a material is so nearly incompressible that pressure needs its own unknown."""
-        stiff = self.moduli.lateral / self.moduli.shear > STIFF_PRESSURE
-        if self.plane == "stress" or not stiff.any():
+        if not is_rubber(self.moduli, self.plane):
             return False
-        return bool(stiff[self.kinds[self.kinds >= 0]].any())
+        return is_rubber(moduli_at(self.moduli, self.kinds[self.kinds >= 0]), self.plane)
 
 
 def _states(kinds: NDArray[np.int32], axis: int) -> NDArray[np.int8]:

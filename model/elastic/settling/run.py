@@ -14,7 +14,7 @@ from kaju.arrays import Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.moduli import moduli_of
+from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.solver import Solution
 from kaju.model.elastic.staggered import strain_energy
 from kaju.model.results.archive import Archive
@@ -126,12 +126,7 @@ class ElasticRun(BodyResult):
         """Return whether every newton is accounted for, as far as rounding allows."""
         # What moves along passes loads on that cancel, larger than their sum by as much as the
         # stiffest stretch is beside the softest shear; every visit rounds them.
-        materials = self.scene.cell_materials
-        moduli = moduli_of(
-            [material.youngs_modulus for material in materials],
-            [material.poissons_ratio for material in materials],
-            self.scene.plane,
-        )
+        moduli = scene_moduli(self.scene)
         cancelling = np.finfo(float).eps * moduli.stretch.max() / moduli.shear.min()
         allowed = max(BALANCE, float(cancelling * len(self.history)))
         return [Check("every newton is accounted for", self.ledger.imbalance, allowed)]

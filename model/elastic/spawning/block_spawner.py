@@ -17,7 +17,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.model.elastic.boxes import Boxes
 from kaju.model.elastic.bracket import Bracket, bracket_of
 from kaju.model.elastic.krylov import Iteration, dot
-from kaju.model.elastic.problem import STIFF_PRESSURE
+from kaju.model.elastic.problem import is_rubber
 from kaju.model.scene.kinds import RIGID, ROLLER
 
 from . import block_kernels as kernels
@@ -63,8 +63,7 @@ def blocks_for(ground: Ground, tolerance: float) -> Forest | None:
     moduli, scene = ground.moduli, ground.scene
     conditions = [scene.side_condition(name) for name in scene.lattice.sides]
     unusual = any(c.displacement is not None or c.stiffness for c in conditions)
-    ratio = moduli.lateral / moduli.shear
-    rubber = scene.plane != "stress" and (ratio > STIFF_PRESSURE).any()
+    rubber = is_rubber(moduli, scene.plane)
     contrast = moduli.shear.max() / moduli.shear.min()
     expected = FEWEST[ground.dimension] / tolerance**ground.dimension
     if rubber or unusual or contrast > CONTRAST or expected < FIRST:

@@ -140,15 +140,14 @@ def _of_children(
     d: int, stride: Ints, line: Callable[[int, bool], Line]
 ) -> tuple[Ints, Ints, Ints, Floats, Ints]:
     """Return products of lines: starts child by child and axis by axis, places, weights, axes."""
-    start, found = [0], []
+    parts = []
     for octant, a in product(range(1 << d), range(d)):
-        lines = (line(octant >> b & 1, b == a) for b in range(d))
-        for parts in product(*lines):
-            at = np.array([part[:2] for part in parts])
-            found.append((*(stride @ at), float(np.prod([part[2] for part in parts])), a))
-        start.append(len(found))
-    fine, source, weight, axis = zip(*found, strict=True)
-    return np.array(start), np.array(fine), np.array(source), np.array(weight), np.array(axis)
+        parts.append(list(product(*(line(octant >> b & 1, b == a) for b in range(d)))))
+    count = [len(part) for part in parts]
+    table = np.concatenate([np.array(part) for part in parts])
+    fine, source = table[:, :, :2].astype(np.int64).transpose(2, 0, 1) @ stride
+    axis = np.repeat(np.tile(np.arange(d), 1 << d), count)
+    return np.append(0, np.cumsum(count)), fine, source, table[:, :, 2].prod(axis=1), axis
 
 
 class BlockRows(NamedTuple):

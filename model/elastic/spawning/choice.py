@@ -19,8 +19,8 @@ from kaju.model.elastic.arguments import SMALLEST_TOLERANCE, check_numbers
 from kaju.model.elastic.bracket import worth_proving
 from kaju.model.elastic.cell_agents import CellAgents
 from kaju.model.elastic.elastic_result import ElasticResult
-from kaju.model.elastic.moduli import moduli_of
-from kaju.model.elastic.problem import STIFF_PRESSURE
+from kaju.model.elastic.moduli import scene_moduli
+from kaju.model.elastic.problem import is_rubber
 from kaju.model.elastic.solve import solve
 from kaju.model.scene import Scene
 from kaju.model.scene.selection import AppliedLoads
@@ -45,17 +45,6 @@ MOST_CELLS: dict[Method, int] = {"box": 40_000_000, "matrices": 8_000_000, "pres
 """More equal cells do not fit in some 10 GB, and are not considered."""
 Method = Literal["box", "matrices", "pressures"]
 """Equal cells of full boxes, of other bodies, and with pressures of their own (rubber)."""
-
-
-def method_of(scene: Scene) -> Method:
-    """Return the method that equal cells of a scene need."""
-    materials = scene.cell_materials
-    youngs = np.array([material.youngs_modulus for material in materials])
-    ratio = np.array([material.poissons_ratio for material in materials])
-    moduli = moduli_of(youngs, ratio, scene.plane)
-    if scene.plane != "stress" and np.any(moduli.lateral > STIFF_PRESSURE * moduli.shear):
-        return "pressures"
-    return "box" if scene.uniform else "matrices"
 
 
 class EqualCells:
@@ -83,7 +72,9 @@ class EqualCells:
         self.error = inf
         self._order: float | None = None
         self._estimated = 0
-        self.method = method_of(scene)
+        self.method: Method = "box" if scene.uniform else "matrices"
+        if is_rubber(scene_moduli(scene), scene.plane):
+            self.method = "pressures"
         lower, upper = scene.bounds()
         self._cells = float(np.prod((upper - lower).astype(np.float64)))
         self._allowed = DIVISIONS

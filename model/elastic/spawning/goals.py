@@ -105,13 +105,13 @@ class Influence:
     def __init__(self) -> None:
         self._balance: Balance | None = None
         self._displacement = np.zeros(0)
-        self._off = FIRST_GUESS
+        self.off = FIRST_GUESS  # Its own error in the energy norm, relative
 
     def of(self, derivative: Floats, balance: Balance, hierarchy: NestedMultigrid) -> Floats:
         """Return the displacement of the free faces for the derivative as a force."""
         if balance is self._balance:
             return self._displacement
-        share = ALGEBRAIC_SHARE * self._off
+        share = ALGEBRAIC_SHARE * self.off
 
         def done(run: Iteration) -> bool:
             return run.errors[-1] <= share
@@ -133,11 +133,7 @@ class Influence:
             return run.errors[-1] <= LAST or run.at_rounding()
 
         z[found.free] = hierarchy.solve(load, self._displacement, done).solution
-        return found, z, self._off**2 * float(dot(load, z[found.free]))
-
-    def remember(self, off: float) -> None:
-        """Take note of its own error in the energy norm, relative."""
-        self._off = min(off, 1.0)
+        return found, z, self.off**2 * float(dot(load, z[found.free]))
 
 
 class GoalAim(Aim):
@@ -311,7 +307,7 @@ class _Felt:
             own = curvature.energy(bends, bends)
             whole = float(dot(derivative, z[free]))
             square = float(own.sum()) / whole if whole > 0.0 else 0.0
-            influence.remember(sqrt(square))
+            influence.off = min(sqrt(square), 1.0)
             both = curvature.energy(self._bends, bends)
             # The body's own stiffness, K + C'C, lets a force go less far than K alone.
             error = 0.5 * (abs(float(both.sum())) + float(np.abs(both).sum())) / (1.0 + square)

@@ -14,7 +14,7 @@ from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import SceneError
 from kaju.model.elastic.boxes import corner_ends
 from kaju.model.elastic.corners import ROUND, sharp_corners
-from kaju.model.elastic.moduli import Moduli, moduli_of
+from kaju.model.elastic.moduli import scene_moduli
 from kaju.model.elastic.problem import Scales
 from kaju.model.elastic.tractions import Portions
 from kaju.model.scene import Scene
@@ -53,7 +53,8 @@ class Ground:
     """A scene, asked for the boxes in which agents stand.
 
     `cell` is the edge of the scene's cells, `smallest` that of the smallest agents allowed (units);
-    scales and moduli are as in the solver on equal cells.
+    scales and moduli are as in the solver on equal cells; `loaded` are the scene's cells that take
+    loads, shape (n, dimension).
     """
 
     def __init__(self, scene: Scene, stage: int | None, at_cells: bool) -> None:
@@ -88,16 +89,6 @@ class Ground:
         if not len(corner):
             return np.empty((0, self.dimension), dtype=np.int64)
         return np.asarray(corner[:, None] * self.cell + ROUND, dtype=np.int64).reshape(-1, 2)
-
-    @property
-    def loaded(self) -> Ints:
-        """The scene's cells that take loads, shape (n, dimension)."""
-        return self._cells
-
-    @property
-    def youngs_modulus(self) -> Floats:
-        """Of every material (Pa)."""
-        return np.array([m.youngs_modulus for m in self.scene.cell_materials])
 
     def loaded_where(self, other: Ground) -> bool:
         """Tell whether loads enter by the same faces, or parts of these, as on other ground."""
@@ -175,12 +166,12 @@ class Ground:
     def unevenly_loaded(self, leaves: Leaves) -> Flags:
         """Tell which leaves take loads on a part only, or unequal ones, and are to spawn for it."""
         unfit = np.zeros(len(leaves), dtype=np.bool_)
-        if not len(self._cells):
+        if not len(self.loaded):
             return unfit
-        owner = leaves.find(self._cells * self.cell)
+        owner = leaves.find(self.loaded * self.cell)
         large = (owner >= 0) & (leaves.size[owner] > self.cell)
         owner, way = owner[large], self._direction[large]
-        offset = self._cells[large] * self.cell - leaves.lower[owner]
+        offset = self.loaded[large] * self.cell - leaves.lower[owner]
         axis, end = np.maximum(way, 0) // 2, np.maximum(way, 0) % 2
         depth = offset[np.arange(len(owner)), axis]
         edge = np.where(end == 1, leaves.size[owner] - self.cell, 0)
@@ -196,29 +187,26 @@ class Ground:
         largest = np.abs(first).max(initial=0.0)
         unlike = np.abs(self._force[large] - first[inverse]) > 1e-9 * largest
         unfit[owner[unlike.any(axis=1) | (self._odd[large] >= 0)]] = True
-        return unfit | self._ending_within(leaves) if self.ends_within else unfit
+        if self.ends_within:
+            # They are to spawn, so that less is left of loads that end within sides.
+            rest = self.forces(leaves).uneven or Portions.none(self.dimension)
+            size = leaves.size[rest.box] / self.cell
+            large = np.sqrt(size) * rest.rest > ENDED[self.dimension] * self._strength
+            unfit[rest.box[large & (leaves.size[rest.box] > self.smallest)]] = True
+        return unfit
 
     @property
     def ends_within(self) -> bool:
         """Whether loads lie unevenly on faces of the scene's cells."""
         return bool((self._odd >= 0).any())
 
-    def _ending_within(self, leaves: Leaves) -> Flags:
-        """Tell which leaves are to spawn, so that less is left of loads that end within sides."""
-        unfit = np.zeros(len(leaves), dtype=np.bool_)
-        rest = self.forces(leaves).uneven or Portions.none(self.dimension)
-        size = leaves.size[rest.box] / self.cell
-        large = np.sqrt(size) * rest.rest > ENDED[self.dimension] * self._strength
-        unfit[rest.box[large & (leaves.size[rest.box] > self.smallest)]] = True
-        return unfit
-
     def forces(self, leaves: Leaves) -> LeafForces:
         """Return the loads on leaves; a cell's load is shared by the smaller ones in it."""
         d = self.dimension
-        if not len(self._cells):
+        if not len(self.loaded):
             nothing = np.empty(0, dtype=np.int64)
             return LeafForces(nothing, nothing, np.empty((0, d)))
-        owner = leaves.find(self._cells * self.cell)
+        owner = leaves.find(self.loaded * self.cell)
         large = np.flatnonzero((owner >= 0) & (leaves.size[owner] >= self.cell))
         # Few cells are loaded: only the smaller leaves in these are asked.
         small = np.flatnonzero(leaves.size < self.cell)
@@ -229,7 +217,7 @@ class Ground:
         # Every leaf with the loads of its cell, which stand one after the other.
         row = np.arange(len(leaf)) + np.repeat(last - np.cumsum(last - first), last - first)
         way = self._direction[row]
-        offset = leaves.lower[leaf] - self._cells[row] * self.cell
+        offset = leaves.lower[leaf] - self.loaded[row] * self.cell
         depth = offset[np.arange(len(leaf)), np.maximum(way, 0) // 2]
         end = np.where(way % 2, self.cell - leaves.size[leaf], 0)
         touches = (way < 0) | (depth == end)
@@ -265,14 +253,14 @@ class Ground:
         apart = np.stack([keys, alone]) if len(rows) else keys
         _, first, inverse = np.unique(apart, axis=-1, return_index=True, return_inverse=True)
         self._key, self._odd = keys[first], alone[first] - 1
-        self._cells, self._direction = applied.cells[first], applied.direction[first]
+        self.loaded, self._direction = applied.cells[first], applied.direction[first]
         self._force = np.zeros((len(first), self.dimension))
         np.add.at(self._force, inverse.ravel(), applied.force)
 
     def _scale(self) -> None:
         """Choose units and divide by them; see `kaju.model.elastic.problem`."""
         scene, h = self.scene, self.scene.lattice.cell_size
-        modulus = float(self.youngs_modulus.max())
+        modulus = max(material.youngs_modulus for material in scene.cell_materials)
         stretch = modulus * (scene.thickness if self.dimension == 2 else h)
         sides = [scene.side_condition(name) for name in scene.lattice.sides]
         moved = max((abs(v) for s in sides for v in s.displacement or ()), default=0.0)
@@ -287,8 +275,7 @@ class Ground:
         wide = float(share.sum()) ** (1.0 / (self.dimension - 1))
         square = wide * ((self._force**2).sum(axis=1) / share).sum()
         self._strength = float(np.sqrt(square / max(len(part), 1)))
-        ratio = np.array([m.poissons_ratio for m in scene.cell_materials])
-        self.moduli: Moduli = moduli_of(self.youngs_modulus / modulus, ratio, scene.plane)
+        self.moduli = scene_moduli(scene, modulus)
 
 
 def covering(lower: Ints, upper: Ints, exponent: int) -> Ints:

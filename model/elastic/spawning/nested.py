@@ -20,7 +20,7 @@ from scipy.sparse.linalg import SuperLU
 from kaju.arrays import Floats
 from kaju.factors import factors_of
 from kaju.model.elastic.krylov import Iteration, conjugate_gradients, dot
-from kaju.model.elastic.problem import STIFF_PRESSURE
+from kaju.model.elastic.problem import is_rubber
 
 from .balance import Balance
 from .composite import Composite
@@ -46,8 +46,7 @@ class NestedMultigrid:
 
     def __init__(self, balance: Balance) -> None:
         ground = balance.grid.ground
-        rubber = np.any(ground.moduli.lateral > STIFF_PRESSURE * ground.moduli.shear)
-        limits = RUBBER if rubber and ground.scene.plane != "stress" else DIRECT
+        limits = RUBBER if is_rubber(ground.moduli, ground.scene.plane) else DIRECT
         direct = self._direct_limit = limits[ground.dimension]
         self._levels: list[_NestedLevel] = []
         ancestors = [balance]

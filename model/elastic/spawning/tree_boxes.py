@@ -18,7 +18,6 @@ from kaju.model.elastic.boxes import (
     filled_by,
     parted,
 )
-from kaju.model.elastic.moduli import Moduli
 from kaju.model.elastic.tractions import Portions
 from kaju.model.scene.kinds import DISPLACED, RIGID, ROLLER
 
@@ -31,7 +30,6 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
     """Return agents of many sizes with the stresses of displacements that balance the forces."""
     grid, fields = balance.grid, AgentFields(balance, u)
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
-    law = grid.law
     shear = {}
     for pair, edges in grid.edges.items():
         tau = fields.edge_shear[pair][edges.of_leaf]
@@ -45,7 +43,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
     uneven[loads.dragged] = True
     return Boxes(
         grid.length,
-        law,
+        grid.law,
         fields.normal_stress,
         shear,
         body / grid.length**d,
@@ -56,7 +54,7 @@ def boxes_of_agents(balance: Balance, u: Floats) -> Boxes:
         loads,
         list(_held(grid, beyond)),
         list(_beds(grid)),
-        _mesh(grid, fields, law),
+        _mesh(grid, fields),
         fields.sides.T,
         forces.uneven or Portions.none(d),
     )
@@ -104,7 +102,7 @@ def _beds(grid: Composite) -> list[Bed]:
     return found
 
 
-def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
+def _mesh(grid: Composite, fields: AgentFields) -> Mesh:
     """Return the nodes: corners of leaves, and of the parts of those that smaller ones touch."""
     leaves, n, d = grid.leaves, len(grid.leaves), grid.dimension
     ends = corner_ends(d)
@@ -136,7 +134,13 @@ def _mesh(grid: Composite, fields: AgentFields, law: Moduli) -> Mesh:
     nodes = [*at_corners.reshape(corners.shape), *at_thirds.reshape(inner.shape)]
     nodes, double = parted(nodes, octants, filled_by(nodes, octants, len(first)))
     corner, count = np.stack(nodes[: len(ends)]), len(first) + len(double)
-    start = _at_corners(grid, fields, law, corner, count)
+    # What the leaves round a node say, stiff ones counting more.
+    start, weight = np.zeros((count, d)), np.zeros(count)
+    for values, node in zip(corner_values(fields), corner, strict=True):
+        weight += np.bincount(node, grid.law.stretch, count)
+        for axis, value in enumerate(values):
+            start[:, axis] += np.bincount(node, grid.law.stretch * value, count)
+    start /= np.where(weight > 0.0, weight, 1.0)[:, None]
     # The first part of a box that is cut stands in its place, the others after all boxes.
     lattice = np.stack(nodes[len(ends) :]).reshape(*[3] * d, len(cut))
     cut_up = [lattice[tuple(slice(i, i + 2) for i in end)] for end in ends]
@@ -177,16 +181,3 @@ def _unlike_neighbours(grid: Composite) -> tuple[Ints, Ints]:
         large |= (least[edges.of_leaf] < size[:, None, None]).any(axis=(1, 2))
         small |= (most[edges.of_leaf] > size[:, None, None]).any(axis=(1, 2))
     return np.flatnonzero(large), np.flatnonzero(small)
-
-
-def _at_corners(
-    grid: Composite, fields: AgentFields, law: Moduli, corner: Ints, count: int
-) -> Floats:
-    """Return displacements at nodes: what the leaves round them say, stiff ones counting more."""
-    d = grid.dimension
-    total, weight = np.zeros((count, d)), np.zeros(count)
-    for values, node in zip(corner_values(fields), corner, strict=True):
-        weight += np.bincount(node, law.stretch, count)
-        for axis, value in enumerate(values):
-            total[:, axis] += np.bincount(node, law.stretch * value, count)
-    return total / np.where(weight > 0.0, weight, 1.0)[:, None]

@@ -58,28 +58,23 @@ class Momentum:
             return
         ways = [way, *self.previous]
         moved, fallen = np.zeros_like(way[0]), np.zeros_like(way[1])
-        for length, (along, falls) in zip(self._lengths(ways), ways, strict=True):
+        # How far to go along each, from the condition that no load is left along it.
+        faces = len(moved)
+        left = ground.left[:faces]
+        stiffness = np.array([[a @ falls[:faces] for _, falls in ways] for a, _ in ways])
+        load = np.array([along @ left for along, _ in ways])
+        scale = np.sqrt(np.maximum(np.diag(stiffness), np.finfo(float).tiny))
+        solution = np.linalg.lstsq(stiffness / np.outer(scale, scale), load / scale, rcond=1e-12)
+        for length, (along, falls) in zip(solution[0] / scale, ways, strict=True):
             moved += length * along
             fallen += length * falls
-        left = ground.left[: len(moved)]
-        released = 0.5 * float(moved @ (2.0 * left - fallen[: len(moved)]))
+        released = 0.5 * float(moved @ (2.0 * left - fallen[:faces]))
         if released > 0.0:
             self.state.energy -= released
             ground.displacement[:] += moved
             ground.left[:] -= fallen
             way = way[0] + moved, way[1] + fallen
         self.previous = [way]
-
-    def _lengths(self, ways: list[Way]) -> Floats:
-        """Return how far to go along each way, from the condition that no load is left along it."""
-        faces = len(ways[0][0])
-        left = self.state.grounds[0].left[:faces]
-        stiffness = np.array([[a @ falls[:faces] for _, falls in ways] for a, _ in ways])
-        load = np.array([along @ left for along, _ in ways])
-        scale = np.sqrt(np.maximum(np.diag(stiffness), np.finfo(float).tiny))
-        solution = np.linalg.lstsq(stiffness / np.outer(scale, scale), load / scale, rcond=1e-12)
-        lengths: Floats = solution[0] / scale
-        return lengths
 
 
 class Visit(NamedTuple):

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from kaju.arrays import Flags, Floats
-from kaju.model.elastic.bracket import Bracket
 
 BULK = {2: 0.85, 3: 0.75}
 """The agents that spawn children stand for this share of the error (Dörfler 1996)."""
@@ -43,12 +42,6 @@ class Aimed(NamedTuple):
     allowed: float  # What all may contribute together
     answers: tuple[Answer, ...] = ()
     """The quantities that the tolerance is about, if it is about any."""
-
-
-def unproved(bracket: Bracket, tolerance: float) -> tuple[Floats, float]:
-    """Return what every agent contributes to a bound, and what all may contribute together."""
-    # The bound is half the distance of two stresses, of which the contributions are the squares.
-    return bracket.shares, 2 * bracket.lower * (2 * SPARE * tolerance) ** 2
 
 
 def choose_among(part: Floats, allowed: float, smallest: Flags, bulk: float) -> Flags:

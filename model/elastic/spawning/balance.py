@@ -113,12 +113,6 @@ class Balance:
             return np.zeros(grid.size)
         return np.asarray(self.strains.T @ self.stress(self.strain(grid.value)))
 
-    @cached_property
-    def given_energy(self) -> float:
-        """Twice the energy stored while the free faces rest."""
-        given = self.strain(self.grid.value)
-        return float(dot(given, self.stress(given)))
-
     def strain(self, displacement: Floats) -> Floats:
         """Return the strains at a displacement."""
         return np.asarray(self.strains @ displacement + self.offset)

@@ -113,25 +113,20 @@ class Leaves:
             self.code[parent] + np.where(new, child * size**d, 0),
         )
 
-    def families(self) -> Ints:
-        """Return the first children of all complete families of one kind; the rest follow them."""
+    def merged(self) -> Leaves:
+        """Return the leaves with complete families of one kind replaced by their parents."""
         d, many = self.dimension, 1 << self.dimension
         # In the order of the codes a family stands together, its first child at its corner.
         first = np.arange(max(len(self) - many + 1, 0))
         last = first + many - 1
-        parent = 2 * self.size[first]
-        whole = np.all(self.lower[first] % parent[:, None] == 0, axis=1)
+        whole = np.all(self.lower[first] % (2 * self.size[first, None]) == 0, axis=1)
         whole &= self.code[last] - self.code[first] == (many - 1) * self.size[first] ** d
         for child in range(1, many):
             whole &= self.size[first + child] == self.size[first]
             whole &= self.kind[first + child] == self.kind[first]
-        return np.flatnonzero(whole)
-
-    def merged(self) -> Leaves:
-        """Return the leaves with families replaced by their parents."""
-        start, size, stay = self.families(), self.size.copy(), np.ones(len(self), dtype=np.bool_)
+        start, size, stay = first[whole], self.size.copy(), np.ones(len(self), dtype=np.bool_)
         size[start] *= 2
-        for child in range(1, 1 << self.dimension):
+        for child in range(1, many):
             stay[start + child] = False
         return replace(self, size=size).only(stay)
 

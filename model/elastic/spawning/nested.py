@@ -204,7 +204,8 @@ def settle(balance: Balance, hierarchy: NestedMultigrid, u: Floats, share: float
     """Solve for the free faces of `u`, in place, to a relative algebraic error."""
     free = balance.free
     right = (balance.load - balance.pull)[free]
-    load, given = balance.load[free], balance.given_energy
+    load, resting = balance.load[free], balance.strain(balance.grid.value)
+    given = float(dot(resting, balance.stress(resting)))  # while the free faces rest
 
     def twice_energy(x: Floats) -> float:
         return 2 * float(dot(x, load)) - float(dot(x, right)) + given

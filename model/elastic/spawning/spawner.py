@@ -21,7 +21,7 @@ from kaju.model.elastic.krylov import Iteration
 from kaju.model.elastic.problem import ACTIVE
 from kaju.model.elastic.solver import lost_digits, rounding_notes
 
-from .aims import BULK, SPARE, Aimed, choose_among, unproved
+from .aims import BULK, SPARE, Aimed, choose_among
 from .balance import Balance
 from .composite import Composite
 from .curvature import Indicator, indicate
@@ -263,8 +263,9 @@ class Spawner(ABC):
             return
         if isinstance(self.bracket, Bracket):
             self._share = min(self.bracket.error / max(self.error, self.tolerance), 1.0)
-            shares, allowed = unproved(self.bracket, self.tolerance)
-            shares = shares.reshape(len(self.square), -1).sum(axis=1)
+            # The bound is half the distance of two stresses, of which the shares are the squares.
+            shares = self.bracket.shares.reshape(len(self.square), -1).sum(axis=1)
+            allowed = 2 * self.bracket.lower * (2 * SPARE * self.tolerance) ** 2
             chosen = self.choose_for_energy(shares, allowed)
             if self._worth(chosen):
                 self.aimed, self.finished = self.aimed._replace(chosen=chosen), False

@@ -20,7 +20,7 @@ from kaju.model.scene.curves import Point
 
 from .convex_pieces import LEAST_AREA, NEAR, Corners, area_of, triangles_of
 from .fitted_displacement import FittedDisplacement
-from .joined_blocks import Blocks, JoinedBlocks, MergedSquares
+from .joined_blocks import JoinedBlocks, MergedSquares
 from .laws import Law
 from .split_triangle import SplitTriangles
 from .true_shapes import HeldLeaves
@@ -248,7 +248,7 @@ class BalancedPieces:
         load = np.bincount(self.dofs.ravel(), force.ravel(), count)
         fixed = np.zeros(count, dtype=np.bool_)
         fixed[self.dofs[held[:, [0, 1, 0, 1]]]] = True
-        self._check_held(blocks, held, force)
+        self._check_held(held, force)
         fixed |= self._idle | np.repeat(self.shared == 0, 4)
         cut, (_, dofs), *others = blocks
         known, plain = self.whole[0]
@@ -271,13 +271,12 @@ class BalancedPieces:
             moved = joined.moved(left)
         return float(self.energies().sum())
 
-    def _check_held(self, blocks: Blocks, held: Flags, force: Floats) -> None:
+    def _check_held(self, held: Flags, force: Floats) -> None:
         """Leave out parts that nothing holds and nothing loads; refuse those that could move."""
         n = len(self.shared)
-        firsts = np.concatenate(
-            [np.repeat(dofs[:, 0] // 4, dofs.shape[1] // 4) for _, dofs in blocks]
-        )
-        others = np.concatenate([(dofs[:, ::4] // 4).ravel() for _, dofs in blocks])
+        sides = [dofs[:, ::4] // 4 for dofs in self.unknowns]
+        firsts = np.concatenate([np.repeat(at[:, 0], at.shape[1]) for at in sides])
+        others = np.concatenate([at.ravel() for at in sides])
         graph = sp.csr_array((np.ones(len(firsts)), (firsts, others)), shape=(n, n))
         parts, label = connected_components(graph, directed=False)
         of = label[self.side]

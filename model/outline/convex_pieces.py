@@ -65,12 +65,12 @@ def parted(corners: Corners, plane: HalfPlane) -> tuple[Corners | None, Corners 
 
 def within(corners: Corners, planes: Iterable[HalfPlane]) -> Corners | None:
     """Return the part of a convex polygon within all half-planes, None if it has no area."""
-    left: Corners | None = corners
     for plane in planes:
+        left = parted(corners, plane)[0]
         if left is None:
             return None
-        left = parted(left, plane)[0]
-    return left
+        corners = left
+    return corners
 
 
 def sides_of(corners: Corners) -> list[HalfPlane]:

@@ -173,14 +173,12 @@ class FittedDisplacement:
 
 def _fans(held: HeldLeaves) -> tuple[Ints, Floats, Ints]:
     """Return triangles that fill convex pieces: leaf, corners of shape (n, 3, 2), and law."""
-    owner, corners, of = [], [], []
-    for leaf, cut in held.cut.items():
-        for law, pieces in cut.held.items():
-            number = held.laws.index(law)
-            for piece in pieces:
-                for second, third in pairwise(piece[1:]):
-                    owner.append(leaf)
-                    corners.append((piece[0], second, third))
-                    of.append(number)
-    places = np.array(corners, dtype=float).reshape(-1, 3, 2)
-    return np.array(owner, dtype=np.int64), places, np.array(of, dtype=np.int64)
+    found = [
+        (leaf, held.laws.index(law), (piece[0], second, third))
+        for leaf, cut in held.cut.items()
+        for law, pieces in cut.held.items()
+        for piece in pieces
+        for second, third in pairwise(piece[1:])
+    ]
+    owner, law = np.array([at[:2] for at in found], dtype=np.int64).reshape(-1, 2).T
+    return owner, np.array([at[2] for at in found], dtype=float).reshape(-1, 3, 2), law

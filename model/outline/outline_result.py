@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .true_shapes import HeldLeaves, TrueRegion
 
 _SCENE = "scene."
+_ENERGIES = "lower_energy", "upper_energy"
 _EDGE = 1e-9
 """Of a shape's extent: points this near to the edge of a hole belong to the body."""
 _GAP = 0.2
@@ -440,16 +441,15 @@ class OutlineResult(Result, CutAgents):
         arrays |= {f"traction.{name}": found for name, found in self.tractions.items()}
         arrays |= {f"{_SCENE}{name}": array for name, array in scene_arrays.items()}
         numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
-        bounds: dict[str, Any] = {
-            "lower_energy": self.energy_bounds[0],
-            "upper_energy": self.energy_bounds[1],
-        }
-        bounds |= {"earlier_energies": [one.energy_bounds for one in self.earlier]}
-        return arrays, {"scene": text, "notes": list(self.notes), **numbers, **bounds}
+        numbers |= dict(zip(_ENERGIES, self.energy_bounds, strict=True))
+        earlier = [one.energy_bounds for one in self.earlier]
+        more = {"scene": text, "notes": list(self.notes), "earlier_energies": earlier}
+        return arrays, numbers | more
 
     @classmethod
     def _restored(cls, archive: Archive) -> Self:
         scene = Scene.from_archive(archive.value("scene", str), archive.part(_SCENE))
+        energies = archive.value("earlier_energies", list[tuple[float, float]])
         hoops = {
             name: archive.array(f"hoop.{name}", "f", (None, 3)) for name in archive.part("hoop.")
         }
@@ -459,10 +459,7 @@ class OutlineResult(Result, CutAgents):
             tolerance=archive.value("tolerance", float),
             first_edge=archive.value("first_edge", float),
             **archive.columns(OUTLINE_AGENTS, {}),
-            energy_bounds=(
-                archive.value("lower_energy", float),
-                archive.value("upper_energy", float),
-            ),
+            energy_bounds=(archive.value(_ENERGIES[0], float), archive.value(_ENERGIES[1], float)),
             hoops=hoops,
             tractions={
                 name: archive.array(f"traction.{name}", "f", (len(hoops[name]), 2))
@@ -471,11 +468,9 @@ class OutlineResult(Result, CutAgents):
             notes=tuple(archive.value("notes", list[str])),
             earlier=tuple(
                 CutAgents(
-                    **archive.columns(OUTLINE_AGENTS, {}, f"earlier.{number}."), energy_bounds=both
+                    **archive.columns(OUTLINE_AGENTS, {}, f"earlier.{k}."), energy_bounds=both
                 )
-                for number, both in enumerate(
-                    archive.value("earlier_energies", list[tuple[float, float]])
-                )
+                for k, both in enumerate(energies)
             ),
         )
 

@@ -20,7 +20,7 @@ from kaju.model.scene.curves import Point
 
 from .convex_pieces import LEAST_AREA, NEAR, Corners, area_of, triangles_of
 from .fitted_displacement import FittedDisplacement
-from .joined_blocks import JoinedBlocks, MergedSquares
+from .joined_blocks import MergedSquares, joined
 from .laws import Law
 from .split_triangle import SplitTriangles
 from .true_shapes import HeldLeaves
@@ -193,8 +193,7 @@ class BalancedPieces:
             (np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points), len(points))
         )
         one = connected_components(graph, directed=False)[1]
-        own, flat = np.split(one[fitted.nodes :].reshape(-1, 2), [len(starts[0])])
-        numbers = [own]
+        *numbers, flat = np.split(one[fitted.nodes :].reshape(-1, 2), [len(starts[0])])
         around = np.stack([fitted.corner, fitted.middle], axis=2).reshape(-1, 8)
         for known, rows in self.whole:
             size = self.leaves.size[rows] * self.leaves.unit
@@ -254,7 +253,7 @@ class BalancedPieces:
         known, plain = self.whole[0]
         places = np.repeat(known.sides.mean(axis=1), 4, axis=0)
         merged = MergedSquares(self.leaves.only(plain), known.matrix, dofs, places)
-        joined = JoinedBlocks([cut, *others], fixed, merged)
+        moved_by = joined([cut, *others], fixed, merged)
         self.patterns = self.cut.sagging.copy()
         area = (self.leaves.size * self.leaves.unit) ** 2
         self.whole_patterns = [area[at][:, None, None] * one.sagging for one, at in self.whole]
@@ -268,7 +267,7 @@ class BalancedPieces:
             self.residual = float(np.abs(left).max()) / (first or 1.0)
             if self.residual < 1e-11:
                 break
-            moved = joined.moved(left)
+            moved = moved_by(left)
         return float(self.energies().sum())
 
     def _check_held(self, held: Flags, force: Floats) -> None:

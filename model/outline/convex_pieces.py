@@ -63,16 +63,6 @@ def parted(corners: Corners, plane: HalfPlane) -> tuple[Corners | None, Corners 
     return kept[::-1], beyond[::-1]
 
 
-def within(corners: Corners, planes: Iterable[HalfPlane]) -> Corners | None:
-    """Return the part of a convex polygon within all half-planes, None if it has no area."""
-    for plane in planes:
-        left = parted(corners, plane)[0]
-        if left is None:
-            return None
-        corners = left
-    return corners
-
-
 def sides_of(corners: Corners) -> list[HalfPlane]:
     """Return the half-planes of a convex polygon."""
     planes = []

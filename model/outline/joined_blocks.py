@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -99,31 +101,24 @@ def assembled(blocks: Blocks, count: int) -> sp.csc_array:
     return sp.csc_array((values, places), shape=(count, count))
 
 
-class JoinedBlocks:
-    """Displacements of shared unknowns by the forces on them, by one sparse factorisation.
+def joined(blocks: Blocks, fixed: Flags, merged: MergedSquares) -> Callable[[Floats], Floats]:
+    """Return what tells displacements of shared unknowns by loads, by one sparse factorisation.
 
-    Parameters
-    ----------
-    blocks : list of (array, array)
-    fixed : array of bool
-        Unknowns that do not move.
-    merged : MergedSquares
-        Further blocks.
+    Some are fixed, and bear no load; the squares are further blocks.
     """
+    free = merged.free(fixed)
+    still = np.flatnonzero(~free)[:, None]
+    blocks = [*blocks, *merged.blocks, (np.ones((len(still), 1, 1)), still)]
+    matrix = assembled(blocks, len(fixed))
+    scale = np.where(free, matrix.diagonal(), np.inf) ** -0.5
+    matrix.data *= scale[matrix.indices] * np.repeat(scale, np.diff(matrix.indptr))
+    matrix.setdiag(1.0)
+    factors = factors_of(matrix)
 
-    def __init__(self, blocks: Blocks, fixed: Flags, merged: MergedSquares):
-        self._merged, free = merged, merged.free(fixed)
-        still = np.flatnonzero(~free)[:, None]
-        blocks = [*blocks, *merged.blocks, (np.ones((len(still), 1, 1)), still)]
-        matrix = assembled(blocks, len(fixed))
-        self._scale = np.where(free, matrix.diagonal(), np.inf) ** -0.5
-        matrix.data *= self._scale[matrix.indices] * np.repeat(self._scale, np.diff(matrix.indptr))
-        matrix.setdiag(1.0)
-        self._factors = factors_of(matrix)
-
-    def moved(self, load: Floats) -> Floats:
-        """Return the displacements under a load that is 0 where these are fixed."""
-        rim = self._merged.on_rims(load)
-        out = np.asarray(self._scale * self._factors.solve(self._scale * rim))
-        self._merged.move_inner(rim, out)
+    def moved(load: Floats) -> Floats:
+        rim = merged.on_rims(load)
+        out = np.asarray(scale * factors.solve(scale * rim))
+        merged.move_inner(rim, out)
         return out
+
+    return moved

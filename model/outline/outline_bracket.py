@@ -106,8 +106,7 @@ def bracket(
     problem: OutlineProblem, leaves: SquareLeaves, cutting: CutLeaves | None = None
 ) -> OutlineBracket:
     """Return the bounds on given leaves; leaves without any of the body go."""
-    cutting = cutting or CutLeaves(problem.body)
-    outer, inner = cutting.refined(leaves)
+    outer, inner = (cutting or CutLeaves(problem.body)).refined(leaves)
     kept = np.union1d(np.flatnonzero(outer.whole >= 0), np.array([*outer.cut], dtype=np.int64))
     if not len(kept):
         raise UnlikeError("they leave nothing of the body")

@@ -159,13 +159,11 @@ class OutlineProblem:
         force, held = np.zeros((len(ends), 2, 2)), np.zeros((len(ends), 2), dtype=np.bool_)
         run = ends[:, 1] - ends[:, 0]
         length = np.hypot(run[:, 0], run[:, 1])
-        for name, axes in self.held.items():
-            at = pieces.alone & self._on_side(name, ends).all(axis=1)
-            for axis in axes:
-                held[at, axis] = True
         loaded = []
         for name in SIDES:
             at = pieces.alone & self._on_side(name, ends).all(axis=1)
+            for axis in self.held.get(name, ()):
+                held[at, axis] = True
             traction = np.zeros(2)
             if name in self.pulled or name in self.pressed_sides:
                 flat = self._on_side(name, pieces.flat_ends).all(axis=1)

@@ -150,8 +150,10 @@ class OutlineResult(Result, CutAgents):
     ) -> OutlineResult:
         """Return the answer that bounds stand for, the last of the generations, in units."""
         level = problem.strain * scene.cell_materials[0].youngs_modulus
-        loose = int(found.balanced.loose.sum())
-        hoops, tractions, notes = {}, {}, _loose_note(loose)
+        hoops, tractions, notes = {}, {}, list[str]()
+        if loose := int(found.balanced.loose.sum()):
+            told = f"parts of the body in {loose} agents hang on nothing and bear nothing"
+            notes.append(f"{told}; if a support was meant, give it")
         for region, true in zip(scene.body.regions, problem.body.regions, strict=True):
             if region.name is not None:
                 along, met = _hoop_stress(true, problem, found, level, edge)
@@ -473,13 +475,6 @@ class OutlineResult(Result, CutAgents):
                 for k, both in enumerate(energies)
             ),
         )
-
-
-def _loose_note(loose: int) -> list[str]:
-    if not loose:
-        return []
-    told = f"parts of the body in {loose} agents hang on nothing and bear nothing"
-    return [f"{told}; if a support was meant, give it"]
 
 
 def _peak_note(name: str, balanced: Floats, moved: Floats) -> list[str]:

@@ -23,7 +23,9 @@ from .convex_pieces import (
     rings_of,
     sides_of,
     split,
-    within,
+)
+from .convex_pieces import (
+    parted as parted_by,
 )
 from .laws import UNIT, Law
 from .square_leaves import SquareLeaves
@@ -66,7 +68,9 @@ class StraightShape:
         """Return convex parts of squares, each with the lines that bound it."""
         found: list[Parts] = [[] for _ in squares]
         for k, planes in _relevant(self._hull, squares):
-            hull = within(squares[k], planes)
+            hull: Corners | None = squares[k]
+            for plane in planes:
+                hull = parted_by(hull, plane)[0] if hull else None
             found[k] = [] if hull is None else [(hull, planes)]
         at = np.array([k for k, parts in enumerate(found) if parts], dtype=np.int64)
         if not self.pockets or not len(at):

@@ -79,8 +79,8 @@ class BandParts:
     @classmethod
     def joined(cls, parts: list[BandParts]) -> BandParts:
         """Return the parts of several bands as one."""
-        names = ("start", "along", "out", "integrals", "last", "slope")
-        return cls(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
+        columns = zip(*(vars(one).values() for one in parts), strict=True)
+        return cls(*map(np.concatenate, columns))
 
     @property
     def size(self) -> Floats:

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 
 from kaju.errors import ParameterError
+from kaju.model.elastic.spawning.quantities import named
 from kaju.model.scene.curves import flattened
 from kaju.model.scene.shapes import OutlinedShape
 
@@ -53,10 +54,17 @@ def plot_cut_agents(
     label_axis(ax.yaxis, "y", [0.0, extent[1]], "m")
     colour_bar(ax, squares, "equivalent stress", "Pa")
     cut = int(result.cut.sum())
+    error = f"{100 * result.error_bound:.2g} %"
+    if result.tolerance_at is None:
+        error += f", {result.tolerance_kept}"
     notes = [
         f"{result.agents} agents, {cut} cut by an outline; largest mean "
-        f"{quantity(float(value.max()), 'Pa')}; error at most {100 * result.error_bound:.2g} %, "
-        f"{result.tolerance_kept}"
+        f"{quantity(float(value.max()), 'Pa')}; error at most {error}"
+    ]
+    notes += [
+        f"largest {named(goal.quantity)}: {quantity(float(goal.value), 'Pa')}, "
+        f"{100 * goal.relative_error:.2g} % off as estimated"
+        for goal in result.goals
     ]
     caption(ax, "agents within true outlines", notes)
     return ax

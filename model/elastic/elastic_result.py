@@ -716,15 +716,7 @@ class ElasticResult(BodyResult):
                 figures |= {"error_bound": bound, "energy_bounds": self.energy_bounds}
             figures["goal_error_estimate"] = finite(self.goal_error_estimate)
         if self.goals:
-            figures["goals"] = [
-                {
-                    "value": np.asarray(goal.value).tolist(),
-                    "error_estimate": goal.error_estimate,
-                    "relative_error": goal.relative_error,
-                    "error_bound": goal.error_bound,
-                }
-                for goal in self.goals
-            ]
+            figures["goals"] = [goal.figures() for goal in self.goals]
         figures |= self.found.history()
         return figures | {
             "notes": list(self.notes),

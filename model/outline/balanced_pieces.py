@@ -321,27 +321,33 @@ class BalancedPieces:
             out[rows] = np.einsum("ntk,ntk->n", patterns, strains)
         return out
 
-    def stress_by_law(self) -> tuple[Floats, Floats]:
-        """Return the area of each law in each leaf, and the stress (xx, yy, xy) over that area.
+    def by_law(self) -> tuple[Floats, Floats, Floats]:
+        """Return of each law in each leaf the area, its middle, and the mean stress (xx, yy, xy).
 
-        Of shape (laws, leaves), and (laws, leaves, 3).
+        Of shape (laws, leaves), and with (2,) and (3,) after it; zeros where there is no area.
         """
         area = np.zeros((len(self.laws), len(self.leaves)))
-        total = np.zeros((*area.shape, 3))
-        at = self.law, self.owner
+        middle, stress = np.zeros((*area.shape, 2)), np.zeros((*area.shape, 3))
+        at, part = (self.law, self.owner), self.cut.area[:, None]
         np.add.at(area, at, self.cut.area)
-        np.add.at(total, at, self.cut.area[:, None] * self.cut.means(self.patterns))
+        np.add.at(middle, at, part * self.corners.mean(axis=1))
+        np.add.at(stress, at, part * self.cut.means(self.patterns))
+        shared = np.where(area > 0.0, area, 1.0)[:, :, None]
+        middle, stress = middle / shared, stress / shared
         for (known, rows), patterns in zip(self.whole, self.whole_patterns, strict=True):
-            stress = known.triangles.area[:, None, None] * known.triangles.mean
+            law, each = self.laws.index(known.law), known.triangles
             size = self.leaves.size[rows] * self.leaves.unit
-            law = self.laws.index(known.law)
             area[law, rows] = size**2
-            total[law, rows] = np.tensordot(patterns, stress, ((1, 2), (0, 2))) * size[:, None]
-        return area, total
+            middle[law, rows] = self.low[rows] + 0.5 * size[:, None]
+            shares = each.area[:, None, None] * each.mean
+            stress[law, rows] = np.tensordot(patterns, shares, ((1, 2), (0, 2))) / size[:, None]
+        return area, middle, stress
 
     def mean_stress(self) -> Floats:
         """Return the mean stress (xx, yy, xy) of what each leaf holds, shape (n, 3)."""
-        area, total = (of.sum(axis=0) for of in self.stress_by_law())
+        area, _, stress = self.by_law()
+        total = (area[:, :, None] * stress).sum(axis=0)
+        area = area.sum(axis=0)
         return np.asarray(total / np.where(area > 0.0, area, 1.0)[:, None])
 
 

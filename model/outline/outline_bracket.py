@@ -88,6 +88,10 @@ class OutlineBracket:
         return np.minimum(halvings, MOST_HALVINGS)
 
 
+Aim = Callable[[OutlineBracket], tuple[float, Floats, float]]
+"""Tells an error, what each leaf adds to it, and the share of that to aim at."""
+
+
 def error_between(bounds: tuple[float, float]) -> float:
     """Return the largest error of the mean of both stresses in the energy norm, relative."""
     lower, upper = bounds
@@ -192,10 +196,12 @@ def spawn(
     most: int,
     before: SquareLeaves | None = None,
     tell: Callable[[OutlineBracket], None] = lambda found: None,
+    aim: Aim | None = None,
 ) -> OutlineBracket:
     """Return bounds whose error is within a tolerance, leaves split where the gap is.
 
-    They begin as small as those before, if there are any; all bounds on the way are told.
+    They begin as small as those before, if there are any; all bounds on the way are told. An aim
+    puts another error in the place of theirs.
 
     Raises
     ------
@@ -220,11 +226,15 @@ def spawn(
             leaves = leaves.split(np.isin(np.arange(len(leaves)), not_yet.cut))
             continue
         tell(found)
-        kept = found.error <= tolerance
+        if aim is None:
+            error, part, wanted = found.error, found.share, (tolerance / found.error) ** 2
+        else:
+            error, part, wanted = aim(found)
+        kept = error <= tolerance
         halvings = np.zeros(len(leaves), dtype=np.int64)
         halvings[found.kept] = found.coarse(problem.body, tolerance)
-        if not kept:
-            shared = _halvings(found.share, (tolerance / found.error) ** 2)
+        if not kept and part.any():
+            shared = _halvings(part, wanted)
             halvings[found.kept] = np.maximum(halvings[found.kept], shared)
         finer = leaves.split(np.minimum(halvings, np.log2(leaves.size).astype(np.int64)))
         if kept and (len(finer) == len(leaves) or len(finer) > most):
@@ -232,7 +242,8 @@ def spawn(
         if len(finer) == len(leaves) or len(finer) > most:
             raise ConvergenceError(
                 f"tolerance: {tolerance:g} takes more than {most:,} agents (most_agents), or "
-                f"smaller ones than there are; the error bound is {found.error:.3g} so far",
+                f"smaller ones than there are; the error {'bound' if aim is None else 'estimate'} "
+                f"is {error:.3g} so far",
                 best=found,
             )
         leaves = finer

@@ -14,6 +14,7 @@ from kaju import __version__
 from kaju.arrays import Flags, Floats, Ints
 from kaju.errors import ResultError
 from kaju.model.elastic.fields import von_mises
+from kaju.model.elastic.spawning.quantities import HOOP, Stress
 from kaju.model.results.archive import Archive
 from kaju.model.results.formats import OUTLINE_AGENTS
 from kaju.model.results.mesh import write_polygons
@@ -23,26 +24,24 @@ from kaju.model.scene.shapes import Shape
 
 from .convex_pieces import area_of
 from .fitted_displacement import shapes_at, strain_rows
-from .outline_bracket import SLIVER, OutlineBracket, error_between
-from .outline_problem import ON_BORDER, OutlineProblem, place_on
+from .hoop_stress import HoopStress
+from .outline_bracket import OutlineBracket, error_between
+from .outline_problem import OutlineProblem
 from .square_leaves import SquareLeaves
 
 if TYPE_CHECKING:
     import pandas
 
-    from .balanced_pieces import BalancedPieces
-    from .true_shapes import HeldLeaves, TrueRegion
+    from kaju.model.elastic.spawning.goals import Goal
+
+    from .true_shapes import HeldLeaves
 
 _SCENE = "scene."
 _ENERGIES = "lower_energy", "upper_energy"
 _EDGE = 1e-9
 """Of a shape's extent: points this near to the edge of a hole belong to the body."""
-_GAP = 0.2
-"""Share of an outline that lies beyond the array where no agent is along it."""
 _APART = 0.02
 """Share of a peak by which both fields may differ there without a note."""
-_CLOSED = 0.1
-"""Share of its length by which an outline must go on within an agent to have a direction there."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,6 +107,10 @@ class OutlineResult(Result, CutAgents):
         What a reader should know.
     earlier : tuple of CutAgents
         The agents of the generations before; see `generations`.
+    tolerance_at : tuple of a Stress, or None
+        The peak that the tolerance is about, if not the energy norm; see `goals`.
+    peak : tuple of float, or None
+        That stress (Pa), its estimated error (Pa), and the same relative.
 
     Examples
     --------
@@ -136,6 +139,8 @@ class OutlineResult(Result, CutAgents):
     tractions: dict[str, Floats]
     notes: tuple[str, ...]
     earlier: tuple[CutAgents, ...] = ()
+    tolerance_at: tuple[Stress, ...] | None = None
+    peak: tuple[float, float, float] | None = None
 
     @classmethod
     def of(
@@ -147,6 +152,8 @@ class OutlineResult(Result, CutAgents):
         tolerance: float,
         seconds: float,
         generations: Sequence[CutAgents],
+        tolerance_at: tuple[Stress, ...] | None = None,
+        peak: tuple[float, float, float] | None = None,
     ) -> OutlineResult:
         """Return the answer that bounds stand for, the last of the generations, in units."""
         level = problem.strain * scene.cell_materials[0].youngs_modulus
@@ -156,11 +163,13 @@ class OutlineResult(Result, CutAgents):
             notes.append(f"{told}; if a support was meant, give it")
         for region, true in zip(scene.body.regions, problem.body.regions, strict=True):
             if region.name is not None:
-                along, met = _hoop_stress(true, problem, found, level, edge)
-                hoops[region.name] = along[:, :3]
-                notes += _peak_note(region.name, *along[:, 2:4].T)
-                if met.any():
-                    tractions[region.name] = along[:, 4:]
+                along = HoopStress.along(true, problem, found)
+                hoop = level * along.balanced
+                hoops[region.name] = np.column_stack([edge * along.place, hoop])
+                if tolerance_at is None or tolerance_at[0].at != region.name:
+                    notes += _peak_note(region.name, hoop, level * along.mean, level * along.moved)
+                if along.met.any():
+                    tractions[region.name] = level * along.traction
         return cls(
             **vars(generations[-1]),
             scene=scene,
@@ -171,12 +180,15 @@ class OutlineResult(Result, CutAgents):
             tractions=tractions,
             notes=tuple(notes),
             earlier=tuple(generations[:-1]),
+            tolerance_at=tolerance_at,
+            peak=None if peak is None else (level * peak[0], level * peak[1], peak[2]),
         )
 
     @property
     def generations(self) -> tuple[OutlineResult, ...]:
         """The answers of all generations of agents, this one the last; none but it has hoops."""
         alone: dict[str, Any] = {"hoops": {}, "tractions": {}, "notes": (), "earlier": ()}
+        alone |= {"peak": None}
         return (*(replace(self, **vars(one), **alone) for one in self.earlier), self)
 
     @property
@@ -265,8 +277,23 @@ class OutlineResult(Result, CutAgents):
 
     @property
     def tolerance_kept(self) -> str:
-        """Whether `error_bound` is within the tolerance: "proved", else "missed"."""
+        """Whether `error_bound` is within the tolerance: "proved", else "missed".
+
+        Of a peak, whose error is never proved: "estimated", else "missed".
+        """
+        if self.tolerance_at is not None:
+            return "estimated" if self.peak and self.peak[2] <= self.tolerance else "missed"
         return "proved" if self.error_bound <= self.tolerance else "missed"
+
+    @property
+    def goals(self) -> tuple[Goal, ...]:
+        """What has been found of the peak that the tolerance is about."""
+        from kaju.model.elastic.spawning.goals import Goal
+
+        if self.tolerance_at is None or self.peak is None or not np.isfinite(self.peak[0]):
+            return ()
+        why = "nothing is proved of a stress at a point"
+        return (Goal(self.tolerance_at[0], *self.peak, no_bound=why),)
 
     def holds(self, points: Floats) -> Flags:
         """Tell which points (m), shape (n, 2), lie in the body or on its outline."""
@@ -311,9 +338,9 @@ class OutlineResult(Result, CutAgents):
     def outline_stress(self, name: str) -> tuple[Floats, Floats]:
         """Return positions (m) along a named outline, and the hoop stress (Pa) there.
 
-        Means over what each agent holds, of which nothing is proved. `notes` tell by how much
-        another estimate of the largest differs. Where two materials meet along the outline the
-        stress is that of the material outside: the one inside has another.
+        Means over what agents hold, carried on to the outline, of which nothing is proved.
+        `notes` tell by how much other estimates of the largest differ. Where two materials meet
+        along the outline the stress is that of the material outside: the one inside has another.
 
         Raises
         ------
@@ -380,6 +407,8 @@ class OutlineResult(Result, CutAgents):
 
     def summary(self) -> dict[str, Any]:
         """Return the key figures as plain numbers and strings."""
+        from kaju.model.elastic.spawning.goals import told
+
         size = self.size
         return {
             "rule": "elastic",
@@ -392,9 +421,11 @@ class OutlineResult(Result, CutAgents):
             "strain_energy": self.strain_energy,
             "max_displacement": float(np.hypot(*self.corner_displacement.reshape(-1, 2).T).max()),
             "tolerance": self.tolerance,
+            "tolerance_at": told(self.tolerance_at),
             "tolerance_kept": self.tolerance_kept,
             "error_bound": finite(self.error_bound),
             "energy_bounds": self.energy_bounds,
+            "goals": [goal.figures() for goal in self.goals],
             "notes": list(self.notes),
             "seconds": self.seconds,
             "kaju_version": __version__,
@@ -445,7 +476,13 @@ class OutlineResult(Result, CutAgents):
         numbers = {name: getattr(self, name) for name in ("seconds", "tolerance", "first_edge")}
         numbers |= dict(zip(_ENERGIES, self.energy_bounds, strict=True))
         earlier = [one.energy_bounds for one in self.earlier]
-        more = {"scene": text, "notes": list(self.notes), "earlier_energies": earlier}
+        more: dict[str, Any] = {
+            "scene": text,
+            "notes": list(self.notes),
+            "earlier_energies": earlier,
+        }
+        if self.tolerance_at is not None and self.peak is not None:
+            more |= {"outline": self.tolerance_at[0].at, "peak": self.peak}
         return arrays, numbers | more
 
     @classmethod
@@ -455,6 +492,7 @@ class OutlineResult(Result, CutAgents):
         hoops = {
             name: archive.array(f"hoop.{name}", "f", (None, 3)) for name in archive.part("hoop.")
         }
+        peak = "peak" in archive.about
         return cls(
             scene=scene,
             seconds=archive.value("seconds", float),
@@ -474,20 +512,23 @@ class OutlineResult(Result, CutAgents):
                 )
                 for k, both in enumerate(energies)
             ),
+            tolerance_at=(Stress(archive.value("outline", str), HOOP),) if peak else None,
+            peak=archive.value("peak", tuple[float, float, float]) if peak else None,
         )
 
 
-def _peak_note(name: str, balanced: Floats, moved: Floats) -> list[str]:
-    """Return what is uncertain of the largest hoop stress, by how far two fields differ there."""
-    if not len(balanced):
+def _peak_note(name: str, hoop: Floats, mean: Floats, moved: Floats) -> list[str]:
+    """Return what is uncertain of the largest hoop stress: it is told in three ways."""
+    if not len(hoop):
         return []
-    at = np.abs(balanced).argmax()
-    peak, other = balanced[at], moved[at]
-    if abs(other - peak) <= _APART * abs(peak):
+    at = np.abs(hoop).argmax()
+    peak, inner, other = hoop[at], mean[at], moved[at]
+    if max(abs(inner - peak), abs(other - peak)) <= _APART * abs(peak):
         return []
     return [
-        f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa in balance, as a mean over an "
-        f"agent, and {other:.4g} Pa by the displacement on the outline; nothing is proved of either"
+        f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa in balance ({inner:.4g} Pa as "
+        f"a mean over the agent there), and {other:.4g} Pa by the displacement; nothing is proved "
+        f"of either; tolerance_at={name!r} asks for it"
     ]
 
 
@@ -499,85 +540,3 @@ def _within(shape: Shape, points: Floats) -> Flags:
     for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
         inside &= shape.contains(points + step * np.array([x, y]))
     return inside
-
-
-def _hoop_stress(
-    region: TrueRegion,
-    problem: OutlineProblem,
-    found: OutlineBracket,
-    level: float,
-    edge: float,
-) -> tuple[Floats, Flags]:
-    """Return what agents along an outline tell, in order, and where two materials meet there.
-
-    That is x, y (m) and the hoop stress, outside where two materials meet; the hoop stress of the
-    displacement, on the outline itself; tension across and stress along an outline between two.
-    """
-    balanced = found.balanced
-    certain = balanced.law_of < len(problem.body.laws)
-    rows, along, whole = _sides_along(region, balanced, certain)
-    run = balanced.ends[rows, 1] - balanced.ends[rows, 0]
-    length = np.hypot(run[:, 0], run[:, 1])
-    part = np.stack([balanced.law_of[rows], balanced.leaf_of[rows]], axis=1)
-    part, of = np.unique(part, axis=0, return_inverse=True)
-    law, leaf = part.T
-    full = (found.leaves.size[leaf] * found.leaves.unit) ** 2
-    total = np.bincount(of, length, len(leaf))
-    sums = [np.bincount(of, length * c, len(leaf)) for c in balanced.ends[rows].mean(axis=1).T]
-    middle = np.stack(sums, axis=1) / total[:, None]
-    tx, ty = np.stack([np.bincount(of, c, len(leaf)) for c in run.T])
-    onward = np.hypot(tx, ty)
-    along_outline = np.stack([tx**2, ty**2, 2.0 * tx * ty], axis=1)
-    along_outline /= np.where(onward > 0.0, onward**2, 1.0)[:, None]
-    area, stress = (by_law[law, leaf] for by_law in balanced.stress_by_law())
-    hoop = level * (stress * along_outline).sum(axis=1) / area
-    stiffness = np.array([law.stiffness for law in balanced.laws]).reshape(-1, 3, 3)[law]
-    strain = found.fitted.strain_at(leaf, middle)
-    moved = np.einsum("ni,nij->nj", strain, stiffness)
-    other = level * (moved * along_outline).sum(axis=1)
-    # what acts from outside: rows run clockwise there, so that theirs is the region's reversed
-    traction = -balanced.moments[rows].reshape(-1, 2, 2).sum(axis=1)
-    way = -run / length[:, None]
-    across = np.stack([way[:, 1], -way[:, 0]], axis=1)
-    tension, shear = (
-        np.bincount(of, (traction * axis).sum(axis=1), len(leaf)) / total for axis in (across, way)
-    )
-    met = np.bincount(of, balanced.between[rows], len(leaf)) > 0.0
-    if met.any():  # there a leaf's strain is that of two materials, but not along the outline
-        k, g = np.array(balanced.laws)[law].T
-        stretch = (strain * along_outline * [1.0, 1.0, 0.5]).sum(axis=1)
-        other[met] = level * ((4.0 * k * g * stretch + (k - g) * tension) / (k + g))[met]
-    first = np.unique(of, return_index=True)[1]  # a mean would tear agents from the line's start
-    order = np.argsort(along[first])
-    if len(order):  # a part beyond the array lies after the end, wherever the line starts
-        place = along[first][order]
-        gaps = np.diff(place, append=place[0] + whole)
-        order = np.roll(order, -1 - gaps.argmax() if gaps.max() > _GAP * whole else 0)
-    says = (area > SLIVER * full) & (onward > _CLOSED * total)
-    order = order[says[order]]
-    found_along = [edge * middle, hoop, other, level * tension, level * shear]
-    return np.column_stack(found_along)[order], met[order]
-
-
-def _sides_along(
-    region: TrueRegion, balanced: BalancedPieces, certain: Flags
-) -> tuple[Ints, Floats, float]:
-    """Return the sides along an outline, how far along it they are, and how long it is.
-
-    Those of the body where it ends there, and those outside where two materials meet; what lies
-    between two of which neither is certain has none.
-    """
-    near = np.flatnonzero(balanced.alone | (balanced.between & certain))
-    outer = [not region.solid] if balanced.alone[near].all() else [False, True]
-    rows, places, long = [], [], 1.0
-    for way in outer:
-        border = region.shape.border(way)
-        on, at = place_on(balanced.ends[near].mean(axis=1), border)
-        long = np.hypot(*(border[:, 1] - border[:, 0]).T).sum()
-        ends = [place_on(balanced.ends[near, k], border)[1] for k in (0, 1)]
-        outside = (ends[1] - ends[0]) % long > 0.5 * long
-        kept = (on < ON_BORDER) & (balanced.alone[near] | outside)
-        rows.append(near[kept])
-        places.append(at[kept] / long)
-        near = near[~kept]
-    return np.concatenate(rows), long * np.concatenate(places), float(long)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from kaju.errors import ConvergenceError, SceneError, SupportError
 from kaju.model.elastic.problem import Scales
+from kaju.model.elastic.spawning.quantities import ToleranceAt
 from kaju.model.elastic.spawning.solve_spawning import check_previous
 from kaju.model.scene import Scene
 from kaju.model.scene.contents import NOT_BODY
@@ -24,6 +25,7 @@ from .balanced_pieces import LooseError
 from .laws import AIR, Law
 from .mixed_body import MixedBody, MixedRegion
 from .outline_bracket import OutlineBracket, error_between, rounding_of, spawn
+from .outline_peak import OutlinePeak, peak_asked
 from .outline_problem import SIDES, LoadedOutline, OutlineProblem, UnlikeError
 from .outline_result import CutAgents, OutlineResult
 from .square_leaves import SquareLeaves
@@ -40,20 +42,33 @@ def solve_outlined(
     tolerance: float | None,
     most_agents: int | None,
     previous: OutlineResult | None = None,
+    tolerance_at: ToleranceAt | None = None,
 ) -> OutlineResult:
     """Return the answer to a scene with true outlines, proved to a tolerance; see `kaju.solve`."""
     start = perf_counter()
-    if tolerance is None:
-        tolerance = TOLERANCE if previous is None else previous.tolerance
+    goal = peak_asked(scene, tolerance_at)
+    if previous is not None:
+        tolerance = previous.tolerance if tolerance is None else tolerance
+        goal = previous.tolerance_at if tolerance_at is None else goal
+    tolerance = TOLERANCE if tolerance is None else tolerance
     problem, edge = problem_of(scene)
+    peak = None
+    if goal is not None:
+        name = str(goal[0].at)
+        which = [region.name for region in scene.body.regions].index(name)
+        _check_alone(problem.body.regions, which, f"tolerance_at: {name!r}", "peak")
+        peak = OutlinePeak(which, name, problem, edge, tolerance)
     before = None
     if previous is not None:
         check_previous(previous.scene.lattice, scene.lattice)
         if _serves(previous, scene) and tolerance <= previous.tolerance:
-            before = SquareLeaves(previous.x, previous.y, previous.width, problem.shape)
+            # of a peak the change is asked for that the last generation made
+            again = peak is not None and goal == previous.tolerance_at and previous.earlier
+            last = previous.earlier[-1] if again else previous
+            before = SquareLeaves(last.x, last.y, last.width, problem.shape)
     rounding = rounding_of(problem)
     left = error_between((1.0 - rounding, 1.0 + rounding))
-    if len(problem.body.laws) > 1 and left > tolerance:
+    if peak is None and len(problem.body.laws) > 1 and left > tolerance:
         raise SceneError(
             f"body.regions: materials this unlike leave an error of {left:.2g} to rounding alone, "
             f"above the tolerance of {tolerance:g}; take a larger one, rigid sides for what is all "
@@ -67,10 +82,12 @@ def solve_outlined(
 
     def result(found: OutlineBracket) -> OutlineResult:
         how = problem, found, edge, tolerance, perf_counter() - start
-        return OutlineResult.of(scene, *how, generations)
+        of_peak = None if peak is None else (peak.value, peak.off, peak.error)
+        return OutlineResult.of(scene, *how, generations, goal, of_peak)
 
     try:
-        return result(spawn(problem, tolerance, most_agents or MOST_AGENTS, before, tell))
+        aim = peak.aim if peak is not None else None
+        return result(spawn(problem, tolerance, most_agents or MOST_AGENTS, before, tell, aim))
     except ConvergenceError as error:
         best = result(cast(OutlineBracket, error.best))
         raise ConvergenceError(str(error), error.residuals, best) from None
@@ -190,7 +207,7 @@ def _check_alone(
     for other, beside in enumerate(regions):
         if other != which and not keep_apart(regions[which].shape.arcs, beside.shape.arcs):
             raise SceneError(
-                f"{what} meets the outline of regions.{other}; a {borne} is proved along outlines "
+                f"{what} meets the outline of regions.{other}; a {borne} is known along outlines "
                 "that are alone: draw both as one path"
             )
 

@@ -77,7 +77,8 @@ def solve(  # type: ignore[misc]
         displacement. A `Deflection`, a `Stress` or a `Reaction`, or a list of these, is a
         quantity: its error is relative to itself, or to a hundredth of the largest
         displacement, stress or reaction if that is more; of several the worst counts. A
-        point, a region or a side stands for its `Deflection`.
+        point, a region or a side stands for its `Deflection`. Within true outlines it is the
+        largest stress along one of them, by its name or as ``Stress(name, "hoop")``.
     previous : ElasticResult or OutlineResult, optional
         The answer to a scene on the same cells, of which something was changed, to start from.
         It is continued in the way that it was found, at its tolerance and resolution unless
@@ -146,7 +147,7 @@ def solve(  # type: ignore[misc]
                 solid,
                 resolution=None if solid else resolution,
                 strategy=None if strategy in known else strategy,
-                tolerance_at=tolerance_at,
+                tolerance_at=tolerance_at if solid else None,
                 stage=None if stage == 1 else stage,
                 engine=engine,
                 stiffness=stiffness,
@@ -156,7 +157,9 @@ def solve(  # type: ignore[misc]
                 from kaju.model.solid.solid_agents import solve_solid
 
                 return keeping(lambda: solve_solid(subject, resolution))
-            return keeping(lambda: _solve_outlined(subject, tolerance, most_agents, previous))
+            return keeping(
+                lambda: _solve_outlined(subject, tolerance, most_agents, previous, tolerance_at)
+            )
         if engine is not None:
             _refuse_beside_petsc(
                 engine,
@@ -220,7 +223,7 @@ def _refuse_beside_petsc(engine: str, strategy: str, **given: object) -> None:
 
 def _refuse_with_outlines(solid: bool, **given: object) -> None:
     if name := _first_given(**given):
-        how = "spawn for the energy norm alone so far"
+        how = "spawn where the tolerance asks for it"
         if solid:
             how = "are equal cells in space, as many as `resolution` says"
         raise ParameterError(
@@ -230,7 +233,11 @@ def _refuse_with_outlines(solid: bool, **given: object) -> None:
 
 
 def _solve_outlined(
-    scene: Scene, tolerance: float | None, most_agents: int | None, previous: object
+    scene: Scene,
+    tolerance: float | None,
+    most_agents: int | None,
+    previous: object,
+    tolerance_at: ToleranceAt | None,
 ) -> OutlineResult:
     check_numbers(tolerance, None, None, most_agents)
     from kaju.model.outline.outline_result import OutlineResult
@@ -241,7 +248,7 @@ def _solve_outlined(
             "previous: agents within true outlines continue from an OutlineResult, got "
             f"{type(previous).__name__}; leave it out"
         )
-    return solve_outlined(scene, tolerance, most_agents, previous)
+    return solve_outlined(scene, tolerance, most_agents, previous, tolerance_at)
 
 
 def _refuse(subject: object, **given: object) -> None:

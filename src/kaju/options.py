@@ -81,7 +81,8 @@ Places = Annotated[
         "--at",
         metavar="PLACE",
         help="What the tolerance is about: the deflection of a side such as top, of a point "
-        'such as 0.1,0.2 (m), or of a region such as {"box": [[0, 0], [0.1, 0.1]]}.',
+        'such as 0.1,0.2 (m), or of a region such as {"box": [[0, 0], [0.1, 0.1]]}; or the largest '
+        "stress along a true outline, by its name.",
     ),
 ]
 

@@ -34,6 +34,7 @@ from kaju.errors import ParameterError
 from kaju.model.elastic.boxes import Boxes, Loads
 from kaju.model.elastic.bracket import bracket_of
 from kaju.model.elastic.krylov import Iteration, dot
+from kaju.model.results.result import finite
 
 from .agent_fields import AgentFields
 from .aims import SPARE, Aimed, Answer
@@ -48,7 +49,9 @@ from .leaves import Leaves
 from .nested import LAST, NestedMultigrid
 from .quantities import (
     DISPLACEMENT,
+    HOOP,
     Quantity,
+    Stress,
     ToleranceAt,
     described,
     named,
@@ -88,6 +91,15 @@ class Goal(NamedTuple):
     """What the error of the value is at most, and the same relative; a theorem."""
     no_bound: str = ""
     """Why there is none; empty if there is."""
+
+    def figures(self) -> dict[str, Any]:
+        """Return what a summary tells of it."""
+        return {
+            "value": np.asarray(self.value).tolist(),
+            "error_estimate": finite(self.error_estimate),
+            "relative_error": finite(self.relative_error),
+            "error_bound": self.error_bound,
+        }
 
     def doubt(self, tolerance: float) -> str:
         """Say what is not proved of it; empty if it is within the tolerance for certain."""
@@ -341,6 +353,11 @@ def asked(tolerance_at: ToleranceAt | None) -> Asked:
     if tolerance_at is None or (isinstance(tolerance_at, str) and tolerance_at == DISPLACEMENT):
         return tolerance_at
     quantities = quantities_of(tolerance_at)
+    if any(isinstance(one, Stress) and one.component == HOOP for one in quantities):
+        raise ParameterError(
+            f"tolerance_at: {HOOP!r} is the stress along a true outline; give the region one "
+            '(outline = "true")'
+        )
     if len(quantities) > MOST:
         raise ParameterError(
             f"tolerance_at: {len(quantities)} quantities are more than {MOST}, and each takes a "

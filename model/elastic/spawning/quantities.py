@@ -22,6 +22,8 @@ Place = tuple[float, ...] | dict[str, Any] | str
 AXES = "xyz"
 DISPLACEMENT = "displacement"
 """The displacement, wherever it is furthest off."""
+HOOP = "hoop"
+"""The largest stress along a true outline."""
 
 
 class _Told:
@@ -72,7 +74,8 @@ class Stress(_Told):
     at : point, region or side
         The mean counts, unless it is a point.
     component : str
-        Such as "yy" or "xy", or "von_mises": the equivalent stress.
+        Such as "yy" or "xy", or "von_mises": the equivalent stress; or "hoop": the largest along
+        the true outline of the region that `at` names.
 
     Examples
     --------

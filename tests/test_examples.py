@@ -24,13 +24,13 @@ CREEPING = {"jelly": 3.2147e-4}
 """Scenes with a history: what stays of the displacement (m)."""
 
 
-OUTLINED = {"lug": 0.0973}
+OUTLINED = {"lug": 0.0973, "pore": 0.2226}
 """Scenes with true outlines: the energy (J)."""
 
 
-@pytest.mark.parametrize("name", sorted(OUTLINED))
-def test_an_example_is_solved_within_its_outlines(name):
-    answer = kaju.solve(load_scene(EXAMPLES / f"{name}.toml"), tolerance=0.1)
+@pytest.mark.parametrize(("name", "tolerance"), [("lug", 0.1), ("pore", None)])
+def test_an_example_is_solved_within_its_outlines(name, tolerance):
+    answer = kaju.solve(load_scene(EXAMPLES / f"{name}.toml"), tolerance=tolerance)
     assert answer.strain_energy == pytest.approx(OUTLINED[name], rel=0.02)
     assert answer.energy_bounds[0] < OUTLINED[name] < answer.energy_bounds[1]
 

@@ -102,7 +102,7 @@ class Caveats:
         """Return why the stress of an agent has no limit under refinement; empty if it has."""
         result = self.result
         if result.scene.outlined:
-            return "not looked at within true outlines"
+            return "perhaps; corners are not looked at within true outlines"
         if self._near_steps[agent]:
             return "a step of an outline that is not along the axes"
         for corner in product((0.0, 1.0), repeat=result.scene.lattice.dimension):

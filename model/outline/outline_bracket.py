@@ -227,7 +227,8 @@ def spawn(
             continue
         tell(found)
         if aim is None:
-            error, part, wanted = found.error, found.share, (tolerance / found.error) ** 2
+            error, part = found.error, found.share
+            wanted = (tolerance / max(error, tolerance)) ** 2
         else:
             error, part, wanted = aim(found)
         kept = error <= tolerance

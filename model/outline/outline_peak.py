@@ -9,7 +9,13 @@ import numpy as np
 from kaju.agents.materials import suggestion
 from kaju.arrays import Floats
 from kaju.errors import ParameterError, SingularPlaceError
-from kaju.model.elastic.spawning.quantities import HOOP, Stress, ToleranceAt, quantities_of
+from kaju.model.elastic.spawning.quantities import (
+    DISPLACEMENT,
+    HOOP,
+    Stress,
+    ToleranceAt,
+    quantities_of,
+)
 from kaju.model.scene import Scene
 
 from .arc_triangles import ArcFrames, angle
@@ -41,8 +47,8 @@ def peak_asked(scene: Scene, tolerance_at: ToleranceAt | None) -> tuple[Stress, 
         return None
     named = [region.name for region in scene.body.regions if region.name is not None]
     one = tolerance_at[0] if isinstance(tolerance_at, list) and tolerance_at else tolerance_at
-    if isinstance(one, str) and one in named and tolerance_at in (one, [one]):
-        return (Stress(one, HOOP),)
+    if isinstance(one, str) and one != DISPLACEMENT and tolerance_at in (one, [one]):
+        tolerance_at = Stress(one, HOOP)
     asked = quantities_of(tolerance_at)
     if len(asked) > 1 or not isinstance(asked[0], Stress) or asked[0].component != HOOP:
         raise ParameterError(

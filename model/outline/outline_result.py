@@ -528,7 +528,7 @@ def _peak_note(name: str, hoop: Floats, mean: Floats, moved: Floats) -> list[str
     return [
         f"outline {name!r}: the largest hoop stress is {peak:.4g} Pa in balance ({inner:.4g} Pa as "
         f"a mean over the agent there), and {other:.4g} Pa by the displacement; nothing is proved "
-        f"of either; tolerance_at={name!r} asks for it"
+        "of either"
     ]
 
 

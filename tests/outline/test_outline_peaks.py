@@ -145,8 +145,9 @@ INNER = {"disk": {"centre": [5.5, 5.5], "radius": 1.0}}
 @pytest.mark.parametrize(
     ("asked", "scene", "told"),
     [
-        ("hohle", plate(region(**DISK)), "got 'hohle'; outlines are hole"),
+        ("hohle", plate(region(**DISK)), "did you mean 'hole'"),
         (kaju.Stress("hohle", "hoop"), plate(region(**DISK)), "did you mean 'hole'"),
+        ("top", plate(region(**DISK)), "no true outline 'top'; there is hole"),
         (kaju.Stress((1.0, 1.0), "hoop"), plate(region(**DISK)), "no true outline"),
         (kaju.Stress("hole", "xx"), plate(region(**DISK)), "largest hoop stress along one"),
         ("displacement", plate(region(**DISK)), "largest hoop stress along one"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import chain
 from typing import NamedTuple
 
@@ -321,8 +321,9 @@ class BalancedPieces:
             out[rows] = np.einsum("ntk,ntk->n", patterns, strains)
         return out
 
+    @cached_property
     def by_law(self) -> tuple[Floats, Floats, Floats]:
-        """Return of each law in each leaf the area, its middle, and the mean stress (xx, yy, xy).
+        """Of each law in each leaf the area, its middle, and the mean stress (xx, yy, xy).
 
         Of shape (laws, leaves), and with (2,) and (3,) after it; zeros where there is no area.
         """
@@ -343,9 +344,10 @@ class BalancedPieces:
             stress[law, rows] = np.tensordot(patterns, shares, ((1, 2), (0, 2))) / size[:, None]
         return area, middle, stress
 
+    @cached_property
     def mean_stress(self) -> Floats:
-        """Return the mean stress (xx, yy, xy) of what each leaf holds, shape (n, 3)."""
-        area, _, stress = self.by_law()
+        """The mean stress (xx, yy, xy) of what each leaf holds, shape (n, 3)."""
+        area, _, stress = self.by_law
         total = (area[:, :, None] * stress).sum(axis=0)
         area = area.sum(axis=0)
         return np.asarray(total / np.where(area > 0.0, area, 1.0)[:, None])

@@ -56,7 +56,7 @@ class HoopStress:
     ) -> HoopStress:
         """Return what agents along the outline of a region tell."""
         balanced, leaves = found.balanced, found.leaves
-        area, middle, stress = balanced.by_law()
+        area, middle, stress = balanced.by_law
         certain = balanced.law_of < len(problem.body.laws)
         rows, along, whole = _sides_along(region, balanced, certain)
         run = balanced.ends[rows, 1] - balanced.ends[rows, 0]

@@ -72,7 +72,7 @@ class OutlineBracket:
         The energy does not see a small hole's peak. What turns by little in all, such as a kink
         rounded off, has none: of those that turn by more there are few.
         """
-        stress = np.sqrt(self.balanced.mean_stress() ** 2 @ [1.0, 1.0, 2.0])
+        stress = np.sqrt(self.balanced.mean_stress**2 @ [1.0, 1.0, 2.0])
         filled = self.balanced.area > SLIVER * (self.leaves.size * self.leaves.unit) ** 2
         halvings = np.zeros(len(self.leaves), dtype=np.int64)
         for region in body.regions:

@@ -110,7 +110,7 @@ class OutlinePeak:
             return inf, np.zeros(len(found.leaves)), STEP
         at = np.abs(along.balanced).argmax()
         self.value = float(along.balanced[at])
-        largest = max(abs(self.value), LEAST * float(np.abs(found.balanced.mean_stress()).max()))
+        largest = max(abs(self.value), LEAST * float(np.abs(found.balanced.mean_stress).max()))
         apart = abs(float(along.moved[at]) - self.value)
         # where it was within the tolerance, the last agents spawned for something else
         kept = self.off if self.error <= self._tolerance else 0.0

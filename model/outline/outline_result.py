@@ -69,7 +69,7 @@ class CutAgents:
             found.leaves.y,
             found.leaves.size,
             edge * problem.strain * found.fitted.displacement[found.fitted.corner],
-            level * found.balanced.mean_stress(),
+            level * found.balanced.mean_stress,
             edge**2 * found.balanced.area,
             (float(low * unit), float(high * unit)),
         )

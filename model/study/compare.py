@@ -163,15 +163,13 @@ def cells_of(result: AnyAnswer, other: AnyAnswer | Reference) -> tuple[Scene, Sc
     """Return the larger and the smaller cells in whose middles answers can be compared."""
     both = [result, *(() if isinstance(other, Reference) else (other,))]
     outlined = any(isinstance(answer, OutlineResult) for answer in both)
-    found = [
-        _in_cells(one.scene)
-        if isinstance(one, OutlineResult)
-        else one.grid
-        if outlined
-        else one.scene
-        for one in both
-    ]
-    found.sort(key=lambda scene: -scene.lattice.cell_size)
+
+    def cells(one: AnyAnswer) -> Scene:
+        if isinstance(one, OutlineResult):
+            return _in_cells(one.scene)
+        return one.grid if outlined else one.scene
+
+    found = sorted(map(cells, both), key=lambda scene: -scene.lattice.cell_size)
     return found[0], found[-1]
 
 
